@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pinhole rays (spec/scene-input.md 1.4)."""
+from __future__ import annotations
+
+import numpy as np
+
+from .scene import View
+
+
+def view_rays(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Camera origin (3,) f32 and unit world directions (H, W, 3) f32 of the pixel centres, row 0 on top."""
+    return view_rays_at(view, np.arange(view.width) + 0.5, np.arange(view.height) + 0.5)
+
+
+def view_rays_at(view: View, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Like `view_rays` for columns x and rows y in pixels, which may lie outside the picture (padding)."""
+    c2w = np.asarray(view.camera_to_world, np.float64)
+    grid_x, grid_y = np.meshgrid((x - view.principal[0]) / view.focal[0], -(y - view.principal[1]) / view.focal[1])
+    directions = np.stack([grid_x, grid_y, np.full_like(grid_x, -1.0)], axis=-1) @ c2w[:3, :3].T
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    return c2w[:3, 3].astype(np.float32), directions.astype(np.float32)
+
+
+def square_view(camera_to_world: np.ndarray, fov_degrees: float, resolution: int,
+                crop: tuple[int, int, int, int] | None = None) -> View:
+    """A square image of `resolution` pixels with full field of view `fov_degrees`, as in the paper's data.
+
+    crop: (y0, x0, height, width) in pixels of that square; the whole square when not given.
+    """
+    y0, x0, height, width = crop or (0, 0, resolution, resolution)
+    focal = resolution / 2 / np.tan(np.radians(float(fov_degrees)) / 2)
+    return View(np.asarray(camera_to_world, np.float32), np.array([focal, focal], np.float32),
+                np.array([resolution / 2 - x0, resolution / 2 - y0], np.float32), int(width), int(height))

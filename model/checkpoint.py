@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Weights on disk: strict loading of safetensors, and this project's own format (config.json + model.safetensors).
+
+Every function that reads raises CheckpointError with the path and what to do. The published bundle is in `bundle.py`.
+"""
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from .config import ModelConfig
+from .errors import CheckpointError
+from .material.mappers import Mapper, MetallicTransmissionMapper
+from .renderformer import RenderFormer
+
+WEIGHTS = Path(__file__).parent / "weights"
+SMALL = WEIGHTS / "rf2_small"
+MATERIAL_MAPPER = WEIGHTS / "material" / "metallic_transmission_mapper"
+FORMAT = {"format": "renderformer-model", "format_version": 1}
+PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl")
+
+
+def save_small(folder: str | Path, config: ModelConfig, state: dict[str, torch.Tensor]) -> None:
+    """Write config.json and model.safetensors in half precision; the RoPE frequencies stay exact."""
+    from safetensors.torch import save_file
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    state = {key: value.detach().to("cpu", torch.float32 if key.endswith("rope_emb.freqs") else torch.float16).contiguous()
+             for key, value in state.items()}
+    # The old file may be memory-mapped by a running engine, so it is replaced and never rewritten.
+    partial = folder / "model.safetensors.part"
+    save_file(state, partial)
+    partial.replace(folder / "model.safetensors")
+    (folder / "config.json").write_text(json.dumps(FORMAT | {"model_config": config.to_dict()}, indent=1) + "\n")
+
+
+def load_small(weights: str | Path = "small") -> tuple[RenderFormer, Mapper]:
+    """A network in this project's format and the bundled material mapper, both float32 on the CPU.
+
+    weights: "small" for the bundled network, or a folder that `save_small` wrote.
+    """
+    return load_network(SMALL if weights == "small" else Path(weights)), load_material_mapper()
+
+
+def load_network(folder: Path, name: str = "config.json") -> RenderFormer:
+    """The network of one folder in this project's format; `name` is the file that describes it."""
+    description = read_json(require(folder, name))
+    if {key: description.get(key) for key in FORMAT} != FORMAT:
+        raise CheckpointError(f"{folder / name} does not describe a RenderFormer-V2 network of this add-on "
+                              "(a config.json of this kind belongs to a RenderFormer-V1 checkpoint, which cannot be used)")
+    return build_network(ModelConfig.from_dict(description.get("model_config", {})), weights_file(folder))
+
+
+def build_network(config: ModelConfig, file: Path) -> RenderFormer:
+    """The network of a configuration with the weights of a file."""
+    with torch.device("meta"):
+        network = RenderFormer(config)
+    return load_weights(network, file)
+
+
+def load_material_mapper(folder: Path = MATERIAL_MAPPER) -> Mapper:
+    """The bundled mapper from Principled parameters to the 9-D latent."""
+    return load_component(MetallicTransmissionMapper, folder)
+
+
+def load_component(kind: type[nn.Module], folder: Path) -> nn.Module:
+    """A mapper or autoencoder: constructor arguments in config.json, weights beside it (spec/scene-input.md 12)."""
+    arguments = read_json(require(folder, "config.json"))
+    try:
+        with torch.device("meta"):
+            module = kind(**arguments)
+    except (TypeError, ValueError) as error:
+        raise CheckpointError(f"{folder / 'config.json'} does not fit {kind.__name__}: {error}") from error
+    return load_weights(module, weights_file(folder))
+
+
+def load_weights(module: nn.Module, file: Path) -> nn.Module:
+    """Give a module on the meta device the tensors of a safetensors file, strictly, and switch it to evaluation.
+
+    Float32 tensors stay memory-mapped; half precision is widened.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    wanted = {key: tuple(value.shape) for key, value in module.state_dict().items()}
+    try:
+        with safe_open(file, framework="pt") as stored:
+            found = {key: tuple(stored.get_slice(key).get_shape()) for key in stored.keys()}
+            _compare(wanted, found, file)
+            state = {key: stored.get_tensor(key).float() for key in wanted}
+    except (SafetensorError, OSError) as error:
+        raise CheckpointError(f"{file} is damaged or incomplete ({error}): download or copy it again") from error
+    module.load_state_dict(state, strict=True, assign=True)
+    return module.requires_grad_(False).eval()
+
+
+def _compare(wanted: dict[str, tuple], found: dict[str, tuple], file: Path) -> None:
+    missing, unexpected = sorted(set(wanted) - set(found)), sorted(set(found) - set(wanted))
+    if missing or unexpected:
+        parts = [f"{len(keys)} {kind} (first: {keys[0]})"
+                 for kind, keys in (("missing", missing), ("unexpected", unexpected)) if keys]
+        raise CheckpointError(f"{file} does not hold the weights of this configuration: {', '.join(parts)}")
+    for key, shape in wanted.items():
+        if found[key] != shape:
+            raise CheckpointError(f"{file}: {key} has shape {found[key]}, the configuration asks for {shape}")
+
+
+def weights_file(folder: Path) -> Path:
+    """The folder's model.safetensors; explains why pickled weights are refused."""
+    file = folder / "model.safetensors"
+    if not file.is_file() and folder.is_dir():
+        pickles = sorted(p.name for p in folder.iterdir() if p.suffix in PICKLES)
+        if pickles:
+            raise CheckpointError(f"{folder / pickles[0]} is a pickle, which can run any program when it is opened: "
+                                  "use the safetensors version of these weights")
+    return require(folder, "model.safetensors")
+
+
+def require(folder: Path, name: str) -> Path:
+    """folder / name, which must exist."""
+    if folder.suffix in PICKLES:
+        raise CheckpointError(f"{folder} is a pickle, which can run any program when it is opened: use safetensors weights")
+    if not folder.is_dir():
+        raise CheckpointError(f"there is no weights folder {folder}")
+    file = folder / name
+    if not file.is_file():
+        raise CheckpointError(f"{file} is missing: the weights folder is incomplete, download or copy it again")
+    return file
+
+
+def read_json(file: Path) -> dict:
+    """A JSON object."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (ValueError, OSError) as error:
+        raise CheckpointError(f"{file} cannot be read ({error}): download or copy it again") from error
+    if not isinstance(content, dict):
+        raise CheckpointError(f"{file} does not hold a JSON object")
+    return content

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Guides of a view as tensors: what the guided preset knows about every pixel before the transformer runs."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from .camera import view_rays
+from .light_prior import LightPrior
+from .scene import ROUGHNESS, TILE_SIZE, Guides, RenderScene, View
+
+PATCH = 8                 # pixels of a ray bundle's side (ModelConfig.patch_size)
+FEATURES = 29             # channels of GuideTensors.features
+ALPHA = 16                # the one that holds coverage
+OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
+UNSEEN_DISTANCE = 2.0     # where a bundle that hits nothing is placed along its rays, network units
+UNKNOWN_ROUGHNESS = 0.5   # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
+
+
+@dataclass
+class GuideTensors:
+    """V views, H x W pixels, B = H/8 * W/8 ray bundles; all f32, in network units and exposure.
+
+    The three lobes of `colors` and `prior` are diffuse, glossy, transmission.
+    """
+
+    features: Tensor   # (V, 29, H, W) offset 3, normal 3, colours 9, roughness 1, alpha 1, log prior 9, mirrored ray 3
+    colors: Tensor     # (V, 3, 3, H, W) [lobe, rgb], premultiplied by coverage
+    prior: Tensor      # (V, 3, 3, H, W) unshadowed radiance of a white lobe
+    positions: Tensor  # (V, B, 3) mean first hit of every bundle
+
+    @classmethod
+    def stack(cls, views: list["GuideTensors"]) -> "GuideTensors":
+        return cls(*(torch.cat([getattr(v, name) for v in views]) for name in cls.__dataclass_fields__))
+
+    def to(self, device) -> "GuideTensors":
+        return GuideTensors(*(getattr(self, name).to(device) for name in self.__dataclass_fields__))
+
+
+def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior) -> GuideTensors:
+    """Tensors of one view (V = 1). Scene, view, guides and prior are all normalised; H and W are multiples of 8."""
+    device = prior.radiance.device
+    tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
+    origin, rays = map(tensor, view_rays(view))
+    position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
+    normal = F.normalize(tensor(guides.normal), dim=-1)
+    roughness = tensor(hit_roughness(scene, guides))
+    h, w = roughness.shape
+    light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1))
+    light = light.reshape(h, w, 9) * (alpha > 0)
+    colors = torch.cat([tensor(guides.diffuse_color), tensor(guides.glossy_color), tensor(guides.transmission_color)], -1)
+    bundles = bundle_positions(position, alpha, rays, origin)
+    offset = (position - _per_pixel(bundles)) * OFFSET_SCALE * (alpha > 0)
+    mirrored = rays - 2 * (rays * normal).sum(-1, keepdim=True) * normal
+    features = torch.cat([offset, normal, colors, roughness[..., None], alpha, torch.log10(1 + light), mirrored], -1)
+    lobes = lambda x: x.permute(2, 0, 1).reshape(1, 3, 3, h, w)  # noqa: E731
+    return GuideTensors(features.permute(2, 0, 1)[None], lobes(colors), lobes(light), bundles.reshape(1, -1, 3))
+
+
+def bundle_positions(position: Tensor, alpha: Tensor, rays: Tensor, origin: Tensor) -> Tensor:
+    """(H/8, W/8, 3) mean first hit of each bundle; a fixed distance along its mean ray where it hits nothing."""
+    weight = (alpha > 0).float()
+    pooled = F.avg_pool2d(torch.cat([position * weight, weight, rays], -1).permute(2, 0, 1)[None], PATCH)[0]
+    hit, share, ray = pooled.permute(1, 2, 0).split([3, 1, 3], -1)
+    unseen = origin + UNSEEN_DISTANCE * F.normalize(ray, dim=-1)
+    return torch.where(share > 0, hit / share.clamp_min(1e-6), unseen)
+
+
+def _per_pixel(bundles: Tensor) -> Tensor:
+    return bundles.repeat_interleave(PATCH, 0).repeat_interleave(PATCH, 1)
+
+
+def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
+    """(H, W) f32 roughness of the texel that each pixel centre hits."""
+    hit = guides.hit_triangle
+    if not len(scene.triangles):
+        return np.full(hit.shape, UNKNOWN_ROUGHNESS, np.float32)
+    texel = (guides.hit_barycentric * TILE_SIZE).astype(np.int64).clip(0, TILE_SIZE - 1)
+    tile = scene.tile_index[np.maximum(hit, 0)]
+    roughness = scene.tiles[tile, ROUGHNESS, texel[..., 1], texel[..., 0]].astype(np.float32)
+    return np.where(hit >= 0, roughness, np.float32(UNKNOWN_ROUGHNESS))

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Perceptrons from shader parameters to the 9-D appearance latent (spec/scene-input.md 3.1, spec/network.md 13)."""
+from __future__ import annotations
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from ..norm import Linear
+
+LATENT_DIM = 9
+
+
+class Mapper(nn.Module):
+    """Linear-ReLU-...-Linear-tanh on raw parameters, (..., inputs) -> (..., latent_dim) in (-1, 1)."""
+
+    inputs: int
+
+    def __init__(self, hidden_dim: int = 128, num_layers: int = 3, latent_dim: int = LATENT_DIM):
+        super().__init__()
+        widths = [self.inputs, *[hidden_dim] * (num_layers - 1), latent_dim]
+        self.layers = nn.ModuleList(Linear(a, b) for a, b in zip(widths, widths[1:]))
+
+    def forward(self, parameters: torch.Tensor) -> torch.Tensor:
+        x = parameters
+        for layer in self.layers[:-1]:
+            x = F.relu(layer(x))
+        return torch.tanh(self.layers[-1](x))
+
+
+class DiffuseSpecularMapper(Mapper):
+    """Diffuse R, G, B; specular R, G, B; roughness."""
+
+    inputs = 7
+
+
+class MetallicMapper(Mapper):
+    """Base R, G, B; metallic; roughness."""
+
+    inputs = 5
+
+
+class MetallicTransmissionMapper(Mapper):
+    """Base R, G, B; metallic; roughness; index of refraction; transmission weight."""
+
+    inputs = 7
+
+    def __init__(self, hidden_dim: int = 256, num_layers: int = 5, latent_dim: int = LATENT_DIM):
+        super().__init__(hidden_dim, num_layers, latent_dim)
+
+
+MAPPERS = {"diffspec_mapper": DiffuseSpecularMapper, "metallic_mapper": MetallicMapper,
+           "metallic_transmission_mapper": MetallicTransmissionMapper}

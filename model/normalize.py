@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bring a scene into the range the network was trained on, and its radiance back (spec/scene-input.md 1.2, 6.4).
+
+A similarity transform keeps angles, so radiance and volume coefficients (which are per box) stay as they are; light
+transport is linear, so one factor on all emitters is undone by dividing the picture by it.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .scene import HEIGHT, Guides, RenderScene, View
+
+HALF_EXTENT = 0.5          # of the scene's box, in network units
+CENTRAL_IRRADIANCE = 4.0   # W/m^2 that all lights and the environment together bring to the scene's centre
+EXTENT_PERCENTILE = 2.0    # a few far triangles (a horizon plane) must not shrink everything else to a dot
+NEAREST_LIGHT = 0.5        # network units; an emitter inside the scene must not decide the exposure alone
+
+
+@dataclass(frozen=True)
+class Normalization:
+    """x_network = (x_world - center) * scale; radiance_network = radiance_world * exposure."""
+
+    center: np.ndarray  # (3,) f32, world units
+    scale: float
+    exposure: float
+
+    @classmethod
+    def of(cls, scene: RenderScene) -> "Normalization":
+        center, scale = _fit(scene)
+        return cls(center, scale, _exposure(scene, center, scale))
+
+    def points(self, x: np.ndarray) -> np.ndarray:
+        return ((x - self.center) * np.float32(self.scale)).astype(np.float32)
+
+    def scene(self, scene: RenderScene) -> RenderScene:
+        """The same scene in network units, displacement heights included."""
+        volumes = scene.volumes
+        if volumes is not None:
+            volumes = replace(volumes, position=self.points(volumes.position),
+                              scale=volumes.scale * np.float32(self.scale))
+        environment = scene.environment
+        if environment is not None:
+            environment = environment * np.float32(self.exposure)
+        tiles = scene.tiles
+        if tiles[:, HEIGHT].any():
+            tiles = tiles.copy()
+            tiles[:, HEIGHT] = (tiles[:, HEIGHT] * np.float32(self.scale)).clip(-1, 1)
+        return replace(scene, triangles=self.points(scene.triangles), emission=scene.emission * np.float32(self.exposure),
+                       tiles=tiles, environment=environment, volumes=volumes)
+
+    def view(self, view: View) -> View:
+        camera = view.camera_to_world.astype(np.float32).copy()
+        camera[:3, 3] = self.points(camera[:3, 3])
+        return replace(view, camera_to_world=camera)
+
+    def guides(self, guides: Guides) -> Guides:
+        """Positions in network units; emission and environment stay in world radiance, they bypass the network."""
+        hit = (guides.alpha > 0)[..., None]
+        return replace(guides, position=np.where(hit, self.points(guides.position), 0).astype(np.float32))
+
+
+def _fit(scene: RenderScene) -> tuple[np.ndarray, float]:
+    corners = scene.triangles[~scene.is_light].reshape(-1, 3)
+    if scene.volumes is not None and len(scene.volumes):
+        corners = np.concatenate([corners, scene.volumes.position])
+    if not len(corners):
+        corners = scene.triangles.reshape(-1, 3)
+    if not len(corners):
+        return np.zeros(3, np.float32), 1.0
+    low, high = np.percentile(corners, [EXTENT_PERCENTILE, 100 - EXTENT_PERCENTILE], axis=0)
+    half = float(np.max(high - low)) / 2
+    scale = HALF_EXTENT / half if half > 1e-9 else 1.0
+    return ((low + high) / 2).astype(np.float32), scale
+
+
+def _exposure(scene: RenderScene, center: np.ndarray, scale: float) -> float:
+    lights = scene.is_light
+    edges = scene.triangles[lights] - scene.triangles[lights][:, :1]
+    area_normal = np.cross(edges[:, 1], edges[:, 2]) / 2 * scale**2
+    to_center = (center - scene.triangles[lights].mean(axis=1)) * scale
+    distance = np.linalg.norm(to_center, axis=1).clip(1e-9)
+    # Half the area is what a triangle shows to a random direction: stable when a lamp turns.
+    projected = np.linalg.norm(area_normal, axis=1) / 2
+    irradiance = (scene.emission[lights].mean(axis=1) * projected / distance.clip(NEAREST_LIGHT) ** 2).sum()
+    if scene.environment is not None:
+        rows = np.sin(np.pi * (np.arange(scene.environment.shape[0]) + 0.5) / scene.environment.shape[0])
+        irradiance += np.pi * np.average(scene.environment.mean(axis=(1, 2)), weights=rows)
+    return CENTRAL_IRRADIANCE / float(irradiance) if irradiance > 1e-12 else 1.0

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Progress through nested steps, and loops over chunks that bound memory and poll for cancellation."""
+from __future__ import annotations
+
+from typing import Callable
+
+import torch
+
+# Rows per chunk: large enough for the matrix products, small enough that a chunk takes well under 0.2 s and that the
+# element-wise work between the products stays in the processor's cache.
+CHUNK = 512
+
+
+class Progress:
+    """A share [start, end] of a callback `callback(text, fraction)`, which may raise to cancel."""
+
+    def __init__(self, callback: Callable[[str, float], None] | None = None, text: str = "",
+                 start: float = 0.0, end: float = 1.0):
+        self.callback, self.text, self.start, self.end = callback, text, start, end
+
+    def __call__(self, fraction: float) -> None:
+        if self.callback is not None:
+            self.callback(self.text, self.start + (self.end - self.start) * fraction)
+
+    def part(self, start: float, end: float, text: str | None = None) -> Progress:
+        """The share [start, end] of this share."""
+        if self.callback is None:
+            return self  # one object for all layers: a compiled layer is then one program
+        span = self.end - self.start
+        return Progress(self.callback, self.text if text is None else text,
+                        self.start + span * start, self.start + span * end)
+
+
+def chunked(function, *tensors: torch.Tensor, progress: Progress | None = None, size: int = CHUNK):
+    """function(*tensors), computed for `size` rows of the tensors at a time and concatenated along axis 0.
+
+    `function` returns a tensor or a tuple of tensors with as many rows as it was given.
+    """
+    rows = len(tensors[0])
+    if torch.is_grad_enabled():
+        size = max(rows, 1)  # autograd would hold a gradient of full length for every slice
+    results = []
+    for begin in range(0, max(rows, 1), size):
+        if progress is not None:
+            progress(begin / max(rows, 1))
+        results.append(function(*(t[begin:begin + size] for t in tensors)))
+    if len(results) == 1:
+        return results[0]
+    if isinstance(results[0], tuple):
+        return tuple(torch.cat(parts) for parts in zip(*results))
+    return torch.cat(results)

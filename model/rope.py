@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rotary position embedding of 3-D points (spec/network.md 6)."""
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+
+def rope_frequencies(dim: int) -> torch.Tensor:
+    """(dim / 2,) float32 frequencies, log-spaced from 1 to dim / 2 - 1."""
+    count = dim // 2
+    exponents = torch.arange(count, dtype=torch.float64) * (math.log2(count - 1) / (count - 1))
+    return (2.0 ** exponents).float()
+
+
+class RotaryEmbedding(nn.Module):
+    """Angles from positions; the frequencies belong to the checkpoint but are never trained or rounded."""
+
+    def __init__(self, dim: int, head_width: int):
+        super().__init__()
+        self.freqs = nn.Parameter(rope_frequencies(dim), requires_grad=False)
+        self.idle = head_width // 2 - 3 * (dim // 2)
+
+    def _apply(self, fn, recurse=True):
+        # Module.to(bfloat16) must move the frequencies but not round them.
+        exact = self.freqs.data
+        super()._apply(fn, recurse)
+        if self.freqs.dtype != exact.dtype:
+            self.freqs.data = exact.to(self.freqs.device)
+        return self
+
+    def forward(self, positions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """(..., 3) positions -> cosines and sines, each (..., 1, head_width / 2) float32; the axis of 1 is for heads."""
+        angles = (positions.float()[..., None] * self.freqs.float()).flatten(-2)
+        angles = F.pad(angles, (0, self.idle))[..., None, :]
+        return angles.cos(), angles.sin()
+
+
+def rotate(x: torch.Tensor, cos: torch.Tensor, sin: torch.Tensor) -> torch.Tensor:
+    """Turn channel pairs (j, j + width / 2) of (..., heads, width) float32 by the angles of `RotaryEmbedding`."""
+    a, b = x.chunk(2, dim=-1)
+    return torch.cat([torch.addcmul(a * cos, b, sin, value=-1), torch.addcmul(b * cos, a, sin)], dim=-1)

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shifted-window self-attention between ray tokens (spec/network.md 8.3)."""
+from __future__ import annotations
+
+from functools import lru_cache
+
+import torch
+
+from .attention import SelfAttention, attend
+from .progress import Progress, chunked
+
+WINDOW = 8  # tokens
+SHIFT = 4
+
+
+def to_windows(x: torch.Tensor) -> torch.Tensor:
+    """(V, Hg, Wg, ...) -> (V Hg Wg / 64, 64, ...), windows and their tokens row-major."""
+    x = x.unflatten(2, (-1, WINDOW)).unflatten(1, (-1, WINDOW)).transpose(2, 3)
+    return x.flatten(3, 4).flatten(0, 2) if x.dim() == 5 else x.flatten(0, 2).flatten(1, 2)
+
+
+def from_windows(windows: torch.Tensor, grid: tuple[int, int]) -> torch.Tensor:
+    """Inverse of `to_windows`: (B, 64, D) -> (V, Hg, Wg, D)."""
+    rows, columns = grid[0] // WINDOW, grid[1] // WINDOW
+    x = windows.view(-1, rows, columns, WINDOW, WINDOW, windows.shape[-1])
+    return x.transpose(2, 3).reshape(-1, *grid, windows.shape[-1])
+
+
+@lru_cache(maxsize=8)
+def shift_mask(grid: tuple[int, int]) -> torch.Tensor:
+    """(windows, 64, 64) bool: which tokens of a rolled grid were neighbours before the roll."""
+    rows, columns = (torch.arange(side).ge(side - WINDOW).long() + torch.arange(side).ge(side - SHIFT).long()
+                     for side in grid)
+    region = to_windows((3 * rows[:, None] + columns)[None, :, :, None])[..., 0]
+    return region[:, :, None] == region[:, None, :]
+
+
+class SwinAttention(SelfAttention):
+    """Self-attention in 8x8 windows, shifted by 4 tokens in every other layer; no positional term."""
+
+    def __init__(self, width: int, heads: int, shifted: bool):
+        super().__init__(width, heads)
+        self.shifted = shifted
+
+    def forward(self, x: torch.Tensor, norm, progress: Progress | None = None) -> torch.Tensor:
+        """(V, Hg, Wg, D), normalised by `norm` window by window -> (V, Hg, Wg, D)."""
+        grid = x.shape[1:3]
+        if self.shifted:
+            x = x.roll((-SHIFT, -SHIFT), dims=(1, 2))
+        inputs = [to_windows(x)]
+        if self.shifted:
+            inputs.append(shift_mask(tuple(grid)).to(x.device).repeat(x.shape[0], 1, 1))
+        windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, progress=progress, size=64)
+        x = from_windows(windows, grid)
+        return x.roll((SHIFT, SHIFT), dims=(1, 2)) if self.shifted else x
+
+    def _attend(self, x: torch.Tensor, mask: torch.Tensor | None = None) -> torch.Tensor:
+        q, k, v = (part.transpose(1, 2) for part in self.project(x))
+        bias = None
+        if mask is not None:
+            bias = torch.zeros(mask.shape, dtype=q.dtype, device=q.device).masked_fill_(~mask, -torch.inf)[:, None]
+        return self.out_proj(attend(q, k, v, bias).transpose(1, 2).flatten(2))

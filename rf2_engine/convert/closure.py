@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Weighted sums of BSDFs as the parameters of one BSDF (spec/scene-input.md 3.2, 3.3).
+
+The network knows one surface: Principled with Specular IOR Level 1 (base colour, metallic, roughness, index of
+refraction, transmission). Every closure is written as such parameters with a weight, and Mix and Add sum them.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .evaluate import LUMINANCE
+from .texture import UP
+
+IOR_RANGE = (1.0, 2.5)  # the mappers' training range
+TINY = 1e-4
+ONE, ZERO = np.ones(1, np.float32), np.zeros(1, np.float32)
+WHITE, BLACK = np.ones(3, np.float32), np.zeros(3, np.float32)
+
+
+@dataclass
+class Closure:
+    """Weighted sums over lobes; `lobe` and `gloss` are the weights that metallic/transmission and roughness go by."""
+
+    weight: np.ndarray = None        # (..., 1)
+    color: np.ndarray = None         # (..., 3)
+    lobe: np.ndarray = None          # (..., 1) by luminance, so that the brighter lobe decides what the surface is
+    metallic: np.ndarray = None
+    transmission: np.ndarray = None
+    gloss: np.ndarray = None         # (..., 1) by mirror-like reflectance: a diffuse lobe has no roughness of its own
+    roughness: np.ndarray = None
+    ior: np.ndarray = None
+    normal: np.ndarray = None        # (..., 3)
+    emission: np.ndarray = None      # (..., 3) radiance
+
+    def __post_init__(self):
+        for f in fields(self):
+            if getattr(self, f.name) is None:
+                setattr(self, f.name, BLACK if f.name in ("color", "normal", "emission") else ZERO)
+
+    def __add__(self, other: "Closure") -> "Closure":
+        return Closure(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+
+    def __mul__(self, factor) -> "Closure":
+        return Closure(*(getattr(self, f.name) * factor for f in fields(self)))
+
+
+@dataclass
+class SurfaceParameters:
+    """What a tile holds; (1,) or (3,) where constant, (m, 32, 32, 1 or 3) where not."""
+
+    base_color: np.ndarray
+    metallic: np.ndarray
+    roughness: np.ndarray
+    ior: np.ndarray
+    transmission: np.ndarray
+    normal: np.ndarray
+    emission: np.ndarray
+
+
+def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal=UP) -> Closure:
+    """One BSDF of weight 1."""
+    color, roughness = np.clip(color, 0, 1), np.clip(roughness, 0, 1)
+    share = color @ LUMINANCE[:, None] + TINY
+    reflectance = ((ior - 1) / (ior + 1)) ** 2
+    gloss = metallic + transmission + reflectance + TINY
+    return Closure(ONE, color, share, share * metallic, share * transmission, gloss, gloss * roughness,
+                   np.clip(ior, *IOR_RANGE), normal, BLACK)
+
+
+def parameters(closure: Closure) -> SurfaceParameters:
+    """Divide the sums by their weights; a surface without any BSDF (a pure emitter) is black and matt."""
+    def mean(total, weight, default):
+        return np.where(weight > 0, total / np.where(weight > 0, weight, 1), default).astype(np.float32)
+
+    return SurfaceParameters(
+        base_color=np.clip(closure.color, 0, 1).astype(np.float32),
+        metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),
+        ior=mean(closure.ior, closure.weight, 1.0), transmission=mean(closure.transmission, closure.lobe, 0.0),
+        normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32))
+
+
+def effective_ior(ior, level) -> np.ndarray:
+    """Index that reflects at Specular IOR Level 1 like `ior` at `level` (spec/scene-input.md 3.2)."""
+    amplitude = np.minimum(np.sqrt(np.maximum(level, 0)) * np.abs(ior - 1) / (ior + 1), 0.9)
+    return (1 + amplitude) / (1 - amplitude)

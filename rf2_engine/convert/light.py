@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender lamps to emitting triangles (spec/scene-input.md 6.4, factors of unnormalised lamps measured in Cycles).
+
+Radiance leaves a lamp triangle through its front only, within its beam (model/scene.py, `beam_axis`).
+"""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...model.scene import RenderScene, constant_tile
+from . import proxies
+from .beam import HALF_SPACE, spot_beam, spread_beam
+from .lamp_power import ball_power, lamp_strength, normalized
+
+BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
+SUN_ANGLE = math.radians(3)   # least diameter of a sun
+SUN_DISTANCE = 50             # scene radii
+CELL = 0.35                   # scene radii: wanted side of one cell of an area lamp
+MAX_CELLS = 4                 # along one side
+TILES = np.stack([constant_tile((1, 1, 1), roughness=1, ior=1), constant_tile((0, 0, 0), roughness=1, ior=1)])
+EMITTING, BLACK = 0, 1        # rows of TILES
+
+
+@dataclass
+class Lamp:
+    """A lamp object: its pose without scale (it shines along -Z), and the scene it stands in."""
+
+    light: object             # bpy Light
+    strength: np.ndarray      # (3,)
+    name: str
+    report: object
+    place: np.ndarray         # (3,)
+    frame: np.ndarray         # (3, 3) rotation
+    scale: np.ndarray         # (3,)
+    scene_center: np.ndarray  # (3,)
+    scene_radius: float
+
+    @property
+    def beam_axis(self) -> np.ndarray:
+        return -self.frame[:, 2]
+
+    def placed(self, triangles: np.ndarray) -> np.ndarray:
+        return triangles @ self.frame.T + self.place
+
+    def approximated(self, message: str) -> None:
+        self.report.approximated(self.name, message)
+
+
+def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray, radius: float) -> RenderScene:
+    """Triangles of one lamp, ready for `RenderScene.appended`.
+
+    matrix_world: (4, 4) of the object; light: bpy Light; name: of the object, for the report; center (3,) and radius:
+    bounding sphere of the scene, world units, which decides where a sun stands and how small a lamp may be.
+    """
+    strength = lamp_strength(light, name, report)
+    if strength is None:
+        return _flat_scene(np.zeros((0, 3, 3)), np.zeros(3))
+    matrix = np.asarray(matrix_world, np.float64)
+    return CONVERTERS[light.type](Lamp(
+        light, strength, name, report, matrix[:3, 3], _rotation(matrix), np.linalg.norm(matrix[:3, :3], axis=0),
+        np.asarray(center, np.float64), max(radius, 1e-6)))
+
+
+def _area(lamp: Lamp) -> RenderScene:
+    """The lamp's own shape, and a black copy just behind it."""
+    light = lamp.light
+    second = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
+    size = np.array([light.size, second]) * lamp.scale[:2]
+    if size.min() == 0:
+        lamp.report.skipped(lamp.name, "an area lamp of size 0 gives no light")
+        return _flat_scene(np.zeros((0, 3, 3)), np.zeros(3))
+    if light.shape in ("DISK", "ELLIPSE"):
+        front = back = proxies.disk(*size)
+    else:
+        cells = np.clip(np.ceil(size / (CELL * lamp.scene_radius)), 1, MAX_CELLS).astype(int)
+        front, back = proxies.rectangle(*size, *cells), proxies.rectangle(*size)
+    if light.spread < math.pi - 0.01:
+        lamp.approximated(f"a spread of {math.degrees(light.spread):.0f} degrees falls off a little differently")
+    gain, cosines = spread_beam(light.spread)
+    radiance = gain * lamp.strength / (math.pi * (proxies.area(front) if normalized(light) else 1))
+    behind = back[:, ::-1] + [0, 0, 0.01 * size.min()]
+    return _flat_scene(lamp.placed(front), radiance, lamp.beam_axis, cosines).appended(_black(lamp.placed(behind)))
+
+
+def _point(lamp: Lamp) -> RenderScene:
+    triangles = proxies.ball(_ball_radius(lamp))
+    return _flat_scene(triangles + lamp.place, ball_power(lamp.light, lamp.strength) / (math.pi * proxies.area(triangles)))
+
+
+def _spot(lamp: Lamp) -> RenderScene:
+    """A ball with a beam, and a black shade that makes the cone for a network that does not know beams."""
+    x, y, z = lamp.scale
+    if abs(x - y) > 1e-3 * max(x, y):
+        lamp.approximated("the elliptic cone of a spot scaled unevenly is shown round")
+    cosines = spot_beam(lamp.light, math.sqrt(x * y) / max(z, 1e-12))
+    size = _ball_radius(lamp)
+    triangles = proxies.ball(size)
+    radiance = ball_power(lamp.light, lamp.strength) / (math.pi * proxies.area(triangles))
+    shade = proxies.shade(math.acos(cosines[0]), size)
+    return _flat_scene(lamp.placed(triangles), radiance, lamp.beam_axis, cosines).appended(_black(lamp.placed(shade)))
+
+
+def _ball_radius(lamp: Lamp) -> float:
+    size, least = lamp.light.shadow_soft_size, BALL_RADIUS * lamp.scene_radius
+    if size < 0.99 * least:
+        lamp.approximated(f"its radius is {least:.3g} instead of {size:.3g}: shadows are softer")
+    return max(size, least)
+
+
+def _sun(lamp: Lamp) -> RenderScene:
+    """A distant disk that fills the sun's solid angle, seen from the middle of the scene."""
+    own = lamp.light.angle
+    if own < SUN_ANGLE:
+        was, now = math.degrees(own), math.degrees(SUN_ANGLE)
+        lamp.approximated(f"the sun's angle is {now:.0f} instead of {was:.2g} degrees: shadows are softer")
+    angle = np.clip(own, SUN_ANGLE, math.radians(170))
+    irradiance = lamp.strength * (1 if normalized(lamp.light) else math.pi * math.sin(own / 2) ** 2)
+    distance = SUN_DISTANCE * lamp.scene_radius
+    size = 2 * distance * math.tan(angle / 2)
+    triangles = proxies.disk(size, size) @ lamp.frame.T + lamp.scene_center - distance * lamp.beam_axis
+    return _flat_scene(triangles, irradiance / (math.pi * math.sin(angle / 2) ** 2), lamp.beam_axis, HALF_SPACE)
+
+
+def _rotation(matrix: np.ndarray) -> np.ndarray:
+    """(3, 3) orthonormal and right-handed: the lamp's +Z kept, scale, shear and mirror removed."""
+    z = matrix[:3, 2] / max(np.linalg.norm(matrix[:3, 2]), 1e-12)
+    x = matrix[:3, 0] - z * (matrix[:3, 0] @ z)
+    x = x / max(np.linalg.norm(x), 1e-12)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _black(triangles) -> RenderScene:
+    return _flat_scene(triangles, np.zeros(3), tile=BLACK)
+
+
+def _flat_scene(triangles, radiance, axis=(0, 0, 0), cosines=(0, 0), tile: int = EMITTING) -> RenderScene:
+    """Flat triangles that share radiance, beam and tile."""
+    n = len(triangles)
+
+    def each(value, *shape):
+        return np.broadcast_to(np.float32(value), (n, *shape)).copy()
+
+    flat = np.repeat(proxies.normals(triangles)[:, None], 3, axis=1) if n else triangles
+    return RenderScene(
+        triangles=triangles.astype(np.float32), normals=flat.astype(np.float32), emission=each(radiance, 3),
+        beam_axis=each(axis, 3), beam_cosine=each(cosines, 2), tile_index=np.full(n, tile, np.int32), tiles=TILES.copy())
+
+
+CONVERTERS = {"AREA": _area, "POINT": _point, "SPOT": _spot, "SUN": _sun}

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Evaluated Blender meshes as triangle arrays (spec/scene-input.md 2)."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass
+class TriangleMesh:
+    """n triangles with everything that varies per corner, in the frame of the object (Z up, right-handed)."""
+
+    corners: np.ndarray            # (n, 3, 3) f32, [triangle, corner, xyz], counter-clockwise from the front
+    normals: np.ndarray            # (n, 3, 3) f32, unit shading normal per corner
+    uv: dict[str, np.ndarray]      # layer -> (n, 3, 2) f32
+    active_uv: str | None          # the layer that renders where a material names none
+    colors: dict[str, np.ndarray]  # colour attribute -> (n, 3, 3) f32, scene-linear
+    slot: np.ndarray               # (n,) i32, material slot
+
+    def __len__(self) -> int:
+        return len(self.corners)
+
+    def take(self, index: np.ndarray) -> "TriangleMesh":
+        """The triangles picked by an integer or boolean index."""
+        return self.mapped(lambda layer: layer[index], slot=self.slot[index])
+
+    def mirrored(self) -> "TriangleMesh":
+        """The same surface with the corner order reversed, for matrices with a negative determinant."""
+        return self.mapped(lambda layer: layer[:, [1, 0, 2]])
+
+    def mapped(self, function, **changes) -> "TriangleMesh":
+        """This mesh with `function` applied to every array that varies per corner."""
+        return replace(self, corners=function(self.corners), normals=function(self.normals),
+                       uv={name: function(layer) for name, layer in self.uv.items()},
+                       colors={name: function(layer) for name, layer in self.colors.items()}, **changes)
+
+
+def read_mesh(mesh, name: str, report) -> TriangleMesh:
+    """Copy an evaluated `bpy.types.Mesh`; `name` is the object that the report mentions.
+
+    Triangles with corners that are not finite and triangles without area are left out and reported.
+    """
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    loop = _read(mesh.loop_triangles, "loops", 3 * count, np.int32).reshape(count, 3)
+    vertex = _read(mesh.loop_triangles, "vertices", 3 * count, np.int32).reshape(count, 3)
+    slot = _read(mesh.loop_triangles, "material_index", count, np.int32)
+    position = _read(mesh.vertices, "co", 3 * len(mesh.vertices)).reshape(-1, 3)
+    normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)
+    uv = {layer.name: _read(layer.uv, "vector", 2 * len(mesh.loops)).reshape(-1, 2)[loop] for layer in mesh.uv_layers}
+    active = next((layer.name for layer in mesh.uv_layers if layer.active_render), None)
+    colors = {}
+    for attribute in mesh.color_attributes:
+        if attribute.domain in {"POINT", "CORNER"}:
+            index = loop if attribute.domain == "CORNER" else vertex
+            rgba = _read(attribute.data, "color", 4 * len(attribute.data)).reshape(-1, 4)
+            colors[attribute.name] = np.ascontiguousarray(rgba[index, :3])
+    triangles = TriangleMesh(position[vertex], normal[loop], uv, active, colors, slot)
+    return _without_broken(triangles, name, report)
+
+
+def material_slots(obj) -> list:
+    """The evaluated materials (or None) of an object by material index, slots linked to the object included."""
+    on_mesh, on_object = list(obj.data.materials), list(obj.material_slots)
+    slots = []
+    for i in range(max(len(on_mesh), len(on_object), 1)):
+        material = on_mesh[i] if i < len(on_mesh) else None
+        if i < len(on_object) and (material is None or on_object[i].link == "OBJECT"):
+            material = on_object[i].material
+        slots.append(material)
+    return slots
+
+
+def transform(mesh: TriangleMesh, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """World-space (n, 3, 3) f32 corners and unit normals of a mesh under a (4, 4) matrix.
+
+    A mesh under a matrix with a negative determinant must have been `mirrored` before.
+    """
+    linear = matrix[:3, :3].astype(np.float64)
+    corners = mesh.corners @ linear.T + matrix[:3, 3]
+    a, b, c = linear.T
+    # Columns of the cofactor matrix: the inverse transpose that also exists for a flattened object.
+    cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    if np.linalg.det(linear) < 0:
+        cofactor = -cofactor
+    normals = mesh.normals @ cofactor.T
+    return corners.astype(np.float32), unit_or(normals, face_normals(corners)[:, None])
+
+
+def face_normals(corners: np.ndarray) -> np.ndarray:
+    """(n, 3) unit normals of (n, 3, 3) corners; 0 for triangles without area."""
+    normals = _doubled_area_vectors(corners)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+
+
+def areas(corners: np.ndarray) -> np.ndarray:
+    """(n,) f64 areas of (n, 3, 3) corners."""
+    return np.linalg.norm(_doubled_area_vectors(corners), axis=1) / 2
+
+
+def has_area(corners: np.ndarray) -> np.ndarray:
+    """(n,) bool: the triangle is not a line or a point at the precision of its own coordinates."""
+    longest = np.square(longest_edges(corners))
+    extent = np.abs(corners).max(axis=(1, 2)).astype(np.float64)
+    return (areas(corners) > 1e-7 * longest) & (longest > np.square(1e-7 * extent)) & (longest > 1e-30)
+
+
+def longest_edges(corners: np.ndarray) -> np.ndarray:
+    """(n,) f64 length of the longest edge of each triangle."""
+    corners = corners.astype(np.float64)
+    return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0)
+
+
+def unit_or(vectors: np.ndarray, fallback: np.ndarray) -> np.ndarray:
+    """`vectors` normalised along the last axis as f32; `fallback` where they are 0 or not finite."""
+    vectors = vectors.astype(np.float64)
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    usable = np.isfinite(length) & (length > 1e-12 * np.nanmax(length, initial=1e-300))
+    return np.where(usable, vectors / np.where(usable, length, 1), fallback).astype(np.float32)
+
+
+def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
+    finite = np.isfinite(mesh.corners).all(axis=(1, 2))
+    if not finite.all():
+        report.refused(name, f"{np.count_nonzero(~finite)} triangles with vertices that are not finite were dropped")
+        mesh = mesh.take(finite)
+    solid = has_area(mesh.corners)
+    if not solid.all():
+        report.refused(name, f"{np.count_nonzero(~solid)} triangles without area were dropped")
+        mesh = mesh.take(solid)
+    normals = unit_or(mesh.normals, face_normals(mesh.corners)[:, None])
+    return replace(mesh.mapped(lambda layer: np.nan_to_num(layer, posinf=0, neginf=0)), normals=normals)
+
+
+def _doubled_area_vectors(corners: np.ndarray) -> np.ndarray:
+    corners = corners.astype(np.float64)
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _read(collection, attribute: str, size: int, dtype=np.float32) -> np.ndarray:
+    values = np.empty(size, dtype)
+    collection.foreach_get(attribute, values)
+    return values

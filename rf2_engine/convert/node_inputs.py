@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Input nodes: constants, light paths, Fresnel, black bodies and attributes."""
+from __future__ import annotations
+
+import numpy as np
+
+LIT = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0, "Ray Length": 1.0}
+DENSITY_ATTRIBUTES = ("density", "Density")
+XYZ_TO_REC709 = np.array([[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560],
+                          [0.0556434, -0.2040259, 1.0572252]])
+
+
+def rgb(evaluator, node, output, frames):
+    return np.array(node.outputs[0].default_value[:3], np.float32)
+
+
+def value(evaluator, node, output, frames):
+    return np.array([node.outputs[0].default_value], np.float32)
+
+
+def light_path(evaluator, node, output, frames):
+    """Materials answer as seen by the camera; the world and lamps answer as they light the scene."""
+    if evaluator.points.camera_ray:
+        return np.array([output.name == "Is Camera Ray"], np.float32)
+    return np.array([LIT.get(output.name, 0.0)], np.float32)
+
+
+def fresnel(evaluator, node, output, frames):
+    """Seen at normal incidence: a tile knows no viewing direction."""
+    evaluator.approximated(node, f"{node.bl_label} depends on the view, its value at normal incidence is used")
+    if node.bl_idname == "ShaderNodeLayerWeight":
+        blend = np.clip(evaluator.named(node, frames, "Blend"), 0, 0.999)
+        return _normal_reflectance(1 / (1 - blend)) if output.name == "Fresnel" else np.zeros(1, np.float32)
+    return _normal_reflectance(evaluator.named(node, frames, "IOR"))
+
+
+def _normal_reflectance(ior):
+    return ((ior - 1) / (ior + 1)) ** 2
+
+
+def geometry(evaluator, node, output, frames):
+    direction = evaluator.points.direction
+    if direction is not None and output.name in ("Position", "Normal", "True Normal", "Incoming"):
+        return direction if output.name == "Position" else -direction
+    if output.name == "Backfacing":
+        evaluator.approximated(node, "both sides of a face get the front side's material")
+        return np.zeros(1, np.float32)
+    evaluator.approximated(node, f'"{output.name}" is not known per texel, 0.5 is used')
+    return np.full(1, 0.5, np.float32)
+
+
+def passed_through(evaluator, node, output, frames):
+    """Ambient Occlusion and the like: their colour without the effect."""
+    evaluator.approximated(node, f"{node.bl_label} is left out")
+    return evaluator.named(node, frames, "Color", default=1.0) if output.name == "Color" else np.ones(1, np.float32)
+
+
+def attribute(evaluator, node, output, frames):
+    """UV layers and colour attributes by name; a volume's density grid is 1 (the grid itself multiplies later)."""
+    name = getattr(node, "attribute_name", None)
+    name = node.layer_name if name is None else name
+    points = evaluator.points
+    if name in DENSITY_ATTRIBUTES and name not in points.colors:
+        return np.ones(1, np.float32)
+    if not name and points.colors:
+        name = next(iter(points.colors))
+    found = points.colors.get(name, points.uv.get(name))
+    if found is None:
+        evaluator.approximated(node, f'attribute "{name}" is not available, 0.5 is used')
+        return np.full(1, 0.5, np.float32)
+    return np.ones(1, np.float32) if output.name == "Alpha" else found
+
+
+def density(evaluator, node, output, frames):
+    return np.full(1, float(output.name == "Density"), np.float32)
+
+
+def blackbody(evaluator, node, output, frames):
+    return blackbody_color(float(np.mean(evaluator.value(node.inputs[0], frames))))
+
+
+def blackbody_color(kelvin: float) -> np.ndarray:
+    """(3,) f32 scene-linear Rec.709 colour of luminance 1 of a black body, limited to Blender's 800-12000 K."""
+    nm = np.arange(380.0, 781.0, 5.0)
+    planck = nm ** -5.0 / np.expm1(1.4387769e7 / (nm * np.clip(kelvin, 800, 12000)))
+    xyz = observer(nm) @ planck
+    return np.maximum(XYZ_TO_REC709 @ (xyz / xyz[1]), 0).astype(np.float32)
+
+
+def observer(nm: np.ndarray) -> np.ndarray:
+    """(3, n) CIE 1931 colour matching at wavelengths in nanometres, piecewise Gaussian (Wyman, Sloan, Shirley 2013)."""
+    def lobe(mean, below, above):
+        return np.exp(-0.5 * ((nm - mean) / np.where(nm < mean, below, above)) ** 2)
+
+    return np.stack([
+        1.056 * lobe(599.8, 37.9, 31.0) + 0.362 * lobe(442.0, 16.0, 26.7) - 0.065 * lobe(501.1, 20.4, 26.2),
+        0.821 * lobe(568.8, 46.9, 40.5) + 0.286 * lobe(530.9, 16.3, 31.1),
+        1.217 * lobe(437.0, 11.8, 36.0) + 0.681 * lobe(459.0, 26.0, 13.8)])
+
+
+FUNCTIONS = {
+    "ShaderNodeRGB": rgb, "ShaderNodeValue": value, "ShaderNodeLightPath": light_path, "ShaderNodeFresnel": fresnel,
+    "ShaderNodeLayerWeight": fresnel, "ShaderNodeNewGeometry": geometry, "ShaderNodeAmbientOcclusion": passed_through,
+    "ShaderNodeAttribute": attribute, "ShaderNodeVertexColor": attribute, "ShaderNodeVolumeInfo": density,
+    "ShaderNodeBlackbody": blackbody,
+}

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangle shapes that stand in for lamps: rectangles, disks, balls and shades.
+
+All return (n, 3, 3) f64, counter-clockwise from the front, in the frame of the lamp: it shines along -Z.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+DISK_CORNERS = 12
+SHADE_SIDES = 8
+SHADE_MAX_ANGLE = np.radians(80)
+
+
+def rectangle(width: float, height: float, columns: int = 1, rows: int = 1) -> np.ndarray:
+    """In the plane z = 0, front towards -Z, cut into `columns` x `rows` cells of two triangles."""
+    x = np.linspace(-width / 2, width / 2, columns + 1)
+    y = np.linspace(-height / 2, height / 2, rows + 1)
+    x0, y0 = (a.ravel() for a in np.meshgrid(x[:-1], y[:-1]))
+    x1, y1 = (a.ravel() for a in np.meshgrid(x[1:], y[1:]))
+
+    def corner(px, py):
+        return np.stack([px, py, np.zeros_like(px)], axis=-1)
+
+    a, b, c, d = corner(x0, y0), corner(x0, y1), corner(x1, y1), corner(x1, y0)
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def disk(width: float, height: float, corners: int = DISK_CORNERS) -> np.ndarray:
+    """A fan in the plane z = 0, front towards -Z, of the area of the ellipse with these diameters."""
+    angle = np.arange(corners) * 2 * np.pi / corners
+    grow = np.sqrt(np.pi / (corners / 2 * np.sin(2 * np.pi / corners)))
+    rim = np.stack([np.cos(angle) * width / 2, -np.sin(angle) * height / 2, 0 * angle], axis=-1) * grow
+    return np.stack([np.zeros_like(rim), rim, np.roll(rim, -1, axis=0)], axis=1)
+
+
+def ball(radius: float) -> np.ndarray:
+    """Icosahedron between the spheres: its area is that of the sphere of this radius."""
+    golden = (1 + np.sqrt(5)) / 2
+    corners = np.array([(0, s, t * golden) for s in (-1, 1) for t in (-1, 1)], np.float64)
+    corners = np.concatenate([np.roll(corners, turn, axis=1) for turn in range(3)])
+    near = np.isclose(np.linalg.norm(corners[:, None] - corners[None], axis=-1), 2)
+    faces = [(i, j, k) for i in range(12) for j in range(i + 1, 12) for k in range(j + 1, 12)
+             if near[i, j] and near[j, k] and near[i, k]]
+    triangles = corners[np.array(faces)]
+    inward = np.einsum("nc,nc->n", normals(triangles), triangles.mean(axis=1)) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return triangles * (radius * np.sqrt(4 * np.pi / area(triangles)))
+
+
+def shade(half_angle: float, radius: float) -> np.ndarray:
+    """Lampshade around a ball of this radius at the origin: a tube closed behind, open in front along -Z.
+
+    Its rim lies on the cone of `half_angle` unless the tube would become too long (narrow cones) or too wide.
+    """
+    slope = np.tan(min(half_angle, SHADE_MAX_ANGLE))
+    outer = radius * np.clip(4 * slope, 1.3, 4)
+    depth, top = min(outer / slope, 8 * radius), 1.5 * radius
+    angle = np.arange(SHADE_SIDES) * 2 * np.pi / SHADE_SIDES
+    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1) * outer / np.cos(np.pi / SHADE_SIDES)
+    front, back = circle - [0, 0, depth], circle + [0, 0, top]
+    front_next, back_next = np.roll(front, -1, axis=0), np.roll(back, -1, axis=0)
+    middle = np.broadcast_to([0.0, 0.0, top], back.shape)
+    return np.concatenate([np.stack([front, front_next, back_next], axis=1), np.stack([front, back_next, back], axis=1),
+                           np.stack([middle, back, back_next], axis=1)])
+
+
+def area(triangles: np.ndarray) -> float:
+    return float(np.linalg.norm(_cross(triangles), axis=1).sum() / 2)
+
+
+def normals(triangles: np.ndarray) -> np.ndarray:
+    """(n, 3) unit face normals."""
+    cross = _cross(triangles)
+    return cross / np.linalg.norm(cross, axis=1, keepdims=True)
+
+
+def _cross(triangles):
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the conversion of a scene approximated, skipped or refused, and why."""
+from __future__ import annotations
+
+
+class Report:
+    """Collects each remark once, in the order in which they were made."""
+
+    def __init__(self) -> None:
+        self.entries: list[tuple[str, str, str]] = []  # (kind, name of the data-block, message)
+
+    def approximated(self, name: str, message: str) -> None:
+        """`name` is in the picture, but not exactly as Cycles shows it."""
+        self._add("approximated", name, message)
+
+    def skipped(self, name: str, message: str) -> None:
+        """`name` (or a part of it) is missing from the picture."""
+        self._add("skipped", name, message)
+
+    def refused(self, name: str, message: str) -> None:
+        """`name` holds data that cannot be used, such as vertices that are not finite."""
+        self._add("refused", name, message)
+
+    def lines(self) -> list[str]:
+        """One sentence per remark, ready to print."""
+        return [f"{kind} {name}: {message}" for kind, name, message in self.entries]
+
+    def _add(self, kind: str, name: str, message: str) -> None:
+        entry = (kind, name, message)
+        if entry not in self.entries:
+            self.entries.append(entry)

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A depsgraph as a RenderScene: the way a scene takes through this package, readable top to bottom."""
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from ...model.scene import RenderScene
+from . import mesh as meshes
+from . import reduce, subdivide, volume
+from .collect import Collected, Part, collect
+from .light import convert_light
+from .material import MaterialTiles
+from .world import convert_world
+
+BATCH = 1024  # textured triangles between two calls of progress
+
+
+def convert(depsgraph, *, token_budget: int, max_edge: float, report, progress) -> RenderScene:
+    """Everything a render depsgraph shows, in Blender's world frame and units.
+
+    token_budget: most triangles of the result. max_edge: longest edge wanted, as a fraction of the longest side of the
+    scene's bounding box. report: rf2_engine/convert/report.py. progress(text, fraction) may raise RenderCancelled.
+    Raises SceneError when the scene cannot be converted at all.
+    """
+    materials = MaterialTiles(report)
+    found = collect(depsgraph, materials.images, report, _stage(progress, 0.0, 0.5))
+    low, high = found.bounds()
+    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    lamps = [convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius) for lamp in found.lamps]
+    budget = max(token_budget - sum(map(len, lamps)), 0)
+    _simplify(found, budget, report, _stage(progress, 0.5, 0.7))
+    _subdivide(found, budget, max_edge * float((high - low).max()))
+    surfaces = _surfaces(found.parts, materials, report, _stage(progress, 0.7, 0.95))
+    scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
+    progress("Converting volumes and world", 0.95)
+    scene.volumes = volume.tokens(found.media, report)
+    scene.environment = convert_world(depsgraph.scene_eval.world, report)
+    scene.validate()
+    return scene
+
+
+def _stage(progress, start: float, end: float):
+    return lambda text, fraction: progress(text, start + (end - start) * fraction)
+
+
+def _simplify(found: Collected, budget: int, report, progress) -> None:
+    _drop_small_instances(found, budget, report)
+    parts = found.parts
+    shares = reduce.share_budget([len(part.mesh) for part in parts], [len(part.matrices) for part in parts], budget)
+    for i, (part, share) in enumerate(zip(parts, shares)):
+        before = len(part.mesh)
+        if share >= before:
+            continue
+        text, fraction = f"Simplifying {i + 1}/{len(parts)} meshes", i / len(parts)
+        area = meshes.areas(part.mesh.corners).sum()
+        part.mesh = reduce.simplify(part.mesh, int(share), lambda: progress(text, fraction))
+        part.flux_gain = area / meshes.areas(part.mesh.corners).sum()
+        report.approximated(part.name, f"simplified from {before} to {len(part.mesh)} triangles")
+
+
+def _drop_small_instances(found: Collected, budget: int, report) -> None:
+    """Leave out the smallest instances (lights last) if not even the coarsest shape of all of them fits."""
+    least = [min(len(part.mesh), reduce.COARSEST) for part in found.parts]
+    instances = [(part.emits, _scale(matrix) * float(np.ptp(part.mesh.corners, axis=(0, 1)).max()), i, matrix)
+                 for i, part in enumerate(found.parts) for matrix in part.matrices]
+    if sum(least[i] for _, _, i, _ in instances) <= budget:
+        return
+    kept = [[] for _ in found.parts]
+    for _, _, i, matrix in sorted(instances, key=lambda instance: instance[:2], reverse=True):
+        if least[i] <= budget:
+            kept[i].append(matrix)
+            budget -= least[i]
+    for part, matrices in zip(found.parts, kept):
+        dropped = len(part.matrices) - len(matrices)
+        if dropped:
+            report.skipped(part.name, f"no room for {dropped} of its {len(part.matrices)} instances: "
+                                      f"raise the token budget")
+        part.matrices = matrices
+    found.parts = [part for part in found.parts if part.matrices]
+
+
+def _subdivide(found: Collected, budget: int, max_edge: float) -> None:
+    """Split large triangles of all parts together, so that the largest of the whole scene come first."""
+    parts = found.parts
+    if not parts:
+        return
+    counts = np.array([len(part.mesh) for part in parts])
+    copies = np.array([len(part.matrices) for part in parts])
+    cost = np.where([part.emits for part in parts], 0, copies)
+    corners = np.concatenate([part.mesh.corners @ max(part.matrices, key=_scale)[:3, :3].T for part in parts])
+    parent, weights = subdivide.subdivide(corners, np.repeat(cost, counts), max_edge, budget - int(counts @ copies))
+    owner = np.repeat(np.arange(len(parts)), counts)[parent]
+    for i, part in enumerate(parts):
+        mine = owner == i
+        if np.count_nonzero(mine) > counts[i]:
+            part.mesh = subdivide.pieces(part.mesh, parent[mine] - counts[:i].sum(), weights[mine])
+
+
+def _scale(matrix: np.ndarray) -> float:
+    return float(np.linalg.norm(matrix[:3, :3]))
+
+
+def _surfaces(parts: list[Part], materials: MaterialTiles, report, progress) -> RenderScene:
+    rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
+    for i, part in enumerate(parts):
+        text, fraction = f"Materials of {i + 1}/{len(parts)} objects", i / len(parts)
+        tile_index, emission = _materials(part, materials, lambda: progress(text, fraction))
+        for matrix in part.matrices:
+            progress(text, fraction)
+            corners, normals = meshes.transform(part.mesh, matrix)
+            solid = meshes.has_area(corners)
+            if not solid.any():
+                report.skipped(part.name, "it is scaled to nothing")
+            for name, values in zip(rows, (corners, normals, emission, tile_index)):
+                rows[name].append(values[solid])
+    scene = RenderScene(tiles=materials.tiles)
+    for name, values in rows.items():
+        if values:
+            setattr(scene, name, np.concatenate(values))
+    count = len(scene.triangles)
+    scene.beam_axis, scene.beam_cosine = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
+    return scene
+
+
+def _materials(part: Part, materials: MaterialTiles, poll) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) i32 tile and (n, 3) f32 radiance of the triangles of a part."""
+    mesh = part.mesh
+    tile_index, emission = np.zeros(len(mesh), np.int32), np.zeros((len(mesh), 3), np.float32)
+    for slot in np.unique(mesh.slot):
+        mine = np.flatnonzero(mesh.slot == slot)
+        # Which triangles of an emission texture shine is decided by comparing all of them.
+        for rows in [mine] if part.emits else np.split(mine, range(BATCH, len(mine), BATCH)):
+            poll()
+            chosen = mesh.take(rows)
+            tile_index[rows], emission[rows] = materials.triangle_tiles(
+                part.materials[slot], chosen.uv, chosen.active_uv, len(chosen), chosen.colors)
+    return tile_index, emission * np.float32(part.flux_gain)

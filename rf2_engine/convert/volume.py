@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Volume objects and meshes with a volume shader as occupied cells (spec/scene-input.md 5, mostly 5.3-5.6)."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from mathutils.bvhtree import BVHTree
+
+from ...model.scene import Volumes
+
+MAX_CELLS = 1024          # what the published networks were trained with (spec/scene-input.md 2.4)
+CELLS = 8                 # cells per axis of a box
+VOXELS = 4                # voxels per axis of a cell
+OCCUPIED = 0.5            # a cell whose densest voxel is not above this fraction of the box's maximum is dropped
+
+
+@dataclass
+class Medium:
+    """One participating medium: a box in the world and a density inside it."""
+
+    name: str
+    rotation: np.ndarray    # (3, 3) f64, box axes to world, right-handed
+    center: np.ndarray      # (3,) f64, world
+    size: np.ndarray        # (3,) f64, world side lengths
+    scattering: np.ndarray  # (3,) f64, coefficient per world unit at density 1
+    absorption: np.ndarray  # (3,) f64
+    density: Callable[[int], np.ndarray]  # r -> (r, r, r) density of the box's voxels, [x, y, z] along the box axes
+
+    def points(self, resolution: int) -> np.ndarray:
+        """(r, r, r, 3) world centres of the voxels, [x, y, z]."""
+        axis = (np.arange(resolution) + 0.5) / resolution - 0.5
+        local = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1) * self.size
+        return local @ self.rotation.T + self.center
+
+
+def box_around(matrix: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rotation (3, 3), centre (3,) and side lengths (3,) of the box along the axes of a (4, 4) object matrix.
+
+    corners: (k, 3) points of the object, in its own frame, that the box must hold. Mirrored and sheared matrices get
+    a right-handed, orthogonal box all the same.
+    """
+    rotation, upper = np.linalg.qr(matrix[:3, :3].astype(np.float64))
+    rotation = rotation * np.where(np.diag(upper) < 0, -1.0, 1.0)
+    if np.linalg.det(rotation) < 0:
+        rotation[:, 2] *= -1
+    along = (corners @ matrix[:3, :3].T + matrix[:3, 3]) @ rotation
+    low, high = along.min(axis=0), along.max(axis=0)
+    return rotation, rotation @ ((low + high) / 2), high - low
+
+
+def tokens(media: list[Medium], report) -> Volumes | None:
+    """All occupied cells, at most `MAX_CELLS`; None if there are none.
+
+    Boxes are drawn with fewer, larger cells (the finest first) when they do not fit, and the report says so.
+    """
+    per_axis = [CELLS] * len(media)
+    parts = [_occupied(medium, CELLS) for medium in media]
+    while sum(map(len, parts)) > MAX_CELLS and max(per_axis) > 1:
+        finest = min((i for i, n in enumerate(per_axis) if n > 1),
+                     key=lambda i: float(np.prod(media[i].size)) / per_axis[i] ** 3)
+        per_axis[finest] //= 2
+        parts[finest] = _occupied(media[finest], per_axis[finest])
+    room = MAX_CELLS
+    for i, medium in enumerate(media):
+        if len(parts[i]) > room:
+            report.skipped(medium.name, f"the scene has more than {MAX_CELLS} volume cells")
+            parts[i] = _occupied(medium, 0)
+        elif len(parts[i]) == 0:
+            report.skipped(medium.name, "the volume is empty")
+        elif per_axis[i] < CELLS:
+            report.approximated(medium.name, f"drawn with {per_axis[i]} cells per axis instead of {CELLS}")
+        room -= len(parts[i])
+    return Volumes.concatenate(parts) if any(map(len, parts)) else None
+
+
+def _occupied(medium: Medium, per_axis: int) -> Volumes:
+    """The cells of one medium on a `per_axis`^3 grid.
+
+    The network derives the size of a cell from its box: `CELLS` of them per axis. A coarser grid is therefore the
+    middle of a proportionally larger box.
+    """
+    n = per_axis
+    density = medium.density(n * VOXELS) if n else np.zeros((0, 0, 0))
+    peak = float(density.max(initial=0))
+    blocks = (density / (peak or 1)).reshape(n, VOXELS, n, VOXELS, n, VOXELS).transpose(0, 2, 4, 5, 3, 1)
+    kept = blocks.max(axis=(3, 4, 5), initial=0) > OCCUPIED
+    position = medium.points(n)[kept] if n else np.zeros((0, 3))
+    count = len(position)
+    scale = medium.size * CELLS / max(n, 1)
+    # Coefficients belong to a box whose optical depth does not change with its size (spec/scene-input.md 5.4).
+    unit = peak * np.sqrt(np.mean(np.square(scale)))
+    rows = (_euler_xyz(medium.rotation), scale, medium.scattering * unit, medium.absorption * unit)
+    return Volumes(blocks[kept].reshape(count, VOXELS ** 3).astype(np.float32), position.astype(np.float32),
+                   *(np.tile(row, (count, 1)).astype(np.float32) for row in rows))
+
+
+def _euler_xyz(rotation: np.ndarray) -> np.ndarray:
+    """(3,) radians such that rotation = Rz Ry Rx, y in [-pi/2, pi/2] as in training (spec/scene-input.md 5.2)."""
+    cosine = np.hypot(rotation[0, 0], rotation[1, 0])
+    y = np.arctan2(-rotation[2, 0], cosine)
+    if cosine < 1e-6:  # x and z turn about the same axis
+        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), y, 0.0])
+    return np.array([np.arctan2(rotation[2, 1], rotation[2, 2]), y, np.arctan2(rotation[1, 0], rotation[0, 0])])
+
+
+def mesh_medium(name: str, matrix: np.ndarray, corners: np.ndarray, scattering, absorption) -> Medium:
+    """The inside of a closed mesh filled with density 1.
+
+    corners: (n, 3, 3) in the frame of the object; coefficients (3,) per world unit.
+    """
+    flat = corners.reshape(-1, 3).astype(np.float64)
+    rotation, center, size = box_around(matrix, flat)
+    local = ((flat @ matrix[:3, :3].T + matrix[:3, 3] - center) @ rotation) / np.maximum(size, 1e-30)
+    tree = BVHTree.FromPolygons(local.tolist(), np.arange(len(local)).reshape(-1, 3).tolist(), all_triangles=True)
+
+    def density(resolution: int) -> np.ndarray:
+        centres = (np.arange(resolution) + 0.5) / resolution - 0.5
+        filled = np.zeros((resolution,) * 3, np.float32)
+        for i, x in enumerate(centres):
+            for j, y in enumerate(centres):
+                # A hair off the centre, so that no ray runs along the edges of a regular mesh.
+                crossings = _crossings(tree, x + 1.3e-4, y + 2.7e-4)
+                for enter, leave in zip(crossings[::2], crossings[1::2]):
+                    filled[i, j, (centres > enter) & (centres < leave)] = 1
+        return filled
+
+    return Medium(name, rotation, center, size, np.asarray(scattering), np.asarray(absorption), density)
+
+
+def _crossings(tree, x: float, y: float) -> list[float]:
+    """Heights at which the vertical line through (x, y) meets the surface, ascending."""
+    heights, start = [], -1.0
+    while (hit := tree.ray_cast((x, y, start), (0, 0, 1))[0]) is not None and len(heights) < 1000:
+        heights.append(hit.z)
+        start = hit.z + 1e-5
+    return heights

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The world's light as a latitude-longitude map (spec/scene-input.md 7)."""
+from __future__ import annotations
+
+import numpy as np
+
+from ...model.scene import ENVIRONMENT_SHAPE
+from . import nodes
+from .evaluate import Evaluator, Points
+from .image import ImageCache
+from .surface import evaluate_shader
+
+MAX_SUPERSAMPLING = 4  # rays per texel and axis; larger images are reduced first
+BAND_ROWS = 32        # texel rows evaluated at once
+VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmission", "scatter": "Volume Scatter"}
+
+
+def convert_world(world, report) -> np.ndarray | None:
+    """(256, 512, 3) f32 radiance, scene-linear, by direction as in spec/scene-input.md 7.1; None when it is black.
+
+    Every texel is the mean over its solid angle, so the energy of small bright suns in an HDRI is kept.
+    """
+    if world is None:
+        return None
+    _report_limits(world, report)
+    if not world.use_nodes or world.node_tree is None:
+        return _none_if_black(np.broadcast_to(np.float32(world.color), ENVIRONMENT_SHAPE).copy())
+    output = nodes.output_node(world.node_tree)
+    if output is None:
+        return None
+    images = ImageCache(report, MAX_SUPERSAMPLING * ENVIRONMENT_SHAPE[1])
+    socket, fineness = nodes.find_input(output, "Surface"), _supersampling(world.node_tree)
+    bands = [_band(socket, row, fineness, images, report, world.name) for row in range(0, ENVIRONMENT_SHAPE[0], BAND_ROWS)]
+    return _none_if_black(np.concatenate(bands))
+
+
+def directions(rows: np.ndarray, height: int, width: int) -> np.ndarray:
+    """(len(rows), width, 3) f32 unit directions of texel centres of a height x width map; row 0 looks up, +Z."""
+    theta = np.pi * (rows[:, None] + 0.5) / height
+    phi = 2 * np.pi * (0.5 - (np.arange(width)[None] + 0.5) / width)
+    x, y = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
+    return np.stack(np.broadcast_arrays(x, y, np.cos(theta)), axis=-1).astype(np.float32)
+
+
+def _supersampling(tree) -> int:
+    """Rays per texel and axis that meet every texel of the images in the tree."""
+    widths = [node.image.size[0] for node in tree.nodes if getattr(node, "image", None)]
+    if not widths or any(node.bl_idname == "ShaderNodeGroup" for node in tree.nodes):
+        return MAX_SUPERSAMPLING
+    return int(np.clip(np.ceil(max(widths) / ENVIRONMENT_SHAPE[1]), 2, MAX_SUPERSAMPLING))
+
+
+def _band(socket, first_row, fineness, images, report, name) -> np.ndarray:
+    """BAND_ROWS rows of the map."""
+    height, width, _ = (size * fineness for size in ENVIRONMENT_SHAPE)
+    rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)
+    evaluator = Evaluator(Points(direction=directions(rows, height, width)), images, report, name)
+    radiance = np.maximum(np.nan_to_num(evaluate_shader(evaluator, socket).emission), 0)
+    radiance = np.broadcast_to(radiance, (len(rows), width, 3)).reshape(BAND_ROWS, fineness, -1, fineness, 3)
+    weight = np.sin(np.pi * (rows + 0.5) / height).reshape(BAND_ROWS, fineness)
+    weight = weight / weight.sum(axis=1, keepdims=True) / fineness
+    return np.einsum("rswtc,rs->rwc", radiance, weight).astype(np.float32)
+
+
+def _none_if_black(environment: np.ndarray) -> np.ndarray | None:
+    return environment if environment.any() else None
+
+
+def _report_limits(world, report) -> None:
+    output = nodes.output_node(world.node_tree) if world.use_nodes else None
+    if output is not None and nodes.source(nodes.find_input(output, "Volume"))[1] is not None:
+        report.skipped(world.name, "a volume that fills the world is left out; use a box with a volume shader")
+    hidden = [label for key, label in VISIBILITY.items() if not getattr(world.cycles_visibility, key)]
+    if hidden:
+        report.approximated(world.name, f"it lights everything although ray visibility is off for: {', '.join(hidden)}")

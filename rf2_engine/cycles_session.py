@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles run inside our own engine: exact first hits for any material graph, and path-traced references.
+
+Cycles computes the passes that our render result has and honours render border, resolution percentage, view layer,
+overrides and Esc by itself. It frees the evaluated scene when it ends (unless Persistent Data is on), so everything
+else must be taken from the depsgraph before `render_passes`, and one session per render is the rule.
+"""
+from __future__ import annotations
+
+import addon_utils
+import bpy
+import numpy as np
+
+from ..model.errors import RenderCancelled, SceneError
+from . import passes as pass_table
+
+# The film is always transparent: Cycles then gives coverage as alpha, while the Environment pass still holds the world
+# seen directly (measured: Env = world * (1 - alpha) in both film modes), so the opaque picture is combined + environment.
+_ALWAYS = {
+    "render.film_transparent": True,
+    "cycles.film_transparent_glass": False,
+    "cycles.film_exposure": 1.0,
+    "cycles.use_adaptive_sampling": False,
+    "cycles.use_sample_subset": False,
+    "cycles.use_layer_samples": "IGNORE",
+    "cycles.time_limit": 0.0,
+}
+_FIRST_HITS_ONLY = {
+    "cycles.device": "CPU",  # a few samples do not pay for loading GPU kernels
+    "cycles.max_bounces": 0,
+    "cycles.use_guiding": False,
+    "cycles.use_fast_gi": False,
+    "cycles.use_light_tree": False,  # a sixth of the time, for light that nobody looks at
+}
+
+
+def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int,
+                  lighting: bool, denoise: bool = False) -> dict[str, np.ndarray]:
+    """Run one Cycles session for the view layer of `depsgraph` and return its passes.
+
+    `engine` is the RenderEngine inside whose `render` this is called. With `lighting` False there are no bounces and the
+    result holds first-hit data only. With `lighting` True the scene's own bounces are used and the result also holds
+    "combined" (denoised by OpenImageDenoise if `denoise`) and the direct and indirect light passes (never denoised).
+
+    Returns {key of passes.PASSES: (H, W, C) f32}, row 0 on top, for the render border only; plus "alpha" (H, W, 1),
+    coverage. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
+    "environment" for an opaque film. "depth" and "position" belong to the pixel centre (Cycles writes them for its first
+    sample alone, which it puts there): 1e10 and 0 where that ray hits nothing. "normal" and the colours are sums over
+    the samples that hit something, divided by all samples.
+
+    Raises RenderCancelled after Esc, SceneError when Cycles is switched off or stops with an error.
+    """
+    if not addon_utils.check("cycles")[1]:
+        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on for first hits: "
+                         "enable 'Cycles Render Engine' in Preferences > Add-ons")
+    import cycles.engine as cycles_engine
+
+    scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+    layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, lighting)
+    for p in wanted:
+        if p.source == "lighting":
+            engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
+
+    kept = scene.render.use_persistent_data
+    saved = _override(scene, _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": lighting and denoise})
+    if not lighting:
+        saved += _override(scene, _FIRST_HITS_ONLY) + _override(view_layer, {"use_motion_blur": False})
+        if scene.camera and scene.camera.type == "CAMERA":  # the network knows a pinhole camera
+            saved += _override(scene.camera.data, {"dof.use_dof": False})
+    engine.session = None
+    cycles_engine.create(engine, bpy.data)
+    try:
+        cycles_engine.reset(engine, bpy.data, depsgraph)
+        cycles_engine.render(engine, depsgraph)
+        found = {} if engine.test_break() else _read(engine.get_result(), layer_name, wanted)
+        cycles_engine.render_frame_finish(engine)
+    finally:
+        cycles_engine.free(engine)
+        engine.session = None
+        if kept:  # otherwise the evaluated scene is gone by now, and touching it crashes
+            for owner, name, value in reversed(saved):
+                setattr(owner, name, value)
+    if engine.test_break():
+        raise RenderCancelled()
+    missing = [p.blender_name for p in wanted if p.key not in found]
+    if missing:
+        raise SceneError(f"Cycles stopped without the passes {', '.join(missing)}: see its message in the console")
+
+    combined = found["combined"]
+    found["alpha"] = combined[..., 3:].copy()
+    if not lighting:
+        del found["combined"]
+    return found
+
+
+def _read(result: bpy.types.RenderResult, layer_name: str, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+    height, width = result.resolution_y, result.resolution_x
+    keys = {p.blender_name: p.key for p in wanted}
+    found = {}
+    for p in result.layers[layer_name].passes:
+        if p.name in keys and keys[p.name] not in found:
+            pixels = np.empty(height * width * p.channels, np.float32)
+            p.rect.foreach_get(pixels)
+            found[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
+    return found
+
+
+def _override(data: bpy.types.ID | bpy.types.ViewLayer, settings: dict[str, object]) -> list[tuple]:
+    """Set properties of evaluated data, given by dotted path; returns (owner, name, old value) of each.
+
+    The user's scene never sees it: it is the evaluated copy that Cycles reads.
+    """
+    saved = []
+    for path, value in settings.items():
+        parent, _, name = path.rpartition(".")
+        owner = data.path_resolve(parent) if parent else data
+        if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
+            saved.append((owner, name, getattr(owner, name)))
+            setattr(owner, name, value)
+    return saved

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine that Blender sees: flags and delegations only."""
+from __future__ import annotations
+
+import bpy
+
+from . import passes, render
+
+
+class RenderFormerEngine(bpy.types.RenderEngine):
+    bl_idname = "RENDERFORMER_V2"
+    bl_label = "RenderFormer-V2"
+    bl_use_postprocess = True             # the compositor runs on our passes
+    bl_use_shading_nodes_custom = False   # Cycles' shader nodes stay in the Add menu
+    bl_use_eevee_viewport = True          # Material Preview is Eevee's
+    bl_use_preview = False
+
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs)
+
+    def update_render_passes(self, scene, view_layer):
+        passes.register(self, scene, view_layer)
+
+    def render(self, depsgraph):
+        render.render(self, depsgraph)
+
+
+register, unregister = bpy.utils.register_classes_factory((RenderFormerEngine,))

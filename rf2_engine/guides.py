@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From Cycles' first-hit passes and the token triangles to the network's `Guides`."""
+from __future__ import annotations
+
+import numpy as np
+from mathutils.bvhtree import BVHTree
+
+from ..model.scene import Guides, RenderScene, View
+
+# A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what Cycles
+# saw. Decimated meshes and displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects) fails.
+TOLERANCE = 0.01
+# Camera rays pass through lamps, which may hang just below a ceiling: a light that shows no emission must fit closely.
+UNSEEN_LIGHT_TOLERANCE = 1e-4
+NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothing
+COVERED = 1e-3       # alpha below this is not worth a token's attention
+FILL_RADIUS = 4      # pixels
+CHUNK = 1 << 16      # rays between two looks at the Esc key: about 0.1 s
+
+
+def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View, progress=None) -> Guides:
+    """First-hit guides of one view from `passes` (cycles_session.render_passes) and `scene` (world frame).
+
+    Cycles gives Position for the pixel's centre only. Pixels that are partly covered although their centre hits nothing
+    (silhouettes, wires) take position and triangle from the nearest covered pixel. Normals become unit vectors.
+
+    progress(text, fraction) is called every CHUNK pixels and may raise RenderCancelled.
+
+    Raises ValueError when the passes do not have the size of `view`.
+    """
+    alpha = passes["alpha"][..., 0].clip(0.0, 1.0)
+    if alpha.shape != (view.height, view.width):
+        raise ValueError(f"the passes are {alpha.shape[1]}x{alpha.shape[0]}, the view is {view.width}x{view.height}")
+    covered = alpha > COVERED
+    seen = covered & (passes["depth"][..., 0] < NOTHING_HIT)
+
+    position = passes["position"] * seen[..., None]
+    triangle = np.full(seen.shape, -1, np.int32)
+    barycentric = np.zeros((*seen.shape, 2), np.float32)
+    if len(scene) and seen.any():
+        shines = (passes["emission"] > 0).any(axis=-1)
+        triangle[seen], barycentric[seen] = _first_triangles(scene, view, position, seen, shines,
+                                                                    progress or (lambda text, fraction: None))
+    source = _nearest(seen, covered)
+
+    length = np.linalg.norm(passes["normal"], axis=-1, keepdims=True)
+    return Guides(
+        position=position.reshape(-1, 3)[source], normal=passes["normal"] / np.where(length > 0, length, 1),
+        diffuse_color=passes["diffuse_color"], glossy_color=passes["glossy_color"],
+        transmission_color=passes["transmission_color"], emission=passes["emission"],
+        environment=passes["environment"], depth=passes["depth"][..., 0], alpha=alpha,
+        hit_triangle=triangle.ravel()[source], hit_barycentric=barycentric.reshape(-1, 2)[source])
+
+
+def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen: np.ndarray, shines: np.ndarray,
+                     progress) -> tuple[np.ndarray, np.ndarray]:
+    """Token triangle (S,) i32 and weights of its corners 0 and 1 (S, 2) f32 for the S pixels of `seen`."""
+    corners = scene.triangles.reshape(-1, 3)
+    tree = BVHTree.FromPolygons(corners.tolist(), np.arange(len(corners)).reshape(-1, 3).tolist(), all_triangles=True)
+    eye, is_light = view.camera_to_world[:3, 3], scene.is_light
+    rays, targets, shining = _directions(view)[seen], position[seen], shines[seen]
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    triangles, points = np.empty(len(rays), np.int32), np.empty((len(rays), 3), np.float32)
+
+    for begin in range(0, len(rays), CHUNK):
+        progress("Finding the triangles that are seen", begin / len(rays))
+        part = slice(begin, begin + CHUNK)
+        triangle, distance = _cast(tree, eye, rays[part])
+        point, target = eye + distance[:, None] * rays[part], targets[part]
+        unseen_light = is_light[triangle] & ~shining[part]
+        tolerance = np.where(unseen_light, UNSEEN_LIGHT_TOLERANCE, TOLERANCE) * np.linalg.norm(target - eye, axis=1)
+        other = np.flatnonzero((triangle < 0) | (np.linalg.norm(point - target, axis=1) > tolerance))
+        for i, place in zip(other.tolist(), target[other].tolist()):
+            point[i], _, triangle[i], _ = tree.find_nearest(place)
+        triangles[part], points[part] = triangle, point
+    return triangles, _barycentric(scene.triangles[triangles], points)
+
+
+def _cast(tree: BVHTree, eye: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangle (S,) i32, -1 if none, and distance (S,) f32 for unit rays (S, 3)."""
+    cast, origin = tree.ray_cast, eye.tolist()
+    hits = [cast(origin, ray)[2:] for ray in rays.tolist()]
+    triangle = np.fromiter((-1 if index is None else index for index, _ in hits), np.int32, len(hits))
+    distance = np.fromiter((length or 0.0 for _, length in hits), np.float32, len(hits))
+    return triangle, distance
+
+
+def _directions(view: View) -> np.ndarray:
+    """(H, W, 3) f32 world directions through the pixel centres, not of unit length."""
+    x = (np.arange(view.width, dtype=np.float32) + 0.5 - view.principal[0]) / view.focal[0]
+    y = -(np.arange(view.height, dtype=np.float32) + 0.5 - view.principal[1]) / view.focal[1]
+    right, up, backward = view.camera_to_world[:3, :3].T
+    return x[None, :, None] * right + y[:, None, None] * up - backward
+
+
+def _barycentric(triangles: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """(S, 2) f32 weights of corners 0 and 1 at points (S, 3) on triangles (S, 3, 3); 1/3 each if the area is zero."""
+    a, b, c = (triangles[:, i].astype(np.float64) for i in range(3))
+    u, v, w = a - c, b - c, point - c
+    uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
+    wu, wv = (w * u).sum(1), (w * v).sum(1)
+    area = uu * vv - uv * uv
+    flat = area <= 1e-20 * np.maximum(uu, vv) ** 2
+    weights = np.stack([vv * wu - uv * wv, uu * wv - uv * wu], axis=1) / np.where(flat, 1, area)[:, None]
+    return np.where(flat[:, None], 1 / 3, weights.clip(0, 1)).astype(np.float32)
+
+
+def _nearest(known: np.ndarray, needed: np.ndarray) -> np.ndarray:
+    """(H, W) flat index of the pixel itself, or of a nearby `known` one for pixels that are `needed` but not known."""
+    height, width = known.shape
+    source = np.arange(height * width).reshape(height, width)
+    known = known.copy()
+    for _ in range(FILL_RADIUS):
+        rows, columns = np.nonzero(needed & ~known)
+        if not len(rows):
+            break
+        for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+            y, x = (rows + dy).clip(0, height - 1), (columns + dx).clip(0, width - 1)
+            found = known[y, x]
+            source[rows[found], columns[found]] = source[y[found], x[found]]
+        known[rows, columns] = source[rows, columns] != rows * width + columns
+    return source

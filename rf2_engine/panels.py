@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Our panels, and Blender's ordinary panels shown for this engine too."""
+from __future__ import annotations
+
+import bpy
+
+from . import model_cache, passes, render, runtime
+from .engine import RenderFormerEngine
+
+# Panels that Blender shows for any engine but that do nothing here, or that a more complete Eevee panel replaces.
+EXCLUDED = {"DATA_PT_light", "NODE_DATA_PT_light", "DATA_PT_falloff_curve", "RENDER_PT_freestyle", "RENDER_PT_stereoscopy"}
+EEVEE_PANELS = {
+    "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface", "EEVEE_MATERIAL_PT_volume",
+    "EEVEE_MATERIAL_PT_displacement", "EEVEE_WORLD_PT_surface", "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist",
+    "DATA_PT_EEVEE_light", "NODE_DATA_PT_EEVEE_light", "DATA_PT_spot", "VIEWLAYER_PT_filter",
+}
+EEVEE_ENGINES = {"BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"}  # the first from 5.0 on, the second up to 4.5
+
+
+class _Panel(bpy.types.Panel):
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine == RenderFormerEngine.bl_idname
+
+
+class RENDERFORMER_PT_settings(_Panel):
+    bl_label = "RenderFormer-V2"
+    bl_context = "render"
+    bl_order = 0
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.renderformer_v2
+        layout.use_property_split, layout.use_property_decorate = True, False
+        missing = runtime.missing()
+        if missing:
+            layout.label(text=f"Missing Python packages: {', '.join(missing)}", icon="ERROR")
+            layout.operator("renderformer_v2.install_runtime", icon="IMPORT")
+        column = layout.column()
+        column.prop(settings, "weights_source")
+        if settings.weights_source == "FOLDER":
+            column.prop(settings, "weights_folder")
+        column.prop(settings, "device")
+        column.prop(settings, "precision")
+        column = layout.column()
+        column.prop(settings, "token_budget")
+        column.prop(settings, "max_edge")
+        column.prop(settings, "guide_samples")
+        layout.prop(context.scene.render, "film_transparent", text="Transparent Film")
+        if model_cache.is_loaded():
+            layout.operator("renderformer_v2.free_model")
+
+
+class RENDERFORMER_PT_report(_Panel):
+    bl_label = "Last Render"
+    bl_context = "render"
+    bl_parent_id = "RENDERFORMER_PT_settings"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        column = self.layout.column(align=True)
+        last = render.last_statistics
+        if not last:
+            column.label(text="Nothing rendered yet")
+            return
+        column.label(text=f"{last['triangles']} triangles, {last['tokens']} tokens")
+        for stage, seconds in last["seconds"].items():
+            column.label(text=f"{stage}: {seconds:.2f} s")
+        for line in last["report"]:
+            column.label(text=line, icon="INFO")
+
+
+class RENDERFORMER_PT_passes(_Panel):
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        always = ", ".join(p.blender_name for p in passes.PASSES if not p.setting and p.source != "lighting")
+        layout.label(text=f"Always: {always}")
+        column = layout.column(heading="Data")
+        for p in passes.PASSES:
+            if p.setting:
+                column.prop(context.view_layer, p.setting, text=p.name_5)
+
+
+def adopted_panels():
+    """Blender's panels that make sense for this engine, built-in ones and those of other add-ons."""
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", ())
+        if panel.__name__ in EEVEE_PANELS and EEVEE_ENGINES.intersection(engines):
+            yield panel
+        elif "BLENDER_RENDER" in engines and panel.__name__ not in EXCLUDED:
+            yield panel
+
+
+_register, _unregister = bpy.utils.register_classes_factory(
+    (RENDERFORMER_PT_settings, RENDERFORMER_PT_report, RENDERFORMER_PT_passes))
+
+
+def register() -> None:
+    _register()
+    for panel in adopted_panels():
+        panel.COMPAT_ENGINES.add(RenderFormerEngine.bl_idname)
+
+
+def unregister() -> None:
+    for panel in adopted_panels():
+        panel.COMPAT_ENGINES.discard(RenderFormerEngine.bl_idname)
+    _unregister()

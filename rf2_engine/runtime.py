@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Python packages that the network needs and Blender does not bring: found, asked for, never imported here.
+
+They are taken from the running Python, or from a folder of our own that the Install operator fills. Blender's own
+site-packages are never written to, and numpy always stays Blender's.
+"""
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import bpy
+
+PACKAGES = {"torch": "torch==2.15.0", "safetensors": "safetensors==0.8.0", "fast_simplification": "fast-simplification==0.2.0"}
+EXTENSION = __package__.rpartition(".")[0]
+
+
+class MissingPackages(Exception):
+    """Packages cannot be imported; the message says how to get them."""
+
+
+def folder(create: bool = False) -> Path | None:
+    """Our folder of packages, under Blender's path for this extension; None when run from the source tree."""
+    if not EXTENSION.startswith("bl_ext."):
+        return None
+    return Path(bpy.utils.extension_path_user(EXTENSION, path="runtime", create=create))
+
+
+def missing() -> list[str]:
+    """Import names of the packages that are not to be found."""
+    own = folder()
+    if own and own.is_dir() and str(own) not in sys.path:
+        sys.path.append(str(own))  # behind Blender's packages: it must not replace any of them
+        importlib.invalidate_caches()
+    return [name for name in PACKAGES if importlib.util.find_spec(name) is None]
+
+
+def require() -> None:
+    """Raises MissingPackages."""
+    names = missing()
+    if names:
+        raise MissingPackages(
+            f"Python packages are missing: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > Install PyTorch "
+            f"(a large download), or install them into Blender's Python: {sys.executable} -m pip install "
+            + " ".join(PACKAGES[name] for name in names))
+
+
+def install_commands(target: Path) -> list[list[str]]:
+    """pip commands that fill `target`: prebuilt wheels only, and without numpy."""
+    pip = [sys.executable, "-m", "pip", "install", "--disable-pip-version-check", "--only-binary=:all:", "--upgrade",
+           "--target", str(target)]
+    return [[*pip, PACKAGES["torch"]],
+            [*pip, "--no-deps", *(requirement for name, requirement in PACKAGES.items() if name != "torch")]]

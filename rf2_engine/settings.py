@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user can choose: one property group, `scene.renderformer_v2`."""
+from __future__ import annotations
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+
+class RenderFormerSettings(bpy.types.PropertyGroup):
+    weights_source: EnumProperty(
+        name="Weights",
+        items=(
+            ("BUNDLED", "Bundled (small)", "The small network that comes with the add-on and works offline", 0),
+            ("FOLDER", "Folder", "A folder with weights on this computer", 1),
+        ),
+    )
+    weights_folder: StringProperty(name="Folder", subtype="DIR_PATH",
+                                   description="Folder that holds the weights, for example renderformer-v2")
+    device: EnumProperty(
+        name="Device",
+        items=(
+            ("auto", "Automatic", "CUDA, then Metal, then the CPU: the first that is there", 0),
+            ("cpu", "CPU", "The processor", 1),
+            ("cuda", "CUDA", "An NVIDIA GPU (or AMD's through ROCm)", 2),
+            ("mps", "Metal", "The GPU of an Apple computer", 3),
+        ),
+    )
+    precision: EnumProperty(
+        name="Precision",
+        items=(
+            ("auto", "Automatic", "Half precision where this machine gains from it", 0),
+            ("fp32", "Float32", "Slowest and most exact", 1),
+            ("bf16", "BFloat16", "Half precision with the range of Float32", 2),
+            ("fp16", "Float16", "Half precision, for GPUs", 3),
+        ),
+    )
+    token_budget: IntProperty(
+        name="Triangle Budget", default=16384, min=256, soft_max=131072, max=1 << 20,
+        description="Most triangles that the network is given: denser meshes are simplified. "
+                    "Time grows with it, and the detail of shadows and reflections",
+    )
+    max_edge: FloatProperty(
+        name="Longest Edge", default=0.1, min=0.005, max=1.0, precision=3,
+        description="Triangles with longer edges are divided while the budget lasts; "
+                    "a fraction of the scene's longest side",
+    )
+    guide_samples: IntProperty(
+        name="Guide Samples", default=8, min=1, soft_max=64, max=1024,
+        description="Samples per pixel for edges, textures and alpha; they hold no lighting",
+    )
+
+    def weights(self) -> str:
+        """"small" or an absolute folder, as model.renderer.Renderer takes it."""
+        return "small" if self.weights_source == "BUNDLED" else bpy.path.abspath(self.weights_folder)
+
+
+def register() -> None:
+    bpy.utils.register_class(RenderFormerSettings)
+    bpy.types.Scene.renderformer_v2 = PointerProperty(type=RenderFormerSettings, name="RenderFormer-V2")
+
+
+def unregister() -> None:
+    del bpy.types.Scene.renderformer_v2
+    bpy.utils.unregister_class(RenderFormerSettings)

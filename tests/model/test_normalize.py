@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Normalisation brings any scene into one range and does not change what it looks like."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.normalize import CENTRAL_IRRADIANCE, HALF_EXTENT, Normalization
+from model.scene import HEIGHT, RenderScene, constant_tile
+
+
+@pytest.fixture
+def scene() -> RenderScene:
+    rng = np.random.default_rng(3)
+    corners = np.float32(rng.uniform(-1, 1, (400, 1, 3)) + 0.02 * rng.standard_normal((400, 3, 3)))
+    emission = np.zeros((400, 3), np.float32)
+    emission[:2] = 50.0
+    corners[:2] += np.float32((0, 0, 4))
+    zeros = np.zeros((400, 3), np.float32)
+    return RenderScene(corners, np.zeros_like(corners), emission, zeros, zeros[:, :2], np.zeros(400, np.int32),
+                       constant_tile()[None], np.full((256, 512, 3), 0.3, np.float32))
+
+
+@pytest.mark.parametrize("size, light", [(1.0, 1.0), (250.0, 1.0), (0.004, 1e-3), (1.0, 1e4)])
+def test_size_position_and_brightness_do_not_reach_the_network(scene, size, light):
+    other = replace(scene, triangles=scene.triangles * np.float32(size) + np.float32(7 * size),
+                    emission=scene.emission * np.float32(light), environment=scene.environment * np.float32(light))
+    a, b = (Normalization.of(s).scene(s) for s in (scene, other))
+    np.testing.assert_allclose(a.triangles, b.triangles, atol=2e-4)
+    np.testing.assert_allclose(a.emission, b.emission, rtol=1e-3)
+    np.testing.assert_allclose(a.environment, b.environment, rtol=1e-3)
+
+
+def test_range_is_the_trained_one(scene):
+    corners = Normalization.of(scene).scene(scene).triangles[2:].reshape(-1, 3)
+    assert np.percentile(np.abs(corners).max(axis=1), 98) == pytest.approx(HALF_EXTENT, rel=0.1)
+    dark = replace(scene, emission=scene.emission * 0)
+    white = Normalization.of(dark).scene(dark).environment
+    assert white.mean() * np.pi == pytest.approx(CENTRAL_IRRADIANCE, rel=1e-3)
+
+
+def test_one_far_triangle_does_not_shrink_the_scene(scene):
+    far = scene.triangles.copy()
+    far[5] *= 1000
+    assert Normalization.of(replace(scene, triangles=far)).scale == pytest.approx(Normalization.of(scene).scale, rel=0.05)
+
+
+def test_displacement_scales_with_the_geometry(scene):
+    tiles = scene.tiles.copy()
+    tiles[:, HEIGHT] = 0.5
+    normalization = Normalization.of(scene)
+    normalized = normalization.scene(replace(scene, tiles=tiles))
+    assert normalized.tiles[0, HEIGHT, 0, 0] == pytest.approx(0.5 * normalization.scale, rel=1e-2)
+    assert tiles[0, HEIGHT, 0, 0] == 0.5
+
+
+def test_dark_and_empty_scenes_stay_finite(scene):
+    for s in (replace(scene, emission=scene.emission * 0, environment=None), RenderScene()):
+        normalization = Normalization.of(s)
+        assert np.isfinite([normalization.scale, normalization.exposure, *normalization.center]).all()

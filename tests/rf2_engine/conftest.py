@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Builds the extension, installs that zip into a temporary user repository and enables it: what users get.
+
+Test modules import the add-on's own modules as `from bl_ext.user_default.renderformer_v2.rf2_engine import ...`.
+"""
+import os
+from pathlib import Path
+
+import bpy
+import addon_utils  # bpy puts it on the path
+import pytest
+
+from tools.build import build
+
+PACKAGE = "bl_ext.user_default.renderformer_v2"
+
+
+def _install() -> None:
+    archive = build(Path(os.environ["BLENDER_USER_RESOURCES"]) / "build")
+    addon_utils.enable("bl_pkg", default_set=True)
+    bpy.ops.extensions.package_install_files(filepath=str(archive), repo="user_default", enable_on_install=True)
+    if PACKAGE not in bpy.context.preferences.addons:
+        raise RuntimeError(f"Blender did not enable {PACKAGE}")
+
+
+_install()
+
+
+@pytest.fixture
+def scene():
+    """An empty scene that renders with our engine: tiny, one guide sample, a grey world, a camera at (0, -5, 0)."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    addon_utils.enable(PACKAGE)
+    scene = bpy.context.scene
+    scene.render.engine = "RENDERFORMER_V2"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 50, 37, 100
+    scene.renderformer_v2.guide_samples = 1
+    scene.renderformer_v2.precision = "fp32"
+    scene.world = bpy.data.worlds.new("Grey")
+    scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.25, 0.25, 0.25, 1)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (0, -5, 0), (1.5707963, 0, 0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    return scene

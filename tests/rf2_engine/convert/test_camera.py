@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""View against Blender's own projection."""
+from itertools import product
+
+import bpy
+import numpy as np
+import pytest
+from bl_ext.user_default.renderformer_v2.model.errors import SceneError
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Matrix, Vector
+
+PLACE = Vector((3, -4, 2))
+POINTS = [Vector(p) for p in ((0, 0, 0), (1, 0.5, -0.3), (-0.7, 0.2, 0.9), (0.1, -1, 0.4))]
+
+
+def view_of(scene, size, border=None, report=None):
+    bpy.context.view_layer.update()
+    return convert_camera(bpy.context.evaluated_depsgraph_get(), *size, border, report)
+
+
+def project(view, point):
+    """(2,) pixel position of a world point, by the definition of View."""
+    x, y, z, _ = np.linalg.inv(view.camera_to_world.astype(float)) @ (*point, 1)
+    return view.focal * (x, -y) / -z + view.principal
+
+
+def blender_pixels(scene, size, point):
+    x, y, _ = world_to_camera_view(scene, scene.camera, point)
+    return np.array([x * size[0], (1 - y) * size[1]])
+
+
+@pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
+@pytest.mark.parametrize("size", [(64, 64), (80, 45), (45, 81)])
+def test_projection_is_blenders(scene, fit, size):
+    camera = scene.camera
+    camera.data.sensor_fit = fit
+    scene.render.resolution_x, scene.render.resolution_y = size
+    for aspect, shift, scale in product([(1, 1), (2, 1), (1, 1.5)], [(0, 0), (0.2, -0.1)],
+                                        [(1, 1, 1), (2, 3, 4), (-1, 1, 1), (1, -2, 1)]):
+        scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = aspect
+        camera.data.shift_x, camera.data.shift_y = shift
+        camera.matrix_world = Matrix.LocRotScale(PLACE, PLACE.to_track_quat("Z", "Y"), Vector(scale))
+        view = view_of(scene, size)
+        rotation = view.camera_to_world[:3, :3]
+        np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-5)
+        assert np.linalg.det(rotation) == pytest.approx(1, abs=1e-5)
+        for point in POINTS:
+            np.testing.assert_allclose(project(view, point), blender_pixels(scene, size, point), atol=2e-3)
+
+
+def test_border_moves_the_principal_point(scene):
+    size = (50, 37)
+    whole, part = view_of(scene, size), view_of(scene, size, (10, 31, 5, 20))
+    assert (part.width, part.height) == (21, 15)
+    np.testing.assert_allclose(part.principal, whole.principal - (10, 37 - 20))
+    np.testing.assert_array_equal(part.focal, whole.focal)
+
+
+def test_orthographic_camera_keeps_its_framing_and_is_reported(scene, report, add_mesh):
+    add_mesh("object", [(-1, 0, -1), (1, 0, -1), (0, 0, 1)])
+    scene.camera.data.type, scene.camera.data.ortho_scale, scene.camera.data.shift_x = "ORTHO", 4, 0.1
+    view = view_of(scene, (50, 37), report=report)
+    for point in (Vector((-1, 0, -1)), Vector((1, 0, 0.5)), Vector((0, 0, 1))):
+        np.testing.assert_allclose(project(view, point), blender_pixels(scene, (50, 37), point), atol=2e-2)
+    assert report.entries[0][:2] == ("approximated", "Camera")
+
+
+def test_impossible_cameras_are_errors_that_name_them(scene):
+    scene.camera.data.type = "PANO"
+    with pytest.raises(SceneError, match="Camera"):
+        view_of(scene, (50, 37))
+    scene.camera = None
+    with pytest.raises(SceneError, match="no camera"):
+        view_of(scene, (50, 37))

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Brightness of every lamp type against Cycles, by integrating the converted triangles numerically."""
+import numpy as np
+import pytest
+from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, lamp
+from mathutils import Matrix
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.light import convert_light
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+
+POSE = Matrix.Translation((0.3, -0.2, 2.5)) @ Matrix.Rotation(0.4, 4, "X") @ Matrix.Rotation(0.3, 4, "Y")
+POINTS = [((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), ((-1.0, -0.3, 0.2), (0.3, 0.1, 1.0))]
+LAMPS = {
+    "square": dict(kind="AREA", energy=100, size=1.0),
+    "rectangle": dict(kind="AREA", energy=100, shape="RECTANGLE", size=1.5, size_y=0.3, color=(1, 0.5, 0.2)),
+    "ellipse": dict(kind="AREA", energy=100, shape="ELLIPSE", size=1.5, size_y=0.5),
+    "disk by radiance": dict(kind="AREA", energy=100, shape="DISK", size=0.5, normalize=False),
+    "point": dict(kind="POINT", energy=100, shadow_soft_size=0.1, exposure=1.0),
+    "point of radius 0": dict(kind="POINT", energy=100, shadow_soft_size=0.0),
+    "point by radiance": dict(kind="POINT", energy=100, shadow_soft_size=0.3, normalize=False),
+    "warm point": dict(kind="POINT", energy=100, use_temperature=True, temperature=3000),
+    "spot": dict(kind="SPOT", energy=100, spot_size=1.6, spot_blend=0.9, shadow_soft_size=0.05),
+    "hard spot": dict(kind="SPOT", energy=100, spot_size=1.2, spot_blend=0.0, shadow_soft_size=0.05),
+    "sun": dict(kind="SUN", energy=3, angle=0.01),
+    "wide sun": dict(kind="SUN", energy=3, angle=0.3, normalize=False),
+}
+
+
+def converted(obj, report=None):
+    scene = convert_light(np.array(obj.matrix_world), obj.data, obj.name, report or Report(), np.zeros(3), 1.0)
+    scene.validate()
+    return scene
+
+
+def integrated(scene, point, normal, cuts=12):
+    """(3,) unshadowed irradiance: sum over cut triangles of L beam cos cos / d^2 dA, both cosines one-sided."""
+    i, j = np.meshgrid(np.arange(cuts), np.arange(cuts), indexing="ij")
+    upright, turned = i + j < cuts, i + j < cuts - 1
+    middle = np.concatenate([np.stack([i, j], -1)[upright] + 1 / 3, np.stack([i, j], -1)[turned] + 2 / 3]) / cuts
+    weights = np.concatenate([middle, 1 - middle.sum(axis=1, keepdims=True)], axis=1)
+    corners = scene.triangles.astype(np.float64)
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None] / 2 / len(weights)
+    away = np.asarray(point) - np.einsum("gk,nkd->ngd", weights, corners)
+    distance = np.linalg.norm(away, axis=-1, keepdims=True)
+    away = away / distance
+    emitted = np.maximum((away * area).sum(axis=-1), 0)
+    received = np.maximum(-away @ (np.asarray(normal) / np.linalg.norm(normal)), 0)
+    outer, inner = (scene.beam_cosine[:, k, None].astype(np.float64) for k in (0, 1))
+    t = np.clip(((away * scene.beam_axis[:, None]).sum(axis=-1) - outer) / np.maximum(inner - outer, 1e-9), 0, 1)
+    beam = np.where(scene.beam_axis.any(axis=1)[:, None], t * t * (3 - 2 * t), 1)
+    return (emitted * received * beam / distance[..., 0] ** 2).sum(axis=1) @ scene.emission
+
+
+@pytest.mark.parametrize("settings", LAMPS.values(), ids=LAMPS)
+@pytest.mark.parametrize("scale", [1.0, 1.7])
+def test_lamp_is_as_bright_as_in_cycles(settings, scale):
+    empty_cycles_scene()
+    obj = lamp(matrix=POSE @ Matrix.Scale(scale, 4), **settings)
+    for point, normal in POINTS:
+        expected = irradiance(point, normal)
+        assert expected.min() > 0
+        np.testing.assert_allclose(integrated(converted(obj), point, normal), expected, rtol=0.05)
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.45, 0.55, 0.65])
+@pytest.mark.parametrize("scale", [(1, 1, 1), (1.5, 1.5, 1)])
+def test_spot_cone_and_blend_follow_cycles(angle, scale):
+    empty_cycles_scene()
+    pose = Matrix.Translation((0, 0, 5)) @ Matrix.Diagonal((*scale, 1))
+    obj = lamp("SPOT", pose, energy=500, spot_size=1.2, spot_blend=0.4, shadow_soft_size=0.02)
+    point = (5 * np.tan(angle), 0, 0)
+    expected = irradiance(point, (0, 0, 1))
+    np.testing.assert_allclose(integrated(converted(obj), point, (0, 0, 1)), expected, rtol=0.06, atol=0.03)
+
+
+def test_area_spread_is_close_to_cycles():
+    empty_cycles_scene()
+    obj = lamp("AREA", Matrix.Translation((0, 0, 2.5)), energy=100, size=0.3, spread=2.0)
+    for angle, tolerance in ((0.0, 0.2), (0.3, 0.1), (0.6, 0.2)):
+        point = (2.5 * np.tan(angle), 0, 0)
+        np.testing.assert_allclose(integrated(converted(obj), point, (0, 0, 1)), irradiance(point, (0, 0, 1)),
+                                   rtol=tolerance)
+
+
+@pytest.mark.parametrize("kind", ["AREA", "SUN"])
+def test_nothing_leaves_through_the_back(kind):
+    empty_cycles_scene()
+    scene = converted(lamp(kind, Matrix.Translation((0, 0, 2))))
+    above, down = (0.1, 0.2, 80.0), (0.0, 0.0, -1.0)
+    assert not integrated(scene, above, down).any()
+    lit = scene.is_light
+    face = np.cross(scene.triangles[:, 1] - scene.triangles[:, 0], scene.triangles[:, 2] - scene.triangles[:, 0])
+    assert (face[lit] @ [0, 0, -1] > 0).all()
+    assert (np.einsum("nc,nkc->nk", face, scene.normals) > 0).all()
+    np.testing.assert_allclose(scene.beam_axis[lit], [[0, 0, -1]] * lit.sum(), atol=1e-6)
+
+
+def test_mirrored_and_sheared_objects_keep_the_flux_of_an_area_lamp():
+    empty_cycles_scene()
+    obj = lamp("AREA", POSE @ Matrix.Diagonal((-1.5, 1, 1, 1)), energy=100, size=0.6)
+    point, normal = POINTS[1]
+    np.testing.assert_allclose(integrated(converted(obj), point, normal), irradiance(point, normal), rtol=0.05)
+
+
+def test_shade_of_a_spot_is_open_along_the_beam_only():
+    empty_cycles_scene()
+    from mathutils.bvhtree import BVHTree
+    scene = converted(lamp("SPOT", Matrix(), energy=100, spot_size=1.0, shadow_soft_size=0.05))
+    shade = scene.triangles[~scene.is_light]
+    tree = BVHTree.FromPolygons([tuple(p) for p in shade.reshape(-1, 3)],
+                                [tuple(range(3 * i, 3 * i + 3)) for i in range(len(shade))])
+
+    def blocked(angle):
+        return tree.ray_cast((0, 0, 0), (np.sin(angle), 0, -np.cos(angle)))[0] is not None
+
+    assert [blocked(a) for a in (0.0, 0.45, 0.6, 1.5, 3.1)] == [False, False, True, True, True]
+
+
+def test_node_tree_of_a_lamp_scales_its_light():
+    empty_cycles_scene()
+    obj = lamp("POINT", POSE, energy=100, shadow_soft_size=0.1)
+    obj.data.use_nodes = True
+    emission = obj.data.node_tree.nodes["Emission"]
+    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (1, 0.5, 0.25, 1), 3
+    point, normal = POINTS[0]
+    np.testing.assert_allclose(integrated(converted(obj), point, normal), irradiance(point, normal), rtol=0.05)
+
+
+def test_what_a_lamp_loses_is_reported():
+    empty_cycles_scene()
+    report = Report()
+    portal = lamp("AREA", POSE)
+    portal.data.cycles.is_portal = True
+    assert len(converted(portal, report)) == 0
+    converted(lamp("POINT", POSE, shadow_soft_size=0.0), report)
+    converted(lamp("SUN", POSE, angle=0.0), report)
+    assert [kind for kind, _, _ in report.entries] == ["skipped", "approximated", "approximated"]

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The walk over a depsgraph: every kind of object, instances, visibility, cancel."""
+import bpy
+import numpy as np
+import pytest
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
+
+
+def test_empty_scene_is_valid(converted):
+    scene = converted()
+    assert len(scene) == 0 and scene.volumes is None
+    np.testing.assert_allclose(scene.environment, 0.25, rtol=1e-5)
+
+
+def test_text_curve_surface_and_metaball_are_rendered_once(converted, report):
+    bpy.ops.object.text_add(location=(0, 0, 0))
+    bpy.ops.curve.primitive_bezier_circle_add(location=(10, 0, 0))
+    bpy.context.object.data.bevel_depth = 0.1
+    bpy.ops.object.metaball_add(location=(20, 0, 0))
+    bpy.ops.surface.primitive_nurbs_surface_sphere_add(location=(30, 0, 0))
+    scene = converted()
+    place = np.round(scene.triangles.mean(axis=(1)) / 10)[:, 0]
+    assert set(place) == {0, 1, 2, 3}
+    assert len(np.unique(np.round(scene.triangles, 4), axis=0)) > 0.99 * len(scene)
+    assert not [entry for entry in report.entries if entry[0] == "skipped"]
+
+
+def test_collection_instances_stand_where_their_empties_are(scene, converted, add_mesh):
+    obj = add_mesh("part")
+    collection = bpy.data.collections.new("parts")
+    collection.objects.link(obj)
+    scene.collection.objects.unlink(obj)
+    for i in range(3):
+        empty = bpy.data.objects.new(f"empty{i}", None)
+        empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", collection, (0, 0, i)
+        scene.collection.objects.link(empty)
+    result = converted()
+    assert sorted(result.triangles[:, 0, 2]) == [0, 1, 2]
+    assert len(result.tiles) == 1
+
+
+def test_geometry_nodes_instances(converted, add_mesh):
+    tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    line, cube, place = (tree.nodes.new(f"GeometryNode{n}") for n in ("MeshLine", "MeshCube", "InstanceOnPoints"))
+    line.inputs["Count"].default_value = 4
+    line.inputs["Offset"].default_value = (0, 0, 3)
+    tree.links.new(line.outputs["Mesh"], place.inputs["Points"])
+    tree.links.new(cube.outputs["Mesh"], place.inputs["Instance"])
+    tree.links.new(place.outputs["Instances"], tree.nodes.new("NodeGroupOutput").inputs[0])
+    add_mesh("host").modifiers.new("nodes", "NODES").node_group = tree
+    scene = converted()
+    assert len(scene) == 4 * 12
+    assert sorted(set(np.round(scene.triangles.mean(axis=1)[:, 2] / 3))) == [0, 1, 2, 3]
+
+
+def test_visibility_and_unsupported_kinds(converted, add_mesh, report):
+    add_mesh("off_camera").visible_camera = False
+    hidden = add_mesh("nowhere")
+    for ray in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+        setattr(hidden, f"visible_{ray}", False)
+    add_mesh("disabled").hide_viewport = True
+    bpy.ops.object.grease_pencil_add(type="MONKEY")
+    name = bpy.context.object.name
+    assert len(converted()) == 1
+    assert ("skipped", name) in [entry[:2] for entry in report.entries]
+
+
+def test_lamps_and_surfaces_share_one_budget(converted):
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=64)
+    bpy.ops.object.light_add(type="POINT", location=(0, 0, 5))
+    scene = converted(token_budget=500)
+    assert 400 < len(scene) <= 500 and np.count_nonzero(scene.is_light) > 0
+
+
+def test_progress_names_the_object_count_and_can_cancel(converted, add_mesh):
+    for i in range(3):
+        add_mesh(f"m{i}")
+    calls = []
+    converted(progress=lambda text, fraction: calls.append((text, fraction)))
+    assert any(text.startswith("Converting 2/") for text, _ in calls)
+    fractions = [fraction for _, fraction in calls]
+    assert fractions == sorted(fractions) and 0 <= fractions[0] and fractions[-1] <= 1
+
+    def cancel(text, fraction):
+        raise RenderCancelled
+    with pytest.raises(RenderCancelled):
+        converted(progress=cancel)

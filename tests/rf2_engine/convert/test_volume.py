@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Participating media as cells (spec/scene-input.md 5 and 13)."""
+import bpy
+import numpy as np
+import pytest
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert import vdb
+
+
+@pytest.fixture
+def absorbing(scene):
+    """A material with nothing but a Volume Coefficients shader: scattering (1, 2, 3), absorption (4, 5, 6)."""
+    material = bpy.data.materials.new("smoke")
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.remove(tree.nodes["Principled BSDF"])
+    shader = tree.nodes.new("ShaderNodeVolumeCoefficients")
+    shader.inputs["Scatter Coefficients"].default_value = (1, 2, 3)
+    shader.inputs["Absorption Coefficients"].default_value = (4, 5, 6)
+    tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+    return material
+
+
+@pytest.fixture
+def add_grid(scene, tmp_path, absorbing):
+    """Function that links a Volume object with a density grid whose index centre is at the object's origin."""
+    def add(values, voxel):
+        openvdb = vdb.openvdb_module()
+        grid = openvdb.FloatGrid(0.0)
+        grid.copyFromArray(np.asarray(values, np.float32))
+        grid.name = "density"
+        offset = -(np.array(values.shape) - 1) / 2 * voxel
+        grid.transform = openvdb.createLinearTransform(
+            [[voxel, 0, 0, 0], [0, voxel, 0, 0], [0, 0, voxel, 0], [*offset, 1]])
+        openvdb.write(str(tmp_path / "grid.vdb"), [grid])
+        volume = bpy.data.volumes.new("smoke")
+        volume.filepath = str(tmp_path / "grid.vdb")
+        volume.materials.append(absorbing)
+        obj = bpy.data.objects.new("smoke", volume)
+        scene.collection.objects.link(obj)
+        return obj
+    return add
+
+
+def test_canonical_grid_gives_the_cells_of_the_specification(add_grid, converted):
+    values = np.zeros((32, 32, 32))
+    values[:] = np.arange(32)[:, None, None] / 124 + 0.75  # grows along x
+    add_grid(values, 1 / 32)
+    volumes = converted().volumes
+    assert len(volumes) == 512
+    np.testing.assert_allclose(volumes.position.min(axis=0), -0.421875, atol=1e-5)
+    np.testing.assert_allclose(volumes.position.max(axis=0), 0.453125, atol=1e-5)
+    np.testing.assert_allclose(volumes.scale, 1, atol=1e-5)
+    first = volumes.position.sum(axis=1).argmin()
+    np.testing.assert_allclose(volumes.density[first], np.tile(values[:4, 0, 0] / values.max(), 16), atol=1e-5)
+    np.testing.assert_allclose(volumes.scattering[0], [1, 2, 3], rtol=1e-5)
+    np.testing.assert_allclose(volumes.absorption[0], [4, 5, 6], rtol=1e-5)
+
+
+def test_half_of_a_large_grid_is_occupied_under_a_rotated_scaled_object(add_grid, converted):
+    values = np.full((96, 64, 64), 1e-3)
+    values[48:] = 2
+    obj = add_grid(values, 1 / 64)
+    obj.location, obj.rotation_euler, obj.scale = (1, 2, 3), (0.3, -0.4, 0.5), (2, 2, 2)
+    volumes = converted().volumes
+    assert len(volumes) == 256
+    local = (volumes.position - np.float32((1, 2, 3))) @ np.array(obj.rotation_euler.to_matrix())
+    assert local[:, 0].min() > 0.1 and local[:, 0].max() < 1.5
+    np.testing.assert_allclose(volumes.scale[0], [3, 2, 2], rtol=1e-5)
+    np.testing.assert_allclose(volumes.rotation[0], [0.3, -0.4, 0.5], atol=1e-5)
+    # Optical depth of a volume object does not change with its scale: coefficient 1 per unit at density 1 and scale 1.
+    box = np.sqrt(np.mean(np.square([3, 2, 2])))
+    np.testing.assert_allclose(volumes.scattering[0], np.array([1, 2, 3]) * 2 * box / 2, rtol=1e-4)
+
+
+def test_mesh_with_volume_shader_is_filled_and_has_no_surface(converted, absorbing):
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=1.5, segments=64, ring_count=32, location=(1, 0, 0))
+    bpy.context.object.data.materials.append(absorbing)
+    bpy.context.object.scale = (1, 1, 2)
+    scene = converted()
+    assert len(scene) == 0
+    volumes = scene.volumes
+    np.testing.assert_allclose(volumes.scale[0], [3, 3, 6], rtol=1e-2)
+    filled = volumes.density.sum() * np.prod(volumes.scale[0]) / 32 ** 3
+    assert filled == pytest.approx(4 / 3 * np.pi * 1.5 ** 2 * 1.5 * 2, rel=0.03)
+    np.testing.assert_allclose(volumes.position.mean(axis=0), (1, 0, 0), atol=0.05)
+    np.testing.assert_allclose(volumes.absorption[0] / np.sqrt(np.mean(volumes.scale[0] ** 2)), [4, 5, 6], rtol=1e-4)
+
+
+def test_many_volumes_share_the_cells_and_it_is_reported(converted, absorbing, report):
+    for i in range(4):
+        bpy.ops.mesh.primitive_cube_add(location=(4 * i, 0, 0), scale=(1, 1, 1 + 0.1 * i))
+        bpy.context.object.data.materials.append(absorbing)
+    volumes = converted().volumes
+    assert len(volumes) <= 1024
+    assert set(np.round(volumes.position[:, 0] / 4)) == {0, 1, 2, 3}
+    cells = np.prod(volumes.scale / 8, axis=1)
+    assert cells.sum() == pytest.approx(8 * (1 + 1.1 + 1.2 + 1.3), rel=1e-3)
+    assert any("cells per axis" in message for _, _, message in report.entries)

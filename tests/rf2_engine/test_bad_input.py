@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whatever a user gets wrong: a message that names it, and never a traceback or a silent black frame."""
+import bpy
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine import model_cache, render, runtime
+
+from .f12 import cube, mesh_object, press_f12, sun
+
+NAN = float("nan")
+
+
+def expect_error(scene, tmp_path, *words):
+    with pytest.raises(RuntimeError) as error:
+        bpy.ops.render.render(scene=scene.name)
+    for word in words:
+        assert word in str(error.value)
+    assert "Internal error" not in str(error.value)
+    picture = press_f12(scene, tmp_path, may_fail=True)
+    assert picture["ViewLayer.Combined"][..., :3].max() > 0.1
+    assert (picture["ViewLayer.Combined"][..., 3] == 1).all()
+
+
+def test_scene_without_a_camera(scene):
+    scene.camera = None
+    with pytest.raises(RuntimeError, match="(?i)camera"):
+        bpy.ops.render.render(scene=scene.name)
+
+
+def test_panorama_camera_is_named(scene, tmp_path):
+    cube(scene)
+    scene.camera.name = "Fisheye"
+    scene.camera.data.type = "PANO"
+    expect_error(scene, tmp_path, "Fisheye", "Perspective")
+
+
+def test_light_used_as_camera_is_named(scene, tmp_path):
+    scene.camera = sun(scene)
+    expect_error(scene, tmp_path, "Sun")
+
+
+def test_stereoscopy_is_refused(scene, tmp_path):
+    scene.render.use_multiview = True
+    with pytest.raises(RuntimeError, match="stereoscopy"):
+        bpy.ops.render.render(scene=scene.name)
+
+
+def test_empty_scene_shows_its_world(scene, tmp_path):
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert np.allclose(picture, (0.25, 0.25, 0.25, 1), atol=1e-6)
+
+
+def test_scene_without_a_world_renders(scene, tmp_path):
+    scene.world = None
+    cube(scene)
+    sun(scene)
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert np.isfinite(picture).all() and (picture[0, 0] == (0, 0, 0, 1)).all()
+
+
+def test_vertices_that_are_not_finite_are_reported_by_name(scene, tmp_path):
+    cube(scene)
+    mesh_object(scene, "Broken", [(0, 0, 0), (1, 0, NAN), (0, 1, 0), (2, 0, 2)], [(0, 1, 2), (0, 2, 3)])
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert np.isfinite(picture).all()
+    assert any("Broken" in line for line in render.last_statistics["report"])
+
+
+def test_zero_area_triangles_do_no_harm(scene, tmp_path):
+    cube(scene)
+    mesh_object(scene, "Needle", [(0, 0, 0), (1, 1, 1), (2, 2, 2), (0, 0, 0)], [(0, 1, 2), (0, 1, 3)])
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert np.isfinite(picture).all() and picture[18, 25, :3].min() > 0
+
+
+def test_missing_texture_is_reported_by_name(scene, tmp_path):
+    box = cube(scene)
+    box.data.uv_layers.new()
+    tree = box.data.materials[0].node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = bpy.data.images.new("Lost", 4, 4)
+    node.image.source, node.image.filepath = "FILE", str(tmp_path / "lost.png")
+    tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert np.isfinite(picture).all()
+    assert any("lost" in line.lower() for line in render.last_statistics["report"])
+
+
+@pytest.mark.parametrize("content", [None, b"", b"these are not weights" * 100])
+def test_unusable_weights_are_named(scene, tmp_path, content):
+    cube(scene)
+    model_cache.free()
+    folder = tmp_path / "my weights"
+    folder.mkdir()
+    if content is not None:
+        (folder / "model.safetensors").write_bytes(content)
+    scene.renderformer_v2.weights_source = "FOLDER"
+    scene.renderformer_v2.weights_folder = str(folder)
+    expect_error(scene, tmp_path, "my weights")
+    assert not model_cache.is_loaded()
+
+
+def test_missing_packages_come_with_instructions(scene, tmp_path, monkeypatch):
+    monkeypatch.setitem(runtime.PACKAGES, "torch_that_is_not_there", "torch-that-is-not-there==1.0")
+    expect_error(scene, tmp_path, "torch_that_is_not_there", "Install PyTorch", "pip install")
+
+
+def test_device_that_is_not_there(scene, tmp_path):
+    import torch
+    if torch.backends.mps.is_available():
+        pytest.skip("this machine has Metal")
+    cube(scene)
+    scene.renderformer_v2.device = "mps"
+    expect_error(scene, tmp_path, "Metal")

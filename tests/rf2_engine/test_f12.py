@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""F12 with the installed extension: pixels, passes, alpha, borders, layers, frames, cancelling."""
+import time
+
+import bpy
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine import passes, render
+from bl_ext.user_default.renderformer_v2.rf2_engine.status import Status
+
+from .f12 import cube, material, press_f12, sun
+
+EXACT = 1e-6
+
+
+def names(source):
+    return {p.blender_name for p in passes.PASSES if p.source == source}
+
+
+def test_renders_a_lit_cube_and_writes_every_pass(scene, tmp_path):
+    cube(scene)
+    sun(scene)
+    found = press_f12(scene, tmp_path)
+    assert {f"ViewLayer.{name}" for name in names("network") | names("guide")} <= set(found)
+    for pixels in found.values():
+        assert pixels.shape[:2] == (37, 50) and np.isfinite(pixels).all()
+    front = found["ViewLayer.Combined"][15:22, 20:30, :3]
+    assert front.min() > 0.01
+    assert np.allclose(found["ViewLayer.Position"][15:22, 20:30, 1], -1, atol=1e-4)
+    assert np.allclose(found["ViewLayer.Normal"][15:22, 20:30], (0, -1, 0), atol=1e-4)
+    assert np.allclose(found["ViewLayer.Depth"][15:22, 20:30].squeeze(), 4, atol=0.2)
+
+
+def test_reports_stages_tokens_and_triangles(scene, tmp_path):
+    cube(scene)
+    press_f12(scene, tmp_path)
+    last = render.last_statistics
+    assert last["triangles"] >= 12 and last["tokens"] >= last["triangles"] and last["size"] == (50, 37)
+    assert {"Converting the scene", "First hits", "Network"} <= set(last["seconds"])
+
+
+def test_opaque_film_shows_the_world_and_transparent_film_does_not(scene, tmp_path):
+    cube(scene)
+    scene.renderformer_v2.guide_samples = 8
+    opaque = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    scene.render.film_transparent = True
+    clear = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert (opaque[..., 3] == 1).all() and np.allclose(opaque[0, 0, :3], 0.25, atol=EXACT)
+    assert (clear[0, 0] == 0).all() and np.allclose(clear[18, 25, 3], 1, atol=EXACT)
+    edge = (clear[..., 3] > 0.05) & (clear[..., 3] < 0.95)
+    assert edge.any()
+    background = opaque[..., :3] - clear[..., :3]
+    assert np.allclose(background, 0.25 * (1 - clear[..., 3:]), atol=1e-4)
+
+
+def test_film_exposure_scales_the_picture(scene, tmp_path):
+    cube(scene)
+    once = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    scene.cycles.film_exposure = 2
+    twice = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert np.allclose(twice[..., :3], 2 * once[..., :3], rtol=1e-4)
+
+
+@pytest.mark.parametrize("size, percentage", [((50, 37), 100), ((129, 71), 50), ((64, 33), 33)])
+@pytest.mark.parametrize("crop", [False, True])
+def test_border_holds_the_same_pixels_as_the_full_frame(scene, tmp_path, size, percentage, crop):
+    cube(scene).rotation_euler = (0.3, 0.2, 0.5)
+    scene.render.resolution_x, scene.render.resolution_y = size
+    scene.render.resolution_percentage = percentage
+    width, height = (s * percentage // 100 for s in size)
+    full = press_f12(scene, tmp_path)["ViewLayer.Position"]
+    assert full.shape == (height, width, 3)
+
+    settings = scene.render
+    settings.use_border, settings.use_crop_to_border = True, crop
+    settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y = 0.21, 0.83, 0.13, 0.61
+    x0, x1, y0, y1 = int(0.21 * width), int(0.83 * width), int(0.13 * height), int(0.61 * height)
+    found = press_f12(scene, tmp_path)
+    part, picture = found["ViewLayer.Position"], found["ViewLayer.Combined"]
+    if not crop:
+        assert part.shape == full.shape
+        part, picture = part[height - y1:height - y0, x0:x1], picture[height - y1:height - y0, x0:x1]
+    assert part.shape == (y1 - y0, x1 - x0, 3)
+    assert np.allclose(part, full[height - y1:height - y0, x0:x1], atol=1e-4)
+    assert picture[..., :3].min() > 0
+
+
+def test_every_view_layer_gets_its_own_picture(scene, tmp_path):
+    red = bpy.data.collections.new("Red")
+    scene.collection.children.link(red)
+    added = cube(scene, of=material("Red", (0.8, 0.05, 0.05)))
+    scene.collection.objects.unlink(added)
+    red.objects.link(added)
+    empty = scene.view_layers.new("Without")
+    empty.layer_collection.children["Red"].exclude = True
+    found = press_f12(scene, tmp_path)
+    assert found["ViewLayer.DiffCol" if "ViewLayer.DiffCol" in found else "ViewLayer.Diffuse Color"][18, 25, 0] > 0.5
+    assert np.allclose(found["Without.Combined"][18, 25], (0.25, 0.25, 0.25, 1), atol=EXACT)
+    assert not np.allclose(found["ViewLayer.Combined"][18, 25], found["Without.Combined"][18, 25], atol=1e-3)
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+def test_animation_renders_each_frame(scene, tmp_path, persistent):
+    moving = cube(scene, of=material("Red", (0.9, 0.02, 0.02)))
+    moving.keyframe_insert("location", frame=1)
+    moving.location.x = 8
+    moving.keyframe_insert("location", frame=2)
+    scene.frame_start, scene.frame_end = 1, 2
+    scene.render.use_persistent_data = persistent
+    scene.render.filepath = str(tmp_path / "frame_")
+    bpy.ops.render.render(animation=True, scene=scene.name)
+    frames = [bpy.data.images.load(str(tmp_path / f"frame_{i:04d}.png")) for i in (1, 2)]
+    first, second = (np.array(f.pixels).reshape(37, 50, 4) for f in frames)
+    assert np.abs(first - second)[18, 25, :3].max() > 0.02
+    assert scene.render.film_transparent is False and scene.cycles.max_bounces > 0
+
+
+def test_data_passes_are_written_when_ticked(scene, tmp_path):
+    cube(scene).pass_index = 7
+    layer = scene.view_layers[0]
+    layer.use_pass_object_index = layer.use_pass_mist = True
+    found = press_f12(scene, tmp_path)
+    index = next(found[f"ViewLayer.{name}"] for name in ("IndexOB", "Object Index") if f"ViewLayer.{name}" in found)
+    assert index.squeeze()[18, 25] == 7 and index.squeeze()[0, 0] == 0
+    assert "ViewLayer.Mist" in found
+
+
+@pytest.mark.parametrize("polls_before_esc", [0, 2, 5])
+def test_esc_ends_the_render_at_once_and_writes_no_picture(scene, tmp_path, monkeypatch, polls_before_esc):
+    """Nobody can press Esc without a window, so the answer to 'was it pressed?' is given here."""
+    cube(scene)
+    press_f12(scene, tmp_path)
+    polls, before = [], render.last_statistics
+
+    def pressed(status):
+        polls.append(time.perf_counter())
+        return len(polls) > polls_before_esc
+    monkeypatch.setattr(Status, "esc_pressed", pressed)
+    bpy.ops.render.render(scene=scene.name)
+    assert time.perf_counter() - polls[polls_before_esc] < 0.5
+    assert render.last_statistics is before

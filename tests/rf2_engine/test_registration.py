@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The built extension registers, shows Blender's panels for its engine, and leaves nothing behind."""
+import subprocess
+import sys
+
+import bpy
+import addon_utils  # bpy puts it on the path
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine import panels
+
+PACKAGE = "bl_ext.user_default.renderformer_v2"
+
+
+def _our_panels():
+    return {p.__name__ for p in bpy.types.Panel.__subclasses__() if "RENDERFORMER_V2" in getattr(p, "COMPAT_ENGINES", ())}
+
+
+def test_adopts_the_panels_a_user_expects(scene):
+    adopted = _our_panels()
+    expected = {"DATA_PT_lens", "DATA_PT_camera", "EEVEE_MATERIAL_PT_surface", "EEVEE_MATERIAL_PT_context_material",
+                "EEVEE_WORLD_PT_surface", "DATA_PT_EEVEE_light", "RENDER_PT_output", "RENDER_PT_color_management",
+                "VIEWLAYER_PT_layer"}
+    assert expected <= adopted
+    assert not adopted & panels.EXCLUDED
+
+
+def test_disabling_takes_everything_back_and_enabling_again_works(scene):
+    scene.render.engine = "CYCLES"
+    addon_utils.disable(PACKAGE)
+    try:
+        assert not _our_panels()
+        assert not hasattr(bpy.types.Scene, "renderformer_v2")
+        with pytest.raises(TypeError):
+            scene.render.engine = "RENDERFORMER_V2"
+    finally:
+        addon_utils.enable(PACKAGE)
+    assert hasattr(bpy.types.Scene, "renderformer_v2")
+
+
+def test_registering_does_not_import_torch():
+    code = ("import os, sys, bpy; sys.path.insert(0, os.getcwd()); from tools import extension; "
+            "extension.load().register(); bad = {'torch', 'safetensors', 'fast_simplification'} & set(sys.modules); "
+            "print(bad); sys.stdout.flush(); os._exit(bool(bad))")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""python -m tools.datagen OUT_DIR --scenes N --first-seed S: random scenes with Cycles references.
+
+One file per seed; seeds whose file is there are skipped, so a killed run goes on where it was. A seed always gives the
+same scene. --profile simple has no textures, glass or volumes and at most four lights; mixed makes every third seed
+(those that 3 divides) simple and the others full.
+"""
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+from .console import silence_blender
+from .shards import sample_path, save_sample
+
+DARKEST, BRIGHTEST = 0.03, 1.5  # mean of a view's median over covered pixels
+ATTEMPTS = 8
+
+
+def generate(out: Path, seeds: range, *, profile: str, views: int, resolution: int, samples: int, threads: int) -> int:
+    """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed."""
+    from . import reference
+
+    out.mkdir(parents=True, exist_ok=True)
+    reference.prepare(resolution, threads)
+    made, failed, start = 0, 0, time.time()
+    for seed in seeds:
+        path = sample_path(out, seed)
+        if path.exists():
+            continue
+        try:
+            sample, attempt = make(seed, profile, views, samples)
+        except Exception:  # one odd scene must not end a run of days
+            print(f"seed {seed} failed:", traceback.format_exc(), sep="\n")
+            failed += 1
+            continue
+        save_sample(path, sample.scene, sample.views, sample.guides, sample.passes)
+        made += 1
+        times = " ".join(f"{stage} {seconds:.2f}" for stage, seconds in sample.seconds.items())
+        print(f"{path.name}: {len(sample.scene)} triangles, attempt {attempt + 1}, {times} s; "
+              f"{made} scenes, {60 * made / (time.time() - start):.1f} a minute", *sample.report.lines(), sep="\n  ")
+    return failed
+
+
+def make(seed: int, profile: str, views: int, samples: int):
+    """The first well exposed reference.Sample of a seed, or its last one, and the number of attempts before it."""
+    from . import reference, scene_generator
+
+    if profile == "mixed":
+        profile = "full" if seed % 3 else "simple"
+    for attempt in range(ATTEMPTS):
+        sample = reference.make_sample(scene_generator.build_scene((seed, attempt), profile, views), samples)
+        if all(well_exposed(p["combined"]) for p in sample.passes):
+            break
+    return sample, attempt
+
+
+def well_exposed(combined: np.ndarray) -> bool:
+    """Neither nearly black nor mostly burnt out, where anything is seen."""
+    covered = combined[combined[..., 3] > 0.5, :3]
+    return len(covered) > 0 and DARKEST <= float(np.median(covered, axis=0).mean()) <= BRIGHTEST
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tools.datagen", description=__doc__)
+    parser.add_argument("out", type=Path, metavar="OUT_DIR")
+    parser.add_argument("--scenes", type=int, required=True)
+    parser.add_argument("--first-seed", type=int, required=True)
+    parser.add_argument("--views", type=int, default=2)
+    parser.add_argument("--resolution", type=int, default=128)
+    parser.add_argument("--samples", type=int, default=32, help="of the reference, before OpenImageDenoise")
+    parser.add_argument("--profile", choices=("simple", "full", "mixed"), default="full")
+    parser.add_argument("--processes", type=int, default=1, help="each takes every n-th seed; one with all threads is best")
+    parser.add_argument("--threads", type=int, default=0, help="of each process; 0 = all")
+    parser.add_argument("--part", type=int, default=0, help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.processes > 1 and not args.part:
+        others = [subprocess.Popen([sys.executable, "-m", "tools.datagen", *sys.argv[1:], "--part", str(i + 1)])
+                  for i in range(args.processes)]
+        return max(other.wait() for other in others)
+    silence_blender()
+    first = args.first_seed + max(args.part - 1, 0)
+    seeds = range(first, args.first_seed + args.scenes, args.processes)
+    failed = generate(args.out, seeds, profile=args.profile, views=args.views, resolution=args.resolution,
+                      samples=args.samples, threads=args.threads)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    from tools.extension import leave
+
+    leave(main())

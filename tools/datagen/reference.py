@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One sample: the RenderScene, Views, Guides and Cycles passes of the open file, made by the engine's own code."""
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from tools import extension
+
+extension.load()
+from renderformer_v2.model.scene import Guides, RenderScene, View  # noqa: E402
+from renderformer_v2.rf2_engine import cycles_session, passes as pass_table  # noqa: E402
+from renderformer_v2.rf2_engine.convert.camera import convert_camera  # noqa: E402
+from renderformer_v2.rf2_engine.convert.report import Report  # noqa: E402
+from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
+from renderformer_v2.rf2_engine.guides import make_guides  # noqa: E402
+
+TOKEN_BUDGET = 3072
+MAX_EDGE = 0.25  # of the scene's longest side
+LIGHTING = ("combined", "diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "transmission_direct",
+            "transmission_indirect", "volume_direct", "volume_indirect")
+
+
+@dataclass
+class Sample:
+    """What the engine class below fills in, view by view."""
+
+    samples: int
+    scene: RenderScene | None = None
+    views: list[View] = field(default_factory=list)
+    guides: list[Guides] = field(default_factory=list)
+    passes: list[dict[str, np.ndarray]] = field(default_factory=list)
+    report: Report = field(default_factory=Report)
+    seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(("convert", "cycles", "guides"), 0.0))
+
+
+class DatagenEngine(bpy.types.RenderEngine):
+    """Stops where F12 would start the network, and keeps what it would have been given."""
+
+    bl_idname = "RENDERFORMER_V2_DATAGEN"
+    bl_label = "RenderFormer-V2 training data"
+    sample: Sample | None = None  # Blender makes the instances, so the class carries the job
+    error: Exception | None = None
+
+    def update_render_passes(self, scene=None, renderlayer=None):
+        pass_table.register(self, scene, renderlayer)
+
+    def render(self, depsgraph):
+        try:
+            _render(self, depsgraph, DatagenEngine.sample)
+        except Exception as error:  # Blender would print it and go on
+            DatagenEngine.error = error
+
+
+def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
+    start = time.perf_counter()
+    view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)
+    if sample.scene is None:
+        sample.scene = convert(depsgraph, token_budget=TOKEN_BUDGET, max_edge=MAX_EDGE, report=sample.report,
+                               progress=lambda text, fraction: None)
+    converted = time.perf_counter()
+    found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, lighting=True, denoise=True)
+    rendered = time.perf_counter()
+    sample.guides.append(make_guides(found, sample.scene, view))
+    sample.views.append(view)
+    sample.passes.append({name: found[name] for name in LIGHTING})
+    for stage, seconds in zip(sample.seconds, (converted - start, rendered - converted, time.perf_counter() - rendered)):
+        sample.seconds[stage] += seconds
+
+
+def prepare(resolution: int, threads: int) -> None:
+    """Empty file, our engine, Cycles' factory settings but for the number of threads."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.utils.register_class(DatagenEngine)
+    render = bpy.context.scene.render
+    render.engine = DatagenEngine.bl_idname
+    render.resolution_x = render.resolution_y = resolution
+    render.resolution_percentage = 100
+    render.threads_mode, render.threads = "FIXED", threads
+    render.use_persistent_data = True
+
+
+def make_sample(cameras: list[bpy.types.Object], samples: int) -> Sample:
+    """Render every camera of the open file. Raises what conversion or Cycles raise."""
+    DatagenEngine.sample, DatagenEngine.error = Sample(samples), None
+    for camera in cameras:
+        bpy.context.scene.camera = camera
+        bpy.ops.render.render()
+        if DatagenEngine.error is not None:
+            raise DatagenEngine.error
+    return DatagenEngine.sample

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Procedural maps for textured materials: noise, checker, bricks, stripes and dots as small images."""
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+SIZE = 128
+PATTERNS = ("noise", "checker", "bricks", "stripes", "dots")
+
+
+def pattern(rng: np.random.Generator) -> np.ndarray:
+    """(SIZE, SIZE) f32 in [0, 1], periodic, row 0 at V = 0."""
+    kind = str(rng.choice(PATTERNS))
+    v, u = np.mgrid[:SIZE, :SIZE].astype(np.float32) / SIZE
+    cells = int(rng.integers(2, 9))
+    if kind == "noise":
+        value = noise(rng, cells)
+    elif kind == "checker":
+        value = ((u * cells).astype(int) + (v * cells).astype(int)) % 2
+    elif kind == "bricks":
+        row = (v * 2 * cells).astype(int)
+        x, y = (u * cells + 0.5 * (row % 2)) % 1, (v * 2 * cells) % 1
+        mortar = (x < 0.08) | (y < 0.15)
+        value = np.where(mortar, 0.0, 0.6 + 0.4 * noise(rng, cells))
+    elif kind == "stripes":
+        turns = rng.integers(0, 5, 2) + (0, 1)
+        value = 0.5 + 0.5 * np.sin(2 * np.pi * (u * turns[0] + v * turns[1] + 0.3 * rng.uniform() * noise(rng, 3)))
+    else:
+        x, y = (u * cells) % 1 - 0.5, (v * cells) % 1 - 0.5
+        value = (np.hypot(x, y) < rng.uniform(0.2, 0.45))
+    mixed = value + rng.uniform(0, 0.4) * (noise(rng, 4) - 0.5)
+    return mixed.clip(0, 1).astype(np.float32)
+
+
+def noise(rng: np.random.Generator, cells: int) -> np.ndarray:
+    """Periodic fractal value noise, three octaves, (SIZE, SIZE) stretched to [0, 1]."""
+    total = np.zeros((SIZE, SIZE))
+    for octave in range(3):
+        n = cells * 2**octave
+        lattice = rng.uniform(size=(n, n))
+        place = np.arange(SIZE) / SIZE * n
+        low = place.astype(int) % n
+        t = place % 1
+        t = t * t * (3 - 2 * t)
+        high = (low + 1) % n
+        rows = lattice[low] * (1 - t)[:, None] + lattice[high] * t[:, None]
+        total += (rows[:, low] * (1 - t) + rows[:, high] * t) / 2**octave
+    return (total - total.min()) / np.ptp(total)
+
+
+def color_map(value: np.ndarray, dark: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """(SIZE, SIZE, 3) blend of two scene-linear colours."""
+    return dark + value[..., None] * (light - dark)
+
+
+def normal_map(height: np.ndarray, slope: float) -> np.ndarray:
+    """(SIZE, SIZE, 3) tangent-space normals of a periodic height field, encoded as (n + 1) / 2, +Y up."""
+    dx = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) * slope
+    dy = (np.roll(height, -1, 0) - np.roll(height, 1, 0)) * slope
+    n = np.stack([-dx, -dy, np.ones_like(dx)], -1)
+    return n / np.linalg.norm(n, axis=-1, keepdims=True) / 2 + 0.5
+
+
+def make_image(name: str, values: np.ndarray, *, color: bool) -> bpy.types.Image:
+    """An 8-bit image of (SIZE, SIZE) or (SIZE, SIZE, 3) values; colours are scene-linear and stored as sRGB bytes."""
+    if values.ndim == 2:
+        values = values[..., None].repeat(3, axis=-1)
+    if color:
+        values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * np.maximum(values, 1e-9) ** (1 / 2.4) - 0.055)
+    image = bpy.data.images.new(name, SIZE, SIZE)
+    image.colorspace_settings.name = "sRGB" if color else "Non-Color"
+    pixels = np.concatenate([values, np.ones((SIZE, SIZE, 1))], axis=-1)
+    image.pixels.foreach_set(pixels.astype(np.float32).ravel())
+    image.update()
+    return image

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Participating media: closed meshes that hold a homogeneous volume shader (spec/scene-input.md 5.4, 5.6)."""
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from .objects import build_object
+from .templates import Room
+
+
+def build_volume(rng: np.random.Generator, room: Room, name: str) -> bpy.types.Object:
+    """A puff of smoke or coloured liquid, 0.35 to 0.7 across, somewhere in the room."""
+    volume = build_object(rng, name, 500)
+    diameter = rng.uniform(0.35, 0.7)
+    volume.scale = [diameter] * 3
+    volume.rotation_euler = rng.uniform(-np.pi, np.pi, 3)
+    reach = max(0.0, min(0.4, room.half) - diameter / 2)
+    volume.location = (*rng.uniform(-reach, reach, 2), room.floor + diameter / 2 + rng.uniform(0, 0.3))
+    volume.data.materials.append(volume_material(rng))
+    return volume
+
+
+def volume_material(rng: np.random.Generator) -> bpy.types.Material:
+    """Scattering and absorption per channel; the coefficients make optical depths of about 0.1 to 5 across the mesh."""
+    material = bpy.data.materials.new("volume")
+    material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    nodes.clear()
+    output = nodes.new("ShaderNodeOutputMaterial")
+    if rng.uniform() < 0.5:
+        shader = nodes.new("ShaderNodeVolumePrincipled")
+        shader.inputs["Density"].default_value = 10.0 ** rng.uniform(-0.3, 1.0)
+        shader.inputs["Color"].default_value = (*rng.uniform(0.3, 1.0, 3), 1.0)
+    else:
+        shader = nodes.new("ShaderNodeAddShader")
+        for i, kind in enumerate(("ShaderNodeVolumeScatter", "ShaderNodeVolumeAbsorption")):
+            part = nodes.new(kind)
+            part.inputs["Density"].default_value = 10.0 ** rng.uniform(-0.5, 0.8)
+            part.inputs["Color"].default_value = (*rng.uniform(0.1, 1.0, 3), 1.0)
+            links.new(part.outputs["Volume"], shader.inputs[i])
+    links.new(shader.outputs[0], output.inputs["Volume"])
+    return material

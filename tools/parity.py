@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compare the network with golden fixtures: `python -m tools.parity FIXTURE_DIR`.
+
+Prints one line per fixture tensor, "case name error", where error = max|a - b| / max|b|; exits with 1 when an error
+exceeds 1e-4 or integers differ.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Iterator
+
+import torch
+
+from .fixture_cases import Case, relative_error
+from .fixture_results import RESULTS
+from .self_check import self_check, weights_check
+
+TOLERANCE = 1e-4
+
+
+def case_errors(case: Case) -> Iterator[tuple[str, float]]:
+    """(tensor name, error) of everything that the case recorded."""
+    results = RESULTS[case.info["kind"]](case)
+    for name, expected in sorted(case.tensors.items()):
+        base, _, cut = name.rpartition(".") if name.endswith((".rows", ".proj")) else (name, "", "")
+        if name.startswith(("out.", "dbg.", "alt.")) or base in results:
+            layouts = recorded_layouts(results[base], case, base, cut) if base in results else []
+            yield name, min((relative_error(actual, expected) for actual in layouts), default=float("inf"))
+
+
+def recorded_layouts(actual: torch.Tensor, case: Case, name: str, cut: str) -> list[torch.Tensor]:
+    """Large tensors are recorded as some rows, or as all rows times a fixed matrix.
+
+    Rows of several views lie in the published file ray by ray, (rows, V, D), under the shape (V, rows, D); both are read.
+    """
+    if cut == "proj":
+        return [(actual.double() @ case.tensors["chk.P"].double()).float()]
+    if cut == "rows":
+        rows = actual[..., case.tensors["chk.ray_rows" if "ray_" in name else "chk.token_rows"], :]
+        return [rows, rows.transpose(0, 1).reshape(rows.shape)] if rows.dim() == 3 else [rows]
+    return [actual]
+
+
+def folder_errors(folder: Path) -> Iterator[tuple[str, str, float]]:
+    """(case, tensor name, error) of every fixture in the folder."""
+    for path in sorted(folder.glob("*.json")):
+        if path.name == "selfcheck.json":
+            for name, error in self_check(json.loads(path.read_text())):
+                yield path.stem, name, error
+        elif path.name == "weights_check.json":
+            for name, error in weights_check(json.loads(path.read_text())):
+                yield path.stem, name, error
+        elif path.with_suffix(".safetensors").exists():
+            case = Case.load(path)
+            for name, error in case_errors(case):
+                yield case.name, name, error
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="folder of fixtures (JSON + safetensors)")
+    folder = parser.parse_args().folder
+    count, worst = 0, 0.0
+    for case, name, error in folder_errors(folder):
+        count, worst = count + 1, max(worst, error)
+        print(f"{case} {name} {error:.3e}{'' if error <= TOLERANCE else '  FAILED'}", flush=True)
+    if not count:
+        print(f"no fixtures in {folder}", file=sys.stderr)
+        return 1
+    print(f"{count} tensors, largest error {worst:.3e}")
+    return 0 if worst <= TOLERANCE else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render a .blend file as F12 would.
+
+    python -m tools.render SCENE.blend -o OUT.exr [--engine cycles] [--samples N] [--resolution WxH] [--weights small|DIR] [--verbose]
+
+Writes a multilayer EXR, or a PNG, by suffix (-o may be repeated) and prints one line of JSON: seconds by stage, tokens,
+triangles, and what was approximated or skipped. An error is one line on stderr and exit status 1.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from . import extension
+
+FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
+
+
+def main() -> int:
+    arguments = _arguments()
+    answer = os.fdopen(os.dup(1), "w")
+    os.dup2(2 if arguments.verbose else os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    try:
+        statistics = _render(arguments)
+    except (RuntimeError, ValueError, OSError) as error:  # Blender raises RuntimeError for whatever the engine reports
+        messages = dict.fromkeys(line.removeprefix("Error: ").strip() for line in str(error).splitlines())
+        print(" ".join(filter(None, messages)), file=sys.stderr)
+        return 1
+    print(json.dumps(statistics), file=answer, flush=True)
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tools.render", description=__doc__.splitlines()[0])
+    parser.add_argument("scene", type=Path, help=".blend file")
+    parser.add_argument("-o", "--output", type=_output, action="append", required=True, help="picture: .exr or .png")
+    parser.add_argument("--engine", choices=("renderformer", "cycles"), default="renderformer")
+    parser.add_argument("--samples", type=int, help="guide samples, or Cycles' samples (default: what the file says)")
+    parser.add_argument("--resolution", type=_resolution, help="WxH in pixels (default: what the file says)")
+    parser.add_argument("--weights", help="small, or a folder with weights (default: what the file says)")
+    parser.add_argument("--verbose", action="store_true", help="Blender's own output on stderr")
+    return parser.parse_args()
+
+
+def _output(text: str) -> Path:
+    path = Path(text).resolve()
+    if path.suffix.lower() not in FORMATS:
+        raise argparse.ArgumentTypeError(f"{text}: the suffix must be one of {', '.join(FORMATS)}")
+    return path
+
+
+def _resolution(text: str) -> tuple[int, int]:
+    try:
+        width, height = map(int, text.lower().split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text}: expected WIDTHxHEIGHT, such as 640x480") from None
+    return width, height
+
+
+def _render(arguments: argparse.Namespace) -> dict:
+    if not arguments.scene.is_file():
+        raise FileNotFoundError(f"{arguments.scene}: there is no such file")
+    import bpy
+    extension.load().register()
+    bpy.ops.wm.open_mainfile(filepath=str(arguments.scene.resolve()))
+    scene = bpy.context.scene
+    _apply(arguments, scene)
+
+    begin = time.perf_counter()
+    bpy.ops.render.render(scene=scene.name)
+    seconds = time.perf_counter() - begin
+    for path in arguments.output:
+        _save(path, scene)
+
+    statistics = {"scene": str(arguments.scene), "engine": scene.render.engine, "seconds": {"total": round(seconds, 3)},
+                  "tokens": None, "triangles": None, "report": [], "output": list(map(str, arguments.output))}
+    if arguments.engine == "renderformer":
+        from renderformer_v2.rf2_engine import render
+        last = render.last_statistics
+        statistics["seconds"] = {k: round(v, 3) for k, v in last["seconds"].items()} | statistics["seconds"]
+        statistics |= {key: last[key] for key in ("tokens", "triangles", "size", "weights", "report")}
+    return statistics
+
+
+def _apply(arguments: argparse.Namespace, scene) -> None:
+    cycles = arguments.engine == "cycles"
+    scene.render.engine = "CYCLES" if cycles else "RENDERFORMER_V2"
+    if arguments.samples:
+        owner, name = (scene.cycles, "samples") if cycles else (scene.renderformer_v2, "guide_samples")
+        setattr(owner, name, arguments.samples)
+    if arguments.resolution:
+        scene.render.resolution_x, scene.render.resolution_y = arguments.resolution
+        scene.render.resolution_percentage = 100
+    if arguments.weights:
+        scene.renderformer_v2.weights_source = "BUNDLED" if arguments.weights == "small" else "FOLDER"
+        scene.renderformer_v2.weights_folder = os.path.abspath(arguments.weights)
+
+
+def _save(path: Path, scene) -> None:
+    import bpy
+    from renderformer_v2.rf2_engine.compat import set_file_format
+    settings = scene.render.image_settings
+    set_file_format(settings, FORMATS[path.suffix.lower()])
+    if path.suffix.lower() == ".exr":
+        settings.color_depth = "32"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    bpy.data.images["Render Result"].save_render(str(path), scene=scene)
+
+
+if __name__ == "__main__":
+    extension.leave(main())

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How to train: preset, optimiser and the curriculum, read from a JSON file."""
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stretch of the curriculum: until `steps` in total, only scenes that pass the limits."""
+
+    steps: int                   # counted from the start of training
+    max_triangles: int = 10**9
+    volumes: bool = True         # scenes with participating media
+    transmission: bool = True    # scenes with glass
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    preset: str                  # a name of model.config.PRESETS
+    learning_rate: float
+    weight_decay: float
+    warmup_steps: int
+    scenes_per_step: int         # gradients of this many scenes (all their views) make one step
+    clip_norm: float
+    average_decay: float         # of the weights' running average, which is what is saved for rendering
+    stages: tuple[Stage, ...]    # the last one goes on for as long as the run is given
+
+    @classmethod
+    def load(cls, path: Path) -> "TrainConfig":
+        """Raises ValueError naming the keys that are not known."""
+        values = json.loads(path.read_text())
+        unknown = set(values) - {f.name for f in fields(cls)}
+        if unknown:
+            raise ValueError(f"{path}: unknown keys {', '.join(sorted(unknown))}")
+        return cls(**values | {"stages": tuple(Stage(**s) for s in values["stages"])})
+
+    def stage(self, step: int) -> Stage:
+        return next((s for s in self.stages if step < s.steps), self.stages[-1])

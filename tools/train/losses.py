@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The paper's loss shape: L1 of the log image plus a small perceptual term (paper, Loss Function).
+
+The paper's perceptual term is LPIPS. Its backbone is used when its weights are on this machine
+(`lpips` and torchvision's cached AlexNet); otherwise a stand-in without weights compares structure: SSIM and finite
+differences over an image pyramid. Both see the log image divided by log10(2), clamped to [0, 1].
+"""
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+PERCEPTUAL_WEIGHT = 0.05
+PYRAMID_LEVELS = 3
+LOBE_WEIGHT = 0.2  # supervision of direct and indirect light per lobe (Cycles' passes), training only
+
+
+def log_radiance(x: Tensor) -> Tensor:
+    return torch.log10(1 + x.clamp_min(0))
+
+
+def image_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
+    """(V, 3, H, W) linear radiance in network exposure, both."""
+    a, b = log_radiance(predicted), log_radiance(target)
+    display = lambda y: (y / math.log10(2)).clamp(0, 1)  # noqa: E731
+    return (a - b).abs().mean() + PERCEPTUAL_WEIGHT * perceptual(display(a), display(b))
+
+
+def lobe_loss(light: Tensor, target: Tensor, colors: Tensor) -> Tensor:
+    """L1 of the log of each lobe's light where the lobe has any colour; all (V, lobes, 3, H, W)."""
+    weight = colors.clamp(0, 1)
+    error = (log_radiance(light) - log_radiance(target)).abs()
+    return LOBE_WEIGHT * (error * weight).sum() / weight.sum().clamp_min(1.0)
+
+
+def structure_loss(a: Tensor, b: Tensor) -> Tensor:
+    """The stand-in: 1 - SSIM plus L1 of finite differences, mean over the pyramid. Inputs (V, 3, H, W) in [0, 1]."""
+    total = a.new_zeros(())
+    for level in range(PYRAMID_LEVELS):
+        if level:
+            a, b = F.avg_pool2d(a, 2), F.avg_pool2d(b, 2)
+        total = total + (1 - ssim(a, b)) + sum((_difference(a, axis) - _difference(b, axis)).abs().mean()
+                                               for axis in (-1, -2))
+    return total / PYRAMID_LEVELS
+
+
+def ssim(a: Tensor, b: Tensor, window: int = 7) -> Tensor:
+    """Mean structural similarity over box windows."""
+    mean = lambda x: F.avg_pool2d(x, window, 1)  # noqa: E731
+    mu_a, mu_b = mean(a), mean(b)
+    var_a, var_b = mean(a * a) - mu_a**2, mean(b * b) - mu_b**2
+    covariance = mean(a * b) - mu_a * mu_b
+    c1, c2 = 0.01**2, 0.03**2
+    similarity = (2 * mu_a * mu_b + c1) * (2 * covariance + c2)
+    return (similarity / ((mu_a**2 + mu_b**2 + c1) * (var_a + var_b + c2))).mean()
+
+
+def _difference(x: Tensor, axis: int) -> Tensor:
+    return torch.diff(x, dim=axis)
+
+
+def perceptual_term():
+    """LPIPS when its weights are present on this machine, else `structure_loss`."""
+    cached = Path(torch.hub.get_dir()) / "checkpoints" / "alexnet-owt-7be5be79.pth"
+    if not cached.is_file():
+        return structure_loss
+    try:
+        import lpips
+    except ImportError:
+        return structure_loss
+    network = lpips.LPIPS(net="alex").eval().requires_grad_(False)
+    return lambda a, b: network(a, b, normalize=True).mean()

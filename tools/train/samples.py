@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training samples: what the renderer would feed the network for one scene, and what should come out."""
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from model.camera import view_rays
+from model.guides import GuideTensors, guide_tensors
+from model.inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
+from model.light_prior import LightPrior
+from model.normalize import Normalization
+from model.scene_inputs import material_tiles, pooled_tiles, small_inputs
+from tools.datagen.shards import load_sample
+
+LOBES = ("diffuse", "glossy", "transmission")
+
+
+@dataclass
+class TrainingSample:
+    """One scene with V views, everything in network units and exposure."""
+
+    inputs: NetworkInputs  # `texture` is filled in by `with_latents`
+    tiles: Tensor        # (T, 11, 8, 8) material tiles as BSDF parameters
+    beam_axis: Tensor    # (L, 3) of the light triangles, in input order
+    beam_cosine: Tensor  # (L, 2)
+    rays_o: Tensor       # (V, 3)
+    rays_d: Tensor       # (V, H, W, 3)
+    guides: GuideTensors
+    image: Tensor        # (V, 3, H, W) reference radiance without directly seen emitters and world
+    direct: Tensor       # (V, 3, 3, H, W) light of each lobe before its colour, from Cycles' passes
+    indirect: Tensor     # (V, 3, 3, H, W)
+
+    def to(self, device) -> "TrainingSample":
+        return TrainingSample(*(getattr(self, f.name).to(device) for f in fields(self)))
+
+
+def with_latents(sample: TrainingSample, mapper) -> TrainingSample:
+    """The sample with its materials mapped to appearance latents."""
+    return replace(sample, inputs=replace(sample.inputs, texture=material_tiles(sample.tiles, mapper)))
+
+
+def build_sample(path: Path, mapper) -> TrainingSample:
+    """From one file of tools.datagen."""
+    scene, views, guides, passes = load_sample(path)
+    normalization = Normalization.of(scene)
+    normalized = normalization.scene(scene)
+    prior = LightPrior(normalized)
+    tensors, rays, targets = [], [], []
+    for view, guide, reference in zip(views, guides, passes):
+        view = normalization.view(view)
+        tensors.append(guide_tensors(normalized, view, normalization.guides(guide), prior))
+        rays.append(view_rays(view))
+        surface = reference["combined"][..., :3] - guide.emission
+        targets.append([surface.clip(0), *(np.stack([reference[f"{lobe}_{part}"] for lobe in LOBES])
+                                           for part in ("direct", "indirect"))])
+    image, direct, indirect = (torch.from_numpy(np.stack(t).astype(np.float32) * np.float32(normalization.exposure))
+                               .movedim(-1, -3) for t in zip(*targets))
+    lights = normalized.is_light
+    return TrainingSample(
+        small_inputs(normalized, mapper), pooled_tiles(scene.tiles), torch.from_numpy(scene.beam_axis[lights]),
+        torch.from_numpy(scene.beam_cosine[lights]), torch.from_numpy(np.stack([r[0] for r in rays])),
+        torch.from_numpy(np.stack([r[1] for r in rays])), GuideTensors.stack(tensors), image, direct, indirect)
+
+
+def cached_sample(path: Path, cache: Path, mapper) -> TrainingSample:
+    """`build_sample`, kept as float16 safetensors in `cache` for the next epoch."""
+    stored = cache / f"{path.stem}.safetensors"
+    if not stored.is_file():
+        temporary = stored.with_suffix(".tmp")
+        save_file(_flatten(build_sample(path, mapper)), temporary)
+        temporary.replace(stored)
+    return _unflatten(load_file(stored))
+
+
+_PARTS = {"inputs": NetworkInputs, "guides": GuideTensors, "environment": EnvironmentInputs, "volumes": VolumeInputs}
+_EXACT = ("triangles", "texture_index", "rays_o", "position", "positions", "light")  # not for half precision
+
+
+def _flatten(part, prefix: str = "") -> dict[str, Tensor]:
+    flat = {}
+    for f in fields(part):
+        value = getattr(part, f.name)
+        if isinstance(value, Tensor):
+            half = value.is_floating_point() and f.name not in _EXACT
+            flat[prefix + f.name] = (value.clamp(-6e4, 6e4).half() if half else value).contiguous()
+        elif value is not None:
+            flat |= _flatten(value, f"{prefix}{f.name}.")
+    return flat
+
+
+def _unflatten(flat: dict[str, Tensor], kind=TrainingSample):
+    values = {}
+    for f in fields(kind):
+        inner = {k.removeprefix(f"{f.name}."): v for k, v in flat.items() if k.startswith(f"{f.name}.")}
+        if inner:
+            values[f.name] = _unflatten(inner, _PARTS[f.name])
+        else:
+            value = flat.get(f.name)
+            values[f.name] = value.float() if value is not None and value.is_floating_point() else value
+    return kind(**values)
