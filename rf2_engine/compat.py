@@ -6,7 +6,13 @@ import bpy
 
 
 def set_file_format(settings: bpy.types.ImageFormatSettings, file_format: str) -> None:
-    """Set `image_settings.file_format`; Blender 5 wants the media type first."""
+    """Set `image_settings.file_format`; Blender 5 wants the media type first.
+
+    A multilayer EXR gets one part with all passes, as 4.5 writes it: 5.x would write a part for each, and many readers
+    open only the first.
+    """
     if hasattr(settings, "media_type"):
         settings.media_type = "MULTI_LAYER_IMAGE" if file_format == "OPEN_EXR_MULTILAYER" else "IMAGE"
     settings.file_format = file_format
+    if hasattr(settings, "use_exr_interleave"):
+        settings.use_exr_interleave = True

@@ -87,7 +87,8 @@ def _area(lamp: Lamp) -> RenderScene:
 
 def _point(lamp: Lamp) -> RenderScene:
     triangles = proxies.ball(_ball_radius(lamp))
-    return _flat_scene(triangles + lamp.place, ball_power(lamp.light, lamp.strength) / (math.pi * proxies.area(triangles)))
+    radiance = ball_power(lamp.light, lamp.strength) / (math.pi * proxies.area(triangles))
+    return _flat_scene(triangles + lamp.place, radiance)
 
 
 def _spot(lamp: Lamp) -> RenderScene:
@@ -146,7 +147,8 @@ def _flat_scene(triangles, radiance, axis=(0, 0, 0), cosines=(0, 0), tile: int =
     flat = np.repeat(proxies.normals(triangles)[:, None], 3, axis=1) if n else triangles
     return RenderScene(
         triangles=triangles.astype(np.float32), normals=flat.astype(np.float32), emission=each(radiance, 3),
-        beam_axis=each(axis, 3), beam_cosine=each(cosines, 2), tile_index=np.full(n, tile, np.int32), tiles=TILES.copy())
+        beam_axis=each(axis, 3), beam_cosine=each(cosines, 2), tile_index=np.full(n, tile, np.int32),
+        tiles=TILES.copy())
 
 
 CONVERTERS = {"AREA": _area, "POINT": _point, "SPOT": _spot, "SUN": _sun}

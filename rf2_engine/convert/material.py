@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model.scene import (BASE_COLOR, HEIGHT, IOR, METALLIC, NORMAL, ROUGHNESS, TILE_CHANNELS, TILE_SIZE, TRANSMISSION,
-                            barycentric_grid, constant_tile)
+from ...model.scene import (BASE_COLOR, HEIGHT, IOR, METALLIC, NORMAL, ROUGHNESS, TILE_CHANNELS, TILE_SIZE,
+                            TRANSMISSION, barycentric_grid, constant_tile)
 from . import nodes
 from .closure import Closure, SurfaceParameters, parameters
 from .evaluate import Evaluator, Points
@@ -16,7 +16,7 @@ from .surface import evaluate_shader
 CHUNK = 256                  # triangles evaluated at once
 HEIGHT_UNIT = 0.025          # world units of displacement at height 1
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
-DARK_FRACTION = 0.01         # texels of an emission texture this much below its brightest triangle do not shine
+DARK_FRACTION = 0.01         # triangles this much darker than the brightest one of an emission texture do not shine
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 

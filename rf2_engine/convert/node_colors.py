@@ -54,7 +54,8 @@ def brightness_contrast(evaluator, node, output, frames):
 
 def hue_saturation(evaluator, node, output, frames):
     hue, saturation, value, factor, color = (
-        evaluator.named(node, frames, *n) for n in (("Hue",), ("Saturation",), ("Value",), ("Fac", "Factor"), ("Color",)))
+        evaluator.named(node, frames, *names)
+        for names in (("Hue",), ("Saturation",), ("Value",), ("Fac", "Factor"), ("Color",)))
     h, s, v = np.split(rgb_to_hsv(color), 3, axis=-1)
     hsv = np.broadcast_arrays((h + hue + 0.5) % 1, np.clip(s * saturation, 0, 1), v * value)
     return np.maximum((1 - factor) * color + factor * hsv_to_rgb(np.concatenate(hsv, axis=-1)), 0)
@@ -73,7 +74,7 @@ def rgb_to_hsv(rgb: np.ndarray) -> np.ndarray:
 def hsv_to_rgb(hsv: np.ndarray) -> np.ndarray:
     """(..., 3) -> (..., 3)."""
     h, s, v = hsv[..., :1], hsv[..., 1:2], hsv[..., 2:]
-    ramp = np.clip(np.abs((h * 6 - np.array([3, 2, 4])) ) * np.array([1, -1, -1]) + np.array([-1, 2, 2]), 0, 1)
+    ramp = np.clip(np.abs(h * 6 - np.array([3, 2, 4])) * np.array([1, -1, -1]) + np.array([-1, 2, 2]), 0, 1)
     return v * (1 - s + s * ramp)
 
 

@@ -17,7 +17,8 @@ NM = np.linspace(390.0, 750.0, 10)
 AIR = 1.24e-6 * (NM / 1000) ** -4.0                         # Rayleigh scattering per metre at sea level
 AEROSOL = np.full_like(NM, 2.0e-5)
 OZONE = 2.3e-6 * np.exp(-0.5 * ((NM - 590) / 62) ** 2)      # Chappuis band at its densest, 25 km
-SUN = np.array([1.20, 1.62, 2.00, 1.92, 1.86, 1.77, 1.65, 1.53, 1.40, 1.27])  # outside the atmosphere, W/(m^2 nm)
+# Sunlight outside the atmosphere, W/(m^2 nm): a smooth spectrum whose blue end is fitted to Cycles' skies.
+SUN = np.array([1.05, 1.40, 1.73, 1.76, 1.75, 1.74, 1.65, 1.53, 1.40, 1.27])
 TO_REC709 = XYZ_TO_REC709 @ observer(NM) * (NM[1] - NM[0])  # (3, 10)
 FORWARD = 0.76                                              # of aerosol
 VIEW_STEPS, SUN_STEPS, ELEVATIONS, AZIMUTHS = 32, 12, 40, 41

@@ -41,7 +41,8 @@ def principled(evaluator, node, frames):
     for name, message in UNSUPPORTED.items():
         if np.any(get(name) > 0):
             evaluator.approximated(node, message)
-    level, transmission, alpha = get("Specular IOR Level", 0.5), np.clip(get("Transmission Weight"), 0, 1), get("Alpha", 1)
+    level, alpha = get("Specular IOR Level", 0.5), np.clip(get("Alpha", 1), 0, 1)
+    transmission = np.clip(get("Transmission Weight"), 0, 1)
     if np.any(level * np.abs(get("Specular Tint", WHITE) - 1) > 0.01):
         evaluator.approximated(node, "specular tint is shown as white")
     ior = (1 - transmission) * effective_ior(get("IOR", 1.5), level) + transmission * get("IOR", 1.5)
@@ -51,7 +52,6 @@ def principled(evaluator, node, frames):
     if np.all(alpha >= 1):
         return surface
     evaluator.approximated(node, "alpha below 1 is shown as transmission without refraction")
-    alpha = np.clip(alpha, 0, 1)
     return surface * alpha + lobe(WHITE, roughness=ZERO, transmission=ONE) * (1 - alpha)
 
 

@@ -30,7 +30,8 @@ def convert_world(world, report) -> np.ndarray | None:
         return None
     images = ImageCache(report, MAX_SUPERSAMPLING * ENVIRONMENT_SHAPE[1])
     socket, fineness = nodes.find_input(output, "Surface"), _supersampling(world.node_tree)
-    bands = [_band(socket, row, fineness, images, report, world.name) for row in range(0, ENVIRONMENT_SHAPE[0], BAND_ROWS)]
+    bands = [_band(socket, row, fineness, images, report, world.name)
+             for row in range(0, ENVIRONMENT_SHAPE[0], BAND_ROWS)]
     return _none_if_black(np.concatenate(bands))
 
 

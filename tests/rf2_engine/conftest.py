@@ -36,6 +36,7 @@ def scene():
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 50, 37, 100
     scene.renderformer_v2.guide_samples = 1
     scene.renderformer_v2.precision = "fp32"
+    scene.renderformer_v2.max_edge = 1  # few triangles: these tests are not about the picture's quality
     scene.world = bpy.data.worlds.new("Grey")
     scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.25, 0.25, 0.25, 1)

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whatever a user gets wrong: a message that names it, and never a traceback or a silent black frame."""
+import json
+
 import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import checkpoint, config
 from bl_ext.user_default.renderformer_v2.rf2_engine import model_cache, render, runtime
 
 from .f12 import cube, mesh_object, press_f12, sun
 
 NAN = float("nan")
+SMALL = json.dumps(checkpoint.FORMAT | {"model_config": config.rf2_small().to_dict()})
 
 
 def expect_error(scene, tmp_path, *words):
@@ -87,14 +91,21 @@ def test_missing_texture_is_reported_by_name(scene, tmp_path):
     assert any("lost" in line.lower() for line in render.last_statistics["report"])
 
 
-@pytest.mark.parametrize("content", [None, b"", b"these are not weights" * 100])
-def test_unusable_weights_are_named(scene, tmp_path, content):
+@pytest.mark.parametrize("files", [
+    {},
+    {"config.json": "{ not json"},
+    {"config.json": json.dumps({"latent_dim": 768})},
+    {"config.json": SMALL},
+    {"config.json": SMALL, "model.safetensors": ""},
+    {"config.json": SMALL, "model.safetensors": "these are not weights" * 100},
+], ids=["empty folder", "broken config", "another format", "no weights", "empty weights", "corrupt weights"])
+def test_unusable_weights_are_named(scene, tmp_path, files):
     cube(scene)
     model_cache.free()
     folder = tmp_path / "my weights"
     folder.mkdir()
-    if content is not None:
-        (folder / "model.safetensors").write_bytes(content)
+    for name, content in files.items():
+        (folder / name).write_text(content)
     scene.renderformer_v2.weights_source = "FOLDER"
     scene.renderformer_v2.weights_folder = str(folder)
     expect_error(scene, tmp_path, "my weights")

@@ -36,6 +36,7 @@ def world():
     """(world, node tree, Background node), made the scene's world."""
     made = bpy.data.worlds.new("World")
     made.use_nodes = True
+    made.cycles.sampling_method, made.cycles.sample_map_resolution = "MANUAL", 512  # the automatic map takes seconds
     bpy.context.scene.world = made
     return made, made.node_tree, made.node_tree.nodes["Background"]
 

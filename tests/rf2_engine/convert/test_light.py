@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, lamp
 from mathutils import Matrix
+from mathutils.bvhtree import BVHTree
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.light import convert_light
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
@@ -104,7 +105,6 @@ def test_mirrored_and_sheared_objects_keep_the_flux_of_an_area_lamp():
 
 def test_shade_of_a_spot_is_open_along_the_beam_only():
     empty_cycles_scene()
-    from mathutils.bvhtree import BVHTree
     scene = converted(lamp("SPOT", Matrix(), energy=100, spot_size=1.0, shadow_soft_size=0.05))
     shade = scene.triangles[~scene.is_light]
     tree = BVHTree.FromPolygons([tuple(p) for p in shade.reshape(-1, 3)],

@@ -53,7 +53,8 @@ def test_other_shaders():
     gray = (0.5, 0.5, 0.5)
     assert_tile(None, base_color=(0.8, 0.8, 0.8))
     assert_tile(material("ShaderNodeBsdfDiffuse", Color=(0.1, 0.2, 0.3, 1))[0], base_color=(0.1, 0.2, 0.3))
-    assert_tile(material("ShaderNodeBsdfGlossy", Color=(*gray, 1), Roughness=0.2)[0], base_color=gray, metallic=1, roughness=0.2)
+    assert_tile(material("ShaderNodeBsdfGlossy", Color=(*gray, 1), Roughness=0.2)[0],
+                base_color=gray, metallic=1, roughness=0.2)
     assert_tile(material("ShaderNodeBsdfGlass", Color=(*gray, 1), Roughness=0.2)[0],
                 base_color=(0.25, 0.25, 0.25), roughness=0.2, ior=1.5, transmission=1)
 

@@ -120,12 +120,13 @@ def test_mapping_matches_cycles(image, kind):
     assert_same(*tile_and_picture(build), share=0.97)
 
 
-CHAINS = {
-    "multiply": ("ShaderNodeMix", dict(data_type="RGBA", blend_type="MULTIPLY"), {0: 0.7, 6: None, 7: (0.9, 0.5, 0.2, 1)}),
-    "overlay": ("ShaderNodeMix", dict(data_type="RGBA", blend_type="OVERLAY"), {0: 0.8, 6: None, 7: (0.9, 0.5, 0.2, 1)}),
-    "screen": ("ShaderNodeMix", dict(data_type="RGBA", blend_type="SCREEN"), {0: 0.8, 6: None, 7: (0.9, 0.5, 0.2, 1)}),
-    "soft light": ("ShaderNodeMix", dict(data_type="RGBA", blend_type="SOFT_LIGHT"), {0: 0.8, 6: None, 7: (0.9, 0.5, 0.2, 1)}),
-    "divide": ("ShaderNodeMix", dict(data_type="RGBA", blend_type="DIVIDE"), {0: 0.8, 6: None, 7: (0.9, 0.5, 0.8, 1)}),
+def blend(mode, factor=0.8):
+    return "ShaderNodeMix", dict(data_type="RGBA", blend_type=mode), {0: factor, 6: None, 7: (0.9, 0.5, 0.2, 1)}
+
+
+CHAINS = {  # name: (node type, settings, inputs by number; None is the image's colour)
+    "multiply": blend("MULTIPLY"), "overlay": blend("OVERLAY"), "screen": blend("SCREEN"), "divide": blend("DIVIDE"),
+    "soft light": blend("SOFT_LIGHT"), "difference": blend("DIFFERENCE"), "linear light": blend("LINEAR_LIGHT"),
     "invert": ("ShaderNodeInvert", {}, {0: 0.8, 1: None}),
     "gamma": ("ShaderNodeGamma", {}, {0: None, 1: 1.7}),
     "contrast": ("ShaderNodeBrightContrast", {}, {0: None, 1: 0.1, 2: 0.3}),
@@ -134,7 +135,8 @@ CHAINS = {
     "luminance": ("ShaderNodeMath", dict(operation="MULTIPLY"), {0: None, 1: 0.8}),
     "power": ("ShaderNodeMath", dict(operation="POWER"), {0: None, 1: 2.2}),
     "pingpong": ("ShaderNodeMath", dict(operation="PINGPONG"), {0: None, 1: 0.3}),
-    "map range": ("ShaderNodeMapRange", dict(interpolation_type="SMOOTHSTEP"), {0: None, 1: 0.2, 2: 0.7, 3: 0.9, 4: 0.1}),
+    "map range": ("ShaderNodeMapRange", dict(interpolation_type="SMOOTHSTEP"),
+                  {0: None, 1: 0.2, 2: 0.7, 3: 0.9, 4: 0.1}),
     "vector maths": ("ShaderNodeVectorMath", dict(operation="SCALE"), {0: None, 3: 0.6}),
     "ramp": ("ShaderNodeValToRGB", {}, {0: None}),
     "curves": ("ShaderNodeRGBCurve", {}, {0: 0.7, 1: None}),

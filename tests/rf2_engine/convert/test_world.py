@@ -109,3 +109,18 @@ def test_black_or_absent_worlds_are_none_and_missing_images_magenta():
     made, _ = image_world(image)
     np.testing.assert_allclose(convert_world(made, report)[5, 5], (1, 0, 1))
     assert "gone.exr" in report.lines()[0] and made.name in report.lines()[0]
+
+
+@pytest.mark.parametrize("elevation", [0.2, 0.9])
+@pytest.mark.parametrize("disc", [False, True])
+def test_single_scattering_sky_is_close_to_cycles(elevation, disc):
+    empty_cycles_scene(samples=128)
+    made, tree, background = world()
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    kinds = sky.bl_rna.properties["sky_type"].enum_items.keys()
+    sky.sky_type = "NISHITA" if "NISHITA" in kinds else "SINGLE_SCATTERING"
+    sky.sun_elevation, sky.sun_rotation, sky.sun_disc = elevation, 0.7, disc
+    tree.links.new(sky.outputs[0], background.inputs["Color"])
+    environment = convert_world(made, Report())
+    for normal in ((0, 0, 1), (1, 0.3, 0.2)):
+        np.testing.assert_allclose(gathered(environment, normal), irradiance((0, 0, 0), normal), rtol=0.12)

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The bundled mapper tells materials apart: what it merges, the network can never see."""
+import pytest
+import torch
+
+from model.checkpoint import load_material_mapper
+
+GREY = (0.5, 0.5, 0.5, 0.0, 0.3, 1.5, 0.0)  # base R, G, B; metallic; roughness; index of refraction; transmission
+
+
+@pytest.mark.parametrize("change, least", [
+    ({0: 0.9, 2: 0.1}, 0.15), ({0: 0.1, 2: 0.9}, 0.15), ({0: 0.9, 1: 0.9, 2: 0.9}, 0.15), ({3: 1.0}, 0.15), ({4: 0.03}, 0.15),
+    ({4: 1.0}, 0.15), ({6: 1.0}, 0.15), ({5: 2.0}, 0.05)],
+    ids=["red", "blue", "white", "metal", "polished", "matt", "glass", "dense"])
+def test_each_parameter_moves_the_latent(change, least):
+    other = [change.get(i, value) for i, value in enumerate(GREY)]
+    with torch.no_grad():
+        latents = load_material_mapper()(torch.tensor([GREY, other]))
+    assert latents.shape == (2, 9) and latents.abs().max() <= 1
+    assert (latents[0] - latents[1]).abs().mean() > least

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`python -m tools.datagen` makes samples that fit together, always the same for a seed, and goes on where it was."""
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.scene import ENVIRONMENT_SHAPE, IOR, TILE_SIZE, TRANSMISSION
+from tools.datagen.shards import STORED_TILE, load_sample, sample_path, sample_paths, save_arrays
+
+ROOT = Path(__file__).parents[2]
+SEEDS = (8, 9)  # of the mixed profile: full and simple
+
+
+def generate(folder: Path) -> str:
+    command = [sys.executable, "-m", "tools.datagen", folder, "--first-seed", SEEDS[0], "--scenes", len(SEEDS), "--views", 2,
+               "--resolution", 32, "--samples", 16, "--profile", "mixed"]
+    done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("samples")
+    generate(folder)
+    return folder
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_scene_cameras_guides_and_passes_of_a_sample_belong_together(folder, seed):
+    scene, views, guides, passes = load_sample(sample_path(folder, seed))
+    scene.validate()
+    assert 150 <= len(scene) <= 3072 and scene.tiles.shape[-1] == TILE_SIZE
+    assert scene.is_light.any() or scene.environment is not None
+    assert scene.environment is None or scene.environment.shape == ENVIRONMENT_SHAPE
+    for view, guide, light in zip(views, guides, passes, strict=True):
+        hit = (guide.hit_triangle >= 0) & (guide.alpha > 0.99)
+        assert hit.mean() > 0.2
+        weights = np.concatenate([guide.hit_barycentric, 1 - guide.hit_barycentric.sum(-1, keepdims=True)], axis=-1)
+        on_triangle = (scene.triangles[guide.hit_triangle] * weights[..., None]).sum(axis=-2)
+        assert np.median(np.linalg.norm(on_triangle - guide.position, axis=-1)[hit]) < 2e-3
+
+        to_camera = np.linalg.inv(view.camera_to_world.astype(np.float64))
+        seen = guide.position[hit] @ to_camera[:3, :3].T + to_camera[:3, 3]
+        rows, columns = np.nonzero(hit)
+        assert np.median(np.abs(view.principal[0] - seen[:, 0] / seen[:, 2] * view.focal[0] - columns - 0.5)) < 0.1
+        assert np.median(np.abs(view.principal[1] + seen[:, 1] / seen[:, 2] * view.focal[1] - rows - 0.5)) < 0.1
+
+        total = guide.emission + light["volume_direct"] + light["volume_indirect"]
+        for lobe in ("diffuse", "glossy", "transmission"):
+            total = total + getattr(guide, f"{lobe}_color") * (light[f"{lobe}_direct"] + light[f"{lobe}_indirect"])
+        # "combined" is denoised and the others are not: compare what denoising keeps.
+        assert total.mean() == pytest.approx(light["combined"][..., :3].mean(), rel=0.25)
+
+
+def test_simple_scenes_have_neither_glass_nor_volumes_nor_textures(folder):
+    scene = load_sample(sample_path(folder, 9), tile_size=STORED_TILE)[0]
+    assert scene.volumes is None and not scene.tiles[:, TRANSMISSION].any()
+    assert (scene.tiles[:, IOR] >= 1).all()
+    assert np.ptp(scene.tiles.astype(np.float32), axis=(2, 3)).max() == 0
+
+
+def test_a_second_run_keeps_finished_scenes_and_makes_a_lost_one_again_just_the_same(folder):
+    kept, lost = (sample_path(folder, seed) for seed in SEEDS[::-1])
+    written, before = kept.stat().st_mtime_ns, dict(np.load(lost))
+    lost.unlink()
+    assert kept.name not in generate(folder)
+    assert kept.stat().st_mtime_ns == written
+    after = np.load(lost)
+    assert set(after.files) == set(before)
+    for name in before:
+        np.testing.assert_allclose(after[name].astype(np.float64), before[name].astype(np.float64), atol=1e-3, err_msg=name)
+
+
+def test_a_killed_write_leaves_no_sample(tmp_path):
+    class Broken:
+        def __array__(self, *_, **__):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        save_arrays(sample_path(tmp_path, 1), {"fine": np.zeros(3), "broken": Broken()})
+    assert sample_paths(tmp_path) == []

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training samples, their symmetries, and resuming; on a scene made without Blender."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from model.config import rf2_small
+from model.encoders import PANORAMA
+from model.light_prior import LightPrior
+from model.renderformer import RenderFormer
+from tests.model.samples import floor_scene, floor_view
+from tools.datagen.shards import save_sample
+from tools.train import augment as symmetry
+from tools.train.config import Stage, TrainConfig
+from tools.train.loader import admitted
+from tools.train.losses import image_loss, structure_loss
+from tools.train.network import sample_loss
+from tools.train.samples import LOBES, build_sample, cached_sample, with_latents
+from tools.train.state import TrainingState
+
+TINY = replace(rf2_small(), latent_dim=48, num_layers=1, num_heads=1, dim_feedforward=64, num_register_tokens=2,
+               intra_rope_pe_num_freqs=8, view_transformer_latent_dim=48, view_transformer_ffn_hidden_dim=64,
+               view_transformer_n_heads=1, dpt_features=8, dpt_out_channels=(8, 8, 8, 8))
+
+
+def mapper(parameters: torch.Tensor) -> torch.Tensor:
+    return torch.tanh(torch.cat([parameters, parameters[..., :2]], -1))
+
+
+@pytest.fixture
+def stored(tmp_path):
+    """A sample file whose reference is the unshadowed light of an environment and a lamp."""
+    rng = np.random.default_rng(1)
+    environment = np.kron(rng.random((8, 16, 3)), np.ones((32, 32, 1))).astype(np.float32)
+    scene = replace(floor_scene(), environment=environment)
+    view, guides = floor_view()
+    shape = (64, 64, 3)
+    reference = {f"{lobe}_{part}": rng.random(shape, np.float32) for lobe in LOBES for part in ("direct", "indirect")}
+    combined = np.concatenate([guides.diffuse_color * 0.3, guides.alpha[..., None]], -1)
+    path = tmp_path / "scene_00000001.npz"
+    save_sample(path, scene, [view], [guides], [reference | {"combined": combined}])
+    return path
+
+
+def same(a, b, tolerance: float):
+    for name in a.__dataclass_fields__:
+        x, y = getattr(a, name), getattr(b, name)
+        if isinstance(x, torch.Tensor):
+            torch.testing.assert_close(x, y, atol=tolerance, rtol=tolerance, msg=lambda m: f"{name}: {m}")
+        elif x is not None:
+            same(x, y, tolerance)
+
+
+def test_the_cache_gives_back_what_was_built(stored, tmp_path):
+    built = build_sample(stored, mapper)
+    cached_sample(stored, tmp_path, mapper)
+    same(cached_sample(stored, tmp_path, mapper), built, 2e-3)
+
+
+def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
+    """The prior of the turned lights and panorama is the one that the augmentation carried along."""
+    sample = build_sample(stored, mapper)
+    shift = 32  # a quarter turn
+    turned = symmetry._turn(sample, shift, PANORAMA[1])
+    environment = replace(floor_scene(), environment=np.kron(
+        np.random.default_rng(1).random((8, 16, 3)), np.ones((32, 32, 1))).astype(np.float32)).environment
+    quarter = np.float32([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    world = replace(floor_scene(), triangles=floor_scene().triangles @ quarter.T,
+                    environment=np.roll(environment, -shift * 512 // PANORAMA[1], axis=1))
+    x, v = torch.tensor([[0.3, -0.5, 0.0]]), torch.tensor([[0.0, 0.6, 0.8]])
+    n = torch.tensor([[0.0, 0.0, 1.0]])
+    still = LightPrior(replace(floor_scene(), environment=environment))
+    turn = torch.tensor(quarter)
+    torch.testing.assert_close(LightPrior(world)(x @ turn.T, n, v @ turn.T, torch.tensor([0.4])),
+                               still(x, n, v, torch.tensor([0.4])), rtol=1e-3, atol=1e-4)
+    torch.testing.assert_close(turned.inputs.triangles, sample.inputs.triangles @ turn.T, atol=1e-6, rtol=0)
+    torch.testing.assert_close(turned.inputs.environment.ldr, sample.inputs.environment.ldr.roll(-shift, -1))
+    torch.testing.assert_close(turned.image, sample.image)
+
+
+def test_swapped_colours_keep_picture_and_parts_consistent(stored):
+    sample = build_sample(stored, mapper)
+    order = torch.tensor([2, 0, 1])
+    swapped = symmetry._recolor(sample, order)
+    unshadowed = lambda s: (s.guides.prior * s.guides.colors).sum(1)  # noqa: E731
+    torch.testing.assert_close(unshadowed(swapped), unshadowed(sample)[:, order])
+    torch.testing.assert_close(swapped.guides.features[:, symmetry.COLORS].unflatten(1, (3, 3)), swapped.guides.colors)
+    torch.testing.assert_close(torch.pow(10, swapped.guides.features[:, symmetry.LIGHT].unflatten(1, (3, 3))) - 1,
+                               swapped.guides.prior, rtol=1e-3, atol=1e-4)
+
+
+def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
+    torch.manual_seed(0)
+    sample = with_latents(build_sample(stored, mapper), mapper)
+    state = TrainingState(RenderFormer(TINY), 2e-3, 0.01, 0.9)
+
+    def step(state) -> float:
+        loss = sample_loss(state.model, sample, structure_loss)["total"]
+        loss.backward()
+        state.optimizer.step()
+        state.optimizer.zero_grad()
+        state.step += 1
+        state.update_average()
+        return float(loss)
+
+    first = step(state)
+    for _ in range(8):
+        last = step(state)
+    assert last < 0.8 * first
+    state.save(tmp_path / "state.safetensors")
+    resumed = TrainingState(RenderFormer(TINY), 2e-3, 0.01, 0.9)
+    resumed.load(tmp_path / "state.safetensors")
+    assert resumed.step == state.step
+    assert step(resumed) == pytest.approx(step(state), rel=1e-5)
+    for (name, a), (_, b) in zip(state.model.named_parameters(), resumed.model.named_parameters()):
+        torch.testing.assert_close(a, b, atol=1e-6, rtol=1e-4, msg=lambda m: f"{name}: {m}")
+
+
+def test_the_curriculum_admits_scenes_by_what_they_hold(stored):
+    sample = build_sample(stored, mapper)
+    assert admitted(sample, Stage(1, volumes=False, transmission=False))
+    assert not admitted(sample, Stage(1, max_triangles=10))
+    glass = replace(sample, guides=replace(sample.guides, colors=torch.ones_like(sample.guides.colors)))
+    assert not admitted(glass, Stage(1, transmission=False)) and admitted(glass, Stage(1))
+
+
+def test_configuration_names_unknown_keys(tmp_path):
+    path = tmp_path / "config.json"
+    path.write_text('{"preset": "rf2_small", "learning_rat": 1}')
+    with pytest.raises(ValueError, match="learning_rat"):
+        TrainConfig.load(path)
+
+
+def test_equal_pictures_cost_nothing():
+    picture = torch.rand(1, 3, 32, 32)
+    assert float(image_loss(picture, picture, structure_loss)) == pytest.approx(0, abs=1e-6)
+    assert float(image_loss(picture, picture.roll(3, -1), structure_loss)) > 0.01
