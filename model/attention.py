@@ -33,7 +33,8 @@ def _by_matrix_products(q: torch.Tensor) -> bool:
     return q.device.type == "cpu" and q.dtype == torch.bfloat16
 
 
-def dense_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, progress: Progress | None = None) -> torch.Tensor:
+def dense_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor,
+                    progress: Progress | None = None) -> torch.Tensor:
     """Every query sees every key; queries in chunks. (h, Lq, w), (h, Lk, w) twice -> (h, Lq, w)."""
     heads, length = q.shape[:2]
     keys = max(k.shape[1], 1)

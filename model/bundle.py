@@ -15,7 +15,8 @@ from .renderformer import RenderFormer
 LARGE_RESOLUTION = 2048  # pixels from which the second transformer is used
 SECTIONS = {"model_config", "dataset_config", "trainer_config"}
 # Trainer switches that change what the network is fed or returns; this implementation has the released position.
-RELEASED_TRAINER = {"turn_to_cam_coord": False, "learn_ldr": False, "emission_area_encoding": False, "clamped_hdr": False}
+RELEASED_TRAINER = {"turn_to_cam_coord": False, "learn_ldr": False, "emission_area_encoding": False,
+                    "clamped_hdr": False}
 
 
 @dataclass
@@ -45,7 +46,7 @@ class Bundle:
         folder = self.folder / "material_autoencoder"
         mode = read_json(require(folder, "preprocessor_config.json")).get("mode")
         if mode != "log10_1p":
-            raise CheckpointError(f"{folder / 'preprocessor_config.json'}: mode {mode!r} is unknown, expected 'log10_1p'")
+            raise CheckpointError(f"{folder / 'preprocessor_config.json'}: mode {mode!r} is unknown, not 'log10_1p'")
         return load_component(MaterialAutoencoder, folder)
 
 

@@ -29,8 +29,8 @@ def save_small(folder: str | Path, config: ModelConfig, state: dict[str, torch.T
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    state = {key: value.detach().to("cpu", torch.float32 if key.endswith("rope_emb.freqs") else torch.float16).contiguous()
-             for key, value in state.items()}
+    dtypes = {key: torch.float32 if key.endswith("rope_emb.freqs") else torch.float16 for key in state}
+    state = {key: value.detach().to("cpu", dtypes[key]).contiguous() for key, value in state.items()}
     # The old file may be memory-mapped by a running engine, so it is replaced and never rewritten.
     partial = folder / "model.safetensors.part"
     save_file(state, partial)
@@ -51,7 +51,7 @@ def load_network(folder: Path, name: str = "config.json") -> RenderFormer:
     description = read_json(require(folder, name))
     if {key: description.get(key) for key in FORMAT} != FORMAT:
         raise CheckpointError(f"{folder / name} does not describe a RenderFormer-V2 network of this add-on "
-                              "(a config.json of this kind belongs to a RenderFormer-V1 checkpoint, which cannot be used)")
+                              "(such a config.json belongs to a RenderFormer-V1 checkpoint, which cannot be used)")
     return build_network(ModelConfig.from_dict(description.get("model_config", {})), weights_file(folder))
 
 
@@ -122,7 +122,7 @@ def weights_file(folder: Path) -> Path:
 def require(folder: Path, name: str) -> Path:
     """folder / name, which must exist."""
     if folder.suffix in PICKLES:
-        raise CheckpointError(f"{folder} is a pickle, which can run any program when it is opened: use safetensors weights")
+        raise CheckpointError(f"{folder} is a pickle, which can run any program when opened: use safetensors weights")
     if not folder.is_dir():
         raise CheckpointError(f"there is no weights folder {folder}")
     file = folder / name

@@ -115,7 +115,8 @@ class SceneEmbedding(nn.Module):
         rows, columns = ENVIRONMENT_GRID
         directions = torch.from_numpy(direction_map(rows * side, columns * side)).to(content.device)
         direction = self.ray_dir_norm(self.ray_dir_proj(patches(directions.permute(2, 0, 1)[None], side)))
-        strength = self.env_light_strength_encoder_norm(self.env_light_strength_encoder(environment.strength.view(1, 1)))
+        strength = self.env_light_strength_encoder(environment.strength.view(1, 1))
+        strength = self.env_light_strength_encoder_norm(strength)
         return (content + direction + strength).flatten(0, 1)
 
 

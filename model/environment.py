@@ -55,7 +55,7 @@ def sample_bilinear(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarr
 
 
 def rotate_environment(image: np.ndarray, euler: np.ndarray, strength: float) -> np.ndarray:
-    """World panorama of a Blender world: image (H, W, 3 or 4) seen through a Mapping rotation (radians), times strength.
+    """World panorama of a Blender world: (H, W, 3 or 4) image through a Mapping rotation (radians), times strength.
 
     Returns (H, W, 3) f32.
     """

@@ -47,6 +47,7 @@ class Renderer:
         progress = progress or (lambda text, fraction: None)
         with torch.inference_mode():
             normalization, normalized, prior, context = self._encode(scene, progress)
+            width, height = view.width, view.height
             view, guides = padded(view, guides)
             guides = normalization.guides(guides)
             view = normalization.view(view)
@@ -58,7 +59,7 @@ class Renderer:
                 ray_position=tensors.positions, extra=tensors.features, raw=True,
                 progress=lambda text, fraction: progress(text, 0.6 + 0.4 * fraction))
             image = decode_light(raw, tensors)["image"][0] / normalization.exposure
-        return image.permute(1, 2, 0).cpu().numpy()
+        return image[:, :height, :width].permute(1, 2, 0).cpu().numpy()
 
     def _encode(self, scene: RenderScene, progress) -> tuple:
         """Stage 1, or what is kept of it when the scene has not changed since the last call."""

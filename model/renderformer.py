@@ -80,7 +80,7 @@ class RenderFormer(SceneEmbedding):
     def render_view(self, context: SceneContext, rays_o: torch.Tensor, rays_d: torch.Tensor, *,
                     ray_embedding: torch.Tensor | None = None, ray_position: torch.Tensor | None = None,
                     extra: torch.Tensor | None = None, raw: bool = False, progress=None) -> torch.Tensor:
-        """Stage 2 and decoder for V views of one scene: (V, 3) origins, (V, H, W, 3) directions -> (V, C, H, W) float32.
+        """Stage 2 and decoder for V views: (V, 3) origins, (V, H, W, 3) directions -> (V, C, H, W) float32.
 
         ray_embedding: (V, R, D), added to the ray tokens; R = H W / 64, row-major.
         ray_position: (V, R, 3) or (V, 3) where the ray tokens are; the camera origin when not given.

@@ -33,7 +33,7 @@ class RotaryEmbedding(nn.Module):
         return self
 
     def forward(self, positions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """(..., 3) positions -> cosines and sines, each (..., 1, head_width / 2) float32; the axis of 1 is for heads."""
+        """(..., 3) positions -> cosines and sines, each (..., 1, head_width / 2) float32, for all heads."""
         angles = (positions.float()[..., None] * self.freqs.float()).flatten(-2)
         angles = F.pad(angles, (0, self.idle))[..., None, :]
         return angles.cos(), angles.sin()

@@ -55,7 +55,7 @@ def summarise(ordered: Tokens, block: int, embedding: torch.Tensor) -> Tokens:
 
 def pack(fixed: list[Tokens], triangles: Tokens, is_light: torch.Tensor, volumes: list[Tokens], block: int,
          summary_embedding: torch.Tensor) -> tuple[Tokens, int]:
-    """Sort, summarise and concatenate. `fixed` = registers and environment. Returns the sequence and the sink's length."""
+    """Sort, summarise, concatenate -> the sequence and the sink's length. `fixed` = registers and environment."""
     ordered = Tokens.concatenate([triangles[~is_light], *volumes])
     ordered = ordered[hilbert_order(ordered.position)]
     sink = Tokens.concatenate([*fixed, summarise(ordered, block, summary_embedding), triangles[is_light]])

@@ -14,8 +14,9 @@ import numpy as np
 from ..model.errors import RenderCancelled, SceneError
 from . import passes as pass_table
 
-# The film is always transparent: Cycles then gives coverage as alpha, while the Environment pass still holds the world
-# seen directly (measured: Env = world * (1 - alpha) in both film modes), so the opaque picture is combined + environment.
+# The film is always transparent: Cycles then gives coverage as alpha, while the Environment pass still holds the
+# world seen directly (measured: Env = world * (1 - alpha) in both film modes), so an opaque film is
+# combined + environment.
 _ALWAYS = {
     "render.film_transparent": True,
     "cycles.film_transparent_glass": False,
@@ -38,14 +39,14 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                   lighting: bool, denoise: bool = False) -> dict[str, np.ndarray]:
     """Run one Cycles session for the view layer of `depsgraph` and return its passes.
 
-    `engine` is the RenderEngine inside whose `render` this is called. With `lighting` False there are no bounces and the
-    result holds first-hit data only. With `lighting` True the scene's own bounces are used and the result also holds
+    `engine` is the RenderEngine inside whose `render` this is called. With `lighting` False there are no bounces and
+    the result holds first-hit data only. With `lighting` True the scene's own bounces are used and the result also holds
     "combined" (denoised by OpenImageDenoise if `denoise`) and the direct and indirect light passes (never denoised).
 
     Returns {key of passes.PASSES: (H, W, C) f32}, row 0 on top, for the render border only; plus "alpha" (H, W, 1),
     coverage. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
-    "environment" for an opaque film. "depth" and "position" belong to the pixel centre (Cycles writes them for its first
-    sample alone, which it puts there): 1e10 and 0 where that ray hits nothing. "normal" and the colours are sums over
+    "environment" for an opaque film. "depth" and "position" belong to the pixel centre (Cycles writes them for its
+    first sample alone, which it puts there): 1e10 and 0 where that ray hits nothing. "normal" and the colours are sums over
     the samples that hit something, divided by all samples.
 
     Raises RenderCancelled after Esc, SceneError when Cycles is switched off or stops with an error.

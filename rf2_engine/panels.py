@@ -8,10 +8,12 @@ from . import model_cache, passes, render, runtime
 from .engine import RenderFormerEngine
 
 # Panels that Blender shows for any engine but that do nothing here, or that a more complete Eevee panel replaces.
-EXCLUDED = {"DATA_PT_light", "NODE_DATA_PT_light", "DATA_PT_falloff_curve", "RENDER_PT_freestyle", "RENDER_PT_stereoscopy"}
+EXCLUDED = {
+    "DATA_PT_light", "NODE_DATA_PT_light", "DATA_PT_falloff_curve", "RENDER_PT_freestyle", "RENDER_PT_stereoscopy",
+}
 EEVEE_PANELS = {
-    "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface", "EEVEE_MATERIAL_PT_volume",
-    "EEVEE_MATERIAL_PT_displacement", "EEVEE_WORLD_PT_surface", "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist",
+    "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_MATERIAL_PT_volume", "EEVEE_MATERIAL_PT_displacement", "EEVEE_WORLD_PT_surface", "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist",
     "DATA_PT_EEVEE_light", "NODE_DATA_PT_EEVEE_light", "DATA_PT_spot", "VIEWLAYER_PT_filter",
 }
 EEVEE_ENGINES = {"BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"}  # the first from 5.0 on, the second up to 4.5

@@ -46,14 +46,16 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     samples = settings.guide_samples
     film_transparent, exposure = scene.render.film_transparent, scene.cycles.film_exposure
     if scene.render.use_multiview:
-        raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: switch it off in Output Properties')
+        raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '
+                         "switch it off in Output Properties")
     if scene.render.use_motion_blur:
         report.approximated(scene.name, "motion blur is left out")
     if scene.camera and scene.camera.type == "CAMERA" and scene.camera.data.dof.use_dof:
         report.approximated(scene.camera.name, "depth of field is left out")
 
     with status.stage("Converting the scene", 0.0, 0.1):
-        view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, _border(engine, scene.render), report)
+        view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y,
+                              _border(engine, scene.render), report)
         tokens = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge,
                          report=report, progress=status)
     with status.stage("First hits", 0.1, 0.2):

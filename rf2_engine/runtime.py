@@ -12,7 +12,11 @@ from pathlib import Path
 
 import bpy
 
-PACKAGES = {"torch": "torch==2.15.0", "safetensors": "safetensors==0.8.0", "fast_simplification": "fast-simplification==0.2.0"}
+PACKAGES = {
+    "torch": "torch==2.15.0",
+    "safetensors": "safetensors==0.8.0",
+    "fast_simplification": "fast-simplification==0.2.0",
+}
 EXTENSION = __package__.rpartition(".")[0]
 
 
@@ -41,8 +45,8 @@ def require() -> None:
     names = missing()
     if names:
         raise MissingPackages(
-            f"Python packages are missing: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > Install PyTorch "
-            f"(a large download), or install them into Blender's Python: {sys.executable} -m pip install "
+            f"Python packages are missing: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > Install "
+            f"PyTorch (a large download), or install them into Blender's Python: {sys.executable} -m pip install "
             + " ".join(PACKAGES[name] for name in names))
 
 

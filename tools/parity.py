@@ -34,7 +34,7 @@ def case_errors(case: Case) -> Iterator[tuple[str, float]]:
 def recorded_layouts(actual: torch.Tensor, case: Case, name: str, cut: str) -> list[torch.Tensor]:
     """Large tensors are recorded as some rows, or as all rows times a fixed matrix.
 
-    Rows of several views lie in the published file ray by ray, (rows, V, D), under the shape (V, rows, D); both are read.
+    Rows of several views lie in the file ray by ray, (rows, V, D), under the shape (V, rows, D); both are read.
     """
     if cut == "proj":
         return [(actual.double() @ case.tensors["chk.P"].double()).float()]

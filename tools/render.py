@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render a .blend file as F12 would.
 
-    python -m tools.render SCENE.blend -o OUT.exr [--engine cycles] [--samples N] [--resolution WxH] [--weights small|DIR] [--verbose]
+    python -m tools.render SCENE.blend -o OUT.exr [--engine cycles] [--samples N] [--resolution WxH]
+                           [--weights small|DIR] [--verbose]
 
 Writes a multilayer EXR, or a PNG, by suffix (-o may be repeated) and prints one line of JSON: seconds by stage, tokens,
 triangles, and what was approximated or skipped. An error is one line on stderr and exit status 1.

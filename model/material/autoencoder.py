@@ -57,8 +57,9 @@ class MaterialAutoencoder(nn.Module):
                                            nn.Conv2d(trunk, trunk, 2), nn.GroupNorm(groups, trunk), nn.SiLU())
         self.latent_proj = nn.Linear(trunk, latent_dim)
         self.decoder_proj = nn.Linear(latent_dim, trunk)
-        self.decoder_initial = nn.Sequential(nn.ConvTranspose2d(trunk, trunk, 2), nn.GroupNorm(groups, trunk), nn.SiLU(),
-                                             *(layer for _ in range(stages) for layer in up(trunk, trunk)))
+        self.decoder_initial = nn.Sequential(
+            nn.ConvTranspose2d(trunk, trunk, 2), nn.GroupNorm(groups, trunk), nn.SiLU(),
+            *(layer for _ in range(stages) for layer in up(trunk, trunk)))
         self.decoder_residual = nn.Sequential(*(ResidualBlock(trunk, groups) for _ in range(residual_blocks)))
         self.decoder_final = nn.Sequential(*up(trunk, second), *up(second, first), _transposed(first, image_channels))
 

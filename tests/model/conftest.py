@@ -43,5 +43,6 @@ def tiny_inputs() -> NetworkInputs:
 
 @pytest.fixture
 def rays() -> tuple[torch.Tensor, torch.Tensor]:
-    directions = torch.nn.functional.normalize(torch.randn(2, 64, 64, 3, generator=torch.Generator().manual_seed(2)), dim=-1)
+    directions = torch.randn(2, 64, 64, 3, generator=torch.Generator().manual_seed(2))
+    directions = torch.nn.functional.normalize(directions, dim=-1)
     return torch.tensor([[0.0, 0.0, 2.0], [1.0, -1.0, 0.5]]), directions

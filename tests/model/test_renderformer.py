@@ -103,7 +103,8 @@ def test_gradients_reach_every_parameter(tiny_config, tiny_inputs, rays):
     torch.manual_seed(0)
     network = RenderFormer(tiny_config)
     network(tiny_inputs, *rays).square().mean().backward()
-    silent = [name for name, p in network.named_parameters() if p.requires_grad and (p.grad is None or not p.grad.any())]
+    silent = [name for name, p in network.named_parameters()
+              if p.requires_grad and (p.grad is None or not p.grad.any())]
     assert silent == []
 
 

@@ -13,7 +13,8 @@ PACKAGE = "bl_ext.user_default.renderformer_v2"
 
 
 def _our_panels():
-    return {p.__name__ for p in bpy.types.Panel.__subclasses__() if "RENDERFORMER_V2" in getattr(p, "COMPAT_ENGINES", ())}
+    return {p.__name__ for p in bpy.types.Panel.__subclasses__()
+            if "RENDERFORMER_V2" in getattr(p, "COMPAT_ENGINES", ())}
 
 
 def test_adopts_the_panels_a_user_expects(scene):
