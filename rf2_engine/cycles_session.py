@@ -40,14 +40,15 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     """Run one Cycles session for the view layer of `depsgraph` and return its passes.
 
     `engine` is the RenderEngine inside whose `render` this is called. With `lighting` False there are no bounces and
-    the result holds first-hit data only. With `lighting` True the scene's own bounces are used and the result also holds
-    "combined" (denoised by OpenImageDenoise if `denoise`) and the direct and indirect light passes (never denoised).
+    the result holds first-hit data only. With `lighting` True the scene's own bounces are used and the result also
+    holds "combined" (denoised by OpenImageDenoise if `denoise`) and the direct and indirect light passes (never
+    denoised).
 
     Returns {key of passes.PASSES: (H, W, C) f32}, row 0 on top, for the render border only; plus "alpha" (H, W, 1),
     coverage. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
     "environment" for an opaque film. "depth" and "position" belong to the pixel centre (Cycles writes them for its
-    first sample alone, which it puts there): 1e10 and 0 where that ray hits nothing. "normal" and the colours are sums over
-    the samples that hit something, divided by all samples.
+    first sample alone, which it puts there): 1e10 and 0 where that ray hits nothing. "normal" and the colours are sums
+    over the samples that hit something, divided by all samples.
 
     Raises RenderCancelled after Esc, SceneError when Cycles is switched off or stops with an error.
     """

@@ -8,7 +8,8 @@ from mathutils.bvhtree import BVHTree
 from ..model.scene import Guides, RenderScene, View
 
 # A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what
-# Cycles saw. Decimated meshes and displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects) fails.
+# Cycles saw. Decimated meshes and displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects)
+# fails, and the triangle nearest to what it saw is taken instead.
 TOLERANCE = 0.01
 # Camera rays pass through lamps, which may hang just below a ceiling: a light that shows no emission must fit closely.
 UNSEEN_LIGHT_TOLERANCE = 1e-4

@@ -13,8 +13,9 @@ EXCLUDED = {
 }
 EEVEE_PANELS = {
     "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
-    "EEVEE_MATERIAL_PT_volume", "EEVEE_MATERIAL_PT_displacement", "EEVEE_WORLD_PT_surface", "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist",
-    "DATA_PT_EEVEE_light", "NODE_DATA_PT_EEVEE_light", "DATA_PT_spot", "VIEWLAYER_PT_filter",
+    "EEVEE_MATERIAL_PT_volume", "EEVEE_MATERIAL_PT_displacement", "EEVEE_WORLD_PT_surface",
+    "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist", "DATA_PT_EEVEE_light",
+    "NODE_DATA_PT_EEVEE_light", "DATA_PT_spot", "VIEWLAYER_PT_filter",
 }
 EEVEE_ENGINES = {"BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"}  # the first from 5.0 on, the second up to 4.5
 

@@ -9,8 +9,8 @@ GREY = (0.5, 0.5, 0.5, 0.0, 0.3, 1.5, 0.0)  # base R, G, B; metallic; roughness;
 
 
 @pytest.mark.parametrize("change, least", [
-    ({0: 0.9, 2: 0.1}, 0.15), ({0: 0.1, 2: 0.9}, 0.15), ({0: 0.9, 1: 0.9, 2: 0.9}, 0.15), ({3: 1.0}, 0.15), ({4: 0.03}, 0.15),
-    ({4: 1.0}, 0.15), ({6: 1.0}, 0.15), ({5: 2.0}, 0.05)],
+    ({0: 0.9, 2: 0.1}, 0.15), ({0: 0.1, 2: 0.9}, 0.15), ({0: 0.9, 1: 0.9, 2: 0.9}, 0.15), ({3: 1.0}, 0.15),
+    ({4: 0.03}, 0.15), ({4: 1.0}, 0.15), ({6: 1.0}, 0.15), ({5: 2.0}, 0.05)],
     ids=["red", "blue", "white", "metal", "polished", "matt", "glass", "dense"])
 def test_each_parameter_moves_the_latent(change, least):
     other = [change.get(i, value) for i, value in enumerate(GREY)]

@@ -15,8 +15,8 @@ SEEDS = (8, 9)  # of the mixed profile: full and simple
 
 
 def generate(folder: Path) -> str:
-    command = [sys.executable, "-m", "tools.datagen", folder, "--first-seed", SEEDS[0], "--scenes", len(SEEDS), "--views", 2,
-               "--resolution", 32, "--samples", 16, "--profile", "mixed"]
+    command = [sys.executable, "-m", "tools.datagen", folder, "--first-seed", SEEDS[0], "--scenes", len(SEEDS),
+               "--views", 2, "--resolution", 32, "--samples", 16, "--profile", "mixed"]
     done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -72,7 +72,7 @@ def test_a_second_run_keeps_finished_scenes_and_makes_a_lost_one_again_just_the_
     after = np.load(lost)
     assert set(after.files) == set(before)
     for name in before:
-        np.testing.assert_allclose(after[name].astype(np.float64), before[name].astype(np.float64), atol=1e-3, err_msg=name)
+        np.testing.assert_allclose(after[name].astype(float), before[name].astype(float), atol=1e-3, err_msg=name)
 
 
 def test_a_killed_write_leaves_no_sample(tmp_path):

@@ -76,7 +76,7 @@ def main() -> int:
     parser.add_argument("--resolution", type=int, default=128)
     parser.add_argument("--samples", type=int, default=32, help="of the reference, before OpenImageDenoise")
     parser.add_argument("--profile", choices=("simple", "full", "mixed"), default="full")
-    parser.add_argument("--processes", type=int, default=1, help="each takes every n-th seed; one with all threads is best")
+    parser.add_argument("--processes", type=int, default=1, help="each takes every n-th seed; one is best")
     parser.add_argument("--threads", type=int, default=0, help="of each process; 0 = all")
     parser.add_argument("--part", type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args()

@@ -38,7 +38,8 @@ def build_world(rng: np.random.Generator, kind: str, radiance: float) -> None:
     bpy.context.scene.world = world
 
 
-def add_hdri(rng: np.random.Generator, world: bpy.types.World, background: bpy.types.ShaderNode, radiance: float) -> None:
+def add_hdri(rng: np.random.Generator, world: bpy.types.World, background: bpy.types.ShaderNode,
+             radiance: float) -> None:
     """A studio light, its channels permuted against colour bias, turned about Z and by chance about all axes."""
     nodes, links = world.node_tree.nodes, world.node_tree.links
     image, scale = permuted_environment(str(rng.choice(STUDIO_LIGHTS)), str(rng.choice(ORDERS)))
@@ -61,7 +62,8 @@ def permuted_environment(name: str, order: str) -> tuple[bpy.types.Image, float]
         width, height = source.size
         pixels = np.empty(width * height * 4, np.float32)
         source.pixels.foreach_get(pixels)
-        pixels = pixels.reshape(height // 2, 2, width // 2, 2, 4).mean(axis=(1, 3))  # to the 512x256 of a RenderScene
+        # To the 512x256 of a RenderScene.
+        pixels = pixels.reshape(height // 2, 2, width // 2, 2, 4).mean(axis=(1, 3))
         pixels = pixels[..., ["RGB".index(c) for c in order] + [3]]
         height, width = pixels.shape[:2]
         image = bpy.data.images.new(key, width, height, float_buffer=True)

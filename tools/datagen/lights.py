@@ -42,7 +42,8 @@ def light_position(rng: np.random.Generator, room: Room) -> np.ndarray:
     azimuth = rng.uniform(-1, 1) * min(np.pi, room.spread + 0.4) - np.pi / 2
     elevation = np.arcsin(rng.uniform(0.2, 1.0))
     distance = rng.uniform(1.3, 2.7)
-    return distance * np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+    flat = np.array([np.cos(azimuth), np.sin(azimuth)]) * np.cos(elevation)
+    return distance * np.array([*flat, np.sin(elevation)])
 
 
 def light_color(rng: np.random.Generator) -> np.ndarray:
@@ -68,14 +69,16 @@ def lamp(rng: np.random.Generator, name: str, kind: str, room: Room, distance: f
     return bpy.data.objects.new(name, data)
 
 
-def emitter(rng: np.random.Generator, name: str, kind: str, room: Room, position: np.ndarray, share: float) -> bpy.types.Object:
+def emitter(rng: np.random.Generator, name: str, kind: str, room: Room, position: np.ndarray,
+            share: float) -> bpy.types.Object:
     """The paper's equilateral triangle, or a small glowing polyhedron; radiance = intensity / projected area."""
     shrink = 0.6 if room.enclosed else 1.0
     if kind == "triangle":
         points = np.array([[-1, 1, 1], [1, -1, 1], [1, 1, -1]]) * 0.025 * rng.uniform(2.0, 2.5) * shrink
         faces = [(0, 1, 2)]
     else:
-        points = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]) * rng.uniform(0.03, 0.1) * shrink
+        points = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+        points = points * rng.uniform(0.03, 0.1) * shrink
         faces = [(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)]
     points = points - points.mean(axis=0)
     area = sum(np.linalg.norm(np.cross(points[b] - points[a], points[c] - points[a])) / 2 for a, b, c in faces)

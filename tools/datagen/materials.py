@@ -71,7 +71,8 @@ def add_maps(rng: np.random.Generator, material: bpy.types.Material, shader: bpy
     link_image(material, make_image("base color", base, color=True), shader.inputs["Base Color"])
     if rng.uniform() < 0.5:
         low, high = rng.uniform(0.05, 1.0, 2)
-        link_image(material, make_image("roughness", low + value * (high - low), color=False), shader.inputs["Roughness"])
+        rough = make_image("roughness", low + value * (high - low), color=False)
+        link_image(material, rough, shader.inputs["Roughness"])
     if metallic and rng.uniform() < 0.5:
         link_image(material, make_image("metallic", value, color=False), shader.inputs["Metallic"])
     if rng.uniform() < 0.3:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects: Blender's primitives, Suzanne and text under random modifiers, smooth or flat (spec/scene-input.md 1.2, 2.2)."""
+"""Objects: Blender's primitives, Suzanne and text under random modifiers (spec/scene-input.md 1.2)."""
 from __future__ import annotations
 
 import bmesh
@@ -7,11 +7,11 @@ import bpy
 import numpy as np
 from mathutils import Euler
 
+from .mesh import box_uv, coordinates, evaluated_mesh, fit, shading
 from .templates import Room
 
 SHAPES = ("cube", "uv_sphere", "ico_sphere", "torus", "cone", "cylinder", "monkey", "text")
 DIAMETER = {1: (0.6, 1.0), 2: (0.45, 0.75), 3: (0.4, 0.65), 4: (0.35, 0.55)}  # by object count
-SMOOTH_ANGLE = np.radians(30.0)
 
 
 def build_objects(rng: np.random.Generator, room: Room, count: int) -> list[bpy.types.Object]:
@@ -50,7 +50,8 @@ def primitive(rng: np.random.Generator, shape: str) -> bpy.types.Mesh:
     if shape == "cube":
         bmesh.ops.create_cube(bm, size=1.0)
     elif shape == "uv_sphere":
-        bmesh.ops.create_uvsphere(bm, u_segments=int(rng.integers(8, 25)), v_segments=int(rng.integers(6, 15)), radius=0.5)
+        bmesh.ops.create_uvsphere(bm, u_segments=int(rng.integers(8, 25)), v_segments=int(rng.integers(6, 15)),
+                                  radius=0.5)
     elif shape == "ico_sphere":
         bmesh.ops.create_icosphere(bm, subdivisions=int(rng.integers(1, 4)), radius=0.5)
     elif shape == "monkey":
@@ -114,48 +115,8 @@ def add_modifiers(rng: np.random.Generator, source: bpy.types.Object, shape: str
         array.relative_offset_displace = rng.uniform(0.6, 1.4) * np.roll((1.0, 0.0, 0.0), rng.integers(3))
 
 
-def evaluated_mesh(source: bpy.types.Object) -> bpy.types.Mesh:
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    return bpy.data.meshes.new_from_object(source.evaluated_get(depsgraph), depsgraph=depsgraph)
-
-
-def coordinates(mesh: bpy.types.Mesh) -> np.ndarray:
-    points = np.empty(len(mesh.vertices) * 3, np.float32)
-    mesh.vertices.foreach_get("co", points)
-    return points.reshape(-1, 3)
-
-
-def fit(rng: np.random.Generator, mesh: bpy.types.Mesh) -> None:
-    points = coordinates(mesh)
-    points = (points - points.mean(axis=0)) * (rng.uniform(0.6, 1.4, 3) if rng.uniform() < 0.5 else 1.0)
-    points *= 0.5 / np.linalg.norm(points, axis=1).max()
-    mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
-    mesh.update()
-
-
-def box_uv(mesh: bpy.types.Mesh) -> None:
-    """Each face takes the two coordinates across its dominant axis as UV, as Blender's cube projection does."""
-    corners, points = np.empty(len(mesh.loops), np.int32), coordinates(mesh)
-    mesh.loops.foreach_get("vertex_index", corners)
-    normals = np.array([p.normal for p in mesh.polygons])
-    axis = np.abs(normals).argmax(axis=1).repeat([p.loop_total for p in mesh.polygons])
-    across = np.array([[1, 2], [0, 2], [0, 1]])[axis]
-    uv = np.take_along_axis(points[corners], across, axis=1) + 0.5
-    while mesh.uv_layers:
-        mesh.uv_layers.remove(mesh.uv_layers[0])
-    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uv.astype(np.float32).ravel())
-
-
-def shading(rng: np.random.Generator, mesh: bpy.types.Mesh) -> None:
-    """Half flat, a quarter smooth, a quarter smooth with edges sharper than 30 degrees kept."""
-    style = rng.uniform()
-    mesh.polygons.foreach_set("use_smooth", np.full(len(mesh.polygons), style >= 0.5))
-    if style >= 0.75:
-        mesh.set_sharp_from_angle(angle=SMOOTH_ANGLE)
-    mesh.update()
-
-
-def place(rng: np.random.Generator, room: Room, result: bpy.types.Object, count: int, spheres: list) -> bpy.types.Object:
+def place(rng: np.random.Generator, room: Room, result: bpy.types.Object, count: int,
+          spheres: list) -> bpy.types.Object:
     """Scale, turn and move an object; `spheres` (centre, radius) of the others are avoided when that is possible."""
     diameter = rng.uniform(*DIAMETER[count])
     upright = rng.uniform() < 0.6

@@ -67,7 +67,8 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     sample.guides.append(make_guides(found, sample.scene, view))
     sample.views.append(view)
     sample.passes.append({name: found[name] for name in LIGHTING})
-    for stage, seconds in zip(sample.seconds, (converted - start, rendered - converted, time.perf_counter() - rendered)):
+    guided = time.perf_counter()
+    for stage, seconds in zip(sample.seconds, (converted - start, rendered - converted, guided - rendered)):
         sample.seconds[stage] += seconds
 
 

@@ -73,7 +73,10 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
     """
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files}
-    group = lambda prefix: {k.partition(".")[2]: v for k, v in arrays.items() if k.startswith(prefix + ".")}  # noqa: E731
+
+    def group(prefix: str) -> dict[str, np.ndarray]:
+        return {key.partition(".")[2]: array for key, array in arrays.items() if key.startswith(prefix + ".")}
+
     scene = group("scene")
     repeat = tile_size // STORED_TILE
     scene["tiles"] = scene["tiles"].repeat(repeat, axis=2).repeat(repeat, axis=3)

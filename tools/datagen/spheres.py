@@ -3,8 +3,9 @@
 
     python -m tools.datagen.spheres OUT_DIR --spheres 3000 --first-seed 1
 
-Follows spec/scene-input.md 3.6 (sphere, camera, film, parameter ranges) at 64x64 pixels, with 64 x 64 segments and with
-a studio light of Blender in place of the Uffizi map, which is not distributed. One seed is one sphere; finished shards are kept.
+Follows spec/scene-input.md 3.6 (sphere, camera, film, parameter ranges), but 64x64 pixels, a sphere of 64x64 segments
+and a studio light of Blender in place of the Uffizi map, which is not distributed. One seed is one sphere; finished
+shards are kept.
 """
 from __future__ import annotations
 

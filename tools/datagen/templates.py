@@ -41,7 +41,8 @@ def build_room(rng: np.random.Generator) -> Room:
     right, deep, up = np.eye(3) * (2 * half, 2 * half, height)
     corner = np.array([-half, -half, floor])
     sides = [(corner, right, deep)]
-    walls = [(corner + deep, right, up), (corner, deep, up), (corner + right + deep, -deep, up), (corner + right, -right, up)]
+    walls = [(corner + deep, right, up), (corner, deep, up), (corner + right + deep, -deep, up),
+             (corner + right, -right, up)]
     sides += walls[:WALLS[kind]]
     if kind.endswith("_box"):
         sides.append((corner + up + deep, right, -deep))

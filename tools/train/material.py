@@ -123,11 +123,14 @@ def encode(model: MaterialAutoencoder, images: Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def held_out_errors(mapper: nn.Module, model: MaterialAutoencoder, parameters: Tensor, images: Tensor) -> dict[str, float]:
-    """Mean absolute errors on spheres that training has not seen; pictures in log10(1 + radiance) space."""
+def held_out_errors(mapper: nn.Module, model: MaterialAutoencoder, parameters: Tensor,
+                    images: Tensor) -> dict[str, float]:
+    """Mean absolute errors on spheres that training has not seen, in log10(1 + radiance) space; hue is what colour adds
+    to grey, and mean_picture the error of always showing the average sphere."""
     latents, mapped = encode(model, images), mapper(parameters)
     hue = lambda x: x - x.mean(1, keepdim=True)  # noqa: E731
-    pictures = {"autoencoder": model.decode(latents), "mapper": model.decode(mapped), "mean_picture": images.mean(0)[None]}
+    pictures = {"autoencoder": model.decode(latents), "mapper": model.decode(mapped),
+                "mean_picture": images.mean(0)[None]}
     errors = {f"{name}_l1": (x - images).abs().mean().item() for name, x in pictures.items()}
     errors |= {f"{name}_hue_l1": (hue(x) - hue(images)).abs().mean().item() for name, x in pictures.items()}
     return errors | {"latent_l1": (mapped - latents).abs().mean().item()}
@@ -135,7 +138,8 @@ def held_out_errors(mapper: nn.Module, model: MaterialAutoencoder, parameters: T
 
 def save(module: nn.Module, folder: Path, config: dict) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    save_file({key: value.half().contiguous() for key, value in module.state_dict().items()}, folder / "model.safetensors")
+    weights = {key: value.half().contiguous() for key, value in module.state_dict().items()}
+    save_file(weights, folder / "model.safetensors")
     (folder / "config.json").write_text(json.dumps(config, indent=1) + "\n")
 
 
