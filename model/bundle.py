@@ -19,6 +19,10 @@ RELEASED_TRAINER = {"turn_to_cam_coord": False, "learn_ldr": False, "emission_ar
                     "clamped_hdr": False}
 
 
+def is_bundle(folder: str | Path) -> bool:
+    return (Path(folder) / "model_index.json").is_file()
+
+
 @dataclass
 class Bundle:
     """A folder with `model_index.json`; its parts are read when they are asked for."""
@@ -35,8 +39,7 @@ class Bundle:
 
     def transformer(self, resolution: int) -> RenderFormer:
         """The network for pictures whose longer side is `resolution` pixels."""
-        return load_transformer(
-            self.folder / ("transformer_2048" if resolution >= LARGE_RESOLUTION else "transformer_512"))
+        return load_transformer(self.folder / transformer_name(resolution))
 
     def mapper(self, name: str) -> Mapper:
         """"diffspec_mapper", "metallic_mapper" or "metallic_transmission_mapper"."""
@@ -48,6 +51,11 @@ class Bundle:
         if mode != "log10_1p":
             raise CheckpointError(f"{folder / 'preprocessor_config.json'}: mode {mode!r} is unknown, not 'log10_1p'")
         return load_component(MaterialAutoencoder, folder)
+
+
+def transformer_name(resolution: int) -> str:
+    """The bundle's folder with the network for pictures whose longer side is `resolution` pixels."""
+    return "transformer_2048" if resolution >= LARGE_RESOLUTION else "transformer_512"
 
 
 def load_transformer(folder: Path) -> RenderFormer:

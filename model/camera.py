@@ -2,9 +2,18 @@
 """Pinhole rays (spec/scene-input.md 1.4)."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .scene import View
+
+GRANULARITY = 64  # pixels: a Swin window, the smallest picture of the network (spec/network.md 8.3)
+
+
+def padded_view(view: View) -> View:
+    """The rectangle extended to the right and below to multiples of 64 pixels."""
+    return replace(view, width=view.width + -view.width % GRANULARITY, height=view.height + -view.height % GRANULARITY)
 
 
 def view_rays(view: View) -> tuple[np.ndarray, np.ndarray]:

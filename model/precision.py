@@ -6,6 +6,9 @@ import functools
 import time
 
 import torch
+from torch import nn
+
+from .norm import Linear
 
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
 
@@ -30,6 +33,14 @@ def choose_precision(name: str, device: torch.device) -> torch.dtype:
     if device.type == "mps":
         return torch.float16
     return torch.bfloat16 if _bfloat16_gains(device) else torch.float32
+
+
+def in_precision(model: nn.Module, dtype: torch.dtype) -> nn.Module:
+    """Store the weights of matrix products and convolutions in `dtype`; norms and learned tokens stay float32."""
+    for module in model.modules():
+        if isinstance(module, (Linear, nn.Conv2d, nn.ConvTranspose2d)):
+            module.to(dtype)
+    return model
 
 
 @functools.lru_cache(maxsize=None)

@@ -61,14 +61,15 @@ class View:
 
 @dataclass
 class Guides:
-    """First-hit data of one view, averaged over the samples of each pixel; row 0 is the top of the picture.
+    """First-hit data of one view; row 0 is the top of the picture. No lighting in here.
 
-    No lighting in here. Colours are premultiplied by coverage (a pixel half covered by a white wall holds 0.5), as
-    Cycles writes them. `position` and `normal` are divided by the coverage where there is any.
+    Colours and alpha are means over the samples of a pixel, so colours are premultiplied by coverage (a pixel half
+    covered by a white wall holds 0.5). Position, depth and the triangle belong to the pixel's centre, or to the nearest
+    hit where the centre misses what covers the rest of the pixel.
     """
 
     position: np.ndarray            # (H, W, 3) f32, world; 0 where nothing is hit
-    normal: np.ndarray              # (H, W, 3) f32, world, facing the camera or not as shaded; 0 where nothing is hit
+    normal: np.ndarray              # (H, W, 3) f32, unit mean, world, facing the camera or not as shaded; 0 = no hit
     diffuse_color: np.ndarray       # (H, W, 3) f32
     glossy_color: np.ndarray        # (H, W, 3) f32
     transmission_color: np.ndarray  # (H, W, 3) f32

@@ -39,14 +39,14 @@ def pooled_tiles(tiles: np.ndarray) -> Tensor:
 
 
 def material_tiles(pooled: Tensor, mapper) -> Tensor:
-    """(T, 11, 8, 8) BSDF parameters, normal and height -> (T, 13, 8, 8) latents, normal and height."""
-    parameters = pooled[:, : NORMAL.start].flatten(2).transpose(1, 2)  # (T, 64, 7)
+    """(T, 11, q, q) BSDF parameters, normal and height -> (T, 13, q, q) latents, normal and height."""
+    parameters = pooled[:, : NORMAL.start].flatten(2).transpose(1, 2)  # (T, q^2, 7)
     constant = (parameters == parameters[:, :1]).all(2).all(1)
     with torch.no_grad():
-        latents = mapper(parameters[:, :1]).expand(-1, TILE_SIDE**2, -1).clone()
+        latents = mapper(parameters[:, :1]).expand(-1, parameters.shape[1], -1).clone()
         if not constant.all():
             latents[~constant] = mapper(parameters[~constant])
-    latents = latents.transpose(1, 2).unflatten(2, (TILE_SIDE, TILE_SIDE))
+    latents = latents.transpose(1, 2).unflatten(2, pooled.shape[2:])
     return torch.cat([latents, pooled[:, NORMAL], pooled[:, HEIGHT : HEIGHT + 1]], 1)
 
 

@@ -26,9 +26,9 @@ class RENDERFORMER_OT_free_model(bpy.types.Operator):
 
 class RENDERFORMER_OT_install_runtime(bpy.types.Operator):
     bl_idname = "renderformer_v2.install_runtime"
-    bl_label = "Install PyTorch"
-    bl_description = ("Download PyTorch and what else the network needs into a folder of this add-on "
-                      "(0.2 GB on macOS and Windows, 3 GB on Linux). Esc stops it")
+    bl_label = "Install Packages"
+    bl_description = ("Download the Python packages that are missing into a folder of this add-on "
+                      "(PyTorch: 0.2 GB on macOS and Windows, 3 GB on Linux). Esc stops it")
 
     @classmethod
     def poll(cls, context):
@@ -57,14 +57,14 @@ class RENDERFORMER_OT_install_runtime(bpy.types.Operator):
             return {"PASS_THROUGH"}
         code = self.process.poll() if self.process else 0
         if code is None:
-            context.workspace.status_text_set("Installing PyTorch... (Esc stops)")
+            context.workspace.status_text_set("Installing packages... (Esc stops)")
             return {"RUNNING_MODAL"}
         if code != 0:
             self.log.seek(0)
             self.report({"ERROR"}, "pip failed:\n" + self.log.read()[-1000:])
             return self._end(context, "CANCELLED")
         if not self.commands:
-            self.report({"INFO"}, "PyTorch is installed")
+            self.report({"INFO"}, "The packages are installed")
             return self._end(context, "FINISHED")
         self.process = subprocess.Popen(self.commands.pop(0), stdout=self.log, stderr=subprocess.STDOUT)
         return {"RUNNING_MODAL"}

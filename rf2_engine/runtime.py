@@ -17,6 +17,7 @@ PACKAGES = {
     "safetensors": "safetensors==0.8.0",
     "fast_simplification": "fast-simplification==0.2.0",
 }
+NETWORK = ("torch", "safetensors")  # no picture without them; the rest is asked for where it is used
 EXTENSION = __package__.rpartition(".")[0]
 
 
@@ -41,18 +42,19 @@ def missing() -> list[str]:
 
 
 def require() -> None:
-    """Raises MissingPackages."""
-    names = missing()
+    """Raises MissingPackages when the network cannot run."""
+    names = [name for name in missing() if name in NETWORK]
     if names:
         raise MissingPackages(
             f"Python packages are missing: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > Install "
-            f"PyTorch (a large download), or install them into Blender's Python: {sys.executable} -m pip install "
-            + " ".join(PACKAGES[name] for name in names))
+            f"Packages (PyTorch is a large download), or install them into Blender's Python: {sys.executable} -m pip "
+            "install " + " ".join(PACKAGES[name] for name in names))
 
 
 def install_commands(target: Path) -> list[list[str]]:
-    """pip commands that fill `target`: prebuilt wheels only, and without numpy."""
+    """pip commands that bring what is missing into `target`: prebuilt wheels only, and without numpy."""
     pip = [sys.executable, "-m", "pip", "install", "--disable-pip-version-check", "--only-binary=:all:", "--upgrade",
            "--target", str(target)]
-    return [[*pip, PACKAGES["torch"]],
-            [*pip, "--no-deps", *(requirement for name, requirement in PACKAGES.items() if name != "torch")]]
+    names = missing()
+    small = [PACKAGES[name] for name in names if name != "torch"]
+    return ([[*pip, PACKAGES["torch"]]] if "torch" in names else []) + ([[*pip, "--no-deps", *small]] if small else [])

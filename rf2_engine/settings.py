@@ -35,12 +35,12 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     token_budget: IntProperty(
-        name="Triangle Budget", default=16384, min=256, soft_max=131072, max=1 << 20,
+        name="Triangle Budget", default=4096, min=256, soft_max=131072, max=1 << 20,
         description="Most triangles that the network is given: denser meshes are simplified. "
                     "Time grows with it, and the detail of shadows and reflections",
     )
     max_edge: FloatProperty(
-        name="Longest Edge", default=0.1, min=0.005, max=1.0, precision=3,
+        name="Longest Edge", default=0.2, min=0.005, max=1.0, precision=3,
         description="Triangles with longer edges are divided while the budget lasts; "
                     "a fraction of the scene's longest side",
     )

@@ -45,9 +45,9 @@ def simplify(mesh: TriangleMesh, target: int, poll) -> TriangleMesh:
     try:
         import fast_simplification
     except ImportError as error:
-        raise SceneError(f"The scene has more triangles than the token budget, and the Python module that reduces them "
-                         f'is missing: install it with "pip install fast-simplification", or raise the token budget '
-                         f"({error})") from error
+        raise SceneError("The scene has more triangles than the Triangle Budget, and the package that reduces them, "
+                         "fast-simplification, is missing: use Render Properties > RenderFormer-V2 > Install Packages, "
+                         "or raise the budget") from error
     poll()
     points, faces, owner = _with_fins(*_welded(mesh.corners), mesh.slot)
     poll()

@@ -54,7 +54,7 @@ def add_hdri(rng: np.random.Generator, world: bpy.types.World, background: bpy.t
 
 
 def permuted_environment(name: str, order: str) -> tuple[bpy.types.Image, float]:
-    """The map with its channels in `order`, kept for later scenes, and the factor that brings its mean radiance to 1."""
+    """The map with its channels in `order`, kept for later scenes, and the factor that makes its mean radiance 1."""
     key = f"{name} {order}"
     image = bpy.data.images.get(key)
     if image is None:

@@ -59,8 +59,10 @@ def primitive(rng: np.random.Generator, shape: str) -> bpy.types.Mesh:
     elif shape == "torus":
         torus(bm, int(rng.integers(10, 25)), int(rng.integers(6, 13)), rng.uniform(0.1, 0.24))
     else:
-        bmesh.ops.create_cone(bm, cap_ends=True, cap_tris=True, segments=int(rng.integers(3, 25)), radius1=0.5,
-                              radius2=0.5 if shape == "cylinder" else rng.uniform(0.0, 0.3), depth=rng.uniform(0.3, 1.2))
+        sides = int(rng.integers(3, 25))
+        top = 0.5 if shape == "cylinder" else rng.uniform(0.0, 0.3)
+        bmesh.ops.create_cone(bm, cap_ends=True, cap_tris=True, segments=sides, radius1=0.5, radius2=top,
+                              depth=rng.uniform(0.3, 1.2))
     bm.to_mesh(mesh)
     bm.free()
     return mesh

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
+import math
 import time
 from pathlib import Path
 
@@ -24,6 +24,8 @@ from torch import Tensor, nn
 
 from model.material.autoencoder import MaterialAutoencoder
 from model.material.mappers import MetallicTransmissionMapper
+
+from .state import TrainingState
 
 AUTOENCODER = {"image_size": 64, "widths": (32, 64, 128), "residual_blocks": 1, "groups": 8}
 MAPPER = {"hidden_dim": 256, "num_layers": 5}
@@ -56,29 +58,25 @@ def load_spheres(folder: Path) -> tuple[Tensor, Tensor]:
 
 def fit(model: nn.Module, loss_of_batch, count: int, path: Path, *, steps: int, batch: int, rate: float) -> None:
     """AdamW with a one-cycle learning rate over `count` samples; `loss_of_batch(indices)` gives the loss."""
-    optimizer = torch.optim.AdamW([p for p in model.parameters() if p.requires_grad], lr=rate, weight_decay=0.01)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, total_steps=steps, pct_start=0.2)
-    first, average, start = 0, None, time.time()
+    state = TrainingState(model, rate, weight_decay=0.01, average_decay=0.0)
     if path.exists():
-        state = torch.load(path, weights_only=True)
-        model.load_state_dict(state["model"]), optimizer.load_state_dict(state["optimizer"])
-        schedule.load_state_dict(state["schedule"])
-        first = state["step"]
-    for step in range(first, steps):
-        indices = torch.randint(count, (batch,), generator=torch.Generator().manual_seed(step))
+        state.load(path)
+    average, start = None, time.time()
+    while state.step < steps:
+        indices = torch.randint(count, (batch,), generator=torch.Generator().manual_seed(state.step))
         loss = loss_of_batch(indices)
-        optimizer.zero_grad(set_to_none=True)
         loss.backward()
         nn.utils.clip_grad_norm_(model.parameters(), 1.0)
-        optimizer.step()
-        schedule.step()
+        state.advance(rate * one_cycle(state.step / steps))
         average = loss.item() if average is None else 0.98 * average + 0.02 * loss.item()
-        if (step + 1) % 100 == 0 or step + 1 == steps:
-            print(f"{path.stem} {step + 1}/{steps}: loss {average:.5f}, {time.time() - start:.0f} s", flush=True)
-            temporary = path.with_suffix(".tmp")
-            torch.save({"model": model.state_dict(), "optimizer": optimizer.state_dict(),
-                        "schedule": schedule.state_dict(), "step": step + 1}, temporary)
-            os.replace(temporary, path)
+        if state.step % 100 == 0 or state.step == steps:
+            print(f"{path.stem} {state.step}/{steps}: loss {average:.5f}, {time.time() - start:.0f} s", flush=True)
+            state.save(path)
+
+
+def one_cycle(done: float, rising: float = 0.2) -> float:
+    """Share of the peak learning rate: half a cosine up, half a cosine down to zero."""
+    return (1 - math.cos(math.pi * done / rising if done < rising else math.pi * (1 + (done - rising) / (1 - rising)))) / 2
 
 
 def train_mapper(mapper: nn.Module, model: MaterialAutoencoder, parameters: Tensor, images: Tensor, work: Path,
@@ -97,7 +95,7 @@ def train_mapper(mapper: nn.Module, model: MaterialAutoencoder, parameters: Tens
                 + SMOOTHNESS_WEIGHT * (decoded[: len(some)] - nearby).abs().mean()
                 + LINEAR_WEIGHT * (both.head(latent) - coarse[indices]).abs().mean())
 
-    fit(both, loss_of_batch, len(images), work / "mapper.pt", steps=steps, batch=32, rate=2e-3)
+    fit(both, loss_of_batch, len(images), work / "mapper.safetensors", steps=steps, batch=32, rate=2e-3)
 
 
 def train_encoder(mapper: nn.Module, model: MaterialAutoencoder, parameters: Tensor, images: Tensor, work: Path,
@@ -114,7 +112,7 @@ def train_encoder(mapper: nn.Module, model: MaterialAutoencoder, parameters: Ten
         return ((model.decode(latent) - images[indices]).abs().mean()
                 + 0.1 * (latent - latents[indices]).abs().mean())
 
-    fit(model, loss_of_batch, len(images), work / "autoencoder.pt", steps=steps, batch=32, rate=1e-3)
+    fit(model, loss_of_batch, len(images), work / "autoencoder.safetensors", steps=steps, batch=32, rate=1e-3)
 
 
 @torch.no_grad()

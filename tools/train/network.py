@@ -63,8 +63,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
             stage = config.stage(state.step)
             samples = iter(stream(options.data, options.cache, mapper, stage, options.seed + state.step))
         left = min(1.0, (seconds - elapsed) / cooldown) if cooldown else 1.0
-        for group in state.optimizer.param_groups:
-            group["lr"] = config.learning_rate * min(1.0, (state.step + 1) / config.warmup_steps) * left
+        rate = config.learning_rate * min(1.0, (state.step + 1) / config.warmup_steps) * left
         for _ in range(config.scenes_per_step):
             sample = next(samples).to(device)
             with torch.autocast(device.type, torch.bfloat16):
@@ -74,10 +73,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
             for name, value in losses.items():
                 totals[name] = totals.get(name, 0.0) + float(value.detach()) / (config.scenes_per_step * LOG_EVERY)
         torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip_norm)
-        state.optimizer.step()
-        state.optimizer.zero_grad(set_to_none=True)
-        state.step += 1
-        state.update_average()
+        state.advance(rate)
         if state.step % LOG_EVERY == 0:
             record = {"step": state.step, "minutes": round((time.monotonic() - begin) / 60, 2)}
             record |= {name: round(value, 5) for name, value in totals.items()}

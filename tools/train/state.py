@@ -22,7 +22,16 @@ class TrainingState:
             lr=learning_rate, betas=(0.9, 0.98), fused=True)
         self.average = {name: p.detach().clone() for name, p in model.named_parameters()}
 
-    def update_average(self) -> None:
+    def advance(self, learning_rate: float) -> None:
+        """One optimiser step with the gradients that are there, which are then cleared."""
+        for group in self.optimizer.param_groups:
+            group["lr"] = learning_rate
+        self.optimizer.step()
+        self.optimizer.zero_grad(set_to_none=True)
+        self.step += 1
+        self._update_average()
+
+    def _update_average(self) -> None:
         """Exponential running average with a shorter memory at the start."""
         decay = min(self.decay, (1 + self.step) / (10 + self.step))
         with torch.no_grad():

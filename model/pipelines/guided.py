@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The guided preset: guides and light prior in, light per lobe out (design.md, "The guided small preset")."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from ..camera import view_rays
+from ..checkpoint import load_small
+from ..guidance import decode_light
+from ..guides import guide_tensors
+from ..light_prior import LightPrior
+from ..precision import in_precision
+from ..renderformer import SceneContext
+from ..scene import Guides, RenderScene, View
+from ..scene_inputs import small_inputs
+
+
+@dataclass
+class EncodedScene:
+    scene: RenderScene
+    context: SceneContext
+    prior: LightPrior
+
+
+class GuidedPipeline:
+    """One network for every resolution."""
+
+    def __init__(self, weights: str | Path, device: torch.device, dtype: torch.dtype):
+        model, self.mapper = load_small(weights)
+        self.device, self.model = device, in_precision(model, dtype).to(device).eval()
+
+    def variant(self, view: View) -> str:
+        return ""
+
+    def encode(self, scene: RenderScene, variant: str, progress) -> EncodedScene:
+        inputs = small_inputs(scene, self.mapper).to(self.device)
+        lights = scene.is_light
+        beams = self.model.guidance.beams(*(torch.as_tensor(x[lights], device=self.device)
+                                            for x in (scene.beam_axis, scene.beam_cosine)))
+        context = self.model.encode_scene(inputs, light_embedding=beams, progress=progress)
+        return EncodedScene(scene, context, LightPrior(scene, self.device))
+
+    def image(self, encoded: EncodedScene, view: View, guides: Guides, progress) -> torch.Tensor:
+        progress("Light prior", 0.0)
+        tensors = guide_tensors(encoded.scene, view, guides, encoded.prior)
+        origin, rays = (torch.from_numpy(x).to(self.device)[None] for x in view_rays(view))
+        raw = self.model.render_view(
+            encoded.context, origin, rays, ray_embedding=self.model.guidance.bundles(tensors),
+            ray_position=tensors.positions, extra=tensors.features, raw=True,
+            progress=lambda text, fraction: progress(text, 0.1 + 0.9 * fraction))
+        return decode_light(raw, tensors)["image"][0]
