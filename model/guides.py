@@ -41,8 +41,11 @@ class GuideTensors:
         return GuideTensors(*(getattr(self, name).to(device) for name in self.__dataclass_fields__))
 
 
-def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior) -> GuideTensors:
-    """Tensors of one view (V = 1). Scene, view, guides and prior are all normalised; H and W are multiples of 8."""
+def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, poll=None) -> GuideTensors:
+    """Tensors of one view (V = 1). Scene, view, guides and prior are all normalised; H and W are multiples of 8.
+
+    `poll()` is called while the prior is evaluated and may raise.
+    """
     device = prior.radiance.device
     tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
     origin, rays = map(tensor, view_rays(view))
@@ -50,9 +53,9 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
     h, w = roughness.shape
-    light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1))
+    light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1), poll)
     light = light.reshape(h, w, 9) * (alpha > 0)
-    colors = torch.cat([tensor(guides.diffuse_color), tensor(guides.glossy_color), tensor(guides.transmission_color)], -1)
+    colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
     bundles = bundle_positions(position, alpha, rays, origin)
     offset = (position - _per_pixel(bundles)) * OFFSET_SCALE * (alpha > 0)
     mirrored = rays - 2 * (rays * normal).sum(-1, keepdim=True) * normal

@@ -106,7 +106,7 @@ class OneFrameEncoder(nn.Module):
                 if isinstance(child, nn.Conv3d):
                     setattr(module, name, LastTap(child))
         for module in self.modules():
-            if isinstance(module, LastTap):
+            if not any(module.children()):
                 module.register_forward_pre_hook(lambda module, inputs: self._poll())
 
     def forward(self, images: torch.Tensor, poll=lambda: None) -> torch.Tensor:

@@ -17,7 +17,7 @@ from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
 from .scene import RenderScene
 
-CHUNK = 16384  # pixels at a time: bounds memory with many lights
+CHUNK = 8192  # pixels at a time: bounds memory with many lights, and the time between two polls
 
 
 class LightPrior:
@@ -33,13 +33,18 @@ class LightPrior:
         self.radiance, self.beam_axis, self.beam_cosine = map(as_tensor, (e.radiance, e.beam_axis, e.beam_cosine))
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
 
-    def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor) -> Tensor:
+    def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, poll=None) -> Tensor:
         """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe.
 
         position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual.
-        Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none.
+        Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none. `poll()` is called
+        before every chunk and may raise.
         """
-        parts = [self._chunk(*args) for args in zip(*(x.split(CHUNK) for x in (position, normal, outgoing, roughness)))]
+        parts = []
+        for points in zip(*(x.split(CHUNK) for x in (position, normal, outgoing, roughness))):
+            if poll is not None:
+                poll()
+            parts.append(self._chunk(*points))
         return torch.cat(parts) if parts else position.new_zeros(0, 9)
 
     def _chunk(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> Tensor:

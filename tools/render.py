@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render a .blend file as F12 would.
+"""Render a .blend file as F12 would, or an H5 scene; or write the H5 scene of a .blend file.
 
     python -m tools.render SCENE.blend -o OUT.exr [--engine cycles] [--samples N] [--resolution WxH]
                            [--weights small|DIR] [--verbose]
+    python -m tools.render SCENE.blend --export-h5 SCENE.h5 --weights DIR
+    python -m tools.render SCENE.h5 -o OUT.exr --weights DIR [--resolution RxR]
 
+The H5 scenes are those of the research code; DIR is then the published bundle. Several cameras make OUT_000.exr, ....
 Writes a multilayer EXR, or a PNG, by suffix (-o may be repeated) and prints one line of JSON: seconds by stage, tokens,
 triangles, and what was approximated or skipped. An error is one line on stderr and exit status 1.
 """
@@ -16,6 +19,8 @@ import sys
 import time
 from pathlib import Path
 
+from model.errors import CheckpointError, SceneError
+
 from . import extension
 
 FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
@@ -26,8 +31,8 @@ def main() -> int:
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2 if arguments.verbose else os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
     try:
-        statistics = _render(arguments)
-    except (RuntimeError, ValueError, OSError) as error:  # Blender raises RuntimeError for whatever the engine reports
+        statistics = _run(arguments)
+    except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:  # Blender raises RuntimeError for whatever the engine reports
         messages = dict.fromkeys(line.removeprefix("Error: ").strip() for line in str(error).splitlines())
         print(" ".join(filter(None, messages)), file=sys.stderr)
         return 1
@@ -37,14 +42,18 @@ def main() -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.render", description=__doc__.splitlines()[0])
-    parser.add_argument("scene", type=Path, help=".blend file")
-    parser.add_argument("-o", "--output", type=_output, action="append", required=True, help="picture: .exr or .png")
+    parser.add_argument("scene", type=Path, help=".blend file, or .h5 scene")
+    parser.add_argument("-o", "--output", type=_output, action="append", default=[], help="picture: .exr or .png")
+    parser.add_argument("--export-h5", type=Path, metavar="FILE", help="write the scene for the research code")
     parser.add_argument("--engine", choices=("renderformer", "cycles"), default="renderformer")
     parser.add_argument("--samples", type=int, help="guide samples, or Cycles' samples (default: what the file says)")
     parser.add_argument("--resolution", type=_resolution, help="WxH in pixels (default: what the file says)")
     parser.add_argument("--weights", help="small, or a folder with weights (default: what the file says)")
     parser.add_argument("--verbose", action="store_true", help="Blender's own output on stderr")
-    return parser.parse_args()
+    arguments = parser.parse_args()
+    if bool(arguments.output) == bool(arguments.export_h5):
+        parser.error("one of -o and --export-h5 is needed")
+    return arguments
 
 
 def _output(text: str) -> Path:
@@ -62,15 +71,25 @@ def _resolution(text: str) -> tuple[int, int]:
     return width, height
 
 
-def _render(arguments: argparse.Namespace) -> dict:
+def _run(arguments: argparse.Namespace) -> dict:
     if not arguments.scene.is_file():
         raise FileNotFoundError(f"{arguments.scene}: there is no such file")
+    if arguments.scene.suffix == ".h5":
+        from . import h5_scene
+        return h5_scene.render(arguments.scene, arguments.weights, arguments.output, arguments.resolution)
     import bpy
     extension.load().register()
     bpy.ops.wm.open_mainfile(filepath=str(arguments.scene.resolve()))
     scene = bpy.context.scene
     _apply(arguments, scene)
+    if arguments.export_h5:
+        from . import h5_scene
+        return h5_scene.export(scene, arguments.weights, arguments.export_h5)
+    return _render(arguments, scene)
 
+
+def _render(arguments: argparse.Namespace, scene) -> dict:
+    import bpy
     begin = time.perf_counter()
     bpy.ops.render.render(scene=scene.name)
     seconds = time.perf_counter() - begin

@@ -44,8 +44,7 @@ class GuidedPipeline:
         return EncodedScene(scene, context, LightPrior(scene, self.device))
 
     def image(self, encoded: EncodedScene, view: View, guides: Guides, progress) -> torch.Tensor:
-        progress("Light prior", 0.0)
-        tensors = guide_tensors(encoded.scene, view, guides, encoded.prior)
+        tensors = guide_tensors(encoded.scene, view, guides, encoded.prior, lambda: progress("Light prior", 0.0))
         origin, rays = (torch.from_numpy(x).to(self.device)[None] for x in view_rays(view))
         raw = self.model.render_view(
             encoded.context, origin, rays, ray_embedding=self.model.guidance.bundles(tensors),

@@ -2,7 +2,7 @@
 """The paper's network and the paper's input (spec/scene-input.md; paper, Method)."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,9 @@ from ..errors import CheckpointError
 from ..image_encoder import ImageEncoder, find_vae
 from ..inputs import NetworkInputs
 from ..material.appearance import Appearance
+from ..normalize import Normalization
 from ..precision import in_precision
-from ..processed_scene import ProcessedScene
+from ..processed_scene import ProcessedScene, square_fov
 from ..renderformer import RenderFormer, SceneContext, to_radiance
 from ..scene import Guides, RenderScene, View
 from ..scene_encoder import SceneEncoder
@@ -62,6 +63,21 @@ class PublishedPipeline:
             emitter[emitter] = encoded.emitters[guides.hit_triangle[emitter]]
         shown = (guides.alpha > 0) & ~emitter
         return radiance * torch.from_numpy(shown).to(self.device)
+
+    def process(self, scene: RenderScene, views: list[View], progress=None) -> ProcessedScene:
+        """A scene and its views (world frame) ready for model/h5.py: normalised, because the research code does not.
+
+        Pictures of it are in network exposure; metadata["normalization"] holds center, scale, exposure to go back.
+        Raises SceneError for a view that is no centred perspective.
+        """
+        normalization = Normalization.of(scene)
+        fov = np.float32([square_fov(view) for view in views])
+        with torch.inference_mode():
+            processed = self.encoder.process(normalization.scene(scene), progress or (lambda text, fraction: None))
+        return replace(processed, camera_to_world=np.stack([normalization.view(v).camera_to_world for v in views]), fov=fov,
+                       metadata={"normalization": {"center": normalization.center.tolist(),
+                                                   "scale": float(normalization.scale),
+                                                   "exposure": float(normalization.exposure)}})
 
     def render_processed(self, scene: ProcessedScene, resolution: int = 512, progress=None) -> np.ndarray:
         """(V, R, R, 3) f32 radiance of all views as the research code renders them: no normalisation, no guides.

@@ -1,23 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A tiny network with every mechanism, and inputs for it."""
-from dataclasses import replace
-
 import pytest
 import torch
 
-from model.config import ModelConfig, rf2_200m
+from model.config import ModelConfig
 from model.inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
+from tests.model.published import tiny_published_config, write_bundle
 from tools.fixture_cases import recipe_network
 
 
 @pytest.fixture(scope="session")
 def tiny_config() -> ModelConfig:
-    return replace(
-        rf2_200m(), latent_dim=48, num_layers=2, num_heads=2, dim_feedforward=64, num_register_tokens=3,
-        vertex_pe_num_freqs=3, intra_rope_pe_num_freqs=8, vn_pe_num_freqs=2, texture_channels=4,
-        envmap_latent_channels=2, envmap_ray_dir_map_patch_size=4, local_attention_window_size_half=5,
-        summary_block_size=4, view_transformer_latent_dim=48, view_transformer_ffn_hidden_dim=64,
-        view_transformer_n_heads=2, view_transformer_n_layers=4, dpt_features=8, dpt_out_channels=(6, 8, 10, 12))
+    return tiny_published_config()
 
 
 @pytest.fixture(scope="session")
@@ -46,3 +40,8 @@ def rays() -> tuple[torch.Tensor, torch.Tensor]:
     directions = torch.randn(2, 64, 64, 3, generator=torch.Generator().manual_seed(2))
     directions = torch.nn.functional.normalize(directions, dim=-1)
     return torch.tensor([[0.0, 0.0, 2.0], [1.0, -1.0, 0.5]]), directions
+
+
+@pytest.fixture(scope="session")
+def published_bundle(tmp_path_factory, tiny_config):
+    return write_bundle(tmp_path_factory.mktemp("published") / "renderformer-v2", tiny_config)

@@ -65,6 +65,7 @@ def _recolor(sample: TrainingSample, order: Tensor) -> TrainingSample:
         lobes = guides.features[:, part].unflatten(1, (3, 3))
         features[:, part] = lobes[:, :, order].flatten(1, 2)
     return replace(
-        sample, tiles=tiles, inputs=replace(inputs, light=inputs.light[:, order], environment=environment, volumes=volumes),
+        sample, tiles=tiles,
+        inputs=replace(inputs, light=inputs.light[:, order], environment=environment, volumes=volumes),
         guides=replace(guides, features=features, colors=guides.colors[:, :, order], prior=guides.prior[:, :, order]),
         image=sample.image[:, order], direct=sample.direct[:, :, order], indirect=sample.indirect[:, :, order])

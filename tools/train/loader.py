@@ -41,4 +41,5 @@ def admitted(sample: TrainingSample, stage: Stage) -> bool:
 def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: int) -> DataLoader:
     """Samples prepared in a process of their own."""
     cache.mkdir(parents=True, exist_ok=True)
-    return DataLoader(SampleStream(folder, cache, mapper, stage, seed), batch_size=None, num_workers=1, prefetch_factor=4)
+    samples = SampleStream(folder, cache, mapper, stage, seed)
+    return DataLoader(samples, batch_size=None, num_workers=1, prefetch_factor=4)

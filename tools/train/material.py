@@ -76,7 +76,8 @@ def fit(model: nn.Module, loss_of_batch, count: int, path: Path, *, steps: int, 
 
 def one_cycle(done: float, rising: float = 0.2) -> float:
     """Share of the peak learning rate: half a cosine up, half a cosine down to zero."""
-    return (1 - math.cos(math.pi * done / rising if done < rising else math.pi * (1 + (done - rising) / (1 - rising)))) / 2
+    phase = done / rising if done < rising else 1 + (done - rising) / (1 - rising)
+    return (1 - math.cos(math.pi * phase)) / 2
 
 
 def train_mapper(mapper: nn.Module, model: MaterialAutoencoder, parameters: Tensor, images: Tensor, work: Path,
@@ -157,7 +158,7 @@ def main() -> None:
     train_encoder(mapper, model, parameters[HELD_OUT:], images[HELD_OUT:], args.work, args.encoder_steps)
     print(json.dumps(held_out_errors(mapper, model, parameters[:HELD_OUT], images[:HELD_OUT])))
     save(mapper, args.out / "metallic_transmission_mapper", MAPPER)
-    save(model, args.work / "material_autoencoder", AUTOENCODER)
+    save(model, args.out / "material_autoencoder", AUTOENCODER)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""python -m tools.train.network --data DIR --out DIR --minutes M: train the bundled network on samples of tools.datagen.
+"""python -m tools.train.network --data DIR --out DIR --minutes M: train the bundled network on tools.datagen samples.
 
 Resumes from DIR/state.safetensors and may run for days: the learning rate stays constant after the warm-up and falls to
 zero during the last --cooldown minutes. DIR/weights holds the running average, ready for `--weights DIR/weights`.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What training must remember: weights, their running average, AdamW's moments and the step, as one safetensors file."""
+"""What training must remember, as one safetensors file: weights, their running average, AdamW's moments, the step."""
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`tools.render` for H5 scenes of the research code: render one, or write one from the open .blend file."""
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from model.errors import CheckpointError
+
+from .metrics import srgb
+
+
+def render(path: Path, weights: str | None, outputs: list[Path], resolution: tuple[int, int] | None) -> dict:
+    """Every view of the file as linear EXR or sRGB PNG; statistics as `tools.render` prints them."""
+    from model.h5 import read_h5
+    from model.pipelines.published import PublishedPipeline
+    from model.precision import choose_device, choose_precision
+
+    _require_bundle(weights)
+    scene = read_h5(path)
+    width, height = resolution or (512, 512)
+    if width != height:
+        raise ValueError(f"H5 scenes are rendered square, not {width}x{height}")
+    device = choose_device()
+    begin = time.perf_counter()
+    pipeline = PublishedPipeline(weights, device, choose_precision("auto", device))
+    images = pipeline.render_processed(scene, width)
+    seconds = time.perf_counter() - begin
+    written = [_numbered(output, i, len(images)) for output in outputs for i in range(len(images))]
+    for output, image in zip(written, list(images) * len(outputs)):
+        _save(output, image)
+    return {"scene": str(path), "seconds": {"total": round(seconds, 3)}, "triangles": len(scene.triangles),
+            "size": (width, height), "weights": weights, "output": list(map(str, written))}
+
+
+def export(scene, weights: str | None, path: Path) -> dict:
+    """Convert the open file's `scene` (bpy) as F12 would and write it with its camera."""
+    import bpy
+    _require_bundle(weights)
+    from renderformer_v2.model import errors  # the package's own, not those of `model`
+    from renderformer_v2.model.h5 import write_h5
+    from renderformer_v2.model.pipelines.published import PublishedPipeline
+    from renderformer_v2.rf2_engine.convert.camera import convert_camera
+    from renderformer_v2.rf2_engine.convert.report import Report
+    from renderformer_v2.rf2_engine.convert.scene import convert
+
+    found, settings, report = [], scene.renderformer_v2, Report()
+    budget, edge = settings.token_budget, settings.max_edge
+
+    class Exporter(bpy.types.RenderEngine):
+        """Stops where F12 would start the network."""
+
+        bl_idname = "RENDERFORMER_V2_H5"
+        bl_label = "RenderFormer-V2 H5 export"
+
+        def render(self, depsgraph):
+            if found:
+                return  # one view layer is enough
+            try:
+                view = convert_camera(depsgraph, self.resolution_x, self.resolution_y, None, report)
+                found.append((convert(depsgraph, token_budget=budget, max_edge=edge, report=report,
+                                      progress=lambda text, fraction: None), view))
+            except Exception as error:  # Blender would print it and go on
+                found.append(error)
+
+    begin = time.perf_counter()
+    bpy.utils.register_class(Exporter)
+    scene.render.engine = Exporter.bl_idname
+    bpy.ops.render.render(scene=scene.name)
+    if isinstance(found[0], Exception):
+        raise RuntimeError(str(found[0])) from found[0]
+    tokens, view = found[0]
+    try:
+        write_h5(path, PublishedPipeline(weights, "cpu", None).process(tokens, [view]))
+    except (errors.CheckpointError, errors.SceneError) as error:
+        raise RuntimeError(str(error)) from error
+    return {"scene": scene.name, "seconds": {"total": round(time.perf_counter() - begin, 3)}, "triangles": len(tokens),
+            "report": report.lines(), "output": [str(path)]}
+
+
+def _require_bundle(weights: str | None) -> None:
+    if weights in (None, "small"):
+        raise CheckpointError("H5 scenes hold latents of the published weights: give their folder with --weights")
+
+
+def _numbered(path: Path, index: int, count: int) -> Path:
+    return path if count == 1 else path.with_name(f"{path.stem}_{index:03d}{path.suffix}")
+
+
+def _save(path: Path, image: np.ndarray) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix.lower() == ".png":
+        from skimage.io import imsave
+        imsave(path, (srgb(image) * 255 + 0.5).astype(np.uint8), check_contrast=False)
+        return
+    import OpenEXR
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(image, np.float32)}) as file:
+        file.write(str(path))
