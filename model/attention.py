@@ -11,12 +11,13 @@ from torch import nn
 from torch.nn import functional as F
 
 from .norm import Linear, RMSNorm
-from .progress import Progress
+from .progress import Progress, joined
 from .rope import rotate
 
 QUERY_BLOCK = 256         # sorted queries that share one band of keys
 SCORES_IN_CACHE = 6 << 20  # scores of all heads that one matrix product may leave for the next
-PAIRS_PER_CALL = 1 << 24  # query-key pairs of one fused call: bounds the time between two polls
+FLOPS_PER_CALL = 1 << 34      # of a fused call on a CPU: bounds the time between two polls
+FLOPS_PER_GPU_CALL = 1 << 41
 
 
 def attend(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, bias: torch.Tensor | None = None) -> torch.Tensor:
@@ -37,14 +38,30 @@ def dense_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor,
                     progress: Progress | None = None) -> torch.Tensor:
     """Every query sees every key; queries in chunks. (h, Lq, w), (h, Lk, w) twice -> (h, Lq, w)."""
     heads, length = q.shape[:2]
-    keys = max(k.shape[1], 1)
-    size = max(64, SCORES_IN_CACHE // (heads * keys)) if _by_matrix_products(q) else max(128, PAIRS_PER_CALL // keys)
-    parts = []
-    for begin in range(0, max(length, 1), size):
-        if progress is not None:
-            progress(begin / max(length, 1))
-        parts.append(attend(q[None, :, begin:begin + size], k[None], v[None])[0])
-    return parts[0] if len(parts) == 1 else torch.cat(parts, dim=1)
+    size, group = _call_size(q, max(k.shape[1], 1))
+
+    def chunk(begin: int) -> torch.Tensor:
+        parts, count = [], min(size, length - begin)
+        for first in range(0, heads, group):
+            if progress is not None:
+                progress((begin + count * first / heads) / max(length, 1))
+            rows = slice(first, first + group)
+            parts.append(attend(q[None, rows, begin:begin + size], k[None, rows], v[None, rows])[0])
+        return parts[0] if len(parts) == 1 else torch.cat(parts)
+
+    return joined(map(chunk, range(0, max(length, 1), size)), length, axis=1)
+
+
+def _call_size(q: torch.Tensor, keys: int) -> tuple[int, int]:
+    """Queries and heads that one call takes on."""
+    heads, flops = q.shape[0], 4 * keys * q.shape[2]
+    if _by_matrix_products(q):
+        limit, cost, size = SCORES_IN_CACHE, keys, max(64, SCORES_IN_CACHE // (heads * keys))
+    elif q.device.type == "cpu":
+        limit, cost, size = FLOPS_PER_CALL, flops, min(max(FLOPS_PER_CALL // flops, 256), 768)  # fewer are slower, more gain nothing
+    else:
+        limit, cost, size = FLOPS_PER_GPU_CALL, flops, max(256, FLOPS_PER_GPU_CALL // (heads * flops))
+    return size, min(max(limit // (size * cost), 1), heads)
 
 
 def window_sink_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, sink: int, half: int,
@@ -56,12 +73,12 @@ def window_sink_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, sin
         return dense_attention(q, k, v, progress)
     blocks = range(sink, length, QUERY_BLOCK)
     share = sink * length / (sink * length + len(blocks) * QUERY_BLOCK * (sink + QUERY_BLOCK + 2 * half))
-    parts = [dense_attention(q[:, :sink], k, v, progress.part(0.0, share))] if sink else []
-    progress = progress.part(share, 1.0)
+    band_progress = progress.part(share, 1.0)
     sink_k, sink_v = k[:, :sink], v[:, :sink]
     biases: dict[tuple[int, int, int], torch.Tensor] = {}  # all interior blocks share one
-    for count, begin in enumerate(blocks):
-        progress(count / len(blocks))
+
+    def block(begin: int) -> torch.Tensor:
+        band_progress((begin - sink) / (length - sink))
         end, low = min(begin + QUERY_BLOCK, length), max(begin - half, sink)
         high = min(end + half, length)
         place = (begin - low, end - low, high - low)
@@ -69,8 +86,14 @@ def window_sink_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, sin
             biases[place] = F.pad(band_bias(*place, half, q), (sink, 0))
         keys = torch.cat([sink_k, k[:, low:high]], dim=1)
         values = torch.cat([sink_v, v[:, low:high]], dim=1)
-        parts.append(attend(q[None, :, begin:end], keys[None], values[None], biases[place])[0])
-    return torch.cat(parts, dim=1)
+        return attend(q[None, :, begin:end], keys[None], values[None], biases[place])[0]
+
+    def parts():
+        if sink:
+            yield dense_attention(q[:, :sink], k, v, progress.part(0.0, share))
+        yield from map(block, blocks)
+
+    return joined(parts(), length, axis=1)
 
 
 def band_bias(begin: int, end: int, keys: int, half: int, like: torch.Tensor) -> torch.Tensor:

@@ -16,11 +16,12 @@ from torch.nn import functional as F
 class Rows:
     """Rows of a (V, C, H, W) map, computed on demand. One reader asks for them, from top to bottom.
 
-    `compute(begin, end)` returns rows begin..end - 1; the rows of the last reading are held until the next.
+    `compute(begin, end)` returns rows begin..end - 1; the rows of the last reading are held until the next. `poll()` is
+    called after each of these steps and may raise.
     """
 
-    def __init__(self, size: tuple[int, int], compute: Callable[[int, int], torch.Tensor]):
-        self.size, self.compute = size, compute
+    def __init__(self, size: tuple[int, int], compute: Callable[[int, int], torch.Tensor], poll: Callable[[], None]):
+        self.size, self.compute, self.poll = size, compute, poll
         self.begin = self.end = 0
         self.held: torch.Tensor | None = None
 
@@ -34,6 +35,7 @@ class Rows:
         else:
             rows = self.again(begin, self.end)
         self.begin, self.end, self.held = begin, max(end, self.end), rows
+        self.poll()
         return self.again(begin, end)
 
     def again(self, begin: int, end: int) -> torch.Tensor:
@@ -41,9 +43,9 @@ class Rows:
         return self.held[:, :, begin - self.begin:end - self.begin]
 
 
-def whole(x: torch.Tensor) -> Rows:
+def whole(x: torch.Tensor, poll: Callable[[], None]) -> Rows:
     """A map that is already there."""
-    return Rows(tuple(x.shape[-2:]), lambda begin, end: x[:, :, begin:end])
+    return Rows(tuple(x.shape[-2:]), lambda begin, end: x[:, :, begin:end], poll)
 
 
 def convolved(conv: nn.Conv2d, source: Rows, activation=None) -> Rows:
@@ -59,7 +61,7 @@ def convolved(conv: nn.Conv2d, source: Rows, activation=None) -> Rows:
             x = F.pad(x, (0, 0, above, below))
         return F.conv2d(x, conv.weight, conv.bias, stride, (0, pad))
 
-    return Rows(tuple((n + 2 * pad - side) // stride + 1 for n in source.size), compute)
+    return Rows(tuple((n + 2 * pad - side) // stride + 1 for n in source.size), compute, source.poll)
 
 
 def enlarged(conv: nn.ConvTranspose2d, source: Rows) -> Rows:
@@ -71,7 +73,7 @@ def enlarged(conv: nn.ConvTranspose2d, source: Rows) -> Rows:
         x = conv(source(first, -(-end // stride)))
         return x[:, :, begin - first * stride:end - first * stride]
 
-    return Rows(tuple(stride * n for n in source.size), compute)
+    return Rows(tuple(stride * n for n in source.size), compute, source.poll)
 
 
 def resized(source: Rows, size: tuple[int, int]) -> Rows:
@@ -92,7 +94,7 @@ def resized(source: Rows, size: tuple[int, int]) -> Rows:
         upper, lower = (wide.index_select(2, (rows - first).to(x.device)) for rows in (low, high))
         return upper.lerp_(lower, (position - low)[:, None].to(x.device)).to(x.dtype)
 
-    return Rows(size, compute)
+    return Rows(size, compute, source.poll)
 
 
 def added(source: Rows, update: Rows) -> Rows:
@@ -101,9 +103,9 @@ def added(source: Rows, update: Rows) -> Rows:
         change = update(begin, end)
         return source.again(begin, end) + change
 
-    return Rows(source.size, compute)
+    return Rows(source.size, compute, source.poll)
 
 
-def total(a: Rows, b: Rows) -> Rows:
-    """a + b of two independent maps."""
-    return Rows(a.size, lambda begin, end: a(begin, end) + b(begin, end))
+def combined(a: Rows, b: Rows, function) -> Rows:
+    """function(a, b) of two independent maps of one size."""
+    return Rows(a.size, lambda begin, end: function(a(begin, end), b(begin, end)), a.poll)

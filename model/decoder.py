@@ -6,8 +6,11 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from .bands import Rows, added, combined, convolved, enlarged, resized, whole
 from .config import ModelConfig
 from .progress import Progress
+
+BAND_PIXELS = 1 << 16  # of one band of the picture: about 200 MB of published activations, and short polls
 
 
 def resize(x: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
@@ -26,6 +29,10 @@ class ResidualConvUnit(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         return x + self.conv2(F.silu(self.conv1(F.silu(x))))
 
+    def rows(self, x: Rows) -> Rows:
+        """The same by rows."""
+        return added(x, convolved(self.conv2, convolved(self.conv1, x, F.silu), F.silu))
+
 
 class FeatureFusion(nn.Module):
     """Add a finer level to the coarser result and enlarge the sum; the coarsest level has nothing to be added to."""
@@ -41,6 +48,11 @@ class FeatureFusion(nn.Module):
         x = level if coarser is None else coarser + self.resConvUnit1(level)
         # A 1x1 convolution commutes with the resize, and is cheaper before it.
         return resize(self.out_conv(self.resConvUnit2(x)), size)
+
+    def rows(self, level: Rows, coarser: Rows | None, size: tuple[int, int]) -> Rows:
+        """The same by rows."""
+        x = level if coarser is None else combined(coarser, self.resConvUnit1.rows(level), torch.add)
+        return resized(convolved(self.out_conv, self.resConvUnit2.rows(x)), size)
 
 
 class DPTDecoder(nn.Module):
@@ -70,11 +82,18 @@ class DPTDecoder(nn.Module):
                 progress: Progress | None = None) -> torch.Tensor:
         """Four (V, D, Hg, Wg) -> (V, C, 8 Hg, 8 Wg) float32.
 
-        `extra` (V, decoder_extra_channels, 8 Hg, 8 Wg) joins the features before the last two convolutions.
+        `extra` (V, decoder_extra_channels, 8 Hg, 8 Wg) joins the features before the last two convolutions. Without
+        gradients a large picture is decoded in bands: the same numbers in bounded memory.
         """
         progress = progress or Progress()
-        scratch, dtype = self.scratch, self.projects[0].weight.dtype
         size = tuple(self.patch_size * side for side in features[0].shape[-2:])
+        rows = max(BAND_PIXELS // (size[1] * len(features[0])), self.patch_size)
+        if torch.is_grad_enabled() or rows >= size[0]:
+            return self._whole(features, size, extra, progress)
+        return self._bands(features, size, extra, progress, rows)
+
+    def _whole(self, features, size, extra, progress: Progress) -> torch.Tensor:
+        scratch, dtype = self.scratch, self.projects[0].weight.dtype
         levels = []
         for i, feature in enumerate(features):
             level = self.resize_layers[i](self.projects[i](feature.to(dtype)))
@@ -90,3 +109,34 @@ class DPTDecoder(nn.Module):
         if extra is not None:
             x = torch.cat([x, extra.to(x.dtype)], dim=1)
         return scratch.output_conv2(x).float()
+
+    def _bands(self, features, size, extra, progress: Progress, rows: int) -> torch.Tensor:
+        result, x = None, self._rows(features, size, extra, lambda: progress(begin / size[0]))
+        for begin in range(0, size[0], rows):
+            band = x(begin, begin + rows).float()
+            if result is None:
+                result = band.new_empty(*band.shape[:2], *size)
+            result[:, :, begin:begin + rows] = band
+        return result
+
+    def _rows(self, features, size, extra, poll) -> Rows:
+        """What `_whole` returns, by rows."""
+        scratch, dtype = self.scratch, self.projects[0].weight.dtype
+        levels = []
+        for i, feature in enumerate(features):
+            level = convolved(self.projects[i], whole(feature, poll), lambda x: x.to(dtype))
+            resample = self.resize_layers[i]
+            if isinstance(resample, nn.ConvTranspose2d):
+                level = enlarged(resample, level)
+            elif isinstance(resample, nn.Conv2d):
+                level = convolved(resample, level)
+            levels.append(convolved(getattr(scratch, f"layer{i + 1}_rn"), level))
+        x = None
+        for i in (4, 3, 2, 1):
+            level = levels[i - 1]
+            target = levels[i - 2].size if i > 1 else tuple(2 * side for side in level.size)
+            x = getattr(scratch, f"refinenet{i}").rows(level, x, target)
+        x = resized(convolved(scratch.output_conv1, x), size)
+        if extra is not None:
+            x = combined(x, whole(extra, poll), lambda x, extra: torch.cat([x, extra.to(x.dtype)], dim=1))
+        return convolved(scratch.output_conv2[2], convolved(scratch.output_conv2[0], x), F.silu)

@@ -12,7 +12,7 @@ from .environment import direction_map
 from .inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
 from .nerf import nerf_encode, nerf_width
 from .norm import Linear, RMSNorm
-from .progress import chunked
+from .progress import Progress, chunked
 from .sequence import centroids
 
 ENVIRONMENT_GRID = (4, 8)  # patches, rows x columns
@@ -72,14 +72,16 @@ class SceneEmbedding(nn.Module):
 
     def embed_triangles(self, inputs: NetworkInputs, progress=None) -> torch.Tensor:
         """N triangles -> (N, D) float32 (spec/network.md 4.1)."""
-        textures = self.embed_textures(inputs.texture)
+        progress = progress or Progress()
+        textures = self.embed_textures(inputs.texture, progress.part(0.0, 0.5))
 
         def embed(triangles, normals, texture_index, light):
             tokens = self.embed_shape(triangles) + self.tri_token.float()[0]
             tokens = tokens + (textures[texture_index] + self.embed_light(light))
             return tokens + self.embed_normals(normals)
 
-        return chunked(embed, inputs.triangles, inputs.normals, inputs.texture_index, inputs.light, progress=progress)
+        return chunked(embed, inputs.triangles, inputs.normals, inputs.texture_index, inputs.light,
+                       progress=progress.part(0.5, 1.0))
 
     def embed_shape(self, triangles: torch.Tensor) -> torch.Tensor:
         """Corners relative to their centroid."""
@@ -91,12 +93,13 @@ class SceneEmbedding(nn.Module):
         encoded = nerf_encode(normals.flatten(1), self.config.vn_pe_num_freqs)
         return self.vn_encoder_norm(self.vn_encoding_proj(encoded))
 
-    def embed_textures(self, texture: torch.Tensor) -> torch.Tensor:
+    def embed_textures(self, texture: torch.Tensor, progress: Progress = Progress()) -> torch.Tensor:
         """(T, C, q, q) latents, or material tiles for a network with its own encoder -> (T, D)."""
         if self.config.tile_encoder_channels:
-            texture = chunked(self.tile_encoder, texture)
+            texture = chunked(self.tile_encoder, texture, progress=progress.part(0.0, 0.5))
         texture = resize_texture(texture, self.config.texture_encode_patch_size)
-        return chunked(lambda t: self.texture_encoder_norm(self.texture_encoder(t)), texture.flatten(1))
+        return chunked(lambda t: self.texture_encoder_norm(self.texture_encoder(t)), texture.flatten(1),
+                       progress=progress.part(0.5, 1.0))
 
     def embed_light(self, light: torch.Tensor) -> torch.Tensor:
         """(N, 3) encoded radiance -> (N, D). Most triangles are dark, and all dark ones share one embedding."""

@@ -16,6 +16,7 @@ BEAM_FEATURES = 5        # axis and two cosines of a light triangle's beam
 OUTPUT_CHANNELS = 21     # visibility and indirect light of three lobes, and the rest, RGB each
 MAX_VISIBILITY = 1.2     # the prior's glossy lobe is approximate: leave room above 1
 VISIBLE, DARK = 1.5, -4.0  # offsets that start the decoder near "everything visible, nothing indirect"
+BAND_PIXELS = 1 << 17  # handled at once without gradients: guides of a large picture are gigabytes
 
 
 class Guidance(nn.Module):
@@ -29,8 +30,11 @@ class Guidance(nn.Module):
 
     def bundles(self, guides: GuideTensors) -> Tensor:
         """(V, B, D) added to the ray tokens."""
-        patches = F.pixel_unshuffle(guides.features, PATCH)
-        return self.bundle_norm(self.bundle_encoder(patches.flatten(2).transpose(1, 2)))
+        def embed(features: Tensor) -> Tensor:
+            patches = F.pixel_unshuffle(features, PATCH)
+            return self.bundle_norm(self.bundle_encoder(patches.flatten(2).transpose(1, 2)))
+
+        return torch.cat([embed(band) for band in guides.features.split(_band_rows(guides.features), dim=2)], dim=1)
 
     def beams(self, axis: Tensor, cosine: Tensor) -> Tensor:
         """(L, D) added to the tokens of L light triangles; axis (L, 3), cosine (L, 2)."""
@@ -52,3 +56,20 @@ def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
     direct = guides.prior * visibility
     return {"image": ((direct + indirect) * guides.colors).sum(1) + rest, "direct": direct, "indirect": indirect,
             "rest": rest}
+
+
+def decode_image(raw: Tensor, guides: GuideTensors, poll=None) -> Tensor:
+    """`image` of `decode_light`, in bands of bounded memory; `poll()` is called before each and may raise."""
+    rows = _band_rows(raw)
+    bands = []
+    for band in zip(*(x.split(rows, dim=-2) for x in (raw, guides.features, guides.colors, guides.prior))):
+        if poll is not None:
+            poll()
+        bands.append(decode_light(band[0], GuideTensors(*band[1:], guides.positions))["image"])
+    return torch.cat(bands, dim=2)
+
+
+def _band_rows(picture: Tensor) -> int:
+    """Rows of a band of (V, C, H, W), whole ray bundles; all with gradients."""
+    views, _, height, width = picture.shape
+    return height if torch.is_grad_enabled() else max(BAND_PIXELS // (views * width) // PATCH, 1) * PATCH

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ProcessedScene: what the published pipeline keeps of a scene once its textures are latents (spec/scene-input.md 0)."""
+"""ProcessedScene: a scene for the published network, its textures being latents (spec/scene-input.md 0)."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -42,6 +42,6 @@ def square_fov(view: View) -> float:
     """
     shift = np.abs(view.principal - np.array([view.width, view.height]) / 2).max()
     if shift > 0.5 or abs(view.focal[0] / view.focal[1] - 1) > 1e-3:
-        raise SceneError("the camera cannot be exported: lens shift, render border and a pixel aspect other than 1 have "
-                         "no place in the file, remove them")
+        raise SceneError("the camera cannot be exported: lens shift, render border and a pixel aspect other than 1 "
+                         "have no place in the file, remove them")
     return float(np.degrees(2 * np.arctan(max(view.width, view.height) / 2 / view.focal[0])))

@@ -2,7 +2,7 @@
 """Progress through nested steps, and loops over chunks that bound memory and poll for cancellation."""
 from __future__ import annotations
 
-from typing import Callable
+from typing import Callable, Iterable
 
 import torch
 
@@ -31,21 +31,42 @@ class Progress:
                         self.start + span * start, self.start + span * end)
 
 
-def chunked(function, *tensors: torch.Tensor, progress: Progress | None = None, size: int = CHUNK):
-    """function(*tensors), computed for `size` rows of the tensors at a time and concatenated along axis 0.
+def chunked(function, *tensors: torch.Tensor, progress: Progress | None = None, size: int = CHUNK, axis: int = 0):
+    """function(*tensors), computed for `size` rows of the tensors at a time and concatenated along `axis`.
 
-    `function` returns a tensor or a tuple of tensors with as many rows as it was given.
+    `function` returns a tensor or a tuple of tensors with as many rows (on that axis) as it was given.
     """
     rows = len(tensors[0])
     if torch.is_grad_enabled():
         size = max(rows, 1)  # autograd would hold a gradient of full length for every slice
-    results = []
+    results = None
     for begin in range(0, max(rows, 1), size):
         if progress is not None:
             progress(begin / max(rows, 1))
-        results.append(function(*(t[begin:begin + size] for t in tensors)))
-    if len(results) == 1:
-        return results[0]
-    if isinstance(results[0], tuple):
-        return tuple(torch.cat(parts) for parts in zip(*results))
-    return torch.cat(results)
+        result = function(*(t[begin:begin + size] for t in tensors))
+        if size >= rows:
+            return result
+        parts = result if isinstance(result, tuple) else (result,)
+        results = results or [like(part, rows, axis) for part in parts]
+        for whole, part in zip(results, parts):
+            whole.narrow(axis, begin, part.shape[axis]).copy_(part)
+    return tuple(results) if isinstance(result, tuple) else results[0]
+
+
+def joined(parts: Iterable[torch.Tensor], length: int, axis: int) -> torch.Tensor:
+    """The concatenation of `parts`, `length` long; without gradients each part is put into place as it comes."""
+    if torch.is_grad_enabled():
+        return torch.cat(list(parts), dim=axis)
+    result, begin = None, 0
+    for part in parts:
+        if part.shape[axis] == length:
+            return part
+        result = like(part, length, axis) if result is None else result
+        result.narrow(axis, begin, part.shape[axis]).copy_(part)
+        begin += part.shape[axis]
+    return result
+
+
+def like(part: torch.Tensor, length: int, axis: int) -> torch.Tensor:
+    """Room for `length` rows of what `part` holds some of."""
+    return part.new_empty(*part.shape[:axis], length, *part.shape[axis + 1:])

@@ -16,6 +16,8 @@ from .sequence import Tokens, centroids, pack, scene_centre
 from .view_dependent import ViewTransformer
 from .view_independent import ViewIndependentTransformer
 
+KEYS_VALUES_BYTES = 5 << 29  # that stage 2 may keep of a scene between views: 65,536 published tokens in float32
+
 
 @dataclass
 class SceneContext:
@@ -47,22 +49,30 @@ class RenderFormer(SceneEmbedding):
         return self.render_view(context, rays_o, rays_d, progress=progress.part(0.5, 1.0))
 
     def encode_scene(self, inputs: NetworkInputs, *, light_embedding: torch.Tensor | None = None,
-                     keep_keys_values: bool = True, progress=None) -> SceneContext:
+                     keep_keys_values: bool | None = None, progress=None) -> SceneContext:
         """Embed, sort, summarise, pack, stage 1.
 
         light_embedding: (number of lights, D), added to the light tokens, in the order of the input triangles.
+        keep_keys_values: whether views share what stage 2 makes of the tokens; by its size when not given.
         progress: callback(text, fraction), called at least every 0.2 s; what it raises comes out here.
         """
         progress = progress if isinstance(progress, Progress) else Progress(progress)
         sequence, sink = self.embed_scene(inputs, light_embedding, progress.part(0.0, 0.1, "Embedding the scene"))
         tokens = self.transformer(sequence.embedding, sequence.position, sink, progress.part(0.1, 1.0))
+        if keep_keys_values is None:
+            keep_keys_values = self.keys_values_bytes(len(tokens)) <= KEYS_VALUES_BYTES
         return SceneContext(tokens, sequence.position, sequence.triangle, sink, keep=keep_keys_values)
+
+    def keys_values_bytes(self, length: int) -> int:
+        """Size of the keys and values of all stage-2 layers for a sequence of `length` tokens."""
+        layers = self.view_transformer.transformer.layers
+        return 2 * len(layers) * length * self.config.latent_dim * layers[0].multihead_attn.k_proj.weight.itemsize
 
     def embed_scene(self, inputs: NetworkInputs, light_embedding: torch.Tensor | None = None,
                     progress: Progress | None = None) -> tuple[Tokens, int]:
         """The packed sequence before stage 1, and the length of its sink."""
-        is_light = inputs.is_light
-        embedded = self.embed_triangles(inputs, progress)
+        is_light, progress = inputs.is_light, progress or Progress()
+        embedded = self.embed_triangles(inputs, progress.part(0.0, 0.8))
         if light_embedding is not None:
             embedded = embedded.index_add(0, is_light.nonzero()[:, 0], light_embedding.float())
         triangles = Tokens(embedded, centroids(inputs.triangles),
@@ -75,7 +85,7 @@ class RenderFormer(SceneEmbedding):
         if inputs.volumes is not None:
             volumes.append(Tokens.at(self.volume_encoder(inputs.volumes), inputs.volumes.position))
         return pack(fixed, triangles, is_light, volumes, self.config.summary_block_size,
-                    self.transformer.summary_token_embed.float()[0])
+                    self.transformer.summary_token_embed.float()[0], progress.part(0.8, 1.0))
 
     def render_view(self, context: SceneContext, rays_o: torch.Tensor, rays_d: torch.Tensor, *,
                     ray_embedding: torch.Tensor | None = None, ray_position: torch.Tensor | None = None,

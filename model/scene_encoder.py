@@ -56,7 +56,7 @@ class SceneEncoder:
         def raw(part: slice) -> torch.Tensor:
             parts = material_tiles(torch.from_numpy(tiles[used[part]]).float().to(self.images.device), self.appearance)
             emission = parts.new_zeros(len(parts), 3, *parts.shape[2:])  # never encoded
-            return torch.cat([parts[:, :12], emission, parts[:, 12:]], 1).half().cpu()  # as stored before the VAE reads it
+            return torch.cat([parts[:, :12], emission, parts[:, 12:]], 1).half().cpu()  # as files store it
 
         return self._in_chunks(len(used), raw, progress).numpy()
 
@@ -74,6 +74,6 @@ class SceneEncoder:
 
 
 def image_groups(raw: torch.Tensor) -> torch.Tensor:
-    """(T, 15 or 16, q, q) raw tiles -> (T, 5, 3, q, q): three of the latent, normal, height (spec/scene-input.md 4.5)."""
+    """(T, 15 or 16, q, q) raw tiles -> (T, 5, 3, q, q): 3 of the latent, normal, height (spec/scene-input.md 4.5)."""
     height = raw[:, 15:16] if raw.shape[1] == 16 else torch.zeros_like(raw[:, :1])
     return torch.cat([raw[:, :12].unflatten(1, (4, 3)), height[:, None].expand(-1, -1, 3, -1, -1)], 1)

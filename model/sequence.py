@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import torch
 
 from .ordering import hilbert_order
+from .progress import Progress, chunked, joined
+
+COPIED = 8192  # embeddings between two polls
 
 
 @dataclass
@@ -54,9 +57,21 @@ def summarise(ordered: Tokens, block: int, embedding: torch.Tensor) -> Tokens:
 
 
 def pack(fixed: list[Tokens], triangles: Tokens, is_light: torch.Tensor, volumes: list[Tokens], block: int,
-         summary_embedding: torch.Tensor) -> tuple[Tokens, int]:
+         summary_embedding: torch.Tensor, progress: Progress = Progress()) -> tuple[Tokens, int]:
     """Sort, summarise, concatenate -> the sequence and the sink's length. `fixed` = registers and environment."""
-    ordered = Tokens.concatenate([triangles[~is_light], *volumes])
-    ordered = ordered[hilbert_order(ordered.position)]
+    everything = Tokens.concatenate([triangles, *volumes]) if volumes else triangles
+    rows = torch.cat([~is_light, is_light.new_ones(len(everything) - len(triangles))]).nonzero()[:, 0]
+    rows = rows[hilbert_order(everything.position[rows])]
+    embedding = chunked(lambda rows: everything.embedding[rows], rows, size=COPIED, progress=progress.part(0.0, 0.5))
+    ordered = Tokens(embedding, everything.position[rows], everything.triangle[rows])
     sink = Tokens.concatenate([*fixed, summarise(ordered, block, summary_embedding), triangles[is_light]])
-    return Tokens.concatenate([sink, ordered]), len(sink)
+    length = len(sink) + len(ordered)
+
+    def parts():
+        yield sink.embedding
+        for i, part in enumerate(ordered.embedding.split(COPIED)):
+            progress(0.5 + 0.5 * i * COPIED / length)
+            yield part
+
+    return Tokens(joined(parts(), length, axis=0), torch.cat([sink.position, ordered.position]),
+                  torch.cat([sink.triangle, ordered.triangle])), len(sink)

@@ -11,6 +11,8 @@ from .progress import Progress, chunked
 
 WINDOW = 8  # tokens
 SHIFT = 4
+TOKENS = 8192   # of a band of windows: bounds the copies made to shift and partition
+WINDOWS = 32    # that are attended to together, for short polls
 
 
 def to_windows(x: torch.Tensor) -> torch.Tensor:
@@ -44,15 +46,24 @@ class SwinAttention(SelfAttention):
 
     def forward(self, x: torch.Tensor, norm, progress: Progress | None = None) -> torch.Tensor:
         """(V, Hg, Wg, D), normalised by `norm` window by window -> (V, Hg, Wg, D)."""
-        grid = x.shape[1:3]
-        if self.shifted:
-            x = x.roll((-SHIFT, -SHIFT), dims=(1, 2))
-        inputs = [to_windows(x)]
-        if self.shifted:
-            inputs.append(shift_mask(tuple(grid)).to(x.device).repeat(x.shape[0], 1, 1))
-        windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, progress=progress, size=64)
-        x = from_windows(windows, grid)
-        return x.roll((SHIFT, SHIFT), dims=(1, 2)) if self.shifted else x
+        views, height, width = x.shape[:3]
+        shift = SHIFT if self.shifted else 0
+        rows = height if torch.is_grad_enabled() else WINDOW * max(1, TOKENS // (WINDOW * width * views))
+        progress, result = progress or Progress(), None
+        for begin in range(0, height, rows):
+            end = min(begin + rows, height)
+            lines = (torch.arange(begin, end, device=x.device) + shift) % height
+            inputs = [to_windows(x.index_select(1, lines).roll(-shift, dims=2))]
+            if shift:
+                mask = shift_mask((height, width)).unflatten(0, (height // WINDOW, -1))[begin // WINDOW:end // WINDOW]
+                inputs.append(mask.flatten(0, 1).to(x.device).repeat(views, 1, 1))
+            windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, size=WINDOWS,
+                              progress=progress.part(begin / height, end / height))
+            band = from_windows(windows, (end - begin, width)).roll(shift, dims=2)
+            if result is None:
+                result = band.new_empty(views, height, *band.shape[2:])
+            result.index_copy_(1, lines, band)
+        return result
 
     def _attend(self, x: torch.Tensor, mask: torch.Tensor | None = None) -> torch.Tensor:
         q, k, v = (part.transpose(1, 2) for part in self.project(x))

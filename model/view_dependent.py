@@ -12,9 +12,11 @@ from .embed import patches
 from .feed_forward import SwiGLU
 from .norm import Linear, RMSNorm
 from .nerf import nerf_encode, nerf_width
-from .progress import Progress, chunked
+from .progress import Progress, chunked, joined
 from .rope import RotaryEmbedding
 from .swin import SwinAttention
+
+QUERIES = 768  # ray bundles that go through cross-attention together: few enough for short polls
 
 
 class ViewDependentLayer(nn.Module):
@@ -33,26 +35,35 @@ class ViewDependentLayer(nn.Module):
 
     def keys_values(self, tokens: torch.Tensor, rotation, progress: Progress | None = None):
         """(L, D) scene tokens -> keys and values, (heads, L, head width) each; they do not depend on the view."""
-        k, v = chunked(lambda x, *rotation: self.multihead_attn.keys_values(self.kv_norm(x), rotation),
-                       tokens, *rotation, progress=progress)
-        return k.transpose(0, 1).contiguous(), v.transpose(0, 1).contiguous()
+        def project(x, *rotation):
+            k, v = self.multihead_attn.keys_values(self.kv_norm(x), rotation)
+            return k.transpose(0, 1), v.transpose(0, 1)
+
+        k, v = chunked(project, tokens, *rotation, progress=progress, axis=1)
+        return k.contiguous(), v.contiguous()
 
     def forward(self, rays: torch.Tensor, rotation, keys_values, progress: Progress) -> torch.Tensor:
         """(V, Hg, Wg, D) float32 -> same; `rotation` is for V Hg Wg rows."""
         shape = rays.shape
         rays = rays.flatten(0, 2)
-        rays = rays + self.cross_attend(rays, rotation, keys_values, progress.part(0.0, 0.5))
-        rays = rays.view(shape)
+        rays = self.cross_attend(rays, rotation, keys_values, progress.part(0.0, 0.5)).view(shape)
         rays = rays + self.self_attn(rays, self.self_attn_norm, progress.part(0.5, 0.7))
         return chunked(lambda x: x + self.ffn(self.ffn_norm(x)), rays.flatten(0, 2),
                        progress=progress.part(0.7, 1.0)).view(shape)
 
     def cross_attend(self, rays: torch.Tensor, rotation, keys_values, progress: Progress) -> torch.Tensor:
-        """(n, D) -> (n, D), without the residual."""
+        """(n, D) -> (n, D) with what it sees of the scene added."""
         attention = self.multihead_attn
-        q = chunked(lambda x, *rotation: attention.queries(self.query_norm(x), rotation), rays, *rotation)
-        seen = dense_attention(q.transpose(0, 1), *keys_values, progress)
-        return chunked(lambda seen: attention.out_proj(seen.flatten(-2)), seen.transpose(0, 1))
+        size = len(rays) if torch.is_grad_enabled() else QUERIES
+
+        def attend(begin: int) -> torch.Tensor:
+            x, *turn = (part[begin:begin + size] for part in (rays, *rotation))
+            step = progress.part(begin / len(rays), min(begin + size, len(rays)) / len(rays))
+            q = attention.queries(self.query_norm(x), turn).transpose(0, 1)
+            seen = dense_attention(q, *keys_values, step).transpose(0, 1)
+            return x + attention.out_proj(seen.flatten(-2))
+
+        return joined(map(attend, range(0, len(rays), size)), len(rays), axis=0)
 
 
 class ViewDependentTransformer(nn.Module):
@@ -82,8 +93,10 @@ class ViewTransformer(nn.Module):
     def embed_rays(self, rays_d: torch.Tensor) -> torch.Tensor:
         """(V, H, W, 3) world directions -> (V, R, D) float32, one token per 8x8 pixels (spec/network.md 8.1)."""
         directions = nerf_encode(rays_d, self.config.vdir_num_freqs).permute(0, 3, 1, 2)
-        embedded = self.ray_map_encoder(patches(directions, self.config.patch_size))
-        return self.ray_map_patch_token.float() + self.ray_map_encoder_norm(embedded)
+        rows = patches(directions, self.config.patch_size)
+        token = self.ray_map_patch_token.float()[0]
+        tokens = chunked(lambda x: token + self.ray_map_encoder_norm(self.ray_map_encoder(x)), rows.flatten(0, 1))
+        return tokens.unflatten(0, rows.shape[:2])
 
     def forward(self, rays: torch.Tensor, ray_positions: torch.Tensor, grid: tuple[int, int], keys_values,
                 extra: torch.Tensor | None, progress: Progress) -> torch.Tensor:

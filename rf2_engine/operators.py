@@ -30,18 +30,21 @@ class RENDERFORMER_OT_install_runtime(bpy.types.Operator):
     bl_description = ("Download the Python packages that are missing into a folder of this add-on "
                       "(PyTorch: 0.2 GB on macOS and Windows, 3 GB on Linux). Esc stops it")
 
+    published: bpy.props.BoolProperty(name="For the Published Weights", options={"HIDDEN", "SKIP_SAVE"})
+
     @classmethod
     def poll(cls, context):
-        if not bpy.app.online_access:
-            cls.poll_message_set("Allow Online Access in Preferences > System first")
+        if message := runtime.offline():
+            cls.poll_message_set(message)
             return False
         if runtime.folder() is None:
             cls.poll_message_set("The add-on runs from its source folder: install the packages into this Python")
             return False
-        return bool(runtime.missing())
+        return bool(runtime.missing(runtime.PACKAGES | runtime.PUBLISHED))
 
     def invoke(self, context, event):
-        self.commands = runtime.install_commands(runtime.folder(create=True))
+        packages = runtime.PUBLISHED if self.published else runtime.PACKAGES
+        self.commands = runtime.install_commands(runtime.folder(create=True), packages)
         self.log = tempfile.TemporaryFile("w+")
         self.process = None
         self.timer = context.window_manager.event_timer_add(0.5, window=context.window)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import model_cache, passes, render, runtime
+from . import model_cache, passes, published_weights, render, runtime
 from .engine import RenderFormerEngine
 
 # Panels that Blender shows for any engine but that do nothing here, or that a more complete Eevee panel replaces.
@@ -45,6 +45,8 @@ class RENDERFORMER_PT_settings(_Panel):
         column.prop(settings, "weights_source")
         if settings.weights_source == "FOLDER":
             column.prop(settings, "weights_folder")
+        elif settings.weights_source == "PUBLISHED":
+            _draw_published(layout)
         column.prop(settings, "device")
         column.prop(settings, "precision")
         column = layout.column()
@@ -54,6 +56,14 @@ class RENDERFORMER_PT_settings(_Panel):
         layout.prop(context.scene.render, "film_transparent", text="Transparent Film")
         if model_cache.is_loaded():
             layout.operator("renderformer_v2.free_model")
+
+
+def _draw_published(layout) -> None:
+    bundle = published_weights.bundle_folder()
+    if bundle is None or published_weights.missing_parts(bundle) or runtime.missing(runtime.PUBLISHED):
+        column = layout.column()
+        column.label(text="The published weights or their packages are not complete", icon="ERROR")
+        column.operator("preferences.addon_show", text="Open Preferences").module = runtime.EXTENSION
 
 
 class RENDERFORMER_PT_report(_Panel):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything the add-on registers, in order, and taken back in the reverse order."""
-from . import engine, model_cache, operators, panels, settings
+from . import engine, model_cache, operators, panels, preferences, settings, weights_operators
 
-MODULES = (settings, engine, operators, panels)
+MODULES = (settings, preferences, engine, operators, weights_operators, panels)
 
 
 def register() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from . import published_weights
+
 
 class RenderFormerSettings(bpy.types.PropertyGroup):
     weights_source: EnumProperty(
@@ -12,6 +14,8 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         items=(
             ("BUNDLED", "Bundled (small)", "The small network that comes with the add-on and works offline", 0),
             ("FOLDER", "Folder", "A folder with weights on this computer", 1),
+            ("PUBLISHED", "RenderFormer-V2 (published)",
+             "The paper's weights, downloaded or chosen in the add-on's preferences", 2),
         ),
     )
     weights_folder: StringProperty(name="Folder", subtype="DIR_PATH",
@@ -50,7 +54,12 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     )
 
     def weights(self) -> str:
-        """"small" or an absolute folder, as model.renderer.Renderer takes it."""
+        """"small" or an absolute folder, as model.renderer.Renderer takes it.
+
+        Raises CheckpointError when the published weights are not complete.
+        """
+        if self.weights_source == "PUBLISHED":
+            return str(published_weights.require())
         return "small" if self.weights_source == "BUNDLED" else bpy.path.abspath(self.weights_folder)
 
 

@@ -19,13 +19,13 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
     from model.precision import choose_device, choose_precision
 
     _require_bundle(weights)
-    scene = read_h5(path)
     width, height = resolution or (512, 512)
     if width != height:
         raise ValueError(f"H5 scenes are rendered square, not {width}x{height}")
     device = choose_device()
     begin = time.perf_counter()
     pipeline = PublishedPipeline(weights, device, choose_precision("auto", device))
+    scene = read_h5(path)
     images = pipeline.render_processed(scene, width)
     seconds = time.perf_counter() - begin
     written = [_numbered(output, i, len(images)) for output in outputs for i in range(len(images))]

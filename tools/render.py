@@ -32,7 +32,8 @@ def main() -> int:
     os.dup2(2 if arguments.verbose else os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
     try:
         statistics = _run(arguments)
-    except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:  # Blender raises RuntimeError for whatever the engine reports
+    # Blender raises RuntimeError for whatever the engine reports.
+    except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:
         messages = dict.fromkeys(line.removeprefix("Error: ").strip() for line in str(error).splitlines())
         print(" ".join(filter(None, messages)), file=sys.stderr)
         return 1

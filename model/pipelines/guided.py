@@ -9,7 +9,7 @@ import torch
 
 from ..camera import view_rays
 from ..checkpoint import load_small
-from ..guidance import decode_light
+from ..guidance import decode_image
 from ..guides import guide_tensors
 from ..light_prior import LightPrior
 from ..precision import in_precision
@@ -50,4 +50,4 @@ class GuidedPipeline:
             encoded.context, origin, rays, ray_embedding=self.model.guidance.bundles(tensors),
             ray_position=tensors.positions, extra=tensors.features, raw=True,
             progress=lambda text, fraction: progress(text, 0.1 + 0.9 * fraction))
-        return decode_light(raw, tensors)["image"][0]
+        return decode_image(raw, tensors, lambda: progress("Decoding the light", 1.0))[0]

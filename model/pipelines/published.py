@@ -74,7 +74,8 @@ class PublishedPipeline:
         fov = np.float32([square_fov(view) for view in views])
         with torch.inference_mode():
             processed = self.encoder.process(normalization.scene(scene), progress or (lambda text, fraction: None))
-        return replace(processed, camera_to_world=np.stack([normalization.view(v).camera_to_world for v in views]), fov=fov,
+        cameras = np.stack([normalization.view(view).camera_to_world for view in views])
+        return replace(processed, camera_to_world=cameras, fov=fov,
                        metadata={"normalization": {"center": normalization.center.tolist(),
                                                    "scale": float(normalization.scale),
                                                    "exposure": float(normalization.exposure)}})

@@ -2,7 +2,8 @@
 import numpy as np
 import torch
 
-from model.guidance import OUTPUT_CHANNELS, decode_light
+from model import guidance
+from model.guidance import OUTPUT_CHANNELS, Guidance, decode_image, decode_light
 from model.guides import ALPHA, FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
 from model.light_prior import LightPrior
 
@@ -48,3 +49,13 @@ def test_roughness_comes_from_the_texel_that_is_hit():
     assert roughness[32, 32] == 0.25
     guides.hit_barycentric[...] = (0.8, 0.1)
     np.testing.assert_allclose(hit_roughness(scene, guides)[32, 32], 0.6, atol=1e-3)
+
+
+@torch.no_grad()
+def test_bands_of_a_large_picture_change_nothing(monkeypatch):
+    guides, encoder = tensors(128, 64), Guidance(12, 1e-6)
+    raw = torch.randn(1, OUTPUT_CHANNELS, 64, 128, generator=torch.Generator().manual_seed(0))
+    tokens, image = encoder.bundles(guides), decode_light(raw, guides)["image"]
+    monkeypatch.setattr(guidance, "BAND_PIXELS", 24 * 128)
+    torch.testing.assert_close(encoder.bundles(guides), tokens)
+    assert torch.equal(decode_image(raw, guides), image)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from model import decoder, renderformer, swin, view_dependent
 from model.config import rf2_200m, rf2_small
 from model.renderformer import RenderFormer
 
@@ -55,6 +56,28 @@ def test_views_are_independent_and_a_context_is_reusable(tiny_network, tiny_inpu
     lean = tiny_network.encode_scene(tiny_inputs, keep_keys_values=False)
     torch.testing.assert_close(tiny_network.render_view(lean, *rays), both)
     assert not lean.keys_values
+
+
+@torch.no_grad()
+def test_a_view_in_bands_is_the_same_view(tiny_network, tiny_inputs, monkeypatch):
+    context = tiny_network.encode_scene(tiny_inputs)
+    directions = torch.nn.functional.normalize(torch.randn(2, 192, 128, 3), dim=-1)
+    view = torch.zeros(2, 3), directions
+    expected = tiny_network.render_view(context, *view)
+    for module, name, small in ((swin, "TOKENS", 1), (swin, "WINDOWS", 3), (decoder, "BAND_PIXELS", 2 * 128 * 40),
+                                (view_dependent, "QUERIES", 100)):
+        monkeypatch.setattr(module, name, small)
+    torch.testing.assert_close(tiny_network.render_view(context, *view), expected, atol=1e-6, rtol=1e-5)
+
+
+@torch.no_grad()
+def test_what_stage_two_keeps_of_a_scene_is_bounded(tiny_network, tiny_inputs, rays, monkeypatch):
+    small = tiny_network.encode_scene(tiny_inputs)
+    tiny_network.render_view(small, *rays)
+    kept = sum(x.numel() * x.itemsize for pair in small.keys_values.values() for x in pair)
+    assert kept == tiny_network.keys_values_bytes(len(small.tokens))
+    monkeypatch.setattr(renderformer, "KEYS_VALUES_BYTES", kept - 1)
+    assert not tiny_network.encode_scene(tiny_inputs).keep
 
 
 @torch.no_grad()

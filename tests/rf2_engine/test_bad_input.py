@@ -114,6 +114,7 @@ def test_unusable_weights_are_named(scene, tmp_path, files):
 
 def test_missing_packages_come_with_instructions(scene, tmp_path, monkeypatch):
     monkeypatch.setitem(runtime.PACKAGES, "torch_that_is_not_there", "torch-that-is-not-there==1.0")
+    monkeypatch.setattr(runtime, "NETWORK", (*runtime.NETWORK, "torch_that_is_not_there"))
     expect_error(scene, tmp_path, "torch_that_is_not_there", "Install Packages", "pip install")
 
 

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lists and downloads repositories of the Hugging Face Hub in a process of its own, so that cancelling is ending it.
+
+A program, not a module of the add-on: `python -P hub_worker.py` reads one JSON object from standard input,
+    {"fetch": bool, "target": folder, "token": str or "",
+     "repositories": [{"id", "folder", "parts": [file or folder/]}]}
+and writes one a line: {"total", "present" (bytes), "text"}, or at the end {"error", "status" (HTTP or null)}.
+
+A file has its final name only when it is complete and has the repository's hash; before that it is FILE.HASH.part,
+to which the next start appends. huggingface_hub's own download function deletes what a break-off left, so only its
+listing and its `http_get` are used.
+"""
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import sys
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path, PurePosixPath
+
+SUFFIXES = {".safetensors", ".json", ".yaml", ".yml"}  # never pickles
+INTERVAL = 0.2  # seconds between two messages
+
+
+@dataclass
+class RemoteFile:
+    url: str
+    path: Path
+    size: int
+    sha256: str  # of the content, for large files
+    blob: str    # Git's SHA-1 of the others
+
+    @property
+    def part(self) -> Path:
+        return self.path.with_name(f"{self.path.name}.{(self.sha256 or self.blob)[:12]}.part")
+
+    def is_intact(self, path: Path) -> bool:
+        """Whether the file at `path` is this one."""
+        if not path.is_file() or path.stat().st_size != self.size:
+            return False
+        digest = hashlib.sha256() if self.sha256 else hashlib.sha1(b"blob %d\0" % self.size)
+        with open(path, "rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+        return digest.hexdigest() == (self.sha256 or self.blob)
+
+    def present(self) -> int:
+        """Bytes that need not be downloaded."""
+        if self.is_intact(self.path):
+            return self.size
+        return self.part.stat().st_size if self.part.is_file() else 0
+
+
+class TellingFile(io.FileIO):
+    """Opened for appending; says how long it is after each write."""
+
+    def __init__(self, path: Path, tell_length):
+        super().__init__(path, "ab")
+        self.tell_length = tell_length
+
+    def write(self, data) -> int:
+        written = super().write(data)
+        self.tell_length(self.tell())
+        return written
+
+
+def list_files(repository: dict, target: Path, token: str) -> list[RemoteFile]:
+    """What is wanted of a repository, all of one revision."""
+    from huggingface_hub import HfApi, constants, hf_hub_url
+
+    api = HfApi(token=token or False)  # False: a login that is kept elsewhere on this computer is not ours to send
+    info = api.model_info(repository["id"], files_metadata=True, timeout=constants.HF_HUB_DOWNLOAD_TIMEOUT)
+    files = []
+    for entry in info.siblings or ():
+        name = PurePosixPath(entry.rfilename)
+        wanted = any(entry.rfilename == part or (part.endswith("/") and entry.rfilename.startswith(part))
+                     for part in repository["parts"])
+        if wanted and name.suffix in SUFFIXES and ".." not in name.parts and "\\" not in entry.rfilename:
+            url = hf_hub_url(repository["id"], entry.rfilename, revision=info.sha)
+            files.append(RemoteFile(url, target / repository["folder"] / name, entry.size,
+                                    entry.lfs.sha256 if entry.lfs else "", entry.blob_id))
+    if not files:
+        raise OSError(f"{repository['id']} holds none of the expected files")
+    return files
+
+
+def download(file: RemoteFile, token: str, tell_length) -> None:
+    """Complete one file, from where its part ends; http_get starts again a few times when the data stop coming."""
+    from huggingface_hub import constants
+    from huggingface_hub.file_download import http_get
+    from huggingface_hub.utils import build_hf_headers
+
+    constants.DOWNLOAD_CHUNK_SIZE = 1 << 16  # as shipped 10 MB, which are lost at every break-off
+    file.path.parent.mkdir(parents=True, exist_ok=True)
+    if file.part.is_file() and file.part.stat().st_size > file.size:
+        file.part.unlink()
+    with TellingFile(file.part, tell_length) as stream:
+        http_get(file.url, stream, resume_size=stream.seek(0, os.SEEK_END),
+                 headers=build_hf_headers(token=token or False), expected_size=file.size)
+    if not file.is_intact(file.part):
+        file.part.unlink()
+        raise OSError(f"{file.path.name} arrived damaged: download again")
+    file.part.replace(file.path)
+
+
+def run(request: dict, tell) -> None:
+    """tell(**message) is called with "total", "present", "text" whenever they change."""
+    target, token = Path(request["target"]), request["token"]
+    files = []
+    for repository in request["repositories"]:
+        tell(total=0, present=0, text=f"Asking for {repository['id']}")
+        try:
+            files += list_files(repository, target, token)
+        except Exception as error:
+            raise explained(error, repository["id"], token) from error
+    present = {file.path: file.present() for file in files}
+    total = sum(file.size for file in files)
+    missing = [file for file in files if present[file.path] != file.size or not file.path.is_file()]
+    tell(total=total, present=sum(present.values()), text="")
+    if not request["fetch"]:
+        return
+    target.mkdir(parents=True, exist_ok=True)
+    if shutil.disk_usage(target).free < total - sum(present.values()):
+        raise OSError(f"the disk of {target} has too little space: {total - sum(present.values()) >> 20} MB are needed")
+    last = 0.0
+
+    def tell_length(file: RemoteFile, length: int) -> None:
+        nonlocal last
+        present[file.path] = length
+        if time.monotonic() - last > INTERVAL:
+            last = time.monotonic()
+            tell(total=total, present=sum(present.values()), text=f"{file.path.parent.name}/{file.path.name}")
+
+    for file in missing:
+        last = 0.0  # a new file is told at once
+        tell_length(file, present[file.path])
+        try:
+            download(file, token, partial(tell_length, file))
+        except Exception as error:
+            raise explained(error, file.url, token) from error
+    tell(total=total, present=total, text="")
+
+
+class Explained(Exception):
+    """An error in the user's words, with the HTTP status if the server gave one."""
+
+    def __init__(self, message: str, status: int | None = None):
+        super().__init__(message)
+        self.status = status
+
+
+def explained(error: Exception, what: str, token: str) -> Explained:
+    from huggingface_hub import constants
+
+    status = getattr(getattr(error, "response", None), "status_code", None)
+    if status in (401, 403):
+        site = constants.ENDPOINT
+        ask = "refuses this access token" if token else "asks for an access token (or does not exist)"
+        return Explained(f"{what} {ask}: accept the conditions on the repository's page, make a token at "
+                         f"{site}/settings/tokens and enter it here", status)
+    if status == 404:
+        return Explained(f"{what} was not found on {constants.ENDPOINT}", status)
+    if isinstance(error, OSError) and status is None and type(error).__module__ == "builtins":
+        return Explained(str(error))
+    return Explained(f"{what}: {type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''} "
+                     "(check the connection; what has arrived is kept, the next download goes on from there)", status)
+
+
+def main() -> int:
+    request = json.load(sys.stdin)
+    channel, sys.stdout = sys.stdout, sys.stderr  # libraries must not print into the messages
+
+    def tell(**message) -> None:
+        print(json.dumps(message), file=channel, flush=True)
+
+    try:
+        run(request, tell)
+    except Exception as error:
+        tell(error=str(error) or type(error).__name__, status=getattr(error, "status", None))
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

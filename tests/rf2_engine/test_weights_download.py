@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Getting the published weights from a local server: what goes over the wire, and what lies on disk afterwards."""
+import time
+
+import bpy
+import addon_utils  # bpy puts it on the path
+import pytest
+
+from bl_ext.user_default.renderformer_v2.model.errors import CheckpointError
+from bl_ext.user_default.renderformer_v2.model.image_encoder import find_vae
+from bl_ext.user_default.renderformer_v2.rf2_engine import preferences, published_weights, weights_download
+from bl_ext.user_default.renderformer_v2.rf2_engine.weights_download import Download
+
+from .conftest import PACKAGE
+from .hub import BUNDLE, LARGE, Hub
+
+WANTED = 16  # files: 14 of the bundle, 2 of the VAE
+
+
+@pytest.fixture
+def hub(monkeypatch):
+    server = Hub()
+    monkeypatch.setenv("HF_ENDPOINT", server.endpoint)
+    monkeypatch.setenv("HF_HUB_DOWNLOAD_TIMEOUT", "1")
+    monkeypatch.setenv("NO_PROXY", "*")
+    yield server
+    weights_download.forget()
+    server.stop()
+
+
+@pytest.fixture
+def online(scene):
+    """The add-on with its preferences, allowed to use the network; nothing is downloaded yet."""
+    addon_utils.enable(PACKAGE, default_set=True)
+    bpy.context.preferences.system.use_online_access = True
+    yield scene
+    if bpy.ops.renderformer_v2.remove_weights.poll():
+        bpy.ops.renderformer_v2.remove_weights()
+    bpy.context.preferences.system.use_online_access = False
+
+
+def finished(download: Download) -> Download:
+    """Waits for the sizes, then for the download."""
+    download.wait()
+    if download.state == "ready":
+        download.fetch()
+        download.wait()
+    return download
+
+
+def files(folder):
+    return {path.relative_to(folder).as_posix(): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
+
+
+def test_sizes_come_first_then_a_complete_bundle_that_a_scene_can_choose(hub, online):
+    settings = online.renderformer_v2
+    settings.weights_source = "PUBLISHED"
+    with pytest.raises(CheckpointError, match="Preferences"):
+        settings.weights()
+
+    assert bpy.ops.renderformer_v2.download_weights() == {"FINISHED"}
+    folder, total = published_weights.download_folder(), weights_download.current.total
+    assert not files(folder) and not any("/resolve/" in path for path, _, _ in hub.requests)
+
+    assert bpy.ops.renderformer_v2.fetch_weights() == {"FINISHED"}
+    found = files(folder)
+    assert len(found) == WANTED and sum(found.values()) == total
+    assert {name.rpartition(".")[2] for name in found} == {"json", "yaml", "safetensors"}
+    assert (folder / "renderformer-v2" / LARGE).read_bytes() == hub.files[BUNDLE][LARGE]
+    bundle = published_weights.bundle_folder()
+    assert settings.weights() == str(bundle) and find_vae(bundle) == folder / "Qwen-Image" / "vae"
+    assert not any(token for _, _, token in hub.requests)
+
+    (bundle / "transformer_512/config.yaml").write_bytes(b"a: 2")  # of the same length
+    (bundle / "metallic_mapper/model.safetensors").unlink()
+    with pytest.raises(CheckpointError, match="metallic_mapper"):
+        settings.weights()
+    again = Download(folder)
+    again.wait()
+    assert again.total - again.present == len(b"a: 2") + len(b"metallic_mapper")
+
+    assert bpy.ops.renderformer_v2.remove_weights() == {"FINISHED"}
+    assert not folder.exists()
+
+
+def test_goes_on_after_a_stall(hub, tmp_path):
+    hub.stalls = 1
+    download = finished(Download(tmp_path))
+    assert download.state == "done", download.error
+    first, second = hub.ranges()
+    assert first is None and 0 < int(second[len("bytes="):-1]) <= 200_000
+    assert (tmp_path / "renderformer-v2" / LARGE).read_bytes() == hub.files[BUNDLE][LARGE]
+
+
+def test_goes_on_where_an_earlier_download_broke_off(hub, tmp_path):
+    hub.cut = True
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and "kept" in download.error
+    assert not (tmp_path / "renderformer-v2" / LARGE).exists()
+    kept = max(size for name, size in files(tmp_path).items() if name.endswith(".part"))
+    hub.cut = False
+    download = finished(Download(tmp_path))
+    assert download.state == "done" and hub.ranges()[-1] == f"bytes={kept}-" and kept > 0
+    assert (tmp_path / "renderformer-v2" / LARGE).read_bytes() == hub.files[BUNDLE][LARGE]
+    assert len(files(tmp_path)) == WANTED
+
+
+def test_cancelling_is_quick_and_leaves_no_unfinished_file_under_its_name(hub, tmp_path):
+    hub.stalls = 100
+    download = Download(tmp_path)
+    download.wait()
+    download.fetch()
+    deadline = time.monotonic() + 10
+    while not hub.ranges() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    start = time.monotonic()
+    download.cancel()
+    assert download.state == "cancelled" and time.monotonic() - start < 1
+    assert not (tmp_path / "renderformer-v2" / LARGE).exists()
+
+
+def test_damaged_content_is_thrown_away(hub, tmp_path):
+    hub.damaged = True
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and "damaged" in download.error
+    assert not any(LARGE in name for name in files(tmp_path))
+
+
+@pytest.mark.parametrize("gate", ["/api/models/", "/resolve/"], ids=["private", "gated files"])
+def test_a_token_is_asked_for_only_when_the_repository_wants_one(hub, tmp_path, gate):
+    hub.token, hub.gate = "hf_secret", gate
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and download.needs_token and "access token" in download.error
+    refused = finished(Download(tmp_path, "hf_wrong"))
+    assert refused.needs_token and "refuses" in refused.error and "hf_wrong" not in refused.error
+    assert finished(Download(tmp_path, "hf_secret")).state == "done"
+
+
+def test_a_repository_that_is_not_there_is_named(hub, tmp_path):
+    del hub.files[BUNDLE]
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and BUNDLE in download.error and not download.needs_token
+
+
+def test_a_server_that_is_not_there_is_said_in_one_line(hub, tmp_path, monkeypatch):
+    monkeypatch.setenv("HF_ENDPOINT", "http://127.0.0.1:9")
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and "connection" in download.error and "\n" not in download.error
+
+
+def test_without_online_access_nothing_is_asked(hub, online):
+    bpy.context.preferences.system.use_online_access = False
+    with pytest.raises(RuntimeError, match="Allow Online Access"):
+        bpy.ops.renderformer_v2.download_weights()
+    with pytest.raises(RuntimeError, match="Allow Online Access"):
+        bpy.ops.renderformer_v2.install_runtime()
+    assert not hub.requests and weights_download.current is None
+
+
+def test_the_token_is_not_stored_in_the_preferences(online):
+    kept = bpy.context.preferences.addons[PACKAGE].preferences
+    kept.access_token = " hf_secret "
+    assert preferences.token() == "hf_secret"
+    assert "access_token" not in kept.keys()
+    kept.access_token = ""
+
+
+def test_a_folder_of_the_user_comes_before_the_download(online, tmp_path):
+    online.renderformer_v2.weights_source = "PUBLISHED"
+    bpy.context.preferences.addons[PACKAGE].preferences.weights_folder = str(tmp_path / "mine")
+    with pytest.raises(CheckpointError, match="choose a folder"):
+        online.renderformer_v2.weights()
+    assert published_weights.bundle_folder() == tmp_path / "mine"
+    bpy.context.preferences.addons[PACKAGE].preferences.weights_folder = ""

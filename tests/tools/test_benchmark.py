@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Costs by formula, the extrapolation of Cycles, the scene, and a benchmark that goes on where it was."""
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.config import rf2_200m
+from tools.benchmark_flops import decoder_flops_per_ray, forward_flops, stage1_flops, visible_pairs
+from tools.benchmark_report import extrapolated, stage1_ratio
+from tools.benchmark_scene import LEAST, triangle_corners
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_flops_of_the_published_network_are_those_of_the_specification():
+    assert decoder_flops_per_ray(rf2_200m()) == 51_605_504
+    flops = forward_flops(rf2_200m(), 4096, 0, 512)
+    tera = {name: round(value / 1e12, 2) for name, value in flops.items()}
+    assert round(stage1_flops(flops) / 1e12, 1) == 1.1
+    assert (tera["keys_values"], tera["cross_attention"], tera["decoder"]) == (0.06, 0.32, 0.21)
+    assert round((flops["stage2_linear"] + flops["swin_attention"]) / 1e12, 2) == 0.53
+    large = forward_flops(rf2_200m(), 65536, 0, 2048)
+    for name, expected in (("stage1_linear", 15), ("stage1_attention", 6.6), ("cross_attention", 80), ("decoder", 3.4)):
+        assert large[name] / 1e12 == pytest.approx(expected, rel=0.01)
+
+
+def test_stage_one_costs_two_and_a_half_times_as_much_for_twice_the_triangles():
+    small, large = (stage1_flops(forward_flops(rf2_200m(), n, 2, 512)) for n in (65536, 131072))
+    assert large / small == pytest.approx(2.5, abs=0.1)
+
+
+@pytest.mark.parametrize("sink, ordered, half", [(3, 9, 2), (0, 4, 5), (2, 5, 5)])
+def test_visible_pairs_are_those_of_the_mask(sink, ordered, half):
+    index = np.arange(sink + ordered)
+    mask = abs(index[:, None] - index) <= half
+    mask[:sink], mask[:, :sink] = True, True
+    assert visible_pairs(sink, ordered, half) == mask.sum()
+
+
+def test_cycles_is_extrapolated_without_its_fixed_cost_being_multiplied():
+    assert extrapolated({16: 5 + 16 * 0.25, 4: 5 + 4 * 0.25}) == pytest.approx(5 + 4096 * 0.25)
+    rows = [{"subject": "rf2_200m", "triangles": n, "stage1_seconds": s, "stage1_flops": s} for n, s in
+            ((65536, 2.0), (131072, 5.0))]
+    assert stage1_ratio(rows)["stage1_seconds"] == 2.5 and stage1_ratio(rows[:1]) is None
+
+
+@pytest.mark.parametrize("asked", [LEAST, 1638, 4097, 65536])
+def test_the_scene_has_nearly_as_many_triangles_as_asked_for(asked):
+    corners, lamp = triangle_corners(asked)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    assert 0.995 * asked <= len(corners) <= asked and lamp.sum() == 2 and area.min() > 0
+    facing = np.cross(corners[lamp][:, 1] - corners[lamp][:, 0], corners[lamp][:, 2] - corners[lamp][:, 0])
+    assert (facing[:, 2] < 0).all()
+
+
+def test_a_point_is_measured_once_and_both_outputs_are_written(tmp_path):
+    command = [sys.executable, "-m", "tools.benchmark", "-o", str(tmp_path), "--quick", "--cycles-samples", "0",
+               "--presets", "rf2_small", "--precision", "fp32", "--threads", "1"]
+    outputs = [subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200) for _ in range(2)]
+    assert all(done.returncode == 0 for done in outputs), outputs
+    first, second = (json.loads(done.stdout) for done in outputs)
+    assert first == second and outputs[0].stderr and not outputs[1].stderr
+    (network,) = first["networks"]
+    assert network["flops"] > 1e9 and network["seconds"] > 0 and 0 < network["efficiency"]
+    assert (tmp_path / "benchmark.png").read_bytes().startswith(b"\x89PNG")
+    assert len((tmp_path / "benchmark.csv").read_text().splitlines()) == 2
