@@ -58,7 +58,8 @@ def _call_size(q: torch.Tensor, keys: int) -> tuple[int, int]:
     if _by_matrix_products(q):
         limit, cost, size = SCORES_IN_CACHE, keys, max(64, SCORES_IN_CACHE // (heads * keys))
     elif q.device.type == "cpu":
-        limit, cost, size = FLOPS_PER_CALL, flops, min(max(FLOPS_PER_CALL // flops, 256), 768)  # fewer are slower, more gain nothing
+        # Fewer queries than 256 are slower, more than 768 gain nothing.
+        limit, cost, size = FLOPS_PER_CALL, flops, min(max(FLOPS_PER_CALL // flops, 256), 768)
     else:
         limit, cost, size = FLOPS_PER_GPU_CALL, flops, max(256, FLOPS_PER_GPU_CALL // (heads * flops))
     return size, min(max(limit // (size * cost), 1), heads)

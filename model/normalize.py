@@ -47,8 +47,8 @@ class Normalization:
         if tiles[:, HEIGHT].any():
             tiles = tiles.copy()
             tiles[:, HEIGHT] = (tiles[:, HEIGHT] * np.float32(self.scale)).clip(-1, 1)
-        return replace(scene, triangles=self.points(scene.triangles), emission=scene.emission * np.float32(self.exposure),
-                       tiles=tiles, environment=environment, volumes=volumes)
+        return replace(scene, triangles=self.points(scene.triangles), tiles=tiles, environment=environment,
+                       emission=scene.emission * np.float32(self.exposure), volumes=volumes)
 
     def view(self, view: View) -> View:
         camera = view.camera_to_world.astype(np.float32).copy()

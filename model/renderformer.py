@@ -101,15 +101,15 @@ class RenderFormer(SceneEmbedding):
         views, height, width = rays_d.shape[:3]
         if height % 64 or width % 64 or not height or not width:
             raise ValueError(f"the network renders multiples of 64 pixels, not {width} x {height}")
-        rays = self.view_transformer.embed_rays(rays_d)
+        progress = progress if isinstance(progress, Progress) else Progress(progress)
+        rays = self.view_transformer.embed_rays(rays_d, progress.part(0.0, 0.02, "Embedding the rays"))
         if ray_embedding is not None:
             rays = rays + ray_embedding.float()
         position = rays_o if ray_position is None else ray_position
         position = (position[:, None] if position.dim() == 2 else position).expand(views, rays.shape[1], 3)
-        progress = progress if isinstance(progress, Progress) else Progress(progress)
         decoded = self.view_transformer(
             rays, position, (height // self.config.patch_size, width // self.config.patch_size),
-            lambda i, step: self.scene_keys_values(context, i, step), extra, progress)
+            lambda i, step: self.scene_keys_values(context, i, step), extra, progress.part(0.02, 1.0))
         return decoded if raw else F.elu(decoded, alpha=0.001)
 
     def scene_keys_values(self, context: SceneContext, index: int, progress: Progress | None = None):

@@ -18,10 +18,11 @@ FARTHEST_LIGHT = 3.0  # network units; training lights are 2.1 to 2.7 away (spec
 
 
 def small_inputs(scene: RenderScene, mapper) -> NetworkInputs:
-    """Inputs of the bundled preset from a normalised scene; `mapper` turns (P, 7) BSDF parameters into (P, 9) latents."""
+    """Inputs of the bundled preset from a normalised scene; `mapper`: (P, 7) BSDF parameters -> (P, 9) latents."""
     return NetworkInputs(
         triangles=torch.from_numpy(nearer_lights(scene)), normals=torch.from_numpy(scene.normals),
-        texture=material_tiles(pooled_tiles(scene.tiles), mapper), texture_index=torch.from_numpy(scene.tile_index).long(),
+        texture=material_tiles(pooled_tiles(scene.tiles), mapper),
+        texture_index=torch.from_numpy(scene.tile_index).long(),
         light=encode_light(torch.from_numpy(scene.emission)), environment=environment_inputs(scene.environment),
         volumes=volume_inputs(scene.volumes))
 

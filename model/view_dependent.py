@@ -90,12 +90,13 @@ class ViewTransformer(nn.Module):
         self.transformer = ViewDependentTransformer(config)
         self.out_dpt = DPTDecoder(config)
 
-    def embed_rays(self, rays_d: torch.Tensor) -> torch.Tensor:
+    def embed_rays(self, rays_d: torch.Tensor, progress: Progress | None = None) -> torch.Tensor:
         """(V, H, W, 3) world directions -> (V, R, D) float32, one token per 8x8 pixels (spec/network.md 8.1)."""
         directions = nerf_encode(rays_d, self.config.vdir_num_freqs).permute(0, 3, 1, 2)
         rows = patches(directions, self.config.patch_size)
         token = self.ray_map_patch_token.float()[0]
-        tokens = chunked(lambda x: token + self.ray_map_encoder_norm(self.ray_map_encoder(x)), rows.flatten(0, 1))
+        tokens = chunked(lambda x: token + self.ray_map_encoder_norm(self.ray_map_encoder(x)), rows.flatten(0, 1),
+                         progress=progress)
         return tokens.unflatten(0, rows.shape[:2])
 
     def forward(self, rays: torch.Tensor, ray_positions: torch.Tensor, grid: tuple[int, int], keys_values,

@@ -24,12 +24,13 @@ SUBJECTS = ("rf2_small", "rf2_200m")
 TRIANGLES = (1638, 4096, 8192, 16384, 32768, 65536, 131072)
 RESOLUTIONS = (512, 1024, 2048, 4096)
 CYCLES_SAMPLES = 4096  # the paper's
-CYCLES_RULE = ("Cycles renders with two sample counts, a < b, adaptive sampling and denoising off; per sample = (t_b - t_a) / "
-               f"(b - a), fixed = t_a - a * per sample, seconds = fixed + {CYCLES_SAMPLES} * per sample: an upper bound of "
-               f"{CYCLES_SAMPLES} adaptive samples. b is --cycles-samples at 512x512 and falls with the pixels, a is b / 4")
+CYCLES_RULE = ("Cycles renders with two sample counts a < b, adaptive sampling and denoising off; per sample = "
+               "(t_b - t_a) / (b - a), fixed = t_a - a * per sample, seconds = fixed + "
+               f"{CYCLES_SAMPLES} * per sample. Adaptive sampling, as in the paper, may stop earlier. b is "
+               "--cycles-samples at 512x512 and falls with the number of pixels, a is a quarter of b")
 KEY = ("subject", "triangles", "resolution", "samples", "precision_asked", "threads")
-FIELDS = KEY + ("seconds", "stage1_seconds", "stage2_seconds", "real_triangles", "tokens", "precision", "device", "flops",
-                "stage1_flops", "product_flops_per_s", "efficiency", "peak_bytes")
+FIELDS = KEY + ("seconds", "stage1_seconds", "stage2_seconds", "real_triangles", "tokens", "precision", "device",
+                "flops", "stage1_flops", "product_flops_per_s", "efficiency", "peak_bytes")
 
 
 def main() -> int:
@@ -45,7 +46,8 @@ def main() -> int:
         done = subprocess.run([sys.executable, "-m", "tools.benchmark_point", json.dumps(point)], text=True,
                               cwd=Path(__file__).parent.parent, env=os.environ | threads, capture_output=True)
         if done.returncode or not done.stdout.strip():
-            failed.append({"point": point, "error": (done.stderr.strip().splitlines() or [f"exit {done.returncode}"])[-1]})
+            reason = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
+            failed.append({"point": point, "error": reason[-1]})
             continue
         rows[key(point)] = point | {"precision_asked": point["precision"]} | json.loads(done.stdout.splitlines()[-1])
         append(table, rows[key(point)])

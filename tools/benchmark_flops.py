@@ -12,7 +12,8 @@ from model.nerf import nerf_width
 ENVIRONMENT_TOKENS = 64
 
 
-def forward_flops(config: ModelConfig, triangles: int, lights: int, resolution: int, volumes: int = 0) -> dict[str, int]:
+def forward_flops(config: ModelConfig, triangles: int, lights: int, resolution: int,
+                  volumes: int = 0) -> dict[str, int]:
     """FLOPs by part, two per multiply-add, for one square view of `resolution` pixels.
 
     triangles includes the lights. Only matrix products and convolutions count; encoders of our own, which the published

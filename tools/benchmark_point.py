@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One point of the benchmark in a process of its own: `python -m tools.benchmark_point JSON` prints a JSON object.
+"""One point of the benchmark in a process of its own: python -m tools.benchmark_point JSON prints a JSON object.
 
-Input: subject ("cycles", "rf2_small" or "rf2_200m"), triangles, resolution, samples, precision, threads (0 = all cores).
+Input: subject ("cycles", "rf2_small" or "rf2_200m"), triangles, resolution, samples, precision, threads (0: all).
 """
 from __future__ import annotations
 

@@ -47,7 +47,8 @@ def summary(rows: list[dict]) -> dict:
 
 def stage1_ratio(rows: list[dict]) -> dict | None:
     """rf2_200m at 131,072 against 65,536 triangles: measured seconds and FLOPs; None without both points."""
-    stage1 = {row["triangles"]: row for row in rows if row["subject"] == "rf2_200m" and row["triangles"] in (65536, 131072)}
+    stage1 = {row["triangles"]: row for row in rows
+              if row["subject"] == "rf2_200m" and row["triangles"] in (65536, 131072)}
     if len(stage1) < 2:
         return None
     return {name: stage1[131072][name] / stage1[65536][name] for name in ("stage1_seconds", "stage1_flops")}
@@ -60,9 +61,8 @@ def plot(rows: list[dict], path: Path) -> None:
     from matplotlib import pyplot
     found = series(rows)
     smallest = min((row["resolution"] for row in rows), default=0)
-    smallest_count = min((row["triangles"] for row in rows), default=0)
-    # The fixed number is the one with points above the smallest resolution; the smallest where there are none.
-    fixed = max((row["triangles"] for row in rows if row["resolution"] > smallest), default=smallest_count)
+    larger = [row["triangles"] for row in rows if row["resolution"] > smallest]
+    fixed = max(larger or [row["triangles"] for row in rows], default=0)
     figure, axes = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
     for subject, places in found.items():
         by_triangles = sorted((n, s) for (n, r), s in places.items() if r == smallest)

@@ -22,12 +22,14 @@ def meshes(triangles: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     quads = (triangles - LAMP) // 2 - FLOOR * FLOOR
     side = quads ** 0.5
     around = min(range(int(side), int(2 * side)), key=lambda around: quads % around)  # the fewest left over
-    return {"Ring": _ring(around, quads // around), "Floor": _grid(FLOOR, 1.2, -0.2), "Lamp": _grid(1, 0.4, 1.2, down=True)}
+    return {"Ring": _ring(around, quads // around), "Floor": _grid(FLOOR, 1.2, -0.2),
+            "Lamp": _grid(1, 0.4, 1.2, down=True)}
 
 
 def triangle_corners(triangles: int) -> tuple[np.ndarray, np.ndarray]:
     """All triangles (N, 3, 3) f32, the lamp's last, and whether each is the lamp's (N,) bool."""
-    parts = [vertices[quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)] for vertices, quads in meshes(triangles).values()]
+    halves = [[0, 1, 2], [0, 2, 3]]
+    parts = [vertices[quads[:, halves].reshape(-1, 3)] for vertices, quads in meshes(triangles).values()]
     lamp = np.repeat([False, False, True], [len(part) for part in parts])
     return np.concatenate(parts).astype(np.float32), lamp
 

@@ -56,3 +56,15 @@ def test_progress_may_cancel_inside_a_layer():
     q = torch.randn(1, 3000, 4)
     with pytest.raises(Cancelled):
         window_sink_attention(q, q, q, 10, 64, Progress(callback))
+
+
+def test_a_few_heads_at_a_time_give_the_same_and_poll_in_order(monkeypatch):
+    from model import attention
+    from model.progress import Progress
+    q, k, v = torch.randn(3, 5, 700, 8, generator=torch.Generator().manual_seed(0))
+    expected, seen = F.scaled_dot_product_attention(q[None], k[None], v[None])[0], []
+    monkeypatch.setattr(attention, "FLOPS_PER_CALL", 2 * 256 * 4 * 700 * 8)
+    with torch.no_grad():
+        actual = dense_attention(q, k, v, Progress(lambda text, fraction: seen.append(fraction)))
+    torch.testing.assert_close(actual, expected, atol=1e-6, rtol=1e-5)
+    assert len(seen) > 3 and seen == sorted(seen) and seen[-1] < 1

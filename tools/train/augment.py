@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Symmetries of light transport: the picture does not change when the world turns or its colours are swapped.
 
-The paper turns every sample by a random rotation and swaps the environment's channels; here the world turns about Z (the
-panorama is shifted, not resampled) and the channels of everything that has a colour are swapped together.
+The paper turns every sample by a random rotation and swaps the environment's channels; here the world turns about Z
+(the panorama is shifted, not resampled) and the channels of everything that has a colour are swapped together.
 """
 from __future__ import annotations
 
