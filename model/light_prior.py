@@ -36,7 +36,8 @@ class LightPrior:
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, poll=None) -> Tensor:
         """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe.
 
-        position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual.
+        position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual. The normal is
+        taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a silhouette.
         Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none. `poll()` is called
         before every chunk and may raise.
         """
@@ -49,7 +50,6 @@ class LightPrior:
 
     def _chunk(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> Tensor:
         valid = (n.square().sum(-1, keepdim=True) > 0.25).float()
-        n = n * (n * v).sum(-1, keepdim=True).sign()
         diffuse, glossy = self._emitters(x, n, v, roughness)
         transmitted = torch.zeros_like(diffuse)
         if self.environment is not None:
