@@ -155,7 +155,7 @@ def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1
 
 
 def barycentric_grid() -> np.ndarray:
-    """(32, 32, 3) f32 corner weights at [row, column] of a tile; the third may be negative (spec/scene-input.md 4.2)."""
+    """(32, 32, 3) f32 corner weights at [row, column]; the third may be negative (spec/scene-input.md 4.2)."""
     centre = (np.arange(TILE_SIZE, dtype=np.float32) + 0.5) / TILE_SIZE
     w0, w1 = np.meshgrid(centre, centre, indexing="xy")
     return np.stack([w0, w1, 1 - w0 - w1], axis=-1)

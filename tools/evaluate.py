@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""python -m tools.evaluate SCENE_DIR -o REPORT_DIR: how close the engine is to Cycles on held-out scenes.
+"""python -m tools.evaluate SCENE_DIR -o REPORT_DIR: how close the engine is to Cycles.
 
-SCENE_DIR holds samples of `python -m tools.datagen` (the RenderScene that the engine makes, and Cycles references).
-Prints one JSON object with PSNR, SSIM and FLIP per scene and their means; REPORT_DIR gets the same as report.json and
-one PNG per scene: each view's picture, then its reference.
+SCENE_DIR holds samples of `python -m tools.datagen` (the RenderScene that the engine makes, and Cycles references), or
+.blend files, which are rendered by both engines with the settings they hold. Prints one JSON object with PSNR, SSIM and
+FLIP per scene and their means; REPORT_DIR gets the same as report.json and one PNG per scene: each view's picture, then
+its reference.
 """
 from __future__ import annotations
 
 import argparse
 import json
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -19,20 +21,51 @@ from model.renderer import Renderer
 from tools.datagen.shards import load_sample, sample_paths
 from tools.metrics import compare, srgb
 
+ROOT = Path(__file__).parents[1]
+
 
 def evaluate_sample(path: Path, renderer: Renderer) -> tuple[dict[str, float], np.ndarray]:
     """Mean metrics over the views of one sample, and its contact sheet (H, W, 3) in [0, 1]."""
     scene, views, guides, passes = load_sample(path)
-    scores, rows = [], []
     begin = time.perf_counter()
-    for view, guide, reference in zip(views, guides, passes):
-        picture = renderer.render(scene, view, guide) + guide.emission + guide.environment
-        target = reference["combined"][..., :3] + guide.environment
-        scores.append(compare(picture, target))
-        rows.append(np.concatenate([srgb(picture), srgb(target)], axis=1))
-    mean = {key: float(np.mean([s[key] for s in scores])) for key in scores[0]}
-    mean |= {"triangles": len(scene), "seconds": round(time.perf_counter() - begin, 3)}
-    return mean, np.concatenate(rows, axis=0)
+    pictures = [renderer.render(scene, view, guide) + guide.emission + guide.environment
+                for view, guide in zip(views, guides)]
+    seconds = time.perf_counter() - begin
+    references = [p["combined"][..., :3] + guide.environment for p, guide in zip(passes, guides)]
+    return _scores(pictures, references, triangles=len(scene), seconds=seconds)
+
+
+def evaluate_blend(path: Path, weights: str, output: Path) -> tuple[dict[str, float], np.ndarray]:
+    """The same for a .blend file. Raises RuntimeError with the engine's message if it cannot be rendered."""
+    pictures, statistics = {}, {}
+    for engine, options in (("renderformer", ["--weights", weights]), ("cycles", [])):
+        exr = output / f"{path.stem}.{engine}.exr"
+        command = [sys.executable, "-m", "tools.render", path.resolve(), "-o", exr.resolve(), "--engine", engine]
+        done = subprocess.run([*map(str, command), *options], cwd=ROOT, capture_output=True, text=True)
+        if done.returncode:
+            raise RuntimeError(f"{path}: {done.stderr.strip()}")
+        statistics[engine] = json.loads(done.stdout)
+        pictures[engine] = read_combined(exr)
+    return _scores([pictures["renderformer"]], [pictures["cycles"]], triangles=statistics["renderformer"]["triangles"],
+                   seconds=statistics["renderformer"]["seconds"]["total"],
+                   cycles_seconds=statistics["cycles"]["seconds"]["total"])
+
+
+def read_combined(path: Path) -> np.ndarray:
+    """(H, W, 3) f32 Combined of the first view layer of a multilayer EXR."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = {name: channel.pixels for name, channel in file.channels().items()}
+    layer = min(name.removesuffix(".R") for name in channels if name.endswith(".Combined.R"))
+    return np.stack([channels[f"{layer}.{c}"] for c in "RGB"], axis=-1).astype(np.float32)
+
+
+def _scores(pictures: list[np.ndarray], references: list[np.ndarray], **more) -> tuple[dict[str, float], np.ndarray]:
+    views = [compare(a, b) for a, b in zip(pictures, references)]
+    mean = {key: float(np.mean([v[key] for v in views])) for key in views[0]}
+    rows = [np.concatenate([srgb(a), srgb(b)], axis=1) for a, b in zip(pictures, references)]
+    return mean | {key: round(value, 3) for key, value in more.items()}, np.concatenate(rows, axis=0)
 
 
 def main() -> int:
@@ -40,19 +73,23 @@ def main() -> int:
     parser.add_argument("scenes", type=Path, metavar="SCENE_DIR")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="REPORT_DIR")
     parser.add_argument("--weights", default="small", help="'small' or a folder")
-    parser.add_argument("--limit", type=int, help="only the first LIMIT samples")
+    parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
     options = parser.parse_args()
-    paths = sample_paths(options.scenes)[: options.limit]
+    paths = [*sample_paths(options.scenes), *sorted(options.scenes.glob("*.blend"))][: options.limit]
     if not paths:
-        print(f"no samples in {options.scenes}: make some with python -m tools.datagen", file=sys.stderr)
+        print(f"no scenes in {options.scenes}: make some with python -m tools.datagen, or put .blend files there",
+              file=sys.stderr)
         return 2
     from skimage.io import imsave
 
     options.output.mkdir(parents=True, exist_ok=True)
-    renderer = Renderer(options.weights)
-    scenes = {}
+    renderer, scenes = None, {}
     for path in paths:
-        scenes[path.stem], sheet = evaluate_sample(path, renderer)
+        if path.suffix == ".blend":
+            scenes[path.stem], sheet = evaluate_blend(path, options.weights, options.output)
+        else:
+            renderer = renderer or Renderer(options.weights)
+            scenes[path.stem], sheet = evaluate_sample(path, renderer)
         imsave(options.output / f"{path.stem}.png", (sheet * 255 + 0.5).astype(np.uint8), check_contrast=False)
     mean = {key: float(np.mean([s[key] for s in scenes.values()])) for key in ("psnr", "ssim", "flip")}
     report = {"weights": options.weights, "scenes": scenes, "mean": mean}
