@@ -32,7 +32,7 @@ def gather_emitters(scene: RenderScene) -> Emitters:
     beams = np.concatenate([scene.emission[rows], scene.beam_axis[rows], scene.beam_cosine[rows]], axis=1)
     polygons, spheres = [], []
     for part in _components(corners, beams):
-        area_vector = _area_vectors(corners[part])
+        area_vector = area_vectors(corners[part])
         area = np.linalg.norm(area_vector, axis=1).sum()
         if area <= 0:
             continue
@@ -51,7 +51,8 @@ def gather_emitters(scene: RenderScene) -> Emitters:
         radiance=attributes[:, :3], beam_axis=attributes[:, 3:6], beam_cosine=attributes[:, 6:])
 
 
-def _area_vectors(corners: np.ndarray) -> np.ndarray:
+def area_vectors(corners: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) corners -> (N, 3), each triangle's normal times its area."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
 
 
@@ -83,7 +84,7 @@ def _sphere(corners: np.ndarray, area_vector: np.ndarray) -> tuple[np.ndarray, f
 
 def _triangle(corners: np.ndarray) -> np.ndarray:
     """(3, 3) equilateral triangle with the vector area and centroid of many."""
-    vectors = _area_vectors(corners)
+    vectors = area_vectors(corners)
     total = vectors.sum(axis=0)
     area = np.linalg.norm(total)
     normal = total / max(area, 1e-20)

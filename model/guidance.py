@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from .guides import ALPHA, FEATURES, PATCH, GuideTensors
+from .inputs import NetworkInputs
 from .norm import Linear, RMSNorm
 
 BEAM_FEATURES = 5        # axis and two cosines of a light triangle's beam
@@ -40,6 +41,18 @@ class Guidance(nn.Module):
         """(L, D) added to the tokens of L light triangles; axis (L, 3), cosine (L, 2)."""
         directed = (axis.square().sum(-1, keepdim=True) > 0.25).to(axis.dtype)
         return self.beam_encoder(torch.cat([axis, cosine], -1) * directed)
+
+
+def encode_guided(network, inputs: NetworkInputs, beam_axis: Tensor, beam_cosine: Tensor, progress=None):
+    """Stage 1 of a guided RenderFormer; beams (L, 3) and (L, 2) of the light triangles, in input order."""
+    beams = network.guidance.beams(beam_axis, beam_cosine)
+    return network.encode_scene(inputs, light_embedding=beams, progress=progress)
+
+
+def view_guided(network, context, rays_o: Tensor, rays_d: Tensor, guides: GuideTensors, progress=None) -> Tensor:
+    """Stage 2 and decoder of a guided RenderFormer: channels (V, 21, H, W) for `decode_light`."""
+    return network.render_view(context, rays_o, rays_d, ray_embedding=network.guidance.bundles(guides),
+                               ray_position=guides.positions, extra=guides.features, raw=True, progress=progress)
 
 
 def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:

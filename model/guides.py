@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from .camera import view_rays
+from .inputs import TensorGroup
 from .light_prior import LightPrior
 from .scene import ROUGHNESS, TILE_SIZE, Guides, RenderScene, View
 
@@ -22,7 +23,7 @@ UNKNOWN_ROUGHNESS = 0.5   # where no token triangle lies behind a pixel (hair, s
 
 
 @dataclass
-class GuideTensors:
+class GuideTensors(TensorGroup):
     """V views, H x W pixels, B = H/8 * W/8 ray bundles; all f32, in network units and exposure.
 
     The three lobes of `colors` and `prior` are diffuse, glossy, transmission.
@@ -36,9 +37,6 @@ class GuideTensors:
     @classmethod
     def stack(cls, views: list["GuideTensors"]) -> "GuideTensors":
         return cls(*(torch.cat([getattr(v, name) for v in views]) for name in cls.__dataclass_fields__))
-
-    def to(self, device) -> "GuideTensors":
-        return GuideTensors(*(getattr(self, name).to(device) for name in self.__dataclass_fields__))
 
 
 def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, poll=None) -> GuideTensors:

@@ -7,7 +7,9 @@ from dataclasses import dataclass, fields
 import torch
 
 
-class _Tensors:
+class TensorGroup:
+    """Base of dataclasses whose fields are tensors, other groups, or None."""
+
     def to(self, device):
         """A copy on `device`."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -15,7 +17,7 @@ class _Tensors:
 
 
 @dataclass
-class VolumeInputs(_Tensors):
+class VolumeInputs(TensorGroup):
     """M volume cells, masked rows already removed; all float32."""
 
     density: torch.Tensor     # (M, 64)
@@ -27,7 +29,7 @@ class VolumeInputs(_Tensors):
 
 
 @dataclass
-class EnvironmentInputs(_Tensors):
+class EnvironmentInputs(TensorGroup):
     """LDR and HDR latents, or the images themselves for a network with its own encoder (spec/scene-input.md 7.4)."""
 
     ldr: torch.Tensor       # (C, 32, 64) latents or (3, 64, 128) image
@@ -36,7 +38,7 @@ class EnvironmentInputs(_Tensors):
 
 
 @dataclass
-class NetworkInputs(_Tensors):
+class NetworkInputs(TensorGroup):
     """N triangles that share T distinct textures."""
 
     triangles: torch.Tensor      # (N, 3, 3) float32

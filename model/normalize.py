@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .emitters import area_vectors
 from .scene import HEIGHT, Guides, RenderScene, View
 
 HALF_EXTENT = 0.5          # of the scene's box, in network units
@@ -77,12 +78,10 @@ def _fit(scene: RenderScene) -> tuple[np.ndarray, float]:
 
 def _exposure(scene: RenderScene, center: np.ndarray, scale: float) -> float:
     lights = scene.is_light
-    edges = scene.triangles[lights] - scene.triangles[lights][:, :1]
-    area_normal = np.cross(edges[:, 1], edges[:, 2]) / 2 * scale**2
     to_center = (center - scene.triangles[lights].mean(axis=1)) * scale
     distance = np.linalg.norm(to_center, axis=1).clip(1e-9)
     # Half the area is what a triangle shows to a random direction: stable when a lamp turns.
-    projected = np.linalg.norm(area_normal, axis=1) / 2
+    projected = np.linalg.norm(area_vectors(scene.triangles[lights]), axis=1) * scale**2 / 2
     irradiance = (scene.emission[lights].mean(axis=1) * projected / distance.clip(NEAREST_LIGHT) ** 2).sum()
     if scene.environment is not None:
         rows = np.sin(np.pi * (np.arange(scene.environment.shape[0]) + 0.5) / scene.environment.shape[0])

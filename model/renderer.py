@@ -25,7 +25,7 @@ from .scene import Guides, RenderScene, View
 class Renderer:
     """A network ready to render. Not thread-safe; keep one per process and set of weights."""
 
-    def __init__(self, weights: str | Path = "small", device: str = "auto", precision: str = "auto", progress=None):
+    def __init__(self, weights: str | Path = "small", device: str = "auto", precision: str = "auto"):
         """weights: "small", a folder of this project's format, or a published bundle (a folder with model_index.json).
 
         Raises CheckpointError for unusable weights, ValueError for a device or precision that is not there.

@@ -17,12 +17,11 @@ from .scene import HEIGHT, NORMAL, RenderScene, Volumes
 FARTHEST_LIGHT = 3.0  # network units; training lights are 2.1 to 2.7 away (spec/scene-input.md 1.2)
 
 
-def small_inputs(scene: RenderScene, mapper) -> NetworkInputs:
-    """Inputs of the bundled preset from a normalised scene; `mapper`: (P, 7) BSDF parameters -> (P, 9) latents."""
+def small_inputs(scene: RenderScene, texture: Tensor) -> NetworkInputs:
+    """Inputs of the bundled preset from a normalised scene and what stands for its T tiles (`material_tiles`)."""
     return NetworkInputs(
         triangles=torch.from_numpy(nearer_lights(scene)), normals=torch.from_numpy(scene.normals),
-        texture=material_tiles(pooled_tiles(scene.tiles), mapper),
-        texture_index=torch.from_numpy(scene.tile_index).long(),
+        texture=texture, texture_index=torch.from_numpy(scene.tile_index).long(),
         light=encode_light(torch.from_numpy(scene.emission)), environment=environment_inputs(scene.environment),
         volumes=volume_inputs(scene.volumes))
 
@@ -40,7 +39,10 @@ def pooled_tiles(tiles: np.ndarray) -> Tensor:
 
 
 def material_tiles(pooled: Tensor, mapper) -> Tensor:
-    """(T, 11, q, q) BSDF parameters, normal and height -> (T, 13, q, q) latents, normal and height."""
+    """(T, 11, q, q) BSDF parameters, normal and height -> (T, 13, q, q) latents, normal and height.
+
+    mapper: (P, 7) BSDF parameters -> (P, 9) latents.
+    """
     parameters = pooled[:, : NORMAL.start].flatten(2).transpose(1, 2)  # (T, q^2, 7)
     constant = (parameters == parameters[:, :1]).all(2).all(1)
     with torch.no_grad():

@@ -10,7 +10,7 @@ from ..model.errors import CheckpointError
 _cached: dict[tuple[str, str, str], object] = {}  # at most one: networks are large
 
 
-def renderer(weights: str, device: str, precision: str, progress=None):
+def renderer(weights: str, device: str, precision: str):
     """The model.renderer.Renderer for these settings, loaded at the first call.
 
     Raises CheckpointError when the weights, the device or the precision cannot be used.
@@ -20,7 +20,7 @@ def renderer(weights: str, device: str, precision: str, progress=None):
         from ..model.renderer import Renderer
         free()
         try:
-            _cached[key] = Renderer(weights, device=device, precision=precision, progress=progress)
+            _cached[key] = Renderer(weights, device=device, precision=precision)
         except ValueError as error:
             raise CheckpointError(str(error)) from error
     return _cached[key]

@@ -65,7 +65,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     radiance, length = np.zeros((view.height, view.width, 3), np.float32), 0
     if visible:
         with status.stage("Loading the network", 0.2, 0.25):
-            renderer = model_cache.renderer(weights, device, precision, status)
+            renderer = model_cache.renderer(weights, device, precision)
         with status.stage("Network", 0.25, 1.0):
             radiance, length = renderer.render(tokens, view, guides, status), renderer.tokens
         if not np.isfinite(radiance).all():

@@ -9,13 +9,13 @@ import torch
 
 from ..camera import view_rays
 from ..checkpoint import load_small
-from ..guidance import decode_image
+from ..guidance import decode_image, encode_guided, view_guided
 from ..guides import guide_tensors
 from ..light_prior import LightPrior
 from ..precision import in_precision
 from ..renderformer import SceneContext
 from ..scene import Guides, RenderScene, View
-from ..scene_inputs import small_inputs
+from ..scene_inputs import material_tiles, pooled_tiles, small_inputs
 
 
 @dataclass
@@ -36,18 +36,15 @@ class GuidedPipeline:
         return ""
 
     def encode(self, scene: RenderScene, variant: str, progress) -> EncodedScene:
-        inputs = small_inputs(scene, self.mapper).to(self.device)
+        inputs = small_inputs(scene, material_tiles(pooled_tiles(scene.tiles), self.mapper)).to(self.device)
         lights = scene.is_light
-        beams = self.model.guidance.beams(*(torch.as_tensor(x[lights], device=self.device)
-                                            for x in (scene.beam_axis, scene.beam_cosine)))
-        context = self.model.encode_scene(inputs, light_embedding=beams, progress=progress)
+        beams = (torch.as_tensor(x[lights], device=self.device) for x in (scene.beam_axis, scene.beam_cosine))
+        context = encode_guided(self.model, inputs, *beams, progress)
         return EncodedScene(scene, context, LightPrior(scene, self.device))
 
     def image(self, encoded: EncodedScene, view: View, guides: Guides, progress) -> torch.Tensor:
         tensors = guide_tensors(encoded.scene, view, guides, encoded.prior, lambda: progress("Light prior", 0.0))
         origin, rays = (torch.from_numpy(x).to(self.device)[None] for x in view_rays(view))
-        raw = self.model.render_view(
-            encoded.context, origin, rays, ray_embedding=self.model.guidance.bundles(tensors),
-            ray_position=tensors.positions, extra=tensors.features, raw=True,
-            progress=lambda text, fraction: progress(text, 0.1 + 0.9 * fraction))
+        raw = view_guided(self.model, encoded.context, origin, rays, tensors,
+                          lambda text, fraction: progress(text, 0.1 + 0.9 * fraction))
         return decode_image(raw, tensors, lambda: progress("Decoding the light", 1.0))[0]

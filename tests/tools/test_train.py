@@ -54,14 +54,14 @@ def same(a, b, tolerance: float):
 
 
 def test_the_cache_gives_back_what_was_built(stored, tmp_path):
-    built = build_sample(stored, mapper)
-    cached_sample(stored, tmp_path, mapper)
-    same(cached_sample(stored, tmp_path, mapper), built, 2e-3)
+    built = build_sample(stored)
+    cached_sample(stored, tmp_path)
+    same(cached_sample(stored, tmp_path), built, 2e-3)
 
 
 def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
     """The prior of the turned lights and panorama is the one that the augmentation carried along."""
-    sample = build_sample(stored, mapper)
+    sample = build_sample(stored)
     shift = 32  # a quarter turn
     turned = symmetry._turn(sample, shift, PANORAMA[1])
     environment = replace(floor_scene(), environment=np.kron(
@@ -81,7 +81,7 @@ def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
 
 
 def test_swapped_colours_keep_picture_and_parts_consistent(stored):
-    sample = build_sample(stored, mapper)
+    sample = build_sample(stored)
     order = torch.tensor([2, 0, 1])
     swapped = symmetry._recolor(sample, order)
     unshadowed = lambda s: (s.guides.prior * s.guides.colors).sum(1)  # noqa: E731
@@ -93,7 +93,7 @@ def test_swapped_colours_keep_picture_and_parts_consistent(stored):
 
 def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
     torch.manual_seed(0)
-    sample = with_latents(build_sample(stored, mapper), mapper)
+    sample = with_latents(build_sample(stored), mapper)
     state = TrainingState(RenderFormer(TINY), 2e-3, 0.01, 0.9)
 
     def step(state) -> float:
@@ -116,7 +116,7 @@ def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
 
 
 def test_the_curriculum_admits_scenes_by_what_they_hold(stored):
-    sample = build_sample(stored, mapper)
+    sample = build_sample(stored)
     assert admitted(sample, Stage(1, volumes=False, transmission=False))
     assert not admitted(sample, Stage(1, max_triangles=10))
     glass = replace(sample, guides=replace(sample.guides, colors=torch.ones_like(sample.guides.colors)))

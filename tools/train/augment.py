@@ -59,13 +59,13 @@ def _recolor(sample: TrainingSample, order: Tensor) -> TrainingSample:
     volumes = inputs.volumes
     if volumes is not None:
         volumes = replace(volumes, scattering=volumes.scattering[:, order], absorption=volumes.absorption[:, order])
-    tiles, features = sample.tiles.clone(), guides.features.clone()
-    tiles[:, BASE_COLOR] = sample.tiles[:, BASE_COLOR][:, order]
+    tiles, features = inputs.texture.clone(), guides.features.clone()
+    tiles[:, BASE_COLOR] = inputs.texture[:, BASE_COLOR][:, order]
     for part in (COLORS, LIGHT):
         lobes = guides.features[:, part].unflatten(1, (3, 3))
         features[:, part] = lobes[:, :, order].flatten(1, 2)
     return replace(
-        sample, tiles=tiles,
-        inputs=replace(inputs, light=inputs.light[:, order], environment=environment, volumes=volumes),
+        sample,
+        inputs=replace(inputs, texture=tiles, light=inputs.light[:, order], environment=environment, volumes=volumes),
         guides=replace(guides, features=features, colors=guides.colors[:, :, order], prior=guides.prior[:, :, order]),
         image=sample.image[:, order], direct=sample.direct[:, :, order], indirect=sample.indirect[:, :, order])

@@ -26,7 +26,7 @@ class SampleStream(IterableDataset):
         while True:
             paths = sample_paths(self.folder)
             for i in torch.randperm(len(paths), generator=generator).tolist():
-                sample = cached_sample(paths[i], self.cache, self.mapper)
+                sample = cached_sample(paths[i], self.cache)
                 if admitted(sample, self.stage):
                     yield with_latents(augment(sample, generator), self.mapper)
 

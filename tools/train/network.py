@@ -15,7 +15,7 @@ import torch
 
 from model.checkpoint import load_material_mapper, save_small
 from model.config import PRESETS
-from model.guidance import decode_light
+from model.guidance import decode_light, encode_guided, view_guided
 from model.renderformer import RenderFormer
 
 from .config import TrainConfig
@@ -29,10 +29,8 @@ LOG_EVERY, SAVE_SECONDS = 50, 180
 
 def sample_loss(model: RenderFormer, sample: TrainingSample, perceptual) -> dict[str, torch.Tensor]:
     """Losses of all views of one scene."""
-    beams = model.guidance.beams(sample.beam_axis, sample.beam_cosine)
-    context = model.encode_scene(sample.inputs, light_embedding=beams)
-    raw = model.render_view(context, sample.rays_o, sample.rays_d, ray_embedding=model.guidance.bundles(sample.guides),
-                            ray_position=sample.guides.positions, extra=sample.guides.features, raw=True)
+    context = encode_guided(model, sample.inputs, sample.beam_axis, sample.beam_cosine)
+    raw = view_guided(model, context, sample.rays_o, sample.rays_d, sample.guides)
     light = decode_light(raw, sample.guides)
     colors = sample.guides.colors
     losses = {"image": image_loss(light["image"], sample.image, perceptual),

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from model.camera import view_rays
 from model.guides import GuideTensors, guide_tensors
-from model.inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
+from model.inputs import EnvironmentInputs, NetworkInputs, TensorGroup, VolumeInputs
 from model.light_prior import LightPrior
 from model.normalize import Normalization
 from model.scene_inputs import material_tiles, pooled_tiles, small_inputs
@@ -22,11 +22,10 @@ LOBES = ("diffuse", "glossy", "transmission")
 
 
 @dataclass
-class TrainingSample:
+class TrainingSample(TensorGroup):
     """One scene with V views, everything in network units and exposure."""
 
-    inputs: NetworkInputs  # `texture` is filled in by `with_latents`
-    tiles: Tensor        # (T, 11, 8, 8) material tiles as BSDF parameters
+    inputs: NetworkInputs  # `texture` (T, 11, 8, 8) is BSDF parameters until `with_latents` maps them
     beam_axis: Tensor    # (L, 3) of the light triangles, in input order
     beam_cosine: Tensor  # (L, 2)
     rays_o: Tensor       # (V, 3)
@@ -36,16 +35,13 @@ class TrainingSample:
     direct: Tensor       # (V, 3, 3, H, W) light of each lobe before its colour, from Cycles' passes
     indirect: Tensor     # (V, 3, 3, H, W)
 
-    def to(self, device) -> "TrainingSample":
-        return TrainingSample(*(getattr(self, f.name).to(device) for f in fields(self)))
-
 
 def with_latents(sample: TrainingSample, mapper) -> TrainingSample:
     """The sample with its materials mapped to appearance latents."""
-    return replace(sample, inputs=replace(sample.inputs, texture=material_tiles(sample.tiles, mapper)))
+    return replace(sample, inputs=replace(sample.inputs, texture=material_tiles(sample.inputs.texture, mapper)))
 
 
-def build_sample(path: Path, mapper) -> TrainingSample:
+def build_sample(path: Path) -> TrainingSample:
     """From one file of tools.datagen."""
     scene, views, guides, passes = load_sample(path)
     normalization = Normalization.of(scene)
@@ -63,17 +59,17 @@ def build_sample(path: Path, mapper) -> TrainingSample:
                                .movedim(-1, -3) for t in zip(*targets))
     lights = normalized.is_light
     return TrainingSample(
-        small_inputs(normalized, mapper), pooled_tiles(scene.tiles), torch.from_numpy(scene.beam_axis[lights]),
+        small_inputs(normalized, pooled_tiles(normalized.tiles)), torch.from_numpy(scene.beam_axis[lights]),
         torch.from_numpy(scene.beam_cosine[lights]), torch.from_numpy(np.stack([r[0] for r in rays])),
         torch.from_numpy(np.stack([r[1] for r in rays])), GuideTensors.stack(tensors), image, direct, indirect)
 
 
-def cached_sample(path: Path, cache: Path, mapper) -> TrainingSample:
+def cached_sample(path: Path, cache: Path) -> TrainingSample:
     """`build_sample`, kept as float16 safetensors in `cache` for the next epoch."""
     stored = cache / f"{path.stem}.safetensors"
     if not stored.is_file():
         temporary = stored.with_suffix(".tmp")
-        save_file(_flatten(build_sample(path, mapper)), temporary)
+        save_file(_flatten(build_sample(path)), temporary)
         temporary.replace(stored)
     return _unflatten(load_file(stored))
 
