@@ -20,4 +20,5 @@ class SwiGLU(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         x = x.to(self.w1.weight.dtype)
-        return self.w2(F.silu(self.w1(x)) * self.w3(x))
+        gate = F.silu(self.w1(x), inplace=not torch.is_grad_enabled())
+        return self.w2(gate * self.w3(x))

@@ -22,5 +22,7 @@ class RMSNorm(nn.Module):
 class Linear(nn.Linear):
     """nn.Linear that takes any input dtype, so that the residual stream may stay in float32 above bfloat16 weights."""
 
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return F.linear(x.to(self.weight.dtype), self.weight, self.bias)
+    def forward(self, x: torch.Tensor, outputs: slice = slice(None)) -> torch.Tensor:
+        """(..., in) -> (..., out) in the weights' dtype, or some of the outputs."""
+        bias = None if self.bias is None else self.bias[outputs]
+        return F.linear(x.to(self.weight.dtype), self.weight[outputs], bias)

@@ -2,13 +2,17 @@
 """Progress through nested steps, and loops over chunks that bound memory and poll for cancellation."""
 from __future__ import annotations
 
+import math
 from typing import Callable, Iterable
 
+import numpy as np
 import torch
 
 # Rows per chunk: large enough for the matrix products, small enough that a chunk takes well under 0.2 s and that the
 # element-wise work between the products stays in the processor's cache.
 CHUNK = 512
+GPU_CHUNK = 4096
+HUGE = 1 << 22  # bytes: numpy asks the system for huge pages from here on
 
 
 class Progress:
@@ -29,6 +33,12 @@ class Progress:
         span = self.end - self.start
         return Progress(self.callback, self.text if text is None else text,
                         self.start + span * start, self.start + span * end)
+
+
+def cuts(begin: int, end: int, device: torch.device) -> list[tuple[int, int]]:
+    """begin..end in pieces that are computed one after the other: a single one where gradients are wanted."""
+    size = max(end - begin, 1) if torch.is_grad_enabled() else GPU_CHUNK if device.type == "cuda" else CHUNK
+    return [(first, min(first + size, end)) for first in range(begin, end, size)]
 
 
 def chunked(function, *tensors: torch.Tensor, progress: Progress | None = None, size: int = CHUNK, axis: int = 0):
@@ -69,4 +79,12 @@ def joined(parts: Iterable[torch.Tensor], length: int, axis: int) -> torch.Tenso
 
 def like(part: torch.Tensor, length: int, axis: int) -> torch.Tensor:
     """Room for `length` rows of what `part` holds some of."""
-    return part.new_empty(*part.shape[:axis], length, *part.shape[axis + 1:])
+    return room((*part.shape[:axis], length, *part.shape[axis + 1:]), part)
+
+
+def room(shape: tuple[int, ...], like: torch.Tensor) -> torch.Tensor:
+    """Uninitialised memory of the dtype and on the device of `like`; large ones for the CPU with few page faults."""
+    size = like.itemsize * math.prod(shape)
+    if like.device.type != "cpu" or size < HUGE:
+        return like.new_empty(shape)
+    return torch.from_numpy(np.empty(size, np.uint8)).view(like.dtype).view(shape)

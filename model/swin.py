@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 
 import torch
+from torch.nn import functional as F
 
-from .attention import SelfAttention, attend
+from .attention import SelfAttention
 from .progress import Progress, chunked
 
 WINDOW = 8  # tokens
@@ -66,8 +67,6 @@ class SwinAttention(SelfAttention):
         return result
 
     def _attend(self, x: torch.Tensor, mask: torch.Tensor | None = None) -> torch.Tensor:
-        q, k, v = (part.transpose(1, 2) for part in self.project(x))
-        bias = None
-        if mask is not None:
-            bias = torch.zeros(mask.shape, dtype=q.dtype, device=q.device).masked_fill_(~mask, -torch.inf)[:, None]
-        return self.out_proj(attend(q, k, v, bias).transpose(1, 2).flatten(2))
+        q, k, v = (part.transpose(1, 2) for part in (self.queries(x), *self.keys_values(x)))
+        seen = F.scaled_dot_product_attention(q, k, v, attn_mask=None if mask is None else mask[:, None])
+        return self.out_proj(seen.transpose(1, 2).flatten(2))

@@ -2,21 +2,22 @@
 """Stage 2: ray bundles gather light from the scene tokens (spec/network.md 8)."""
 from __future__ import annotations
 
+from itertools import starmap
+
 import torch
 from torch import nn
 
-from .attention import CrossAttention, dense_attention
+from .attention import CrossAttention, KeysValues, attend_to_all
 from .config import ModelConfig
 from .decoder import DPTDecoder
 from .embed import patches
 from .feed_forward import SwiGLU
 from .norm import Linear, RMSNorm
 from .nerf import nerf_encode, nerf_width
-from .progress import Progress, chunked, joined
+from .progress import Progress, chunked, cuts, joined
 from .rope import RotaryEmbedding
 from .swin import SwinAttention
 
-QUERIES = 768  # ray bundles that go through cross-attention together: few enough for short polls
 
 
 class ViewDependentLayer(nn.Module):
@@ -33,37 +34,31 @@ class ViewDependentLayer(nn.Module):
         self.ffn = SwiGLU(d, config.view_transformer_ffn_hidden_dim)
         self.ffn_norm = RMSNorm(d)
 
-    def keys_values(self, tokens: torch.Tensor, rotation, progress: Progress | None = None):
-        """(L, D) scene tokens -> keys and values, (heads, L, head width) each; they do not depend on the view."""
-        def project(x, *rotation):
-            k, v = self.multihead_attn.keys_values(self.kv_norm(x), rotation)
-            return k.transpose(0, 1), v.transpose(0, 1)
+    def keys_values(self, tokens: torch.Tensor, rotation, progress: Progress = Progress()) -> KeysValues:
+        """What (L, D) scene tokens show to every ray bundle of every view."""
+        def project(begin: int, end: int):
+            return self.multihead_attn.keys_values(self.kv_norm(tokens[begin:end]), [x[begin:end] for x in rotation])
 
-        k, v = chunked(project, tokens, *rotation, progress=progress, axis=1)
-        return k.contiguous(), v.contiguous()
+        return KeysValues.collect(project, cuts(0, len(tokens), tokens.device), progress)
 
-    def forward(self, rays: torch.Tensor, rotation, keys_values, progress: Progress) -> torch.Tensor:
+    def forward(self, rays: torch.Tensor, rotation, keys: KeysValues, progress: Progress) -> torch.Tensor:
         """(V, Hg, Wg, D) float32 -> same; `rotation` is for V Hg Wg rows."""
         shape = rays.shape
         rays = rays.flatten(0, 2)
-        rays = self.cross_attend(rays, rotation, keys_values, progress.part(0.0, 0.5)).view(shape)
+        rays = self.cross_attend(rays, rotation, keys, progress.part(0.0, 0.5)).view(shape)
         rays = rays + self.self_attn(rays, self.self_attn_norm, progress.part(0.5, 0.7))
         return chunked(lambda x: x + self.ffn(self.ffn_norm(x)), rays.flatten(0, 2),
                        progress=progress.part(0.7, 1.0)).view(shape)
 
-    def cross_attend(self, rays: torch.Tensor, rotation, keys_values, progress: Progress) -> torch.Tensor:
+    def cross_attend(self, rays: torch.Tensor, rotation, keys: KeysValues, progress: Progress) -> torch.Tensor:
         """(n, D) -> (n, D) with what it sees of the scene added."""
-        attention = self.multihead_attn
-        size = len(rays) if torch.is_grad_enabled() else QUERIES
+        def update(begin: int, end: int) -> torch.Tensor:
+            x, turn = rays[begin:end], [part[begin:end] for part in rotation]
+            q = self.multihead_attn.queries(self.query_norm(x), turn).transpose(0, 1)
+            step = progress.part(begin / len(rays), end / len(rays))
+            return x + self.multihead_attn.output(attend_to_all(q, keys, step))
 
-        def attend(begin: int) -> torch.Tensor:
-            x, *turn = (part[begin:begin + size] for part in (rays, *rotation))
-            step = progress.part(begin / len(rays), min(begin + size, len(rays)) / len(rays))
-            q = attention.queries(self.query_norm(x), turn).transpose(0, 1)
-            seen = dense_attention(q, *keys_values, step).transpose(0, 1)
-            return x + attention.out_proj(seen.flatten(-2))
-
-        return joined(map(attend, range(0, len(rays), size)), len(rays), axis=0)
+        return joined(starmap(update, cuts(0, len(rays), rays.device)), len(rays), axis=0)
 
 
 class ViewDependentTransformer(nn.Module):

@@ -108,7 +108,8 @@ def attention_results(network: RenderFormer, sequence) -> dict[str, torch.Tensor
     """Queries, keys and values of the first layer, heads first."""
     layer = network.transformer.layers[0]
     rotation = network.transformer.rope_emb(sequence.position)
-    parts = layer.multihead_attn.project(layer.query_norm(sequence.embedding), rotation)
+    x = layer.query_norm(sequence.embedding)
+    parts = layer.multihead_attn.queries(x, rotation), *layer.multihead_attn.keys_values(x, rotation)
     return {f"dbg.{name}0": part.transpose(0, 1) for name, part in zip("qkv", parts)}
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from model.attention import window_sink_attention
+from model.attention import KeysValues, Window
 from model.camera import square_view, view_rays
 from model.config import rf2_200m
 from model.decoder import DPTDecoder, resize
@@ -20,6 +20,7 @@ from model.nerf import nerf_encode
 from model.norm import RMSNorm
 from model.ordering import hilbert_codes, hilbert_grid, hilbert_order
 from model.renderformer import RenderFormer, to_radiance
+from model.progress import Progress
 from model.rope import RotaryEmbedding, rope_frequencies, rotate
 from model.sequence import Tokens, centroids, pack, scene_centre
 from model.swin import SHIFT, shift_mask, to_windows
@@ -135,9 +136,17 @@ def _register(entry):
 
 def _visible(length: int, sink: int, half: int) -> torch.Tensor:
     """(L, L) bool, read off the attention itself: equal scores give every visible key the same weight."""
-    equal = torch.zeros(1, length, 8)
-    identity = torch.eye(length)[None]
-    return window_sink_attention(equal, equal, identity, sink, half)[0] > 0
+    return window_sink_attention(torch.zeros(length, 1, 8), torch.zeros(length, 1, 8), torch.eye(length)[:, None],
+                                 sink, half)[0] > 0
+
+
+def window_sink_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, sink: int, half: int,
+                          progress: Progress = Progress()) -> torch.Tensor:
+    """A whole sequence, cut by cut as stage 1 does it. (L, heads, width) each -> (heads, L, width)."""
+    window = Window(len(q), sink, half, q.device)
+    keys = KeysValues.collect(lambda begin, end: (k[begin:end], v[begin:end]), window.cuts, progress.part(0.0, 0.1))
+    return torch.cat([window.attend(q[begin:end].transpose(0, 1), begin, keys, progress.part(begin / len(q), end / len(q)))
+                      for begin, end in window.cuts], dim=1)
 
 
 def _mask_rows(entry):

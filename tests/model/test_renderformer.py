@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from model import decoder, renderformer, swin, view_dependent
+from model import decoder, renderformer, swin, progress
 from model.config import rf2_200m, rf2_small
 from model.renderformer import RenderFormer
 
@@ -65,7 +65,7 @@ def test_a_view_in_bands_is_the_same_view(tiny_network, tiny_inputs, monkeypatch
     view = torch.zeros(2, 3), directions
     expected = tiny_network.render_view(context, *view)
     for module, name, small in ((swin, "TOKENS", 1), (swin, "WINDOWS", 3), (decoder, "BAND_PIXELS", 2 * 128 * 40),
-                                (view_dependent, "QUERIES", 100)):
+                                (progress, "CHUNK", 100)):
         monkeypatch.setattr(module, name, small)
     torch.testing.assert_close(tiny_network.render_view(context, *view), expected, atol=1e-6, rtol=1e-5)
 
@@ -74,7 +74,7 @@ def test_a_view_in_bands_is_the_same_view(tiny_network, tiny_inputs, monkeypatch
 def test_what_stage_two_keeps_of_a_scene_is_bounded(tiny_network, tiny_inputs, rays, monkeypatch):
     small = tiny_network.encode_scene(tiny_inputs)
     tiny_network.render_view(small, *rays)
-    kept = sum(x.numel() * x.itemsize for pair in small.keys_values.values() for x in pair)
+    kept = sum(keys.bytes for keys in small.keys_values.values())
     assert kept == tiny_network.keys_values_bytes(len(small.tokens))
     monkeypatch.setattr(renderformer, "KEYS_VALUES_BYTES", kept - 1)
     assert not tiny_network.encode_scene(tiny_inputs).keep
