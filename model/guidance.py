@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from .guides import ALPHA, FEATURES, PATCH, GuideTensors
+from .guides import ALPHA, BAND_PIXELS, FEATURES, PATCH, GuideTensors
 from .inputs import NetworkInputs
 from .norm import Linear, RMSNorm
 
@@ -17,7 +17,6 @@ BEAM_FEATURES = 5        # axis and two cosines of a light triangle's beam
 OUTPUT_CHANNELS = 21     # visibility and indirect light of three lobes, and the rest, RGB each
 MAX_VISIBILITY = 1.2     # the prior's glossy lobe is approximate: leave room above 1
 VISIBLE, DARK = 1.5, -4.0  # offsets that start the decoder near "everything visible, nothing indirect"
-BAND_PIXELS = 1 << 17  # handled at once without gradients: guides of a large picture are gigabytes
 
 
 class Guidance(nn.Module):

@@ -2,21 +2,24 @@
 """Guides of a view as tensors: what the guided preset knows about every pixel before the transformer runs."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from .camera import view_rays
+from .camera import view_rays_at
 from .inputs import TensorGroup
 from .light_prior import LightPrior
+from .progress import like
 from .scene import ROUGHNESS, TILE_SIZE, Guides, RenderScene, View
 
 PATCH = 8                 # pixels of a ray bundle's side (ModelConfig.patch_size)
 FEATURES = 29             # channels of GuideTensors.features
+OFFSET, NORMAL, COLORS, LIGHT, MIRRORED = slice(0, 3), slice(3, 6), slice(6, 15), slice(17, 26), slice(26, 29)
 ALPHA = 16                # the one that holds coverage
+BAND_PIXELS = 1 << 17     # computed at once: guides of a large picture are gigabytes
 OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
 UNSEEN_DISTANCE = 2.0     # where a bundle that hits nothing is placed along its rays, network units
 UNKNOWN_ROUGHNESS = 0.5   # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
@@ -44,13 +47,31 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
 
     `poll()` is called while the prior is evaluated and may raise.
     """
+    h, w = guides.alpha.shape
+    rows = max(BAND_PIXELS // w // PATCH, 1) * PATCH
+    features = light = None
+    bundles = []
+    for begin in range(0, h, rows):
+        pixels = slice(begin, begin + rows)
+        band, arriving, positions = _band(scene, view, guides, prior, pixels, poll)
+        features, light = (like(part, h, 1) for part in (band, arriving)) if features is None else (features, light)
+        features[:, pixels], light[:, pixels] = band, arriving
+        bundles.append(positions)
+    lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
+    return GuideTensors(features[None], lobes(features[COLORS]), lobes(light), torch.cat(bundles)[None])
+
+
+def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rows: slice,
+          poll) -> tuple[Tensor, Tensor, Tensor]:
+    """Some rows of the picture, whole bundles: features (29, h, W), light (9, h, W), positions (B, 3)."""
     device = prior.radiance.device
     tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
-    origin, rays = map(tensor, view_rays(view))
+    guides = Guides(**{field.name: getattr(guides, field.name)[rows] for field in fields(Guides)})
+    h, w = guides.alpha.shape
+    origin, rays = map(tensor, view_rays_at(view, np.arange(w) + 0.5, rows.start + np.arange(h) + 0.5))
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    h, w = roughness.shape
     light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1), poll)
     light = light.reshape(h, w, 9) * (alpha > 0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
@@ -58,8 +79,7 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     offset = (position - _per_pixel(bundles)) * OFFSET_SCALE * (alpha > 0)
     mirrored = rays - 2 * (rays * normal).sum(-1, keepdim=True) * normal
     features = torch.cat([offset, normal, colors, roughness[..., None], alpha, torch.log10(1 + light), mirrored], -1)
-    lobes = lambda x: x.permute(2, 0, 1).reshape(1, 3, 3, h, w)  # noqa: E731
-    return GuideTensors(features.permute(2, 0, 1)[None], lobes(colors), lobes(light), bundles.reshape(1, -1, 3))
+    return features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3)
 
 
 def bundle_positions(position: Tensor, alpha: Tensor, rays: Tensor, origin: Tensor) -> Tensor:

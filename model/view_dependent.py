@@ -14,7 +14,7 @@ from .embed import patches
 from .feed_forward import SwiGLU
 from .norm import Linear, RMSNorm
 from .nerf import nerf_encode, nerf_width
-from .progress import Progress, chunked, cuts, joined
+from .progress import CHUNK, Progress, chunked, cuts, joined
 from .rope import RotaryEmbedding
 from .swin import SwinAttention
 
@@ -87,12 +87,15 @@ class ViewTransformer(nn.Module):
 
     def embed_rays(self, rays_d: torch.Tensor, progress: Progress | None = None) -> torch.Tensor:
         """(V, H, W, 3) world directions -> (V, R, D) float32, one token per 8x8 pixels (spec/network.md 8.1)."""
-        directions = nerf_encode(rays_d, self.config.vdir_num_freqs).permute(0, 3, 1, 2)
-        rows = patches(directions, self.config.patch_size)
-        token = self.ray_map_patch_token.float()[0]
-        tokens = chunked(lambda x: token + self.ray_map_encoder_norm(self.ray_map_encoder(x)), rows.flatten(0, 1),
-                         progress=progress)
-        return tokens.unflatten(0, rows.shape[:2])
+        side, token = self.config.patch_size, self.ray_map_patch_token.float()[0]
+
+        def embed(directions: torch.Tensor) -> torch.Tensor:
+            encoded = nerf_encode(directions, self.config.vdir_num_freqs).permute(0, 3, 1, 2)
+            return token + self.ray_map_encoder_norm(self.ray_map_encoder(patches(encoded, side)))
+
+        lines = rays_d.unflatten(1, (-1, side)).flatten(0, 1)  # (V H/8, 8, W, 3)
+        tokens = chunked(embed, lines, size=max(CHUNK * side // rays_d.shape[2], 1), progress=progress)
+        return tokens.view(len(rays_d), -1, tokens.shape[-1])
 
     def forward(self, rays: torch.Tensor, ray_positions: torch.Tensor, grid: tuple[int, int], keys_values,
                 extra: torch.Tensor | None, progress: Progress) -> torch.Tensor:

@@ -3,6 +3,7 @@ import numpy as np
 import torch
 
 from model import guidance
+from model import guides as guides_module
 from model.guidance import OUTPUT_CHANNELS, Guidance, decode_image, decode_light
 from model.guides import ALPHA, FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
 from model.light_prior import LightPrior
@@ -53,7 +54,11 @@ def test_roughness_comes_from_the_texel_that_is_hit():
 
 @torch.no_grad()
 def test_bands_of_a_large_picture_change_nothing(monkeypatch):
-    guides, encoder = tensors(128, 64), Guidance(12, 1e-6)
+    whole, encoder = tensors(128, 64), Guidance(12, 1e-6)
+    monkeypatch.setattr(guides_module, "BAND_PIXELS", 24 * 128)
+    guides = tensors(128, 64)
+    for name in ("features", "colors", "prior", "positions"):
+        torch.testing.assert_close(getattr(guides, name), getattr(whole, name))
     raw = torch.randn(1, OUTPUT_CHANNELS, 64, 128, generator=torch.Generator().manual_seed(0))
     tokens, image = encoder.bundles(guides), decode_light(raw, guides)["image"]
     monkeypatch.setattr(guidance, "BAND_PIXELS", 24 * 128)

@@ -12,11 +12,10 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from model.guides import COLORS, LIGHT, MIRRORED, NORMAL, OFFSET
 from model.scene import BASE_COLOR
 
 from .samples import TrainingSample
-
-OFFSET, NORMAL, COLORS, LIGHT, MIRRORED = (slice(0, 3), slice(3, 6), slice(6, 15), slice(17, 26), slice(26, 29))
 
 
 def augment(sample: TrainingSample, generator: torch.Generator) -> TrainingSample:
