@@ -57,6 +57,7 @@ class View:
     principal: np.ndarray        # (2,) f32, pixels from the top left corner of this rectangle
     width: int
     height: int
+    picture_size: int = 0        # pixels, the longer side of the whole picture; 0 when this rectangle is all of it
 
 
 @dataclass

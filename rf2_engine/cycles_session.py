@@ -25,6 +25,7 @@ _ALWAYS = {
     "cycles.use_sample_subset": False,
     "cycles.use_layer_samples": "IGNORE",
     "cycles.time_limit": 0.0,
+    "cycles.use_auto_tile": False,  # tiles (above 2048 pixels) reach the render result only when the session has ended
 }
 _FIRST_HITS_ONLY = {
     "cycles.device": "CPU",  # a few samples do not pay for loading GPU kernels

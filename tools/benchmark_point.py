@@ -9,6 +9,7 @@ import json
 import resource
 import sys
 import time
+import traceback
 
 import numpy as np
 
@@ -126,4 +127,8 @@ def _render(scene) -> float:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except Exception:
+        traceback.print_exc()
+        extension.leave(1)

@@ -16,6 +16,7 @@ from model.material.latents import dequantise, quantise
 from model.material.mappers import MAPPERS
 from model.nerf import nerf_encode
 from model.ordering import hilbert_codes, hilbert_grid, hilbert_order
+from model.precision import in_precision
 from model.renderformer import RenderFormer, to_radiance
 from model.scene import barycentric_grid
 from model.sequence import centroids
@@ -27,10 +28,8 @@ from .fixture_cases import VOLUME_FIELDS, Case, Recorder, network_inputs, recipe
 @torch.no_grad()
 def network_results(case: Case) -> dict[str, torch.Tensor]:
     """Tokens, positions, every layer and the images; `dbg.*` and `alt.*` when the case has them."""
-    config = replace(ModelConfig.from_dict(case.info["model_config"]),
-                     embed_norm_eps=case.info["numerics"]["embed_norm_eps"])
-    network = recipe_network(config, case.info["weights"]["salt"])
-    inputs, rays_o, rays_d = network_inputs(case.tensors), case.tensors["in.rays_o"], case.tensors["in.rays_d"]
+    network, inputs, rays_o, rays_d = recorded_call(case)
+    config = network.config
     layers, view_layers = network.transformer.layers, network.view_transformer.transformer.layers
     scratch = network.view_transformer.out_dpt.scratch
     pyramid = {name: getattr(scratch, name) for name in
@@ -68,6 +67,23 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
     if any(name.startswith("alt.") for name in case.tensors):
         results |= alternative_results(network, inputs, rays_o, rays_d)
     return results
+
+
+def recorded_call(case: Case) -> tuple[RenderFormer, NetworkInputs, torch.Tensor, torch.Tensor]:
+    """The network of a case, and what it was called with: inputs, camera origins, ray maps."""
+    config = replace(ModelConfig.from_dict(case.info["model_config"]),
+                     embed_norm_eps=case.info["numerics"]["embed_norm_eps"])
+    return (recipe_network(config, case.info["weights"]["salt"]), network_inputs(case.tensors),
+            case.tensors["in.rays_o"], case.tensors["in.rays_d"])
+
+
+@torch.no_grad()
+def precision_psnr(case: Case, dtype: torch.dtype) -> float:
+    """dB between the log images with weights and products in `dtype` and in float32, with the latter's peak."""
+    network, *call = recorded_call(case)
+    exact = network(*call)
+    error = in_precision(network, dtype)(*call) - exact
+    return (20 * exact.abs().max().log10() - 10 * error.square().mean().log10()).item()
 
 
 def order_results(case: Case, inputs: NetworkInputs) -> dict[str, torch.Tensor]:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compare the network with golden fixtures: `python -m tools.parity FIXTURE_DIR`.
+"""Compare the network with golden fixtures: `python -m tools.parity FIXTURE_DIR [--precision bf16]`.
 
 Prints one line per fixture tensor, "case name error", where error = max|a - b| / max|b|; exits with 1 when an error
-exceeds 1e-4 or integers differ.
+exceeds 1e-4 or integers differ. With --precision, the networks of the full size run in that format and in float32
+instead, "case PSNR" of the log images is printed, and below 50 dB the exit status is 1.
 """
 from __future__ import annotations
 
@@ -14,11 +15,14 @@ from typing import Iterator
 
 import torch
 
+from model.precision import PRECISIONS
+
 from .fixture_cases import Case, relative_error
-from .fixture_results import RESULTS
+from .fixture_results import RESULTS, precision_psnr
 from .self_check import self_check, weights_check
 
 TOLERANCE = 1e-4
+PSNR = 50.0  # dB
 
 
 def case_errors(case: Case) -> Iterator[tuple[str, float]]:
@@ -62,7 +66,13 @@ def folder_errors(folder: Path) -> Iterator[tuple[str, str, float]]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder of fixtures (JSON + safetensors)")
-    folder = parser.parse_args().folder
+    parser.add_argument("--precision", choices=[name for name in PRECISIONS if name != "fp32"],
+                        help="compare this format with float32 instead of float32 with the fixtures")
+    arguments = parser.parse_args()
+    return compare_precision(arguments) if arguments.precision else compare_fixtures(arguments.folder)
+
+
+def compare_fixtures(folder: Path) -> int:
     count, worst = 0, 0.0
     for case, name, error in folder_errors(folder):
         count, worst = count + 1, max(worst, error)
@@ -72,6 +82,16 @@ def main() -> int:
         return 1
     print(f"{count} tensors, largest error {worst:.3e}")
     return 0 if worst <= TOLERANCE else 1
+
+
+def compare_precision(arguments: argparse.Namespace) -> int:
+    cases = [Case.load(path) for path in sorted(arguments.folder.glob("net_full*.json"))]
+    found = [precision_psnr(case, PRECISIONS[arguments.precision]) for case in cases]
+    for case, psnr in zip(cases, found):
+        print(f"{case.name} {psnr:.1f} dB{'' if psnr >= PSNR else '  FAILED'}")
+    if not cases:
+        print(f"no fixtures of the full network in {arguments.folder}", file=sys.stderr)
+    return 0 if cases and min(found) >= PSNR else 1
 
 
 if __name__ == "__main__":

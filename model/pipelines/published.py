@@ -42,8 +42,8 @@ class PublishedPipeline:
         self._network: tuple[str, RenderFormer] | None = None
 
     def variant(self, view: View) -> str:
-        """By the longer side of what is rendered, which is less than the whole picture with a render border."""
-        return transformer_name(max(view.width, view.height))
+        """By the longer side of the whole picture: a render border shows the same pixels as the full frame."""
+        return transformer_name(view.picture_size or max(view.width, view.height))
 
     def encode(self, scene: RenderScene, variant: str, progress) -> EncodedScene:
         processed = self.encoder.process(scene, lambda text, fraction: progress(text, 0.4 * fraction))

@@ -134,6 +134,12 @@ def test_picture_is_finite_empty_where_nothing_is_seen_and_stage_one_is_kept(ren
     np.testing.assert_array_equal(picture, again)
 
 
+def test_a_border_is_rendered_by_the_network_of_the_whole_picture(renderer):
+    part = replace(floor_view()[0], picture_size=4096)
+    assert renderer.pipeline.variant(part) == "transformer_2048"
+    assert renderer.pipeline.variant(replace(part, picture_size=0)) == "transformer_512"
+
+
 def test_exported_scene_renders_the_same_picture(renderer, tmp_path):
     scene, (view, guides) = floor_scene(), floor_view()
     scene.environment = np.full((256, 512, 3), 0.5, np.float32)

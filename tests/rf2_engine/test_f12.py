@@ -54,6 +54,15 @@ def test_opaque_film_shows_the_world_and_transparent_film_does_not(scene, tmp_pa
     assert np.allclose(background, 0.25 * (1 - clear[..., 3:]), atol=1e-4)
 
 
+def test_pictures_larger_than_a_tile_of_cycles_are_whole(scene, tmp_path):
+    cube(scene)
+    whole = press_f12(scene, tmp_path)
+    scene.cycles.use_auto_tile, scene.cycles.tile_size = True, 16
+    tiled = press_f12(scene, tmp_path)
+    assert (whole["ViewLayer.Combined"] == tiled["ViewLayer.Combined"]).all()
+    assert scene.cycles.use_auto_tile
+
+
 def test_film_exposure_scales_the_picture(scene, tmp_path):
     cube(scene)
     once = press_f12(scene, tmp_path)["ViewLayer.Combined"]

@@ -52,7 +52,7 @@ def test_projection_is_blenders(scene, fit, size):
 def test_border_moves_the_principal_point(scene):
     size = (50, 37)
     whole, part = view_of(scene, size), view_of(scene, size, (10, 31, 5, 20))
-    assert (part.width, part.height) == (21, 15)
+    assert (part.width, part.height) == (21, 15) and part.picture_size == whole.picture_size == 50
     np.testing.assert_allclose(part.principal, whole.principal - (10, 37 - 20))
     np.testing.assert_array_equal(part.focal, whole.focal)
 
