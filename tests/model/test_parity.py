@@ -4,9 +4,11 @@ import json
 from pathlib import Path
 
 import pytest
+import torch
 
 from tools.fixture_cases import Case
-from tools.parity import TOLERANCE, case_errors
+from tools.fixture_results import precision_psnr
+from tools.parity import PSNR, TOLERANCE, case_errors
 from tools.self_check import self_check
 
 FIXTURES = Path(__file__).parents[3] / "shared" / "fixtures"
@@ -22,6 +24,10 @@ def test_every_recorded_tensor_is_reproduced(name):
     recorded = [key for key in Case.load(FIXTURES / f"{name}.json").tensors if not key.startswith(("in.", "chk."))]
     assert set(recorded) <= set(errors)
     assert {key: error for key, error in errors.items() if error > TOLERANCE} == {}
+
+
+def test_bfloat16_keeps_the_picture():
+    assert precision_psnr(Case.load(FIXTURES / "net_full_few.json"), torch.bfloat16) > PSNR
 
 
 def test_self_checks_of_the_specification():
