@@ -33,7 +33,10 @@ class Visible:
 
 
 class KeysValues:
-    """Keys and values of a token sequence in consecutive blocks, each contiguous: a CPU's products copy other layouts."""
+    """Keys and values of a token sequence: one block where PyTorch's own attention is used, else many.
+
+    Those are contiguous each, because a CPU's matrix products copy other layouts.
+    """
 
     def __init__(self, blocks: list[tuple[torch.Tensor, torch.Tensor]]):
         self.blocks = [Visible(*block) for block in blocks]
@@ -41,16 +44,16 @@ class KeysValues:
 
     @classmethod
     def collect(cls, project: Callable, cuts: list[tuple[int, int]], progress: Progress) -> KeysValues:
-        """project(begin, end) -> keys and values (n, heads, head width), once for each of the `cuts` of the sequence."""
+        """project(begin, end) -> keys and values (n, heads, head width), once for each of the `cuts` of a sequence."""
         length, blocks, memory = cuts[-1][1], [], None
         for begin, end in cuts:
             progress(begin / length)
             parts = [part.transpose(0, 1) for part in project(begin, end)]
-            if not torch.is_grad_enabled():
+            if not fused(parts[0]):
                 memory = memory or [room((length, *part.shape[::2]), part) for part in parts]
                 parts = [rows[begin:end].view(part.shape).copy_(part) for rows, part in zip(memory, parts)]
             blocks.append(parts)
-        return cls(blocks)
+        return cls(blocks if memory else [[torch.cat(parts, dim=1) for parts in zip(*blocks)]])
 
     def __len__(self) -> int:
         return self.ends[-1]
@@ -64,9 +67,11 @@ class KeysValues:
         """(heads, 1, 1) float32: the largest norm of a key."""
         return longest_key(self.blocks)
 
-    @cached_property
-    def whole(self) -> Visible:
-        return self.rows(0, len(self))
+    def before(self, end: int) -> list[Visible]:
+        """Tokens 0..end - 1 in their blocks."""
+        count = bisect_right(self.ends, end)
+        done = self.ends[count - 1] if count else 0
+        return self.blocks[:count] + ([self.rows(done, end)] if end > done else [])
 
     def rows(self, begin: int, end: int) -> Visible:
         """Tokens begin..end - 1 as one block."""
@@ -89,8 +94,8 @@ def attend(q: torch.Tensor, visible: list[Visible], longest: torch.Tensor | None
         bias = [q.new_zeros(q.shape[1], b.keys.shape[1]) if b.bias is None else b.bias for b in visible]
         return F.scaled_dot_product_attention(q[None], keys[None], values[None], attn_mask=torch.cat(bias, dim=1))[0]
     # PyTorch's fused CPU kernel runs bfloat16 at the speed of float32 on processors without AMX; products of blocks
-    # whose scores stay in the cache are three times as fast. Where no score can overflow (Cauchy-Schwarz), the sums need
-    # no running maximum.
+    # whose scores stay in the cache are three times as fast. Where no score can overflow (Cauchy-Schwarz), no running
+    # maximum is needed.
     q = q * q.shape[-1] ** -0.5
     longest = longest_key(visible) if longest is None else longest
     bounded = bool((largest_norm(q) * longest).max() <= SAFE_EXPONENT)
@@ -112,7 +117,7 @@ def attend(q: torch.Tensor, visible: list[Visible], longest: torch.Tensor | None
 def attend_to_all(q: torch.Tensor, keys: KeysValues, progress: Progress = Progress()) -> torch.Tensor:
     """Every query sees every key. (heads, n, width) -> same."""
     if fused(q):
-        whole = keys.whole
+        whole = keys.rows(0, len(keys))
         return F.scaled_dot_product_attention(q[None], whole.keys[None], whole.values[None])[0]
     return attend(q, keys.blocks, keys.longest, progress)
 
@@ -147,12 +152,11 @@ class Window:
     def __init__(self, length: int, sink: int, half: int | None, device: torch.device):
         self.length, self.half = length, half
         self.sink = length if half is None or length - sink <= half + 1 else sink
-        sink_cuts = cuts(0, self.sink, device)
-        self.cuts, self.sink_blocks = sink_cuts + cuts(self.sink, length, device), len(sink_cuts)
+        self.cuts = cuts(0, self.sink, device) + cuts(self.sink, length, device)
         self.biases: dict[tuple[int, int, int], torch.Tensor] = {}  # all interior blocks share one
 
     def attend(self, q: torch.Tensor, begin: int, keys: KeysValues, progress: Progress = Progress()) -> torch.Tensor:
-        """Queries begin, begin + 1, ... of one of the `cuts`; `keys` are cut alike. (heads, n, width) -> same."""
+        """Queries begin, begin + 1, ... of one of the `cuts`. (heads, n, width) -> same."""
         if begin < self.sink:
             return attend_to_all(q, keys, progress)
         seen = []
@@ -160,7 +164,7 @@ class Window:
             progress(first / q.shape[1])
             part = q[:, first:first + self.QUERIES]
             band = self.band(begin + first, begin + first + part.shape[1], keys)
-            seen.append(attend(part, [*keys.blocks[:self.sink_blocks], band], keys.longest))
+            seen.append(attend(part, [*keys.before(self.sink), band], keys.longest))
         return torch.cat(seen, dim=1)
 
     def band(self, begin: int, end: int, keys: KeysValues) -> Visible:

@@ -145,7 +145,8 @@ def window_sink_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, sin
     """A whole sequence, cut by cut as stage 1 does it. (L, heads, width) each -> (heads, L, width)."""
     window = Window(len(q), sink, half, q.device)
     keys = KeysValues.collect(lambda begin, end: (k[begin:end], v[begin:end]), window.cuts, progress.part(0.0, 0.1))
-    return torch.cat([window.attend(q[begin:end].transpose(0, 1), begin, keys, progress.part(begin / len(q), end / len(q)))
+    queries = q.transpose(0, 1)
+    return torch.cat([window.attend(queries[:, begin:end], begin, keys, progress.part(begin / len(q), end / len(q)))
                       for begin, end in window.cuts], dim=1)
 
 

@@ -41,7 +41,8 @@ def test_window_sink_attention_equals_a_dense_mask(length, sink, half, dtype, to
 @torch.no_grad()
 def test_large_scores_neither_overflow_nor_vanish(scale, monkeypatch):
     taken = []
-    monkeypatch.setattr(attention, "below_maximum", lambda *x, real=attention.below_maximum: taken.append(1) or real(*x))
+    monkeypatch.setattr(attention, "below_maximum", lambda *x, real=attention.below_maximum:
+                        taken.append(1) or real(*x))
     q, k, v = sequence(1200, seed=1, scale=scale)
     actual = window_sink_attention(q, k, v, 100, 64)
     torch.testing.assert_close(actual, masked_reference(q, k, v, 100, 64), atol=2e-5 * max(scale, 1), rtol=1e-4)
@@ -94,3 +95,6 @@ def test_rows_across_blocks_are_those_of_the_sequence():
     for begin, end in ((0, 20), (0, 4), (3, 5), (4, 5), (5, 13), (12, 14), (19, 20)):
         rows = keys.rows(begin, end)
         assert torch.equal(rows.keys, k[:, begin:end]) and torch.equal(rows.values, -k[:, begin:end])
+    for end in range(21):
+        found = [block.keys for block in keys.before(end)]
+        assert torch.equal(torch.cat([k[:, :0], *found], dim=1), k[:, :end])
