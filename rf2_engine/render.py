@@ -61,6 +61,13 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     with status.stage("First hits", 0.1, 0.2):
         passes = cycles_session.render_passes(engine, depsgraph, samples=samples, lighting=False)
         guides = make_guides(passes, tokens, view, status)
+
+    def write(radiance: np.ndarray) -> None:
+        combined = output.composite(radiance, guides, film_transparent, exposure)
+        output.write(engine, layer, passes | {"combined": combined})
+
+    with status.stage("Writing passes", 0.2, 0.2):  # unlit colours, until the network is done
+        write(guides.diffuse_color + guides.glossy_color + guides.transmission_color)
     visible = guides.alpha.any() and (len(tokens) or tokens.volumes)
     radiance, length = np.zeros((view.height, view.width, 3), np.float32), 0
     if visible:
@@ -71,8 +78,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         if not np.isfinite(radiance).all():
             raise CheckpointError("The network's picture holds values that are not finite: set Precision to Float32")
     with status.stage("Writing passes", 1.0, 1.0):
-        passes["combined"] = output.composite(radiance, guides, film_transparent, exposure)
-        output.write(engine, layer, passes)
+        write(radiance)
 
     last_statistics = {"layer": layer, "size": (view.width, view.height), "triangles": len(tokens), "tokens": length,
                        "weights": weights, "seconds": status.seconds, "report": report.lines()}

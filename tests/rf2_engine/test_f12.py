@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine import passes, render
+from bl_ext.user_default.renderformer_v2.rf2_engine import cycles_session, passes, render
 from bl_ext.user_default.renderformer_v2.rf2_engine.status import Status
 
 from .f12 import cube, material, press_f12, sun
@@ -149,3 +149,33 @@ def test_esc_ends_the_render_at_once_and_writes_no_picture(scene, tmp_path, monk
     bpy.ops.render.render(scene=scene.name)
     assert time.perf_counter() - polls[polls_before_esc] < 0.5
     assert render.last_statistics is before
+
+
+def test_while_the_network_works_the_frame_shows_unlit_colours_and_all_passes(scene, tmp_path, monkeypatch):
+    cube(scene, of=material("Copper", color=(0.8, 0.4, 0.2)))
+    sun(scene)
+    finished = press_f12(scene, tmp_path)
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0] == "Network")
+    cancelled = press_f12(scene, tmp_path)
+    seen = cancelled["ViewLayer.Combined"][15:22, 20:30, :3].mean(axis=(0, 1))
+    assert np.allclose(seen / seen[0], (1, 0.5, 0.25), atol=0.05) and seen[0] > 0.8  # base colour and specular
+    assert all(np.array_equal(cancelled[name], finished[name]) for name in finished if name != "ViewLayer.Combined")
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+def test_first_hits_are_taken_without_light_and_the_scene_keeps_it(scene, tmp_path, monkeypatch, persistent):
+    cube(scene)
+    lamp = sun(scene)
+    scene.render.use_persistent_data = persistent
+    taken = []
+
+    def read(*arguments, real=cycles_session._read):
+        found = real(*arguments)
+        taken.append(found["combined"])
+        return found
+    monkeypatch.setattr(cycles_session, "_read", read)
+    press_f12(scene, tmp_path)
+    assert (taken[0][15:22, 20:30, :3] == 0).all()
+    scene.render.engine = "CYCLES"
+    lit = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert lit[15:22, 20:30, :3].min() > 0.01 and lamp.visible_diffuse
