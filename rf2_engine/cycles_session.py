@@ -25,7 +25,7 @@ _ALWAYS = {
     "cycles.use_sample_subset": False,
     "cycles.use_layer_samples": "IGNORE",
     "cycles.time_limit": 0.0,
-    "cycles.use_auto_tile": False,  # tiles (above 2048 pixels) reach the render result only when the session has ended
+    "cycles.tile_size": 8192,  # Cycles' largest: smaller tiles take the detour over a file on disk
 }
 _FIRST_HITS_ONLY = {
     "cycles.device": "CPU",  # a few samples do not pay for loading GPU kernels
@@ -82,8 +82,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     try:
         cycles_engine.reset(engine, bpy.data, depsgraph)
         cycles_engine.render(engine, depsgraph)
+        cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         found = {} if engine.test_break() else _read(engine.get_result(), layer_name, wanted)
-        cycles_engine.render_frame_finish(engine)
     finally:
         cycles_engine.free(engine)
         engine.session = None

@@ -60,7 +60,15 @@ def test_pictures_larger_than_a_tile_of_cycles_are_whole(scene, tmp_path):
     scene.cycles.use_auto_tile, scene.cycles.tile_size = True, 16
     tiled = press_f12(scene, tmp_path)
     assert (whole["ViewLayer.Combined"] == tiled["ViewLayer.Combined"]).all()
-    assert scene.cycles.use_auto_tile
+    assert scene.cycles.tile_size == 16
+
+
+def test_pictures_wider_than_the_largest_tile_of_cycles_are_whole(scene, tmp_path):
+    cube(scene)
+    scene.render.resolution_x, scene.render.resolution_y = 8200, 16
+    found = press_f12(scene, tmp_path)
+    assert np.allclose(found["ViewLayer.Combined"][0, [0, -1], :3], 0.25, atol=EXACT)
+    assert found["ViewLayer.Depth"][8, 4100] < 10 and found["ViewLayer.Combined"][8, 4100, :3].min() > 0.01
 
 
 def test_film_exposure_scales_the_picture(scene, tmp_path):
