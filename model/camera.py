@@ -23,15 +23,18 @@ def view_rays(view: View) -> tuple[np.ndarray, np.ndarray]:
     columns, rows = np.arange(view.width) + 0.5, np.arange(view.height) + 0.5
     directions = np.empty((view.height, view.width, 3), np.float32)
     for begin in range(0, view.height, ROWS):
-        origin, directions[begin:begin + ROWS] = view_rays_at(view, columns, rows[begin:begin + ROWS])
+        origin, directions[begin:begin + ROWS] = view_rays_at(view, columns, rows[begin:begin + ROWS, None])
     return origin, directions
 
 
 def view_rays_at(view: View, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Like `view_rays` for columns x and rows y in pixels, which may lie outside the picture (padding)."""
+    """Camera origin (3,) f32 and unit world directions (..., 3) f32 at x and y in pixels from the top left corner.
+
+    x and y are broadcast against each other and may lie outside the picture (padding).
+    """
     c2w = np.asarray(view.camera_to_world, np.float64)
-    grid_x, grid_y = np.meshgrid((x - view.principal[0]) / view.focal[0], -(y - view.principal[1]) / view.focal[1])
-    directions = np.stack([grid_x, grid_y, np.full_like(grid_x, -1.0)], axis=-1) @ c2w[:3, :3].T
+    x, y = np.broadcast_arrays((x - view.principal[0]) / view.focal[0], -(y - view.principal[1]) / view.focal[1])
+    directions = np.stack([x, y, np.full_like(x, -1.0)], axis=-1) @ c2w[:3, :3].T
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     return c2w[:3, 3].astype(np.float32), directions.astype(np.float32)
 

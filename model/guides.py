@@ -68,7 +68,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, row
     tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
     guides = Guides(**{field.name: getattr(guides, field.name)[rows] for field in fields(Guides)})
     h, w = guides.alpha.shape
-    origin, rays = map(tensor, view_rays_at(view, np.arange(w) + 0.5, rows.start + np.arange(h) + 0.5))
+    origin, rays = map(tensor, view_rays_at(view, np.arange(w) + 0.5, rows.start + np.arange(h)[:, None] + 0.5))
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))

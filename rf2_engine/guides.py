@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
+from ..model.camera import view_rays_at
 from ..model.scene import Guides, RenderScene, View
 
 # A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what
@@ -16,7 +17,8 @@ UNSEEN_LIGHT_TOLERANCE = 1e-4
 NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothing
 COVERED = 1e-3       # alpha below this is not worth a token's attention
 FILL_RADIUS = 4      # pixels
-CHUNK = 1 << 16      # rays between two looks at the Esc key: about 0.1 s
+CHUNK = 1 << 16      # pixels between two looks at the Esc key: about 0.1 s
+GRID = 4             # pixels
 
 
 def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View, progress=None) -> Guides:
@@ -41,7 +43,7 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View, p
     if len(scene) and seen.any():
         shines = (passes["emission"] > 0).any(axis=-1)
         triangle[seen], barycentric[seen] = _first_triangles(scene, view, position, seen, shines,
-                                                                    progress or (lambda text, fraction: None))
+                                                             progress or (lambda text, fraction: None))
     source = _nearest(seen, covered)
 
     length = np.linalg.norm(passes["normal"], axis=-1, keepdims=True)
@@ -55,26 +57,53 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View, p
 
 def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen: np.ndarray, shines: np.ndarray,
                      progress) -> tuple[np.ndarray, np.ndarray]:
-    """Token triangle (S,) i32 and weights of its corners 0 and 1 (S, 2) f32 for the S pixels of `seen`."""
+    """Token triangle (S,) i32 and weights of its corners 0 and 1 (S, 2) f32 for the S pixels of `seen`.
+
+    Rays are cast through every GRID-th pixel, and where the triangle found there does not hold what is seen.
+    """
     corners = scene.triangles.reshape(-1, 3)
     tree = BVHTree.FromPolygons(corners.tolist(), np.arange(len(corners)).reshape(-1, 3).tolist(), all_triangles=True)
-    eye, is_light = view.camera_to_world[:3, 3], scene.is_light
-    rays, targets, shining = _directions(view)[seen], position[seen], shines[seen]
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    triangles, points = np.empty(len(rays), np.int32), np.empty((len(rays), 3), np.float32)
+    eye, rows, columns = view.camera_to_world[:3, 3], *np.nonzero(seen)
+    on_grid = (rows % GRID == 0) & (columns % GRID == 0)
+    triangles, weights = np.full(seen.shape, -1, np.int32), np.zeros((*seen.shape, 2), np.float32)
+    groups = [(y[first:first + CHUNK], x[first:first + CHUNK])
+              for y, x in ((rows[on_grid], columns[on_grid]), (rows[~on_grid], columns[~on_grid]))
+              for first in range(0, len(y), CHUNK)]
+    for i, (y, x) in enumerate(groups):
+        progress("Finding the triangles that are seen", i / len(groups))
+        point = position[y, x]
+        guess = triangles[y - y % GRID, x - x % GRID]
+        guess, inside = _holding(scene, guess, point, eye)
+        new = np.flatnonzero(guess < 0)
+        rays = view_rays_at(view, x[new] + 0.5, y[new] + 0.5)[1]
+        guess[new], hit = _seen_along(tree, scene, eye, rays, point[new], shines[y[new], x[new]])
+        inside[new] = _barycentric(scene.triangles[guess[new]], hit)
+        triangles[y, x], weights[y, x] = guess, inside
+    return triangles[seen], weights[seen]
 
-    for begin in range(0, len(rays), CHUNK):
-        progress("Finding the triangles that are seen", begin / len(rays))
-        part = slice(begin, begin + CHUNK)
-        triangle, distance = _cast(tree, eye, rays[part])
-        point, target = eye + distance[:, None] * rays[part], targets[part]
-        unseen_light = is_light[triangle] & ~shining[part]
-        tolerance = np.where(unseen_light, UNSEEN_LIGHT_TOLERANCE, TOLERANCE) * np.linalg.norm(target - eye, axis=1)
-        other = np.flatnonzero((triangle < 0) | (np.linalg.norm(point - target, axis=1) > tolerance))
-        for i, place in zip(other.tolist(), target[other].tolist()):
-            point[i], _, triangle[i], _ = tree.find_nearest(place)
-        triangles[part], points[part] = triangle, point
-    return triangles, _barycentric(scene.triangles[triangles], points)
+
+def _holding(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
+             eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`triangle` (S,) i32 where it holds `point` (S, 3), else -1; weights of corners 0 and 1 (S, 2) f32 there."""
+    corners = scene.triangles[triangle]
+    weights = _barycentric(corners, point)
+    third = 1 - weights.sum(1)
+    nearest = np.einsum("sk,skc->sc", np.column_stack([weights, third]), corners)
+    off = np.linalg.norm(nearest - point, axis=1) / np.linalg.norm(point - eye, axis=1)
+    return np.where((triangle >= 0) & (third >= 0) & (off < UNSEEN_LIGHT_TOLERANCE), triangle, -1), weights
+
+
+def _seen_along(tree: BVHTree, scene: RenderScene, eye: np.ndarray, rays: np.ndarray, target: np.ndarray,
+                shines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangle (S,) i32 behind unit rays (S, 3) on which Cycles saw `target` (S, 3), and the point (S, 3) f32 on it."""
+    triangle, distance = _cast(tree, eye, rays)
+    point = (eye + distance[:, None] * rays).astype(np.float32)
+    unseen_light = scene.is_light[triangle] & ~shines
+    tolerance = np.where(unseen_light, UNSEEN_LIGHT_TOLERANCE, TOLERANCE) * np.linalg.norm(target - eye, axis=1)
+    other = np.flatnonzero((triangle < 0) | (np.linalg.norm(point - target, axis=1) > tolerance))
+    for i, place in zip(other.tolist(), target[other].tolist()):
+        point[i], _, triangle[i], _ = tree.find_nearest(place)
+    return triangle, point
 
 
 def _cast(tree: BVHTree, eye: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -84,14 +113,6 @@ def _cast(tree: BVHTree, eye: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray,
     triangle = np.fromiter((-1 if index is None else index for index, _ in hits), np.int32, len(hits))
     distance = np.fromiter((length or 0.0 for _, length in hits), np.float32, len(hits))
     return triangle, distance
-
-
-def _directions(view: View) -> np.ndarray:
-    """(H, W, 3) f32 world directions through the pixel centres, not of unit length."""
-    x = (np.arange(view.width, dtype=np.float32) + 0.5 - view.principal[0]) / view.focal[0]
-    y = -(np.arange(view.height, dtype=np.float32) + 0.5 - view.principal[1]) / view.focal[1]
-    right, up, backward = view.camera_to_world[:3, :3].T
-    return x[None, :, None] * right + y[:, None, None] * up - backward
 
 
 def _barycentric(triangles: np.ndarray, point: np.ndarray) -> np.ndarray:
