@@ -8,6 +8,7 @@ from torch.nn import functional as F
 
 from .bands import Rows, added, combined, convolved, enlarged, resized, whole
 from .config import ModelConfig
+from .norm import Float32Conv2d
 from .progress import Progress
 
 BAND_PIXELS = 1 << 16  # of one band of the picture: about 200 MB of published activations, and short polls
@@ -76,7 +77,7 @@ class DPTDecoder(nn.Module):
         self.scratch.output_conv1 = nn.Conv2d(width, width // 2, 3, padding=1)
         self.scratch.output_conv2 = nn.Sequential(
             nn.Conv2d(width // 2 + config.decoder_extra_channels, 32, 3, padding=1), nn.SiLU(),
-            nn.Conv2d(32, config.decoded_channels, 1))
+            Float32Conv2d(32, config.decoded_channels, 1))  # log radiance needs more bits than bfloat16 has
 
     def forward(self, features: list[torch.Tensor], extra: torch.Tensor | None = None,
                 progress: Progress | None = None) -> torch.Tensor:
@@ -108,12 +109,12 @@ class DPTDecoder(nn.Module):
         x = resize(scratch.output_conv1(x), size)
         if extra is not None:
             x = torch.cat([x, extra.to(x.dtype)], dim=1)
-        return scratch.output_conv2(x).float()
+        return scratch.output_conv2(x)
 
     def _bands(self, features, size, extra, progress: Progress, rows: int) -> torch.Tensor:
         result, x = None, self._rows(features, size, extra, lambda: progress(begin / size[0]))
         for begin in range(0, size[0], rows):
-            band = x(begin, begin + rows).float()
+            band = x(begin, begin + rows)
             if result is None:
                 result = band.new_empty(*band.shape[:2], *size)
             result[:, :, begin:begin + rows] = band
@@ -139,4 +140,4 @@ class DPTDecoder(nn.Module):
         x = resized(convolved(scratch.output_conv1, x), size)
         if extra is not None:
             x = combined(x, whole(extra, poll), lambda x, extra: torch.cat([x, extra.to(x.dtype)], dim=1))
-        return convolved(scratch.output_conv2[2], convolved(scratch.output_conv2[0], x), F.silu)
+        return convolved(scratch.output_conv2[2], convolved(scratch.output_conv2[0], x), lambda x: F.silu(x).float())

@@ -79,7 +79,7 @@ def read_h5(path: str | Path) -> ProcessedScene:
     scene = ProcessedScene(
         triangles=_float(arrays, "triangles", (n, 3, 3), path),
         normals=_float(arrays, "vn", (n, 3, 3), path) if "vn" in arrays else np.zeros((n, 3, 3), np.float32),
-        texture=texture.astype(np.float16, copy=False), texture_index=np.arange(n),
+        texture=texture, texture_index=np.arange(n),
         light_strength=_float(arrays, "light_strength", (n, 3), path), environment=_environment(arrays, path),
         volumes=_volumes(arrays, path), camera_to_world=_float(arrays, "c2w", (views, 4, 4), path),
         fov=_float(arrays | {"fov": arrays["fov"].reshape(-1)}, "fov", (views,), path), image=arrays.get("img"),
@@ -101,7 +101,7 @@ def _environment(arrays: dict, path: Path) -> np.ndarray | None:
         return None
     image = arrays["env_map"].astype(np.float32)
     if image.ndim == 3 and image.shape[-1] in (3, 4):
-        rotation = np.radians(np.asarray(arrays.get("env_map_rotation", np.zeros(3)), np.float64).reshape(3))
+        rotation = np.reshape(arrays.get("env_map_rotation", np.zeros(3)), 3)
         image = rotate_environment(image, rotation, float(np.ravel(arrays.get("env_map_strength", 1.0))[0]))
     elif image.ndim == 3 and image.shape[0] in (3, 4):
         image = np.ascontiguousarray(image[:3].transpose(1, 2, 0))

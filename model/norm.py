@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""RMSNorm, and the Linear layer whose weights decide the precision of the product (spec/network.md 3, 11)."""
+"""RMSNorm, and layers that decide the precision of their product (spec/network.md 3, 11)."""
 from __future__ import annotations
 
 import torch
@@ -26,3 +26,10 @@ class Linear(nn.Linear):
         """(..., in) -> (..., out) in the weights' dtype, or some of the outputs."""
         bias = None if self.bias is None else self.bias[outputs]
         return F.linear(x.to(self.weight.dtype), self.weight[outputs], bias)
+
+
+class Float32Conv2d(nn.Conv2d):
+    """nn.Conv2d that stays in float32 when `model.precision.in_precision` stores the others in half precision."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return super().forward(x.float())

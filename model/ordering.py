@@ -9,6 +9,8 @@ BITS = 16  # the order depends on it
 
 def hilbert_grid(positions: torch.Tensor) -> torch.Tensor:
     """(n, 3) float32 -> (n, 3) int64 cells 0..65535 of the anisotropic bounding box; an axis without extent gives 0."""
+    if len(positions) == 0:
+        return positions.long()
     low, high = positions.amin(dim=0), positions.amax(dim=0)
     extent = high - low
     scaled = (positions - low) / torch.where(extent > 0, extent, torch.ones_like(extent))
@@ -37,6 +39,4 @@ def hilbert_codes(grid: torch.Tensor) -> torch.Tensor:
 
 def hilbert_order(positions: torch.Tensor) -> torch.Tensor:
     """(n, 3) float32 -> (n,) int64 stable order of the points along the curve."""
-    if len(positions) == 0:
-        return torch.zeros(0, dtype=torch.long, device=positions.device)
     return hilbert_codes(hilbert_grid(positions)).argsort(stable=True)

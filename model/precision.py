@@ -8,7 +8,7 @@ import time
 import torch
 from torch import nn
 
-from .norm import Linear
+from .norm import Float32Conv2d, Linear
 
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
 
@@ -36,9 +36,9 @@ def choose_precision(name: str, device: torch.device) -> torch.dtype:
 
 
 def in_precision(model: nn.Module, dtype: torch.dtype) -> nn.Module:
-    """Store the weights of matrix products and convolutions in `dtype`; norms and learned tokens stay float32."""
+    """Store the weights of matrix products and convolutions in `dtype`; norms, tokens and last layer stay float32."""
     for module in model.modules():
-        if isinstance(module, (Linear, nn.Conv2d, nn.ConvTranspose2d)):
+        if isinstance(module, (Linear, nn.Conv2d, nn.ConvTranspose2d)) and not isinstance(module, Float32Conv2d):
             module.to(dtype)
     return model
 

@@ -40,6 +40,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
 def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str) -> None:
     global last_statistics
     runtime.require()
+    model_cache.begin_import()
     scene, report, status = depsgraph.scene_eval, Report(), Status(engine)
     settings = depsgraph.scene.renderformer_v2
     weights, device, precision = settings.weights(), settings.device, settings.precision
@@ -72,7 +73,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     radiance, length = np.zeros((view.height, view.width, 3), np.float32), 0
     if visible:
         with status.stage("Loading the network", 0.2, 0.25):
-            renderer = model_cache.renderer(weights, device, precision)
+            renderer = model_cache.renderer(weights, device, precision, status)
         with status.stage("Network", 0.25, 1.0):
             radiance, length = renderer.render(tokens, view, guides, status), renderer.tokens
         if not np.isfinite(radiance).all():

@@ -39,7 +39,7 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
         **{f"ray{i}": layer for i, layer in enumerate(view_layers)},
         **{f"cross{i}": layer.multihead_attn.out_proj for i, layer in enumerate(view_layers)},
         **{f"swin{i}": layer.self_attn for i, layer in enumerate(view_layers)},
-        "attention": layers[0].multihead_attn.out_proj, "dpt": network.view_transformer.out_dpt, **pyramid,
+        "attention": layers[0].multihead_attn.out_proj, "dpt": network.view_transformer.out_dpt,
     }) as seen:
         sequence, _ = network.embed_scene(inputs)
         context = network.encode_scene(inputs)
@@ -57,12 +57,14 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
         "in.rays_d": camera_results(case),
     }
     if any(name.startswith("dbg.") for name in case.tensors):
+        with torch.enable_grad(), Recorder(pyramid) as maps:  # only there the decoder keeps whole maps of any size
+            network.render_view(context, rays_o, rays_d)
         results |= embedding_results(network, case, inputs) | attention_results(network, sequence) | {
             "dbg.enc0_attn": seen["attention"], "dbg.enc1": seen["layer1"],
             "dbg.attn0": torch.cat(seen.inputs["attention"]).unflatten(-1, (config.num_heads, -1)).transpose(0, 1),
             **{f"dbg.view{i}_cross": rays(seen[f"cross{i}"]) for i in range(len(view_layers))},
             **{f"dbg.view{i}_swin": seen[f"swin{i}"] for i in range(len(view_layers))},
-            **{f"dbg.dpt_{name}": seen[name][:1] for name in pyramid},
+            **{f"dbg.dpt_{name}": maps[name][:1] for name in pyramid},
         }
     if any(name.startswith("alt.") for name in case.tensors):
         results |= alternative_results(network, inputs, rays_o, rays_d)
@@ -174,9 +176,8 @@ def material_results(case: Case) -> dict[str, torch.Tensor]:
 def environment_results(case: Case) -> dict[str, torch.Tensor]:
     """Rotation, strength, LDR / HDR images, direction map and camera rays."""
     t = {name: tensor.numpy() for name, tensor in case.tensors.items()}
-    angles = np.radians(t["in.rotation_deg"].astype(np.float64))
-    maps = [rotate_environment(t["in.env_rgba" if i == 1 else "in.env"], angle, strength)
-            for i, (angle, strength) in enumerate(zip(angles, t["in.strength"]))]
+    maps = [rotate_environment(t["in.env_rgba" if i == 1 else "in.env"], degrees, strength)
+            for i, (degrees, strength) in enumerate(zip(t["in.rotation_deg"], t["in.strength"]))]
     ldr, hdr, strength = environment_images(maps[1])
     cameras = list(zip(t["in.c2w"], t["in.fov_deg"]))
     full = [view_rays(square_view(*camera, 8)) for camera in cameras]
@@ -184,7 +185,7 @@ def environment_results(case: Case) -> dict[str, torch.Tensor]:
              for camera, origin in zip(cameras, t["in.crop_origin_yx"].astype(int))]
     directions = direction_map(256, 512)
     results = {
-        "out.rotation_matrix": np.stack([rotation_matrix(a) for a in angles]),
+        "out.rotation_matrix": np.stack([rotation_matrix(degrees) for degrees in t["in.rotation_deg"]]),
         "out.env_chw": np.stack([m.transpose(2, 0, 1) for m in maps]),
         "out.vae_input_ldr": ldr, "out.vae_input_hdr": hdr, "out.env_strength": np.array([strength]),
         "out.direction_map_small": direction_map(*t["in.env"].shape[:2]),

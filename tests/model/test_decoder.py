@@ -7,6 +7,7 @@ import torch
 
 from model import decoder
 from model.decoder import DPTDecoder
+from model.precision import in_precision
 from model.progress import Progress
 
 from tools.fixture_cases import with_recipe_weights
@@ -36,8 +37,9 @@ def test_bands_equal_the_whole_picture(tiny_config, monkeypatch, views, grid, ro
 
 @torch.no_grad()
 def test_bands_agree_in_bfloat16(tiny_config, monkeypatch):
-    network, (levels, extra) = built(tiny_config).to(torch.bfloat16), features(1, (16, 8))
+    network, (levels, extra) = in_precision(built(tiny_config), torch.bfloat16), features(1, (16, 8))
     expected = network(levels, extra)
+    assert expected.dtype == torch.float32 and (expected.bfloat16() != expected).any()
     monkeypatch.setattr(decoder, "BAND_PIXELS", 16 * 64)
     assert (network(levels, extra) - expected).abs().max() <= 2e-2 * expected.abs().max()
 

@@ -77,7 +77,7 @@ def test_optional_data_may_be_absent_or_empty(stored):
 def test_raw_environment_is_rotated_and_scaled(stored):
     image = np.random.default_rng(2).random((256, 512, 4)).astype(np.float32)
     found = read_h5(edited(stored, env_map=image, env_map_rotation=[20.0, 30, 40], env_map_strength=[2.0]))
-    np.testing.assert_array_equal(found.environment, rotate_environment(image, np.radians([20, 30, 40]), 2.0))
+    np.testing.assert_array_equal(found.environment, rotate_environment(image, [20, 30, 40], 2.0))
 
 
 def test_raw_texture_brings_its_own_light(stored):

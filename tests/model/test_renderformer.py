@@ -7,6 +7,7 @@ import torch
 
 from model import decoder, renderformer, swin, progress
 from model.config import rf2_200m, rf2_small
+from model.precision import in_precision
 from model.renderformer import RenderFormer
 
 
@@ -115,7 +116,7 @@ def test_hooks_for_guidance(tiny_config, tiny_inputs, rays):
 def test_bfloat16_weights_give_nearly_the_same_picture(tiny_config, tiny_network, tiny_inputs, rays):
     half = RenderFormer(tiny_config)
     half.load_state_dict(tiny_network.state_dict())
-    half = half.to(torch.bfloat16).eval()
+    half = in_precision(half, torch.bfloat16).eval()
     assert half.transformer.rope_emb.freqs.dtype == torch.float32
     expected = tiny_network(tiny_inputs, *rays)
     error = (half(tiny_inputs, *rays) - expected).pow(2).mean().sqrt() / expected.abs().max()
