@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from .checkpoint import build_network, load_component, load_network, read_json, require, weights_file
+from .checkpoint import build_network, explained, load_component, load_network, read_json, require, weights_file
 from .config import ModelConfig
 from .errors import CheckpointError
 from .material.autoencoder import MaterialAutoencoder
@@ -19,8 +19,13 @@ RELEASED_TRAINER = {"turn_to_cam_coord": False, "learn_ldr": False, "emission_ar
                     "clamped_hdr": False}
 
 
+PARTS = ("model_index.json", "transformer_512", "transformer_2048", "material_autoencoder", *MAPPERS)
+
+
+@explained()
 def is_bundle(folder: str | Path) -> bool:
-    return (Path(folder) / "model_index.json").is_file()
+    """Whether the folder is a published bundle, or what a partial download left of it."""
+    return any((Path(folder) / name).exists() for name in PARTS)
 
 
 @dataclass
@@ -29,6 +34,7 @@ class Bundle:
 
     folder: Path
 
+    @explained()
     def __post_init__(self) -> None:
         """Raises CheckpointError when the folder is not a published bundle."""
         self.folder = Path(self.folder)
@@ -58,6 +64,7 @@ def transformer_name(resolution: int) -> str:
     return "transformer_2048" if resolution >= LARGE_RESOLUTION else "transformer_512"
 
 
+@explained()
 def load_transformer(folder: Path) -> RenderFormer:
     """One transformer folder: config.yaml, or the standalone model_config.json, beside model.safetensors."""
     present = [name for name in ("config.yaml", "config.yml", "model_config.json") if (folder / name).is_file()]
@@ -80,13 +87,16 @@ def read_yaml_config(file: Path) -> ModelConfig:
     try:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise CheckpointError(f"{file} cannot be read ({error}): download or copy it again") from error
+        reason = " ".join(str(error).split())
+        raise CheckpointError(f"{file} cannot be read ({reason}): download or copy it again") from error
     if not isinstance(content, dict) or not isinstance(content.get("model_config"), dict):
         raise CheckpointError(f"{file} has no model_config section")
     unknown = sorted(set(content) - SECTIONS)
     if unknown:
         raise CheckpointError(f"{file} has unknown sections: {', '.join(unknown)}")
     trainer = content.get("trainer_config") or {}
+    if not isinstance(trainer, dict):
+        raise CheckpointError(f"{file}: trainer_config is not a mapping")
     for name, value in RELEASED_TRAINER.items():
         if trainer.get(name, value) != value:
             raise CheckpointError(f"{file}: {name} = {trainer[name]!r} is not supported, only {value!r}")

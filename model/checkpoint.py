@@ -6,6 +6,7 @@ Every function that reads raises CheckpointError with the path and what to do. T
 from __future__ import annotations
 
 import json
+from contextlib import contextmanager
 from pathlib import Path
 
 import torch
@@ -20,6 +21,7 @@ WEIGHTS = Path(__file__).parent / "weights"
 SMALL = WEIGHTS / "rf2_small"
 MATERIAL_MAPPER = WEIGHTS / "material" / "metallic_transmission_mapper"
 FORMAT = {"format": "renderformer-model", "format_version": 1}
+FLOATS = ("F16", "BF16", "F32", "F64")  # safetensors' names
 PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl")
 
 
@@ -46,8 +48,21 @@ def load_small(weights: str | Path = "small") -> tuple[RenderFormer, Mapper]:
     return load_network(SMALL if weights == "small" else Path(weights)), load_material_mapper()
 
 
+@contextmanager
+def explained():
+    """What the operating system refuses becomes a CheckpointError; around everything that looks into folders."""
+    try:
+        yield
+    except OSError as error:
+        raise CheckpointError(f"{error.filename} cannot be read ({error.strerror}): check its permissions") from error
+
+
+@explained()
 def load_network(folder: Path, name: str = "config.json") -> RenderFormer:
     """The network of one folder in this project's format; `name` is the file that describes it."""
+    if folder.is_dir() and not (folder / name).is_file():
+        raise CheckpointError(f"{folder} holds no weights: choose the folder renderformer-v2 (with model_index.json), "
+                              f"or one that tools.train.network wrote (with {name})")
     description = read_json(require(folder, name))
     if {key: description.get(key) for key in FORMAT} != FORMAT:
         raise CheckpointError(f"{folder / name} does not describe a RenderFormer-V2 network of this add-on "
@@ -73,11 +88,12 @@ def load_component(kind: type[nn.Module], folder: Path) -> nn.Module:
     try:
         with torch.device("meta"):
             module = kind(**arguments)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(f"{folder / 'config.json'} does not fit {kind.__name__}: {error}") from error
     return load_weights(module, weights_file(folder))
 
 
+@explained()
 def load_weights(module: nn.Module, file: Path) -> nn.Module:
     """Give a module on the meta device the tensors of a safetensors file, strictly, and switch it to evaluation.
 
@@ -85,13 +101,17 @@ def load_weights(module: nn.Module, file: Path) -> nn.Module:
     """
     from safetensors import SafetensorError, safe_open
 
+    file.open("rb").close()  # safetensors would call a file that may not be read a missing one
     wanted = {key: tuple(value.shape) for key, value in module.state_dict().items()}
     try:
         with safe_open(file, framework="pt") as stored:
-            found = {key: tuple(stored.get_slice(key).get_shape()) for key in stored.keys()}
-            _compare(wanted, found, file)
+            slices = {key: stored.get_slice(key) for key in stored.keys()}
+            _compare(wanted, {key: tuple(part.get_shape()) for key, part in slices.items()}, file)
+            for key, part in slices.items():
+                if part.get_dtype() not in FLOATS:
+                    raise CheckpointError(f"{file}: {key} is stored as {part.get_dtype()}, not as one of {FLOATS}")
             state = {key: stored.get_tensor(key).float() for key in wanted}
-    except (SafetensorError, OSError) as error:
+    except SafetensorError as error:
         raise CheckpointError(f"{file} is damaged or incomplete ({error}): download or copy it again") from error
     module.load_state_dict(state, strict=True, assign=True)
     return module.requires_grad_(False).eval()
@@ -108,6 +128,7 @@ def _compare(wanted: dict[str, tuple], found: dict[str, tuple], file: Path) -> N
             raise CheckpointError(f"{file}: {key} has shape {found[key]}, the configuration asks for {shape}")
 
 
+@explained()
 def weights_file(folder: Path) -> Path:
     """The folder's model.safetensors; explains why pickled weights are refused."""
     file = folder / "model.safetensors"
@@ -119,10 +140,13 @@ def weights_file(folder: Path) -> Path:
     return require(folder, "model.safetensors")
 
 
+@explained()
 def require(folder: Path, name: str) -> Path:
     """folder / name, which must exist."""
     if folder.suffix in PICKLES:
         raise CheckpointError(f"{folder} is a pickle, which can run any program when opened: use safetensors weights")
+    if folder.is_file():
+        raise CheckpointError(f"{folder} is a file: choose the folder that it lies in")
     if not folder.is_dir():
         raise CheckpointError(f"there is no weights folder {folder}")
     file = folder / name
@@ -131,11 +155,12 @@ def require(folder: Path, name: str) -> Path:
     return file
 
 
+@explained()
 def read_json(file: Path) -> dict:
     """A JSON object."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
-    except (ValueError, OSError) as error:
+    except ValueError as error:
         raise CheckpointError(f"{file} cannot be read ({error}): download or copy it again") from error
     if not isinstance(content, dict):
         raise CheckpointError(f"{file} does not hold a JSON object")

@@ -23,6 +23,24 @@ _FIXED = {
     "deepstack_injection_map": None, "deepstack_decoder_injection_map": None,
 }
 
+_AT_LEAST_ONE = (
+    "latent_dim", "num_layers", "num_heads", "dim_feedforward", "texture_encode_patch_size", "texture_channels",
+    "envmap_latent_patch_size", "envmap_latent_channels", "envmap_ray_dir_map_patch_size", "summary_block_size",
+    "volume_density_input_dim", "view_transformer_latent_dim", "view_transformer_ffn_hidden_dim",
+    "view_transformer_n_heads", "view_transformer_n_layers", "patch_size", "dpt_features",
+)
+
+
+def _is_count(value) -> bool:
+    return type(value) is int and value >= 0
+
+
+_FITS = {  # by the annotation of a field
+    "int": _is_count, "bool": lambda value: type(value) is bool, "str": lambda value: type(value) is str,
+    "float": lambda value: type(value) in (int, float), "dict": lambda value: type(value) is dict,
+    "tuple[int, ...]": lambda value: type(value) is tuple and all(map(_is_count, value)),
+}
+
 
 @dataclass(frozen=True)
 class ModelConfig:
@@ -134,6 +152,13 @@ class ModelConfig:
 
     def validate(self) -> ModelConfig:
         """Return self; raises CheckpointError for a network that this implementation does not have."""
+        for field in fields(self):
+            value, wanted = getattr(self, field.name), field.type.removesuffix(" | None")
+            if not (_FITS[wanted](value) or value is None and wanted != field.type):
+                raise CheckpointError(f"{field.name} = {value!r} is not of the kind {field.type}")
+        for name in _AT_LEAST_ONE:
+            if getattr(self, name) < 1:
+                raise CheckpointError(f"{name} = {getattr(self, name)} must be at least 1")
         for name, value in _FIXED.items():
             if getattr(self, name) != value:
                 raise CheckpointError(f"{name} = {getattr(self, name)!r} is not supported, only {value!r}: "
@@ -150,7 +175,8 @@ class ModelConfig:
                                   f"of width {self.latent_dim // self.num_heads}")
         if self.view_transformer_latent_dim != self.latent_dim:
             raise CheckpointError(f"stage widths differ: {self.latent_dim} and {self.view_transformer_latent_dim}")
-        if len(set(self.decoder_layers)) != 4 or len(self.dpt_out_channels) != 4:
+        if (len(set(self.decoder_layers) & set(range(self.view_transformer_n_layers))) != 4
+                or len(self.decoder_layers) != 4 or len(self.dpt_out_channels) != 4):
             raise CheckpointError(f"the decoder reads four view layers, the configuration names {self.decoder_layers}")
         return self
 
@@ -161,7 +187,7 @@ class ModelConfig:
     @classmethod
     def from_dict(cls, mapping: dict) -> ModelConfig:
         """Raises CheckpointError for an unknown key or an unsupported value."""
-        unknown = sorted(set(mapping) - {f.name for f in fields(cls)})
+        unknown = sorted(map(str, set(mapping) - {f.name for f in fields(cls)}))
         if unknown:
             raise CheckpointError(f"unknown keys in model_config: {', '.join(unknown)}")
         return cls(**mapping).validate()

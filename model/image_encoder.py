@@ -10,7 +10,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from .checkpoint import load_weights, read_json, require
+from .checkpoint import explained, load_weights, read_json, require
 from .errors import CheckpointError
 
 BATCH = 256
@@ -19,6 +19,7 @@ CACHE_BYTES = 1 << 28  # of latents kept for the next scene
 CLASS = "AutoencoderKLQwenImage"
 
 
+@explained()
 def find_vae(bundle: Path) -> Path:
     """`vae` inside the bundle, or in a folder `Qwen-Image` beside it. Raises CheckpointError when there is neither."""
     places = [bundle / "vae", bundle.absolute().parent / "Qwen-Image" / "vae"]

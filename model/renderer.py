@@ -15,6 +15,7 @@ import torch
 
 from .bundle import is_bundle
 from .camera import padded_view
+from .errors import CheckpointError
 from .normalize import Normalization
 from .pipelines.guided import GuidedPipeline
 from .pipelines.published import PublishedPipeline
@@ -40,7 +41,7 @@ class Renderer:
         """(H, W, 3) f32 radiance of surfaces and volumes, premultiplied, scene-linear, row 0 on top.
 
         Directly seen emitters and the world are not in it: they are in `guides`. progress(text, fraction) is called
-        at least every 0.2 s and may raise RenderCancelled.
+        at least every 0.2 s and may raise RenderCancelled. Raises CheckpointError when the picture is not finite.
         """
         progress = progress or (lambda text, fraction: None)
         with torch.inference_mode():
@@ -50,6 +51,9 @@ class Renderer:
             image = self.pipeline.image(encoded, normalization.view(view), normalization.guides(guides),
                                         lambda text, fraction: progress(text, 0.5 + 0.5 * fraction))
             image = image[:, :height, :width] / normalization.exposure
+        if not image.isfinite().all():
+            advice = "the weights may be damaged" if self.dtype == torch.float32 else "set Precision to Float32"
+            raise CheckpointError(f"The network's picture holds values that are not finite: {advice}")
         return image.permute(1, 2, 0).cpu().numpy()
 
     def _encode(self, scene: RenderScene, view: View, progress) -> tuple:

@@ -5,6 +5,11 @@ from __future__ import annotations
 import bpy
 
 
+def world(depsgraph: bpy.types.Depsgraph) -> bpy.types.World | None:
+    """The evaluated world of the view layer that is rendered."""
+    return getattr(depsgraph.view_layer_eval, "world_override", None) or depsgraph.scene_eval.world
+
+
 def set_file_format(settings: bpy.types.ImageFormatSettings, file_format: str) -> None:
     """Set `image_settings.file_format`; Blender 5 wants the media type first.
 

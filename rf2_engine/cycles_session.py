@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ..model.errors import RenderCancelled, SceneError
+from . import compat
 from . import passes as pass_table
 
 # The film is always transparent: Cycles then gives coverage as alpha, while the Environment pass still holds the
@@ -35,8 +36,16 @@ _FIRST_HITS_ONLY = {
     "cycles.use_light_tree": False,  # a sixth of the time, for light that nobody looks at
 }
 # Only camera rays see anything: none is cast towards a light, and what costs a third of the time is left out.
-_UNLIT = {f"visible_{ray}": False for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")}
+_UNLIT = {f"visible_{ray}": False for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")} | {
+    "is_shadow_catcher": False}  # they would be black and half transparent: there is no shadow to catch
 _WORLD_UNLIT = {f"cycles_visibility.{ray}": False for ray in ("diffuse", "glossy", "transmission", "scatter")}
+
+
+def require() -> None:
+    """Raises SceneError when Cycles is switched off."""
+    if not addon_utils.check("cycles")[1]:
+        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on for first hits: "
+                         "enable 'Cycles Render Engine' in Preferences > Add-ons")
 
 
 def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int,
@@ -56,9 +65,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
 
     Raises RenderCancelled after Esc, SceneError when Cycles is switched off or stops with an error.
     """
-    if not addon_utils.check("cycles")[1]:
-        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on for first hits: "
-                         "enable 'Cycles Render Engine' in Preferences > Add-ons")
+    require()
     import cycles.engine as cycles_engine
 
     scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
@@ -73,8 +80,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         saved += _override(scene, _FIRST_HITS_ONLY) + _override(view_layer, {"use_motion_blur": False})
         if scene.camera and scene.camera.type == "CAMERA":  # the network knows a pinhole camera
             saved += _override(scene.camera.data, {"dof.use_dof": False})
-        if scene.world:
-            saved += _override(scene.world, _WORLD_UNLIT)
+        if world := compat.world(depsgraph):
+            saved += _override(world, _WORLD_UNLIT)
         for evaluated in depsgraph.objects:
             saved += _override(evaluated, _UNLIT)
     engine.session = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import importlib
-import sys
 from threading import Thread
 
 from ..model.errors import CheckpointError
@@ -49,10 +48,12 @@ def is_loaded() -> bool:
 
 def free() -> None:
     """Give the network's memory back, on the GPU too."""
+    if not _cached:
+        return  # and PyTorch may be half imported
     _cached.clear()
     gc.collect()
-    torch = sys.modules.get("torch")
-    if torch is not None and torch.cuda.is_available():
+    import torch
+    if torch.cuda.is_available():
         torch.cuda.empty_cache()
 
 

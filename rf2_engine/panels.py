@@ -9,7 +9,7 @@ from .engine import RenderFormerEngine
 
 # Panels that Blender shows for any engine but that do nothing here, or that a more complete Eevee panel replaces.
 EXCLUDED = {
-    "DATA_PT_light", "NODE_DATA_PT_light", "DATA_PT_falloff_curve", "RENDER_PT_freestyle", "RENDER_PT_stereoscopy",
+    "DATA_PT_light", "NODE_DATA_PT_light", "DATA_PT_falloff_curve",
 }
 EEVEE_PANELS = {
     "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
@@ -77,6 +77,9 @@ class RENDERFORMER_PT_report(_Panel):
         last = render.last_statistics
         if not last:
             column.label(text="Nothing rendered yet")
+            return
+        if "error" in last:
+            column.label(text=last["error"], icon="ERROR")
             return
         column.label(text=f"{last['triangles']} triangles, {last['tokens']} tokens")
         for stage, seconds in last["seconds"].items():

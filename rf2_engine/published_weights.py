@@ -2,6 +2,8 @@
 """The published weights on this computer: where they lie and whether they are complete (spec/scene-input.md 12)."""
 from __future__ import annotations
 
+import os
+from os.path import isdir, isfile
 from pathlib import Path
 
 import bpy
@@ -38,21 +40,21 @@ def bundle_folder() -> Path | None:
     """The folder of renderformer-v2: the user's own, else the downloaded one, whether it is there or not."""
     chosen = preferences() and preferences().weights_folder
     if chosen:
-        return Path(bpy.path.abspath(chosen))
+        return Path(bpy.path.abspath(chosen)).expanduser()
     folder = download_folder()
     return folder and folder / BUNDLE
 
 
 def missing_parts(bundle: Path) -> list[str]:
     """What a render would not find. Names of files are proof enough: a download gives them to complete files only."""
-    parts = [] if (bundle / INDEX).is_file() else [INDEX]
+    parts = [] if isfile(bundle / INDEX) else [INDEX]  # False where a path may not be looked at, and no error
     for name, configs in COMPONENTS.items():
         folder = bundle / name
-        if not (folder / "model.safetensors").is_file() or not any((folder / config).is_file() for config in configs):
+        if not isfile(folder / "model.safetensors") or not any(isfile(folder / config) for config in configs):
             parts.append(name)
     # The places where model.image_encoder.find_vae looks; it cannot be asked without importing torch.
-    vae = bundle / "vae" if (bundle / "vae").is_dir() else bundle.parent / VAE / "vae"
-    if not all((vae / name).is_file() for name in ("config.json", "diffusion_pytorch_model.safetensors")):
+    vae = bundle / "vae" if isdir(bundle / "vae") else bundle.parent / VAE / "vae"
+    if not all(isfile(vae / name) for name in ("config.json", "diffusion_pytorch_model.safetensors")):
         parts.append(f"{VAE}/vae")
     return parts
 
@@ -63,7 +65,12 @@ def require() -> Path:
     parts = missing_parts(bundle) if bundle else []
     if bundle and not parts:
         return bundle
-    what = f"in {bundle}: {', '.join(parts)}" if bundle and bundle.is_dir() else "on this computer"
+    what = "on this computer"
+    if bundle and isdir(bundle):
+        readable = os.access(bundle, os.R_OK | os.X_OK)
+        what = f"in {bundle}: {', '.join(parts)}" if readable else f": {bundle} may not be read"
+    elif preferences() and preferences().weights_folder:
+        what = f": there is no folder {bundle}"
     raise CheckpointError(f"The published weights are not complete {what}. Download them, or choose a folder that has "
                           "them, in Preferences > Add-ons > RenderFormer-V2; or set Weights to Bundled")
 

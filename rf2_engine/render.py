@@ -16,7 +16,7 @@ from .guides import make_guides
 from .status import Status
 
 # What the last render was made of and how long it took: {"layer", "size" (w, h), "triangles", "tokens", "weights",
-# "seconds" {stage: s}, "report" [str]}; empty before the first. Replaced as a whole, never changed in place.
+# "seconds" {stage: s}, "report" [str]}, or {"layer", "error"}; empty before the first. Replaced, not changed in place.
 last_statistics: dict = {}
 
 
@@ -40,6 +40,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
 def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str) -> None:
     global last_statistics
     runtime.require()
+    cycles_session.require()
     model_cache.begin_import()
     scene, report, status = depsgraph.scene_eval, Report(), Status(engine)
     settings = depsgraph.scene.renderformer_v2
@@ -76,8 +77,6 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             renderer = model_cache.renderer(weights, device, precision, status)
         with status.stage("Network", 0.25, 1.0):
             radiance, length = renderer.render(tokens, view, guides, status), renderer.tokens
-        if not np.isfinite(radiance).all():
-            raise CheckpointError("The network's picture holds values that are not finite: set Precision to Float32")
     with status.stage("Writing passes", 1.0, 1.0):
         write(radiance)
 
@@ -105,6 +104,8 @@ def _tell(engine: bpy.types.RenderEngine, report: Report) -> None:
 
 
 def _fail(engine: bpy.types.RenderEngine, layer: str, message: str) -> None:
+    global last_statistics
+    last_statistics = {"layer": layer, "error": message}
     output.write_error(engine, layer)
     engine.report({"ERROR"}, message)   # makes scripts stop
     engine.error_set(message)           # shows in the Image Editor

@@ -2,9 +2,12 @@
 """What the user can choose: one property group, `scene.renderformer_v2`."""
 from __future__ import annotations
 
+import os
+
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..model.errors import CheckpointError
 from . import published_weights
 
 
@@ -18,7 +21,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
              "The paper's weights, downloaded or chosen in the add-on's preferences", 2),
         ),
     )
-    weights_folder: StringProperty(name="Folder", subtype="DIR_PATH",
+    weights_folder: StringProperty(name="Folder", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
                                    description="Folder that holds the weights, for example renderformer-v2")
     device: EnumProperty(
         name="Device",
@@ -56,11 +59,16 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     def weights(self) -> str:
         """"small" or an absolute folder, as model.renderer.Renderer takes it.
 
-        Raises CheckpointError when the published weights are not complete.
+        Raises CheckpointError when no folder is chosen, or the published weights are not complete.
         """
         if self.weights_source == "PUBLISHED":
             return str(published_weights.require())
-        return "small" if self.weights_source == "BUNDLED" else bpy.path.abspath(self.weights_folder)
+        if self.weights_source == "BUNDLED":
+            return "small"
+        if not self.weights_folder:
+            raise CheckpointError("Weights is set to Folder, and none is chosen: choose one in Render Properties > "
+                                  "RenderFormer-V2")
+        return os.path.expanduser(bpy.path.abspath(self.weights_folder))
 
 
 def register() -> None:

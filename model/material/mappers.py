@@ -18,6 +18,8 @@ class Mapper(nn.Module):
 
     def __init__(self, hidden_dim: int = 128, num_layers: int = 3, latent_dim: int = LATENT_DIM):
         super().__init__()
+        if latent_dim != LATENT_DIM:
+            raise ValueError(f"latent_dim = {latent_dim}, but appearance latents have {LATENT_DIM} channels")
         widths = [self.inputs, *[hidden_dim] * (num_layers - 1), latent_dim]
         self.layers = nn.ModuleList(Linear(a, b) for a, b in zip(widths, widths[1:]))
 

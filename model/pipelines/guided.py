@@ -37,7 +37,7 @@ class GuidedPipeline:
 
     def encode(self, scene: RenderScene, variant: str, progress) -> EncodedScene:
         inputs = small_inputs(scene, material_tiles(pooled_tiles(scene.tiles), self.mapper)).to(self.device)
-        lights = scene.is_light
+        lights = inputs.is_light.cpu().numpy()  # the very faint ones, which are none for the network, left out
         beams = (torch.as_tensor(x[lights], device=self.device) for x in (scene.beam_axis, scene.beam_cosine))
         context = encode_guided(self.model, inputs, *beams, progress)
         return EncodedScene(scene, context, LightPrior(scene, self.device))

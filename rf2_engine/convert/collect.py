@@ -109,8 +109,11 @@ class _Walk:
             return False
         if not all(rays):
             self.report.approximated(obj.name, "Ray Visibility other than Camera is ignored")
-        if obj.type != "LIGHT" and (obj.is_holdout or obj.is_shadow_catcher):
-            self.report.approximated(obj.name, "holdout and shadow catcher objects light the scene like ordinary ones")
+        if obj.type != "LIGHT" and obj.is_shadow_catcher:
+            self.report.approximated(obj.name, "a shadow catcher is shown like any object")
+        if obj.type != "LIGHT" and obj.is_holdout:
+            self.report.approximated(obj.name, "a holdout lights the scene like any object, and is black unless the "
+                                               "film is transparent")
         return True
 
     def _add_mesh(self, obj, matrix: np.ndarray) -> None:

@@ -14,6 +14,7 @@ from . import node_colors, node_inputs, node_maths, nodes, sky, texture
 from .image import ImageCache
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
 FUNCTIONS = {**node_maths.FUNCTIONS, **node_colors.FUNCTIONS, **node_inputs.FUNCTIONS, **texture.FUNCTIONS,
              **sky.FUNCTIONS}
 
@@ -35,6 +36,7 @@ class Evaluator:
     def __init__(self, points: Points, images: ImageCache, report, owner: str):
         self.points, self.images, self.report, self.owner = points, images, report, owner
         self._memo: dict = {}
+        self._depth = 0
 
     def value(self, socket, frames=()) -> np.ndarray:
         """Value arriving at an input socket, (..., 1) or (..., 3) by the socket's own type."""
@@ -62,9 +64,19 @@ class Evaluator:
         node = output.node
         function = FUNCTIONS.get(node.bl_idname)
         if function is not None:
-            return function(self, node, output, frames)
+            return self._called(function, node, output, frames)
         self.approximated(node, f"{node.bl_label} cannot be evaluated, its average is used; bake it to an image")
         return self._average(node, frames)
+
+    def _called(self, function, node, output, frames):
+        if self._depth == LONGEST_CHAIN:
+            self.approximated(node, "so long a chain of nodes leads here that it is left out; bake it to an image")
+            return np.full(1, 0.5, np.float32)
+        self._depth += 1
+        try:
+            return function(self, node, output, frames)
+        finally:
+            self._depth -= 1
 
     def _average(self, node, frames):
         """Mean of the node's colour inputs (Brick, Magic ...), else the middle of [0, 1], where noises have theirs."""

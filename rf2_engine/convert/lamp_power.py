@@ -22,6 +22,7 @@ def lamp_strength(light, name: str, report) -> np.ndarray | None:
         strength = strength * np.array(light.temperature_color)
     if light.use_nodes and light.node_tree is not None:
         strength = strength * _node_strength(light, name, report)
+    strength = report.finite(name, "its strength", strength)
     if not light.use_shadow:
         report.approximated(name, "a lamp without shadows casts shadows")
     if (strength < 0).any():

@@ -19,9 +19,21 @@ BALL_RADIUS = 0.01            # of the scene radius: least size of a point or sp
 SUN_ANGLE = math.radians(3)   # least diameter of a sun
 SUN_DISTANCE = 50             # scene radii
 CELL = 0.35                   # scene radii: wanted side of one cell of an area lamp
-MAX_CELLS = 4                 # along one side
 TILES = np.stack([constant_tile((1, 1, 1), roughness=1, ior=1), constant_tile((0, 0, 0), roughness=1, ior=1)])
 EMITTING, BLACK = 0, 1        # rows of TILES
+
+
+@dataclass(frozen=True)
+class Detail:
+    """Of how many triangles the shapes are that stand in for lamps."""
+
+    ball_faces: int
+    disk_corners: int
+    shade_sides: int
+    most_cells: int  # along one side of an area lamp
+
+
+FINE, COARSE = Detail(20, 12, 8, 4), Detail(8, 6, 4, 1)
 
 
 @dataclass
@@ -37,6 +49,7 @@ class Lamp:
     scale: np.ndarray         # (3,)
     scene_center: np.ndarray  # (3,)
     scene_radius: float
+    detail: Detail
 
     @property
     def beam_axis(self) -> np.ndarray:
@@ -49,7 +62,8 @@ class Lamp:
         self.report.approximated(self.name, message)
 
 
-def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray, radius: float) -> RenderScene:
+def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray, radius: float,
+                  detail: Detail = FINE) -> RenderScene:
     """Triangles of one lamp, ready for `RenderScene.appended`.
 
     matrix_world: (4, 4) of the object; light: bpy Light; name: of the object, for the report; center (3,) and radius:
@@ -61,7 +75,7 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
     matrix = np.asarray(matrix_world, np.float64)
     return CONVERTERS[light.type](Lamp(
         light, strength, name, report, matrix[:3, 3], _rotation(matrix), np.linalg.norm(matrix[:3, :3], axis=0),
-        np.asarray(center, np.float64), max(radius, 1e-6)))
+        np.asarray(center, np.float64), max(radius, 1e-6), detail))
 
 
 def _area(lamp: Lamp) -> RenderScene:
@@ -73,9 +87,9 @@ def _area(lamp: Lamp) -> RenderScene:
         lamp.report.skipped(lamp.name, "an area lamp of size 0 gives no light")
         return _flat_scene(np.zeros((0, 3, 3)), np.zeros(3))
     if light.shape in ("DISK", "ELLIPSE"):
-        front = back = proxies.disk(*size)
+        front = back = proxies.disk(*size, lamp.detail.disk_corners)
     else:
-        cells = np.clip(np.ceil(size / (CELL * lamp.scene_radius)), 1, MAX_CELLS).astype(int)
+        cells = np.clip(np.ceil(size / (CELL * lamp.scene_radius)), 1, lamp.detail.most_cells).astype(int)
         front, back = proxies.rectangle(*size, *cells), proxies.rectangle(*size)
     if light.spread < math.pi - 0.01:
         lamp.approximated(f"a spread of {math.degrees(light.spread):.0f} degrees falls off a little differently")
@@ -86,7 +100,7 @@ def _area(lamp: Lamp) -> RenderScene:
 
 
 def _point(lamp: Lamp) -> RenderScene:
-    triangles = proxies.ball(_ball_radius(lamp))
+    triangles = proxies.ball(_ball_radius(lamp), lamp.detail.ball_faces)
     radiance = ball_power(lamp.light, lamp.strength) / (math.pi * proxies.area(triangles))
     return _flat_scene(triangles + lamp.place, radiance)
 
@@ -98,9 +112,9 @@ def _spot(lamp: Lamp) -> RenderScene:
         lamp.approximated("the elliptic cone of a spot scaled unevenly is shown round")
     cosines = spot_beam(lamp.light, math.sqrt(x * y) / max(z, 1e-12))
     size = _ball_radius(lamp)
-    triangles = proxies.ball(size)
+    triangles = proxies.ball(size, lamp.detail.ball_faces)
     radiance = ball_power(lamp.light, lamp.strength) / (math.pi * proxies.area(triangles))
-    shade = proxies.shade(math.acos(cosines[0]), size)
+    shade = proxies.shade(math.acos(cosines[0]), size, lamp.detail.shade_sides)
     return _flat_scene(lamp.placed(triangles), radiance, lamp.beam_axis, cosines).appended(_black(lamp.placed(shade)))
 
 
@@ -121,7 +135,8 @@ def _sun(lamp: Lamp) -> RenderScene:
     irradiance = lamp.strength * (1 if normalized(lamp.light) else math.pi * math.sin(own / 2) ** 2)
     distance = SUN_DISTANCE * lamp.scene_radius
     size = 2 * distance * math.tan(angle / 2)
-    triangles = proxies.disk(size, size) @ lamp.frame.T + lamp.scene_center - distance * lamp.beam_axis
+    disk = proxies.disk(size, size, lamp.detail.disk_corners)
+    triangles = disk @ lamp.frame.T + lamp.scene_center - distance * lamp.beam_axis
     return _flat_scene(triangles, irradiance / (math.pi * math.sin(angle / 2) ** 2), lamp.beam_axis, HALF_SPACE)
 
 

@@ -56,8 +56,8 @@ class MaterialTiles:
             on_grid = [{name: _interpolated(layer[part]) for name, layer in data.items()} for data in corner_data]
             points = Points(uv=on_grid[0], active_uv=active_uv, colors=on_grid[1], camera_ray=True)
             surface, height = self._evaluate(material, points)
-            emission[part] = _triangle_mean(surface.emission)
-            tiles = tile_arrays(surface, height)
+            emission[part] = self.report.finite(material.name, "its emission", _triangle_mean(surface.emission))
+            tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1:
                 index[:], emission[:] = self._constant_index(tiles[0]), emission[start]
                 break

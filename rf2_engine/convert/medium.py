@@ -32,8 +32,9 @@ def volume_coefficients(material, report) -> tuple[np.ndarray, np.ndarray] | Non
     if output is None:
         return None
     evaluator = Evaluator(Points(), ImageCache(report), report, material.name)
-    scattering, absorption = _medium(evaluator, nodes.find_input(output, "Volume"), ())
-    return np.maximum(scattering, 0).astype(np.float32), np.maximum(absorption, 0).astype(np.float32)
+    coefficients = _medium(evaluator, nodes.find_input(output, "Volume"), ())
+    scattering, absorption = (report.finite(material.name, "its volume", np.float32(c)) for c in coefficients)
+    return np.maximum(scattering, 0), np.maximum(absorption, 0)
 
 
 def _volume_output(material):

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+FARTHEST = 1e15  # coordinates beyond count as infinite: their squares would not fit into float32
+
 
 @dataclass
 class TriangleMesh:
@@ -121,7 +123,7 @@ def unit_or(vectors: np.ndarray, fallback: np.ndarray) -> np.ndarray:
 
 
 def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
-    finite = np.isfinite(mesh.corners).all(axis=(1, 2))
+    finite = (np.abs(mesh.corners) < FARTHEST).all(axis=(1, 2))
     if not finite.all():
         report.refused(name, f"{np.count_nonzero(~finite)} triangles with vertices that are not finite were dropped")
         mesh = mesh.take(finite)

@@ -5,10 +5,10 @@ All return (n, 3, 3) f64, counter-clockwise from the front, in the frame of the 
 """
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 
-DISK_CORNERS = 12
-SHADE_SIDES = 8
 SHADE_MAX_ANGLE = np.radians(80)
 
 
@@ -26,7 +26,7 @@ def rectangle(width: float, height: float, columns: int = 1, rows: int = 1) -> n
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
-def disk(width: float, height: float, corners: int = DISK_CORNERS) -> np.ndarray:
+def disk(width: float, height: float, corners: int) -> np.ndarray:
     """A fan in the plane z = 0, front towards -Z, of the area of the ellipse with these diameters."""
     angle = np.arange(corners) * 2 * np.pi / corners
     grow = np.sqrt(np.pi / (corners / 2 * np.sin(2 * np.pi / corners)))
@@ -34,21 +34,24 @@ def disk(width: float, height: float, corners: int = DISK_CORNERS) -> np.ndarray
     return np.stack([np.zeros_like(rim), rim, np.roll(rim, -1, axis=0)], axis=1)
 
 
-def ball(radius: float) -> np.ndarray:
-    """Icosahedron with the area of the sphere of this radius; it looks up to 4 % larger or smaller from some sides."""
+def ball(radius: float, faces: int) -> np.ndarray:
+    """Icosahedron (20 faces) or octahedron (8) with the area of the sphere of this radius.
+
+    From some sides it looks larger or smaller than the sphere: by up to 4 % and 18 %.
+    """
     golden = (1 + np.sqrt(5)) / 2
-    corners = np.array([(0, s, t * golden) for s in (-1, 1) for t in (-1, 1)], np.float64)
-    corners = np.concatenate([np.roll(corners, turn, axis=1) for turn in range(3)])
-    near = np.isclose(np.linalg.norm(corners[:, None] - corners[None], axis=-1), 2)
-    faces = [(i, j, k) for i in range(12) for j in range(i + 1, 12) for k in range(j + 1, 12)
-             if near[i, j] and near[j, k] and near[i, k]]
-    triangles = corners[np.array(faces)]
+    some = {20: [(0, s, t * golden) for s in (-1, 1) for t in (-1, 1)], 8: [(0, 0, -1), (0, 0, 1)]}[faces]
+    corners = np.concatenate([np.roll(np.array(some, np.float64), turn, axis=1) for turn in range(3)])
+    distance = np.linalg.norm(corners[:, None] - corners[None], axis=-1)
+    near = np.isclose(distance, distance[distance > 0].min())
+    triangles = corners[[(i, j, k) for i, j, k in combinations(range(len(corners)), 3)
+                         if near[i, j] and near[j, k] and near[i, k]]]
     inward = np.einsum("nc,nc->n", normals(triangles), triangles.mean(axis=1)) < 0
     triangles[inward] = triangles[inward][:, ::-1]
     return triangles * (radius * np.sqrt(4 * np.pi / area(triangles)))
 
 
-def shade(half_angle: float, radius: float) -> np.ndarray:
+def shade(half_angle: float, radius: float, sides: int) -> np.ndarray:
     """Lampshade around a ball of this radius at the origin: a tube closed behind, open in front along -Z.
 
     Its rim lies on the cone of `half_angle` unless the tube would become too long (narrow cones) or too wide.
@@ -56,8 +59,8 @@ def shade(half_angle: float, radius: float) -> np.ndarray:
     slope = np.tan(min(half_angle, SHADE_MAX_ANGLE))
     outer = radius * np.clip(4 * slope, 1.3, 4)
     depth, top = min(outer / slope, 8 * radius), 1.5 * radius
-    angle = np.arange(SHADE_SIDES) * 2 * np.pi / SHADE_SIDES
-    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1) * outer / np.cos(np.pi / SHADE_SIDES)
+    angle = np.arange(sides) * 2 * np.pi / sides
+    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1) * outer / np.cos(np.pi / sides)
     front, back = circle - [0, 0, depth], circle + [0, 0, top]
     front_next, back_next = np.roll(front, -1, axis=0), np.roll(back, -1, axis=0)
     middle = np.broadcast_to([0.0, 0.0, top], back.shape)

@@ -2,6 +2,10 @@
 """What the conversion of a scene approximated, skipped or refused, and why."""
 from __future__ import annotations
 
+import numpy as np
+
+LARGEST = 65504.0  # of a half float
+
 
 class Report:
     """Collects each remark once, in the order in which they were made."""
@@ -20,6 +24,13 @@ class Report:
     def refused(self, name: str, message: str) -> None:
         """`name` holds data that cannot be used, such as vertices that are not finite."""
         self._add("refused", name, message)
+
+    def finite(self, name: str, what: str, values: np.ndarray) -> np.ndarray:
+        """`values`, with 0 for NaN and LARGEST for infinity; reported when there are any."""
+        if np.isfinite(values).all():
+            return values
+        self.refused(name, f"{what} holds values that are not finite")
+        return np.nan_to_num(values, posinf=LARGEST, neginf=-LARGEST)
 
     def lines(self) -> list[str]:
         """One sentence per remark, ready to print."""

@@ -7,10 +7,11 @@ import functools
 import numpy as np
 
 from ...model.scene import RenderScene
+from .. import compat
 from . import mesh as meshes
 from . import reduce, subdivide, volume
-from .collect import Collected, Part, collect
-from .light import convert_light
+from .collect import Collected, Lamp, Part, collect
+from .light import COARSE, FINE, convert_light
 from .material import MaterialTiles
 from .world import convert_world
 
@@ -20,29 +21,48 @@ BATCH = 1024  # textured triangles between two calls of progress
 def convert(depsgraph, *, token_budget: int, max_edge: float, report, progress) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
-    token_budget: most triangles of the result. max_edge: longest edge wanted, as a fraction of the longest side of the
-    scene's bounding box. report: rf2_engine/convert/report.py. progress(text, fraction) may raise RenderCancelled.
+    token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
+    a fraction of the longest side of the scene's bounding box. report: rf2_engine/convert/report.py.
+    progress(text, fraction) may raise RenderCancelled.
     Raises SceneError when the scene cannot be converted at all.
     """
     materials = MaterialTiles(report)
     found = collect(depsgraph, materials.images, report, _stage(progress, 0.0, 0.5))
     low, high = found.bounds()
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    lamps = [convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius) for lamp in found.lamps]
-    budget = max(token_budget - sum(map(len, lamps)), 0)
+    lamps = _lamps(found.lamps, token_budget // 2, center, radius, report)
+    budget = token_budget - sum(map(len, lamps))
     _simplify(found, budget, report, _stage(progress, 0.5, 0.7))
     _subdivide(found, budget, max_edge * float((high - low).max()))
     surfaces = _surfaces(found.parts, materials, report, _stage(progress, 0.7, 0.95))
     scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
     progress("Converting volumes and world", 0.95)
     scene.volumes = volume.tokens(found.media, report)
-    scene.environment = convert_world(depsgraph.scene_eval.world, report)
+    scene.environment = convert_world(compat.world(depsgraph), report)
     scene.validate()
     return scene
 
 
 def _stage(progress, start: float, end: float):
     return lambda text, fraction: progress(text, start + (end - start) * fraction)
+
+
+def _lamps(lamps: list[Lamp], budget: int, center: np.ndarray, radius: float, report) -> list[RenderScene]:
+    """Triangles of each lamp; too many lamps become coarser, and at last the weakest are left out."""
+    for detail in FINE, COARSE:
+        shapes = [convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail) for lamp in lamps]
+        if sum(map(len, shapes)) <= budget:
+            break
+        report.approximated("Lamps", "their shapes are coarser than usual: raise the Triangle Budget")
+    flux = [(scene.emission.mean(axis=1) * meshes.areas(scene.triangles)).sum() for scene in shapes]
+    kept = []
+    for i in np.argsort(flux)[::-1]:
+        if len(shapes[i]) <= budget:
+            kept.append(i)
+            budget -= len(shapes[i])
+    if len(kept) < len(lamps):
+        report.skipped("Lamps", f"no room for {len(lamps) - len(kept)} of {len(lamps)}: raise the Triangle Budget")
+    return [shapes[i] for i in sorted(kept)]
 
 
 def _simplify(found: Collected, budget: int, report, progress) -> None:
@@ -76,7 +96,7 @@ def _drop_small_instances(found: Collected, budget: int, report) -> None:
         dropped = len(part.matrices) - len(matrices)
         if dropped:
             report.skipped(part.name, f"no room for {dropped} of its {len(part.matrices)} instances: "
-                                      f"raise the token budget")
+                                      f"raise the Triangle Budget")
         part.matrices = matrices
     found.parts = [part for part in found.parts if part.matrices]
 

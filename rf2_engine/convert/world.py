@@ -56,7 +56,7 @@ def _band(socket, first_row, fineness, images, report, name) -> np.ndarray:
     height, width, _ = (size * fineness for size in ENVIRONMENT_SHAPE)
     rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)
     evaluator = Evaluator(Points(direction=directions(rows, height, width)), images, report, name)
-    radiance = np.maximum(np.nan_to_num(evaluate_shader(evaluator, socket).emission), 0)
+    radiance = np.maximum(report.finite(name, "its light", evaluate_shader(evaluator, socket).emission), 0)
     radiance = np.broadcast_to(radiance, (len(rows), width, 3)).reshape(BAND_ROWS, fineness, -1, fineness, 3)
     weight = np.sin(np.pi * (rows + 0.5) / height).reshape(BAND_ROWS, fineness)
     weight = weight / weight.sum(axis=1, keepdims=True) / fineness

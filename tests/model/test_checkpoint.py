@@ -12,6 +12,7 @@ from model.bundle import Bundle
 from model.checkpoint import load_network, save_small
 from model.errors import CheckpointError
 from model.material.mappers import MAPPERS
+from model.renderer import Renderer
 from tools.fixture_cases import with_recipe_weights
 
 
@@ -88,6 +89,35 @@ def test_partial_download(saved):
         load_network(saved)
 
 
+def test_weights_that_are_not_floats_are_refused(saved):
+    rewrite(saved / "model.safetensors", lambda state: state.update(tri_token=state["tri_token"].to(torch.int8)))
+    with pytest.raises(CheckpointError, match="tri_token is stored as I8"):
+        load_network(saved)
+
+
+def test_wrong_choice_of_a_folder_is_explained(bundle, tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(CheckpointError, match="empty holds no weights: choose the folder renderformer-v2"):
+        Renderer(tmp_path / "empty")
+    with pytest.raises(CheckpointError, match="transformer_512 holds no weights"):
+        Renderer(bundle / "transformer_512")
+    with pytest.raises(CheckpointError, match="model_index.json is a file"):
+        Renderer(bundle / "model_index.json")
+    (bundle / "model_index.json").unlink()
+    with pytest.raises(CheckpointError, match="model_index.json is missing: the weights folder is incomplete"):
+        Renderer(bundle)
+    with pytest.raises(CheckpointError, match="cannot be read .*too long"):
+        Renderer(tmp_path / ("long" * 100))
+
+
+@pytest.mark.parametrize("change", [{"hidden_dim": -16}, {"latent_dim": 8}, {"hidden_dim": "16"}])
+def test_mappers_of_another_kind_are_refused(bundle, change):
+    file = bundle / "metallic_mapper" / "config.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | change))
+    with pytest.raises(CheckpointError, match="metallic_mapper/config.json does not fit MetallicMapper"):
+        Bundle(bundle).mapper("metallic_mapper")
+
+
 def test_pickles_and_version_one_are_refused(saved, bundle):
     (saved / "model.safetensors").rename(saved / "model.bin")
     with pytest.raises(CheckpointError, match="model.bin is a pickle"):
@@ -106,7 +136,10 @@ def test_pickles_and_version_one_are_refused(saved, bundle):
 
 @pytest.mark.parametrize("key, value, message", [
     ("colour", 1, "unknown keys.*colour"), ("pe_type", "nerf", "pe_type"), ("num_kv_heads", 1, "grouped"),
-    ("norm_type", None, "norm_type"),
+    ("norm_type", None, "norm_type"), ("latent_dim", "48", "latent_dim = '48' is not of the kind int"),
+    ("latent_dim", 48.0, "latent_dim"), ("dim_feedforward", -64, "dim_feedforward"), ("use_volumes", 1, "use_volumes"),
+    ("num_heads", 0, "num_heads = 0 must be at least 1"), ("dpt_out_layers", [0, 1, 2, 9], "four view layers"),
+    ("dpt_out_channels", "abcd", "dpt_out_channels"), (5, 1, "unknown keys.*5"),
 ])
 def test_configurations_of_other_networks_are_refused(bundle, key, value, message):
     file = bundle / "transformer_512" / "config.yaml"

@@ -2,6 +2,7 @@
 """Whatever a user gets wrong: a message that names it, and never a traceback or a silent black frame."""
 import json
 
+import addon_utils
 import bpy
 import numpy as np
 import pytest
@@ -69,6 +70,80 @@ def test_vertices_that_are_not_finite_are_reported_by_name(scene, tmp_path):
     picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
     assert np.isfinite(picture).all()
     assert any("Broken" in line for line in render.last_statistics["report"])
+
+
+def set_input(name, value):
+    def change(box, lamp):
+        box.data.materials[0].node_tree.nodes["Principled BSDF"].inputs[name].default_value = value
+    return change
+
+
+def set_energy(box, lamp):
+    lamp.data.energy = NAN
+
+
+def set_world(box, lamp):
+    bpy.context.scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = NAN
+
+
+def set_density(box, lamp):
+    tree = box.data.materials[0].node_tree
+    node = tree.nodes.new("ShaderNodeVolumeScatter")
+    node.inputs["Density"].default_value = NAN
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+
+
+def stretch(box, lamp):
+    box.data.vertices[0].co = (3e38, -3e38, 0)
+
+
+@pytest.mark.parametrize("change, name", [
+    (set_energy, "Sun"), (set_world, "Grey"), (set_density, "Cube"), (stretch, "Cube"),
+    (set_input("Base Color", (NAN, 0, 0, 1)), "Cube"), (set_input("Emission Strength", NAN), "Cube"),
+], ids=["energy", "world", "density", "vertex", "color", "emission"])
+def test_values_that_are_not_finite_are_reported_by_name(scene, tmp_path, change, name):
+    change(cube(scene), sun(scene))
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert np.isfinite(picture).all() and picture[..., :3].max() > 0
+    assert any(line.startswith(f"refused {name}: ") for line in render.last_statistics["report"])
+
+
+@pytest.mark.parametrize("strength, energy", [(3e-7, 3), (1e30, 3), (0, 1e-12)])
+def test_light_too_faint_to_count_does_no_harm(scene, tmp_path, strength, energy):
+    box, lamp = cube(scene), sun(scene)
+    set_input("Emission Color", (1, 1, 1, 1))(box, lamp)
+    set_input("Emission Strength", strength)(box, lamp)
+    lamp.data.energy = energy
+    assert np.isfinite(press_f12(scene, tmp_path)["ViewLayer.Combined"]).all()
+
+
+def test_endless_chain_of_nodes_is_cut_and_reported(scene, tmp_path):
+    tree = cube(scene).data.materials[0].node_tree
+    last = tree.nodes.new("ShaderNodeValue").outputs[0]
+    for _ in range(400):
+        node = tree.nodes.new("ShaderNodeMath")
+        tree.links.new(last, node.inputs[0])
+        last = node.outputs[0]
+    tree.links.new(last, tree.nodes["Principled BSDF"].inputs["Roughness"])
+    press_f12(scene, tmp_path)
+    assert any("Cube" in line and "chain of nodes" in line for line in render.last_statistics["report"])
+
+
+def test_cycles_switched_off_is_said(scene, tmp_path):
+    cube(scene)
+    addon_utils.disable("cycles")
+    try:
+        expect_error(scene, tmp_path, "Cycles", "Preferences > Add-ons")
+    finally:
+        addon_utils.enable("cycles")
+
+
+def test_failed_render_replaces_the_statistics_of_the_last(scene, tmp_path):
+    cube(scene)
+    press_f12(scene, tmp_path)
+    scene.renderformer_v2.weights_source = "FOLDER"
+    expect_error(scene, tmp_path, "none is chosen")
+    assert "none is chosen" in render.last_statistics["error"]
 
 
 def test_zero_area_triangles_do_no_harm(scene, tmp_path):

@@ -117,6 +117,28 @@ def test_every_view_layer_gets_its_own_picture(scene, tmp_path):
     assert not np.allclose(found["ViewLayer.Combined"][18, 25], found["Without.Combined"][18, 25], atol=1e-3)
 
 
+def test_world_of_a_view_layer_lights_it(scene, tmp_path):
+    cube(scene)
+    blue = bpy.data.worlds.new("Blue")
+    blue.use_nodes = True
+    blue.node_tree.nodes["Background"].inputs["Color"].default_value = (0, 0, 1, 1)
+    scene.view_layers[0].world_override = blue
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert (picture[0, 0] == (0, 0, 1, 1)).all()
+    red, _, most = picture[15:22, 20:30, :3].mean(axis=(0, 1))
+    assert most > 0.1 and red < 0.2 * most
+
+
+def test_shadow_catcher_is_shown(scene, tmp_path):
+    cube(scene)
+    catcher = cube(scene, "Catcher", location=(0, 0, -2.2))
+    catcher.is_shadow_catcher = True
+    scene.render.film_transparent = True
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"][34, 25]
+    assert picture[3] == 1 and picture[:3].min() > 0.05
+    assert catcher.is_shadow_catcher
+
+
 @pytest.mark.parametrize("persistent", [False, True])
 def test_animation_renders_each_frame(scene, tmp_path, persistent):
     moving = cube(scene, of=material("Red", (0.9, 0.02, 0.02)))

@@ -6,7 +6,7 @@ from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradi
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.light import convert_light
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.light import COARSE, FINE, convert_light
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 
 POSE = Matrix.Translation((0.3, -0.2, 2.5)) @ Matrix.Rotation(0.4, 4, "X") @ Matrix.Rotation(0.3, 4, "Y")
@@ -27,8 +27,8 @@ LAMPS = {
 }
 
 
-def converted(obj, report=None):
-    scene = convert_light(np.array(obj.matrix_world), obj.data, obj.name, report or Report(), np.zeros(3), 1.0)
+def converted(obj, report=None, detail=FINE):
+    scene = convert_light(np.array(obj.matrix_world), obj.data, obj.name, report or Report(), np.zeros(3), 1.0, detail)
     scene.validate()
     return scene
 
@@ -61,6 +61,9 @@ def test_lamp_is_as_bright_as_in_cycles(settings, scale):
         expected = irradiance(point, normal)
         assert expected.min() > 0
         np.testing.assert_allclose(integrated(converted(obj), point, normal), expected, rtol=0.05)
+        coarse = converted(obj, detail=COARSE)
+        np.testing.assert_allclose(integrated(coarse, point, normal), expected, rtol=0.2)
+        assert len(coarse) <= 20 and len(coarse) < len(converted(obj)) or obj.data.type == "AREA"
 
 
 @pytest.mark.parametrize("angle", [0.3, 0.45, 0.55, 0.65])

@@ -73,6 +73,20 @@ def test_lamps_and_surfaces_share_one_budget(converted):
     assert 400 < len(scene) <= 500 and np.count_nonzero(scene.is_light) > 0
 
 
+def test_many_lamps_leave_half_of_the_budget(converted, report):
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=64)
+    for i in range(40):
+        bpy.ops.object.light_add(type="SPOT", location=(i - 20, 0, 5))
+        bpy.context.object.data.energy = i + 1
+    for budget, left_out in ((1600, 0), (400, 30)):
+        scene = converted(token_budget=budget)
+        assert len(scene) <= budget and np.count_nonzero(~scene.is_light) > budget / 2
+        dimmest = scene.emission[scene.is_light].mean(axis=1).min()
+        assert (dimmest > 30 * scene.emission.max() / 40) == bool(left_out)
+        assert any(name == "Lamps" and f"{left_out} of 40" in message for _, name, message in report.entries) == bool(
+            left_out)
+
+
 def test_progress_names_the_object_count_and_can_cancel(converted, add_mesh):
     for i in range(3):
         add_mesh(f"m{i}")
