@@ -22,6 +22,12 @@ def redraw() -> float | None:
     return REDRAW if weights_download.is_running() else None
 
 
+def keep_redrawing() -> None:
+    """Until the download ends, also when another file is opened."""
+    if not bpy.app.timers.is_registered(redraw):
+        bpy.app.timers.register(redraw, persistent=True)
+
+
 def refusal() -> str:
     """Why nothing can be downloaded now, or ""."""
     if message := runtime.offline():
@@ -42,8 +48,7 @@ class _Download(bpy.types.Operator):
 
     def run(self, download: weights_download.Download) -> set[str]:
         if not bpy.app.background:
-            if not bpy.app.timers.is_registered(redraw):
-                bpy.app.timers.register(redraw)
+            keep_redrawing()
             return {"FINISHED"}
         download.wait()  # a script's call returns when all is there
         if download.state == "failed":

@@ -8,7 +8,8 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.errors import CheckpointError
 from bl_ext.user_default.renderformer_v2.model.image_encoder import find_vae
-from bl_ext.user_default.renderformer_v2.rf2_engine import preferences, published_weights, weights_download
+from bl_ext.user_default.renderformer_v2.rf2_engine import (
+    preferences, published_weights, weights_download, weights_operators)
 from bl_ext.user_default.renderformer_v2.rf2_engine.weights_download import Download
 
 from .conftest import PACKAGE
@@ -164,6 +165,15 @@ def test_the_token_is_not_stored_in_the_preferences(online):
     stored = kept.bl_system_properties_get() if bpy.app.version >= (5, 0, 0) else kept
     assert "access_token" not in (stored.keys() if stored else ())
     kept.access_token = ""
+
+
+def test_the_progress_goes_on_after_opening_a_file(online, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    weights_operators.keep_redrawing()
+    for load in (bpy.ops.wm.read_homefile, lambda: bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))):
+        load()
+        assert bpy.app.timers.is_registered(weights_operators.redraw)
+    bpy.app.timers.unregister(weights_operators.redraw)
 
 
 def test_a_folder_of_the_user_comes_before_the_download(online, tmp_path):
