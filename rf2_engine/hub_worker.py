@@ -111,6 +111,8 @@ def download(file: RemoteFile, token: str, tell_length) -> None:
 def run(request: dict, tell) -> None:
     """tell(**message) is called with "total", "present", "text" whenever they change."""
     target, token = Path(request["target"]), request["token"]
+    if not all("!" <= character <= "~" for character in token):
+        raise Explained("the access token has a character that none can have: copy it again", 401)
     files = []
     for repository in request["repositories"]:
         tell(total=0, present=0, text=f"Asking for {repository['id']}")

@@ -20,7 +20,7 @@ def token() -> str:
 
 def _set_token(self, value: str) -> None:
     global _token
-    _token = value.strip()
+    _token = "".join(value.split())  # copied over a line's end
 
 
 class RenderFormerPreferences(bpy.types.AddonPreferences):
@@ -85,7 +85,7 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
     if download is None or download.state in ("done", "failed", "cancelled"):
         if download and download.state == "failed":
             _draw_text(layout, download.error)
-            if download.needs_token:
+            if download.needs_token or token():
                 layout.prop(preferences, "access_token")
         layout.operator("renderformer_v2.download_weights", icon="IMPORT")
         return

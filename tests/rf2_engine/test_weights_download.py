@@ -137,6 +137,13 @@ def test_a_token_is_asked_for_only_when_the_repository_wants_one(hub, tmp_path, 
     assert finished(Download(tmp_path, "hf_secret")).state == "done"
 
 
+@pytest.mark.parametrize("token", ["hf_\u00e9", "hf_a b\nX"])
+def test_a_token_with_a_wrong_character_can_be_corrected(hub, tmp_path, token):
+    download = finished(Download(tmp_path, token))
+    assert download.state == "failed" and download.needs_token and "access token" in download.error
+    assert token.splitlines()[-1] not in download.error and not hub.requests
+
+
 def test_a_repository_that_is_not_there_is_named(hub, tmp_path):
     del hub.files[BUNDLE]
     download = finished(Download(tmp_path))
@@ -160,7 +167,7 @@ def test_without_online_access_nothing_is_asked(hub, online):
 
 def test_the_token_is_not_stored_in_the_preferences(online):
     kept = bpy.context.preferences.addons[PACKAGE].preferences
-    kept.access_token = " hf_secret "
+    kept.access_token = " hf_sec\nret "
     assert preferences.token() == "hf_secret"
     stored = kept.bl_system_properties_get() if bpy.app.version >= (5, 0, 0) else kept
     assert "access_token" not in (stored.keys() if stored else ())
