@@ -7,8 +7,8 @@ A program, not a module of the add-on: `python -P hub_worker.py` reads one JSON 
 and writes one a line: {"total", "present" (bytes), "text"}, or at the end {"error", "status" (HTTP or null)}.
 
 A file has its final name only when it is complete and has the repository's hash; before that it is FILE.HASH.part,
-to which the next start appends. huggingface_hub's own download function deletes what a break-off left, so only its
-listing and its `http_get` are used.
+to which the next start appends. One process at a time writes into a target. huggingface_hub's own download function
+deletes what a break-off left, so only its listing and its `http_get` are used.
 """
 from __future__ import annotations
 
@@ -108,6 +108,25 @@ def download(file: RemoteFile, token: str, tell_length) -> None:
     file.part.replace(file.path)
 
 
+def lock(target: Path) -> None:
+    """Keeps other processes from downloading into the folder until this one ends, however it ends.
+
+    Raises Explained when another one does it.
+    """
+    descriptor = os.open(target / ".lock", os.O_RDWR | os.O_CREAT)  # not closed: that would be the end of the lock
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError) as error:
+        raise Explained(f"another Blender is downloading these weights to {target}") from error
+    except OSError:
+        pass  # some network folders have no locks
+
+
 def run(request: dict, tell) -> None:
     """tell(**message) is called with "total", "present", "text" whenever they change."""
     target, token = Path(request["target"]), request["token"]
@@ -120,13 +139,15 @@ def run(request: dict, tell) -> None:
             files += list_files(repository, target, token)
         except Exception as error:
             raise explained(error, repository["id"], token) from error
+    if request["fetch"]:
+        target.mkdir(parents=True, exist_ok=True)
+        lock(target)  # before looking at what is there
     present = {file.path: file.present() for file in files}
     total = sum(file.size for file in files)
     missing = [file for file in files if present[file.path] != file.size or not file.path.is_file()]
     tell(total=total, present=sum(present.values()), text="")
     if not request["fetch"]:
         return
-    target.mkdir(parents=True, exist_ok=True)
     if shutil.disk_usage(target).free < total - sum(present.values()):
         raise OSError(f"the disk of {target} has too little space: {total - sum(present.values()) >> 20} MB are needed")
     last = 0.0

@@ -49,8 +49,33 @@ def finished(download: Download) -> Download:
     return download
 
 
+def ready(target) -> Download:
+    """Knows the sizes."""
+    download = Download(target)
+    download.wait()
+    return download
+
+
+def stalled(hub, target) -> Download:
+    """A download in the middle of LARGE, for which no more data come."""
+    hub.stalls = 100
+    download = ready(target)
+    download.fetch()
+    deadline = time.monotonic() + 10
+    while not (hub.ranges() and unfinished(target)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return download
+
+
 def files(folder):
-    return {path.relative_to(folder).as_posix(): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
+    """Sizes of all files but the empty one that locks the folder."""
+    return {path.relative_to(folder).as_posix(): path.stat().st_size for path in folder.rglob("*")
+            if path.is_file() and path.name != ".lock"}
+
+
+def unfinished(folder) -> int:
+    """Bytes of LARGE that have arrived."""
+    return sum(size for name, size in files(folder).items() if LARGE in name and name.endswith(".part"))
 
 
 def test_sizes_come_first_then_a_complete_bundle_that_a_scene_can_choose(hub, online):
@@ -98,7 +123,7 @@ def test_goes_on_where_an_earlier_download_broke_off(hub, tmp_path):
     download = finished(Download(tmp_path))
     assert download.state == "failed" and "kept" in download.error
     assert not (tmp_path / "renderformer-v2" / LARGE).exists()
-    kept = max(size for name, size in files(tmp_path).items() if name.endswith(".part"))
+    kept = unfinished(tmp_path)
     hub.cut = False
     download = finished(Download(tmp_path))
     assert download.state == "done" and hub.ranges()[-1] == f"bytes={kept}-" and kept > 0
@@ -107,13 +132,7 @@ def test_goes_on_where_an_earlier_download_broke_off(hub, tmp_path):
 
 
 def test_cancelling_is_quick_and_leaves_no_unfinished_file_under_its_name(hub, tmp_path):
-    hub.stalls = 100
-    download = Download(tmp_path)
-    download.wait()
-    download.fetch()
-    deadline = time.monotonic() + 10
-    while not hub.ranges() and time.monotonic() < deadline:
-        time.sleep(0.05)
+    download = stalled(hub, tmp_path)
     start = time.monotonic()
     download.cancel()
     assert download.state == "cancelled" and time.monotonic() - start < 1
@@ -125,6 +144,17 @@ def test_damaged_content_is_thrown_away(hub, tmp_path):
     download = finished(Download(tmp_path))
     assert download.state == "failed" and "damaged" in download.error
     assert not any(LARGE in name for name in files(tmp_path))
+
+
+def test_a_second_download_leaves_the_first_alone(hub, tmp_path):
+    first = stalled(hub, tmp_path)
+    second = finished(Download(tmp_path))
+    assert second.state == "failed" and "another Blender" in second.error
+    assert first.state == "fetching" and unfinished(tmp_path)
+    first.cancel()
+    hub.stalls = 0
+    assert finished(Download(tmp_path)).state == "done"
+    assert hub.ranges()[-1] is not None
 
 
 @pytest.mark.parametrize("gate", ["/api/models/", "/resolve/"], ids=["private", "gated files"])
