@@ -12,6 +12,7 @@ deletes what a break-off left, so only its listing and its `http_get` are used.
 """
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
 import json
@@ -19,12 +20,18 @@ import os
 import shutil
 import sys
 import time
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath
 
 SUFFIXES = {".safetensors", ".json", ".yaml", ".yml"}  # never pickles
 INTERVAL = 0.2  # seconds between two messages
+KEPT = "what has arrived is kept, the next download goes on from there"
+LOGIN = "the answer was not what was asked for: does this network want a login in the browser?"
+IN_THE_WAY = "a file is where a folder should be"
+REASONS = {errno.ENOSPC: f"the disk is full ({KEPT})", errno.ENOENT: "it was removed or renamed",
+           errno.EEXIST: IN_THE_WAY, errno.ENOTDIR: IN_THE_WAY}
 
 
 @dataclass
@@ -56,17 +63,27 @@ class RemoteFile:
         return self.part.stat().st_size if self.part.is_file() else 0
 
 
-class TellingFile(io.FileIO):
-    """Opened for appending; says how long it is after each write."""
+class PartFile(io.FileIO):
+    """Opened for appending; says how far it is after each write. Nothing that has arrived is lost to a wrong answer."""
 
-    def __init__(self, path: Path, tell_length):
-        super().__init__(path, "ab")
-        self.tell_length = tell_length
+    def __init__(self, file: RemoteFile, tell_length):
+        super().__init__(file.part, "ab+")
+        self.file, self.tell_length, self.sent_again = file, tell_length, False
+
+    def truncate(self, size=None) -> int:
+        """http_get does this when a server sends all again; what is there is compared with that instead."""
+        self.sent_again = True
+        return self.tell()
 
     def write(self, data) -> int:
-        written = super().write(data)
+        known = self.read(len(data)) if self.sent_again else b""
+        if not data.startswith(known):
+            raise Explained(f"{self.file.path.name}: {LOGIN}")
+        rest = memoryview(data)[len(known):]
+        while rest:  # a disk that gets full takes some of it
+            rest = rest[super().write(rest):]
         self.tell_length(self.tell())
-        return written
+        return len(data)
 
 
 def list_files(repository: dict, target: Path, token: str) -> list[RemoteFile]:
@@ -85,7 +102,7 @@ def list_files(repository: dict, target: Path, token: str) -> list[RemoteFile]:
             files.append(RemoteFile(url, target / repository["folder"] / name, entry.size,
                                     entry.lfs.sha256 if entry.lfs else "", entry.blob_id))
     if not files:
-        raise OSError(f"{repository['id']} holds none of the expected files")
+        raise Explained(f"{repository['id']} holds none of the expected files")
     return files
 
 
@@ -99,12 +116,19 @@ def download(file: RemoteFile, token: str, tell_length) -> None:
     file.path.parent.mkdir(parents=True, exist_ok=True)
     if file.part.is_file() and file.part.stat().st_size > file.size:
         file.part.unlink()
-    with TellingFile(file.part, tell_length) as stream:
-        http_get(file.url, stream, resume_size=stream.seek(0, os.SEEK_END),
-                 headers=build_hf_headers(token=token or False), expected_size=file.size)
+    with PartFile(file, tell_length) as stream:
+        length = stream.seek(0, os.SEEK_END)
+        try:
+            http_get(file.url, stream, resume_size=length, headers=build_hf_headers(token=token or False),
+                     expected_size=file.size)
+        except OSError as error:
+            if type(error) is OSError and error.errno is None:  # http_get's own, about the size
+                os.truncate(stream.fileno(), length)
+                raise Explained(f"{file.path.name}: {LOGIN}") from error
+            raise
     if not file.is_intact(file.part):
         file.part.unlink()
-        raise OSError(f"{file.path.name} arrived damaged: download again")
+        raise Explained(f"{file.path.name} arrived damaged: download again")
     file.part.replace(file.path)
 
 
@@ -135,10 +159,8 @@ def run(request: dict, tell) -> None:
     files = []
     for repository in request["repositories"]:
         tell(total=0, present=0, text=f"Asking for {repository['id']}")
-        try:
+        with explaining(repository["id"], request):
             files += list_files(repository, target, token)
-        except Exception as error:
-            raise explained(error, repository["id"], token) from error
     if request["fetch"]:
         target.mkdir(parents=True, exist_ok=True)
         lock(target)  # before looking at what is there
@@ -148,8 +170,10 @@ def run(request: dict, tell) -> None:
     tell(total=total, present=sum(present.values()), text="")
     if not request["fetch"]:
         return
-    if shutil.disk_usage(target).free < total - sum(present.values()):
-        raise OSError(f"the disk of {target} has too little space: {total - sum(present.values()) >> 20} MB are needed")
+    needed, free = total - sum(present.values()), shutil.disk_usage(target).free
+    if free < needed:
+        raise Explained(f"the disk of {target} has too little space: {-(-needed // 100_000) / 10} MB are needed, "
+                        f"{free // 100_000 / 10} MB are free")
     last = 0.0
 
     def tell_length(file: RemoteFile, length: int) -> None:
@@ -162,10 +186,8 @@ def run(request: dict, tell) -> None:
     for file in missing:
         last = 0.0  # a new file is told at once
         tell_length(file, present[file.path])
-        try:
+        with explaining(file.url, request):
             download(file, token, partial(tell_length, file))
-        except Exception as error:
-            raise explained(error, file.url, token) from error
     tell(total=total, present=total, text="")
 
 
@@ -177,21 +199,35 @@ class Explained(Exception):
         self.status = status
 
 
-def explained(error: Exception, what: str, token: str) -> Explained:
+@contextmanager
+def explaining(what: str, request: dict):
+    """Raises every error as Explained; `what` is asked for or written."""
+    try:
+        yield
+    except Explained:
+        raise
+    except Exception as error:
+        raise explained(error, what, request) from error
+
+
+def explained(error: Exception, what: str, request: dict) -> Explained:
     from huggingface_hub import constants
 
     status = getattr(getattr(error, "response", None), "status_code", None)
     if status in (401, 403):
         site = constants.ENDPOINT
-        ask = "refuses this access token" if token else "asks for an access token (or does not exist)"
+        ask = "refuses this access token" if request["token"] else "asks for an access token (or does not exist)"
         return Explained(f"{what} {ask}: accept the conditions on the repository's page, make a token at "
                          f"{site}/settings/tokens and enter it here", status)
     if status == 404:
         return Explained(f"{what} was not found on {constants.ENDPOINT}", status)
-    if isinstance(error, OSError) and status is None and type(error).__module__ == "builtins":
-        return Explained(str(error))
+    if isinstance(error, json.JSONDecodeError):
+        return Explained(f"{what}: {LOGIN}")
+    if isinstance(error, OSError) and error.errno and type(error).__module__ == "builtins":  # not of a network library
+        reason = REASONS.get(error.errno, error.strerror)
+        return Explained(f"the folder {request['target']} cannot be used: {reason}")
     return Explained(f"{what}: {type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''} "
-                     "(check the connection; what has arrived is kept, the next download goes on from there)", status)
+                     f"(check the connection; {KEPT})", status)
 
 
 def main() -> int:
@@ -202,7 +238,8 @@ def main() -> int:
         print(json.dumps(message), file=channel, flush=True)
 
     try:
-        run(request, tell)
+        with explaining(request["target"], request):
+            run(request, tell)
     except Exception as error:
         tell(error=str(error) or type(error).__name__, status=getattr(error, "status", None))
         return 1

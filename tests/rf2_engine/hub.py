@@ -34,6 +34,7 @@ class Hub(ThreadingHTTPServer):
         self.files = {BUNDLE: _bundle(), VAE: vae | {"transformer/config.json": b"{}"}}
         self.requests, self.token, self.gate = [], "", "/"
         self.cut, self.stalls, self.damaged = False, 0, False
+        self.portal, self.whole, self.claimed = "", False, 0
         self.closing = threading.Event()
         threading.Thread(target=self.serve_forever, args=(0.02,), daemon=True).start()
 
@@ -55,11 +56,13 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self):
         hub, path = self.server, self.path.partition("?")[0]
         hub.requests.append((path, self.headers["Range"], self.headers["Authorization"]))
+        if hub.portal and hub.portal in path:  # a network that shows its login page instead
+            return self._answer(200, b"<html>Log in</html>" * 50)
         if hub.token and hub.gate in path and self.headers["Authorization"] != f"Bearer {hub.token}":
             return self._answer(401, b"{}")
         for repository, files in hub.files.items():
             if path == f"/api/models/{repository}":
-                return self._answer(200, _listing(repository, files))
+                return self._answer(200, _listing(repository, files, hub.claimed))
             name = path.removeprefix(f"/{repository}/resolve/{REVISION}/")
             if name in files:
                 return self._file(name, files[name])
@@ -70,7 +73,7 @@ class _Handler(BaseHTTPRequestHandler):
             return self._answer(200, content)
         if self.server.damaged:
             content = bytes(len(content))
-        start = int((self.headers["Range"] or "bytes=0-")[len("bytes="):-1])
+        start = 0 if self.server.whole else int((self.headers["Range"] or "bytes=0-")[len("bytes="):-1])
         if self.server.cut and start:  # gone after it broke off
             return self._answer(503, b"")
         self.send_response(206 if start else 200)
@@ -97,10 +100,10 @@ class _Handler(BaseHTTPRequestHandler):
         pass
 
 
-def _listing(repository: str, files: dict[str, bytes]) -> bytes:
+def _listing(repository: str, files: dict[str, bytes], claimed: int) -> bytes:
     siblings = []
     for name, content in files.items():
-        entry = {"rfilename": name, "size": len(content),
+        entry = {"rfilename": name, "size": max(len(content), claimed),
                  "blobId": hashlib.sha1(b"blob %d\0" % len(content) + content).hexdigest()}
         if name.endswith(".safetensors"):
             entry |= {"blobId": "9" * 40, "lfs": {"sha256": hashlib.sha256(content).hexdigest(), "size": len(content),

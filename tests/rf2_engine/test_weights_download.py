@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Getting the published weights from a local server: what goes over the wire, and what lies on disk afterwards."""
+import re
+import shutil
+import sys
 import time
 
 import bpy
@@ -155,6 +158,80 @@ def test_a_second_download_leaves_the_first_alone(hub, tmp_path):
     hub.stalls = 0
     assert finished(Download(tmp_path)).state == "done"
     assert hub.ranges()[-1] is not None
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_login_page_instead_of_a_file_spoils_nothing(hub, tmp_path, begun):
+    if begun:
+        stalled(hub, tmp_path).cancel()
+        hub.stalls = 0
+    kept = unfinished(tmp_path)
+    hub.portal = LARGE
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and "login" in download.error and "force_download" not in download.error
+    assert unfinished(tmp_path) == kept and bool(kept) == begun
+    hub.portal = ""
+    assert finished(Download(tmp_path)).state == "done"
+    assert hub.ranges()[-1] == (f"bytes={kept}-" if begun else None)
+
+
+def test_a_login_page_instead_of_the_sizes_is_named(hub, tmp_path):
+    hub.portal = "/api/models/"
+    download = ready(tmp_path)
+    assert download.state == "failed" and "login" in download.error and not download.needs_token
+
+
+def test_a_server_that_cannot_go_on_may_send_all_again(hub, tmp_path):
+    stalled(hub, tmp_path).cancel()
+    hub.stalls, hub.whole = 0, True
+    assert finished(Download(tmp_path)).state == "done"
+    assert (tmp_path / "renderformer-v2" / LARGE).read_bytes() == hub.files[BUNDLE][LARGE]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on the size of files")
+def test_what_could_be_written_is_kept(hub, tmp_path):
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (399_000, limits[1]))  # in the middle of a write
+    try:
+        download = finished(Download(tmp_path))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert download.state == "failed" and str(tmp_path) in download.error and "Errno" not in download.error
+    assert unfinished(tmp_path) == 399_000
+    assert finished(Download(tmp_path)).state == "done" and hub.ranges()[-1] == "bytes=399000-"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /dev/full")
+def test_a_full_disk_is_said_with_the_folder(hub, tmp_path):
+    stalled(hub, tmp_path).cancel()
+    hub.stalls = 0
+    part, = tmp_path.rglob("*.part")
+    part.unlink()
+    part.symlink_to("/dev/full")
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and "kept" in download.error
+    assert f"{tmp_path} cannot be used: the disk is full" in download.error
+
+
+def test_too_little_space_is_known_before(hub, tmp_path):
+    hub.claimed = 1 << 55
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and str(tmp_path) in download.error and not files(tmp_path)
+    assert re.search(r"\d+\.\d MB are needed, \d+\.\d MB are free", download.error)
+
+
+def test_a_folder_that_disappears_or_is_none_is_named(hub, tmp_path):
+    folder = tmp_path / "weights"
+    download = stalled(hub, folder)
+    shutil.rmtree(folder)
+    hub.stalls = 0  # the connection breaks after a second without data, and the rest comes
+    download.wait()
+    assert download.state == "failed" and f"{folder} cannot be used: it was removed" in download.error
+    folder.write_bytes(b"")
+    download = finished(Download(folder))
+    assert download.state == "failed" and f"{folder} cannot be used: a file" in download.error
 
 
 @pytest.mark.parametrize("gate", ["/api/models/", "/resolve/"], ids=["private", "gated files"])
