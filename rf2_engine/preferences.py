@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import textwrap
+from os.path import isdir
 from pathlib import Path
 
 import bpy
@@ -27,7 +28,7 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
     bl_idname = runtime.EXTENSION
 
     weights_folder: StringProperty(
-        name="Own Folder", subtype="DIR_PATH",
+        name="Own Folder", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         description="A copy of renderformer-v2 on this computer, with the VAE of Qwen-Image as its folder vae or in "
                     "Qwen-Image/vae beside it. Empty: the downloaded weights are used",
     )
@@ -54,7 +55,7 @@ def _draw_status(layout) -> None:
     if bundle is None:
         layout.label(text="The add-on runs from its source folder: choose a folder with the weights", icon="INFO")
         return
-    missing = published_weights.missing_parts(bundle) if bundle.is_dir() else ["everything"]
+    missing = published_weights.missing_parts(bundle) if isdir(bundle) else ["everything"]
     if missing:
         _draw_text(layout, f"Missing: {', '.join(missing)}")
     else:
