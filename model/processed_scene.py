@@ -9,6 +9,8 @@ import numpy as np
 from .errors import SceneError
 from .scene import View, Volumes
 
+RAW_CHANNELS = (16, 15)  # with and without height (spec/scene-input.md 4.1)
+
 
 @dataclass
 class ProcessedScene:
@@ -32,7 +34,7 @@ class ProcessedScene:
     @property
     def is_raw(self) -> bool:
         """The texture is not encoded yet."""
-        return 12 <= self.texture.shape[1] <= 16
+        return self.texture.shape[1] in RAW_CHANNELS
 
 
 def square_fov(view: View) -> float:
