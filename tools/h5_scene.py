@@ -13,7 +13,11 @@ from .metrics import srgb
 
 
 def render(path: Path, weights: str | None, outputs: list[Path], resolution: tuple[int, int] | None) -> dict:
-    """Every view of the file as linear EXR or sRGB PNG; statistics as `tools.render` prints them."""
+    """Every view of the file as linear EXR or sRGB PNG in folders that exist; statistics as `tools.render` prints.
+
+    Raises SceneError for the scene, CheckpointError for the weights or a picture that is not finite, ValueError for a
+    resolution that is not square, OSError as the disk does.
+    """
     from model.h5 import read_h5
     from model.pipelines.published import PublishedPipeline
     from model.precision import choose_device, choose_precision
@@ -27,6 +31,9 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
     pipeline = PublishedPipeline(weights, device, choose_precision("auto", device))
     scene = read_h5(path)
     images = pipeline.render_processed(scene, width)
+    if not np.isfinite(images).all():
+        raise CheckpointError(f"the network's picture of {path} holds values that are not finite: move and scale the "
+                              f"scene to about [-0.5, 0.5], or get the weights in {weights} again")
     seconds = time.perf_counter() - begin
     written = [_numbered(output, i, len(images)) for output in outputs for i in range(len(images))]
     for output, image in zip(written, list(images) * len(outputs)):
@@ -36,7 +43,11 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
 
 
 def export(scene, weights: str | None, path: Path) -> dict:
-    """Convert the open file's `scene` (bpy) as F12 would and write it with its camera."""
+    """Convert the open file's `scene` (bpy), one of whose view layers is rendered, as F12 would, and write it with its
+    camera into a folder that exists.
+
+    Raises CheckpointError, ValueError or RuntimeError with a message for the user, and OSError as the disk does.
+    """
     import bpy
     _require_bundle(weights)
     from renderformer_v2.model import errors  # the package's own, not those of `model`
@@ -68,11 +79,16 @@ def export(scene, weights: str | None, path: Path) -> dict:
     begin = time.perf_counter()
     bpy.utils.register_class(Exporter)
     scene.render.engine = Exporter.bl_idname
+    scene.render.use_compositing = scene.render.use_sequencer = False  # may need no scene
     bpy.ops.render.render(scene=scene.name)
-    if isinstance(found[0], Exception):
-        raise RuntimeError(str(found[0])) from found[0]
-    tokens, view = found[0]
     try:
+        if isinstance(found[0], Exception):
+            raise found[0]
+        tokens, view = found[0]
+        if not len(tokens):
+            holds = "only volumes" if tokens.volumes else "nothing to render"
+            raise ValueError(f'scene "{scene.name}" holds {holds}: an H5 scene needs at least one triangle, '
+                             "add a mesh or a lamp")
         write_h5(path, PublishedPipeline(weights, "cpu", None).process(tokens, [view]))
     except (errors.CheckpointError, errors.SceneError) as error:
         raise RuntimeError(str(error)) from error
@@ -90,7 +106,6 @@ def _numbered(path: Path, index: int, count: int) -> Path:
 
 
 def _save(path: Path, image: np.ndarray) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix.lower() == ".png":
         from skimage.io import imsave
         imsave(path, (srgb(image) * 255 + 0.5).astype(np.uint8), check_contrast=False)

@@ -8,7 +8,8 @@
 
 The H5 scenes are those of the research code; DIR is then the published bundle. Several cameras make OUT_000.exr, ....
 Writes a multilayer EXR, or a PNG, by suffix (-o may be repeated) and prints one line of JSON: seconds by stage, tokens,
-triangles, and what was approximated or skipped. An error is one line on stderr and exit status 1.
+triangles, and what was approximated or skipped. An error is one line on stderr and exit status 1; wrong arguments are
+explained with exit status 2.
 """
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ import argparse
 import json
 import os
 import sys
+import tempfile
 import time
+import traceback
 from pathlib import Path
 
 from model.errors import CheckpointError, SceneError
@@ -24,6 +27,7 @@ from model.errors import CheckpointError, SceneError
 from . import extension
 
 FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
+H5 = (".h5", ".hdf5")
 
 
 def main() -> int:
@@ -44,12 +48,13 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.render", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path, help=".blend file, or .h5 scene")
-    parser.add_argument("-o", "--output", type=_output, action="append", default=[], help="picture: .exr or .png")
-    parser.add_argument("--export-h5", type=Path, metavar="FILE", help="write the scene for the research code")
+    parser.add_argument("-o", "--output", type=_file(*FORMATS), action="append", default=[],
+                        help="picture: .exr or .png")
+    parser.add_argument("--export-h5", type=_file(*H5), metavar="FILE", help="write the scene for the research code")
     parser.add_argument("--engine", choices=("renderformer", "cycles"), default="renderformer")
-    parser.add_argument("--samples", type=int, help="guide samples, or Cycles' samples (default: what the file says)")
-    parser.add_argument("--resolution", type=_resolution, help="WxH in pixels (default: what the file says)")
-    parser.add_argument("--weights", help="small, or a folder with weights (default: what the file says)")
+    parser.add_argument("--samples", type=_count, help="guide samples, or Cycles' samples (default: the file's)")
+    parser.add_argument("--resolution", type=_resolution, help="WxH in pixels (default: the file's)")
+    parser.add_argument("--weights", type=_weights, help="small, or a folder with weights (default: the file's)")
     parser.add_argument("--verbose", action="store_true", help="Blender's own output on stderr")
     arguments = parser.parse_args()
     if bool(arguments.output) == bool(arguments.export_h5):
@@ -57,36 +62,70 @@ def _arguments() -> argparse.Namespace:
     return arguments
 
 
-def _output(text: str) -> Path:
-    path = Path(text).resolve()
-    if path.suffix.lower() not in FORMATS:
-        raise argparse.ArgumentTypeError(f"{text}: the suffix must be one of {', '.join(FORMATS)}")
-    return path
+def _file(*suffixes: str):
+    def parse(text: str) -> Path:
+        path = Path(text).resolve()
+        if path.suffix.lower() not in suffixes:
+            raise argparse.ArgumentTypeError(f"{text}: the suffix must be one of {', '.join(suffixes)}")
+        return path
+    return parse
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or not int(text):
+        raise argparse.ArgumentTypeError(f"{text}: expected a whole number from 1")
+    return int(text)
 
 
 def _resolution(text: str) -> tuple[int, int]:
-    try:
-        width, height = map(int, text.lower().split("x"))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text}: expected WIDTHxHEIGHT, such as 640x480") from None
-    return width, height
+    sides = text.lower().split("x")
+    if len(sides) != 2:
+        raise argparse.ArgumentTypeError(f"{text}: expected WIDTHxHEIGHT, such as 640x480")
+    return _count(sides[0]), _count(sides[1])
+
+
+def _weights(text: str) -> str:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("expected small, or a folder with weights")
+    return text
 
 
 def _run(arguments: argparse.Namespace) -> dict:
     if not arguments.scene.is_file():
         raise FileNotFoundError(f"{arguments.scene}: there is no such file")
-    if arguments.scene.suffix == ".h5":
+    is_h5 = arguments.scene.suffix.lower() in H5
+    if is_h5 and arguments.export_h5:
+        raise ValueError(f"{arguments.scene} is an H5 scene already: --export-h5 is for .blend files")
+    if (is_h5 or arguments.export_h5) and (arguments.engine == "cycles" or arguments.samples):
+        raise ValueError("H5 scenes are for the published network alone: leave out --engine cycles and --samples")
+    for path in filter(None, (*arguments.output, arguments.export_h5)):
+        _prepare(path)
+    if is_h5:
         from . import h5_scene
         return h5_scene.render(arguments.scene, arguments.weights, arguments.output, arguments.resolution)
     import bpy
     extension.load().register()
     bpy.ops.wm.open_mainfile(filepath=str(arguments.scene.resolve()))
     scene = bpy.context.scene
+    if not any(layer.use for layer in scene.view_layers):
+        raise ValueError(f'no view layer of scene "{scene.name}" is enabled for rendering: '
+                         "switch on Use for Rendering in View Layer Properties")
     _apply(arguments, scene)
     if arguments.export_h5:
         from . import h5_scene
         return h5_scene.export(scene, arguments.weights, arguments.export_h5)
     return _render(arguments, scene)
+
+
+def _prepare(path: Path) -> None:
+    """Make the folder of an output and try it, before the work rather than after. Raises OSError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        raise OSError(f"{path} cannot be written: {error.strerror}") from error
+    if path.is_dir():
+        raise OSError(f"{path} cannot be written: it is a folder")
 
 
 def _render(arguments: argparse.Namespace, scene) -> dict:
@@ -99,9 +138,9 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
 
     statistics = {"scene": str(arguments.scene), "engine": scene.render.engine, "seconds": {"total": round(seconds, 3)},
                   "tokens": None, "triangles": None, "report": [], "output": list(map(str, arguments.output))}
-    if arguments.engine == "renderformer":
-        from renderformer_v2.rf2_engine import render
-        last = render.last_statistics
+    from renderformer_v2.rf2_engine import render
+    # Without the engine there are none: Cycles rendered, or compositor or sequencer made the picture alone.
+    if last := render.last_statistics:
         statistics["seconds"] = {k: round(v, 3) for k, v in last["seconds"].items()} | statistics["seconds"]
         statistics |= {key: last[key] for key in ("tokens", "triangles", "size", "weights", "report")}
     return statistics
@@ -128,9 +167,15 @@ def _save(path: Path, scene) -> None:
     set_file_format(settings, FORMATS[path.suffix.lower()])
     if path.suffix.lower() == ".exr":
         settings.color_depth = "32"
-    path.parent.mkdir(parents=True, exist_ok=True)
     bpy.data.images["Render Result"].save_render(str(path), scene=scene)
 
 
 if __name__ == "__main__":
-    extension.leave(main())
+    try:
+        status = main()
+    except SystemExit:  # of the argument parser; Blender is not loaded yet
+        raise
+    except BaseException:  # an interruption too: with Blender loaded, Python would not end by itself
+        traceback.print_exc()
+        status = 1
+    extension.leave(status)

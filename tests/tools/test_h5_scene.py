@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`tools.render` on an H5 scene."""
 import json
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,9 +60,29 @@ def test_a_blend_file_becomes_an_h5_scene_with_its_camera(tmp_path):
     np.testing.assert_allclose(scene.camera_to_world[0, :3, :3], expected[:3, :3], atol=1e-5)
 
 
-@pytest.mark.parametrize("arguments, message", [
-    (["--weights", "small"], "--weights"), (["--weights", "WEIGHTS"], "WEIGHTS"), ([], "--weights")])
-def test_other_weights_are_refused(tmp_path, monkeypatch, capfd, arguments, message):
+@pytest.mark.parametrize("size, message", [
+    (np.nan, "scene.h5: triangles is not finite"), (3e38, "picture of .*scene.h5 holds values that are not finite")])
+def test_what_is_not_finite_becomes_no_picture(tmp_path, monkeypatch, capfd, size, message):
+    bundle = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
+    scene = PublishedPipeline(bundle, "cpu", None).process(floor_scene(), [floor_view()[0]])
+    write_h5(tmp_path / "scene.h5", replace(scene, triangles=np.sign(scene.triangles) * np.float32(size)))
+    assert run(monkeypatch, tmp_path / "scene.h5", "-o", tmp_path / "out.exr", "--weights", bundle,
+               "--resolution", "64x64") == 1
+    assert re.search(message, capfd.readouterr().err) and not (tmp_path / "out.exr").exists()
+
+
+@pytest.mark.parametrize("name, arguments, message", [
+    ("scene.h5", ["--weights", "small"], "--weights"), ("scene.h5", ["--weights", "WEIGHTS"], "WEIGHTS"),
+    ("scene.h5", [], "--weights"), ("SCENE.H5", [], "--weights"), ("scene.hdf5", [], "--weights"),
+    ("scene.h5", ["--engine", "cycles"], "--engine"), ("scene.h5", ["--samples", "4"], "--samples")])
+def test_what_an_h5_scene_cannot_be_rendered_with_is_refused(tmp_path, monkeypatch, capfd, name, arguments, message):
+    (tmp_path / name).write_bytes(b"")
+    assert run(monkeypatch, tmp_path / name, "-o", tmp_path / "out.exr", *arguments) == 1
+    error = capfd.readouterr().err
+    assert message in error and error.count("\n") == 1
+
+
+def test_an_h5_scene_is_not_exported_again(tmp_path, monkeypatch, capfd):
     (tmp_path / "scene.h5").write_bytes(b"")
-    assert run(monkeypatch, tmp_path / "scene.h5", "-o", tmp_path / "out.exr", *arguments) == 1
-    assert message in capfd.readouterr().err
+    assert run(monkeypatch, tmp_path / "scene.h5", "--export-h5", tmp_path / "other.h5", "--weights", "DIR") == 1
+    assert "H5 scene already" in capfd.readouterr().err

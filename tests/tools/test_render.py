@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`python -m tools.render`: wrong arguments, odd .blend files, and a process that always ends."""
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from model.h5 import read_h5
+from tests.model.published import tiny_published_config, write_bundle
+from tools import benchmark_scene, render
+
+
+def command(*arguments) -> list[str]:
+    return [sys.executable, "-m", "tools.render", *map(str, arguments)]
+
+
+def run(*arguments, stdout=subprocess.PIPE) -> subprocess.CompletedProcess:
+    return subprocess.run(command(*arguments), cwd=Path(render.__file__).parents[1], stdout=stdout,
+                          stderr=subprocess.PIPE, text=True, timeout=120)
+
+
+@pytest.mark.parametrize("arguments, message", [
+    (["--resolution", "0x0"], "--resolution: 0: "), (["--resolution", "64x-1"], "--resolution: -1: "),
+    (["--resolution", "64"], "--resolution: 64: expected WIDTHxHEIGHT"), (["--samples", "0"], "--samples: 0: "),
+    (["--weights", ""], "--weights: expected small"), (["-o", "out.jpg"], "-o/--output: out.jpg: the suffix"),
+    (["--export-h5", "scene.blend"], "--export-h5: scene.blend: the suffix must be one of .h5, .hdf5"),
+])
+def test_wrong_arguments_are_explained(monkeypatch, capsys, arguments, message):
+    monkeypatch.setattr(sys, "argv", ["render", "scene.blend", "-o", "out.exr", *arguments])
+    with pytest.raises(SystemExit, match="2"):
+        render.main()
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option, name", [("-o", "out.exr"), ("--export-h5", "out.h5")])
+def test_an_output_that_cannot_be_written_is_said_before_the_work(tmp_path, monkeypatch, capfd, option, name):
+    (tmp_path / "scene.blend").write_bytes(b"not opened")
+    (tmp_path / "file").write_bytes(b"")
+    (tmp_path / "folder" / name).mkdir(parents=True)
+    for parent in ("file", "folder"):
+        output = tmp_path / parent / name
+        monkeypatch.setattr(sys, "argv", ["render", str(tmp_path / "scene.blend"), option, str(output)])
+        assert render.main() == 1
+        assert f"{output} cannot be written: " in capfd.readouterr().err
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """The open file's scene, a small room."""
+    import bpy
+    benchmark_scene.build(benchmark_scene.LEAST, 64)
+    return bpy.context.scene
+
+
+@pytest.fixture
+def save(tmp_path):
+    import bpy
+
+    def save() -> Path:
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+        return tmp_path / "scene.blend"
+    return save
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory) -> Path:
+    return write_bundle(tmp_path_factory.mktemp("weights") / "renderformer-v2", tiny_published_config())
+
+
+@pytest.mark.parametrize("arguments", [["-o", "out.exr"], ["-o", "out.exr", "--engine", "cycles"],
+                                       ["--export-h5", "out.h5"]])
+def test_a_scene_without_an_enabled_view_layer_is_named(scene, save, tmp_path, bundle, arguments):
+    scene.name = "Backstage"
+    scene.view_layers[0].use = False
+    arguments[1] = tmp_path / arguments[1]
+    done = run(save(), *arguments, "--weights", bundle)
+    assert done.returncode == 1
+    assert 'no view layer of scene "Backstage" is enabled for rendering' in done.stderr
+    assert done.stderr.count("\n") == 1 and not arguments[1].exists()
+
+
+@pytest.mark.parametrize("left, message", [("nothing", "nothing to render"), ("fog", "only volumes")])
+def test_a_scene_without_a_triangle_is_not_exported(scene, save, tmp_path, bundle, left, message):
+    import bpy
+    for item in list(scene.objects):
+        if item is not scene.camera:
+            bpy.data.objects.remove(item)
+    scene.world = None
+    if left == "fog":
+        bpy.ops.mesh.primitive_cube_add()
+        material = bpy.data.materials.new("Fog")
+        material.use_nodes = True
+        nodes = material.node_tree.nodes
+        nodes.remove(nodes["Principled BSDF"])
+        fog = nodes.new("ShaderNodeVolumePrincipled")
+        material.node_tree.links.new(fog.outputs["Volume"], nodes["Material Output"].inputs["Volume"])
+        bpy.context.object.data.materials.append(material)
+    done = run(save(), "--export-h5", tmp_path / "out.h5", "--weights", bundle)
+    assert done.returncode == 1 and message in done.stderr and "at least one triangle" in done.stderr
+    assert not (tmp_path / "out.h5").exists()
+
+
+def test_a_sequence_needs_no_engine_and_keeps_no_scene_from_being_exported(scene, save, tmp_path, bundle):
+    editor = scene.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    strips.new_image("Card", str(tmp_path / "card.png"), 1, 1)
+    path = save()
+    picture = run(path, "-o", tmp_path / "new" / "out.png")
+    assert picture.returncode == 0, picture.stderr
+    assert json.loads(picture.stdout)["triangles"] is None and (tmp_path / "new" / "out.png").is_file()
+    exported = run(path, "--export-h5", tmp_path / "new" / "folder" / "out.h5", "--weights", bundle)
+    assert exported.returncode == 0, exported.stderr
+    assert len(read_h5(tmp_path / "new" / "folder" / "out.h5").triangles) >= benchmark_scene.LEAST
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux has a full disk to try")
+def test_the_process_ends_whatever_happens_after_blender_was_loaded(scene, save, tmp_path):
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    with open("/dev/full", "w") as full:
+        done = run(save(), "-o", tmp_path / "out.png", stdout=full)
+    assert done.returncode == 1 and "No space left" in done.stderr
