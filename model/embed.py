@@ -13,7 +13,7 @@ from .inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
 from .nerf import nerf_encode, nerf_width
 from .norm import Linear, RMSNorm
 from .progress import Progress, chunked
-from .sequence import centroids
+from .sequence import centroids, learned_token
 
 ENVIRONMENT_GRID = (4, 8)  # patches, rows x columns
 
@@ -24,7 +24,7 @@ class VolumeEncoder(nn.Module):
     def __init__(self, config: ModelConfig):
         super().__init__()
         d = config.latent_dim
-        self.vol_token = nn.Parameter(0.02 * torch.randn(1, 1, d))
+        self.vol_token = learned_token(1, d)
         self.density_encoder = _perceptron(config.volume_density_input_dim, d, d)
         self.rotation_encoder = _perceptron(3, d // 4, d)
         self.scale_encoder = _perceptron(3, d // 4, d)
@@ -46,8 +46,8 @@ class SceneEmbedding(nn.Module):
         super().__init__()
         self.config = config
         d, eps = config.latent_dim, config.embed_norm_eps
-        self.tri_token = nn.Parameter(0.02 * torch.randn(1, 1, d))
-        self.reg_tokens = nn.Parameter(0.02 * torch.randn(1, config.num_register_tokens, d))
+        self.tri_token = learned_token(1, d)
+        self.reg_tokens = learned_token(config.num_register_tokens, d)
         self.intra_tri_pos_emb_proj = Linear(nerf_width(9, config.vertex_pe_num_freqs), d)
         self.intra_tri_pos_emb_norm = RMSNorm(d, eps)
         self.vn_encoding_proj = Linear(nerf_width(9, config.vn_pe_num_freqs), d)

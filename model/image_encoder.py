@@ -10,6 +10,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from . import background
 from .checkpoint import explained, load_weights, read_json, require
 from .errors import CheckpointError
 
@@ -73,20 +74,25 @@ class ImageEncoder:
 
     def _encode(self, images: torch.Tensor, poll) -> torch.Tensor:
         if self._network is None:
-            self._network = OneFrameEncoder(load_vae(self.config, self.file)).to(self.device)
+            kind = background.finish(background.begin(vae_class), poll)
+            self._network = OneFrameEncoder(load_vae(kind, self.config, self.file)).to(self.device)
         tile = images.shape[-1] * images.shape[-2]
         size = max(1, (BATCH if torch.device(self.device).type == "cuda" else BATCH_CPU) * 32 * 32 // tile)
         return torch.cat([self._network(batch.to(self.device, torch.float32), poll).cpu()
                           for batch in images.split(size)])
 
 
-def load_vae(config: dict, file: Path) -> nn.Module:
-    """diffusers' AutoencoderKLQwenImage in float32, read strictly. Raises CheckpointError."""
+def vae_class() -> type[nn.Module]:
+    """diffusers' AutoencoderKLQwenImage; the import takes 3 s."""
     from diffusers import AutoencoderKLQwenImage
+    return AutoencoderKLQwenImage
 
+
+def load_vae(kind: type[nn.Module], config: dict, file: Path) -> nn.Module:
+    """A `kind` in float32, read strictly. Raises CheckpointError."""
     try:
         with torch.device("meta"):
-            vae = AutoencoderKLQwenImage.from_config(config)
+            vae = kind.from_config(config)
     except (TypeError, ValueError) as error:
         raise CheckpointError(f"{file.parent / 'config.json'} does not fit {CLASS}: {error}") from error
     return load_weights(vae, file)

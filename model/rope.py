@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional as F
@@ -12,8 +13,7 @@ from torch.nn import functional as F
 def rope_frequencies(dim: int) -> torch.Tensor:
     """(dim / 2,) float32 frequencies, log-spaced from 1 to dim / 2 - 1."""
     count = dim // 2
-    exponents = torch.arange(count, dtype=torch.float64) * (math.log2(count - 1) / (count - 1))
-    return (2.0 ** exponents).float()
+    return torch.tensor(2.0 ** (np.arange(count) * (math.log2(count - 1) / (count - 1))), dtype=torch.float32)
 
 
 class RotaryEmbedding(nn.Module):

@@ -5,11 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+from torch import nn
 
 from .ordering import hilbert_order
 from .progress import Progress, chunked, joined
 
 COPIED = 8192  # embeddings between two polls
+
+
+def learned_token(count: int, width: int) -> nn.Parameter:
+    """(1, count, width) tokens that training finds, at their start."""
+    token = torch.empty(1, count, width)
+    # For random numbers on the meta device PyTorch would import its compiler, which takes a second.
+    return nn.Parameter(token if token.is_meta else token.normal_(std=0.02))
 
 
 @dataclass

@@ -16,6 +16,7 @@ from .norm import Linear, RMSNorm
 from .nerf import nerf_encode, nerf_width
 from .progress import CHUNK, Progress, chunked, cuts, joined
 from .rope import RotaryEmbedding
+from .sequence import learned_token
 from .swin import SwinAttention
 
 
@@ -79,7 +80,7 @@ class ViewTransformer(nn.Module):
         super().__init__()
         self.config = config
         d = config.view_transformer_latent_dim
-        self.ray_map_patch_token = nn.Parameter(0.02 * torch.randn(1, 1, d))
+        self.ray_map_patch_token = learned_token(1, d)
         self.ray_map_encoder = Linear(nerf_width(3, config.vdir_num_freqs) * config.patch_size ** 2, d)
         self.ray_map_encoder_norm = RMSNorm(d, config.embed_norm_eps)
         self.transformer = ViewDependentTransformer(config)

@@ -13,6 +13,7 @@ from .feed_forward import SwiGLU
 from .norm import RMSNorm
 from .progress import Progress, joined
 from .rope import RotaryEmbedding
+from .sequence import learned_token
 
 
 class ViewIndependentLayer(nn.Module):
@@ -51,7 +52,7 @@ class ViewIndependentTransformer(nn.Module):
     def __init__(self, config: ModelConfig):
         super().__init__()
         self.half = None if config.dense else config.local_attention_window_size_half
-        self.summary_token_embed = nn.Parameter(0.02 * torch.randn(1, 1, config.latent_dim))
+        self.summary_token_embed = learned_token(1, config.latent_dim)
         self.rope_emb = RotaryEmbedding(config.intra_rope_pe_num_freqs, config.latent_dim // config.num_heads)
         self.layers = nn.ModuleList(ViewIndependentLayer(config) for _ in range(config.num_layers))
 
