@@ -90,9 +90,10 @@ def resized(source: Rows, size: tuple[int, int]) -> Rows:
         high = (low + 1).clamp(max=height - 1)
         first = int(low[0])
         x = source(first, int(high[-1]) + 1)
-        wide = F.interpolate(x.float(), size=(x.shape[2], size[1]), mode="bilinear", align_corners=True)
-        upper, lower = (wide.index_select(2, (rows - first).to(x.device)) for rows in (low, high))
-        return upper.lerp_(lower, (position - low)[:, None].to(x.device)).to(x.dtype)
+        narrow = x.float()
+        upper, lower = (narrow.index_select(2, (rows - first).to(x.device)) for rows in (low, high))
+        tall = upper.lerp_(lower, (position - low)[:, None].to(x.device))
+        return F.interpolate(tall, size=(end - begin, size[1]), mode="bilinear", align_corners=True).to(x.dtype)
 
     return Rows(size, compute, source.poll)
 
