@@ -14,8 +14,12 @@ ROWS = 64  # computed at once in float64
 
 
 def padded_view(view: View) -> View:
-    """The rectangle extended to the right and below to multiples of 64 pixels."""
-    return replace(view, width=view.width + -view.width % GRANULARITY, height=view.height + -view.height % GRANULARITY)
+    """The rectangle extended to the 64-pixel grid of the whole picture: its windows are then those of the picture."""
+    x, y = view.corner
+    left, above = x % GRANULARITY, y % GRANULARITY
+    width, height = left + view.width, above + view.height
+    return replace(view, principal=view.principal + np.float32((left, above)), corner=(x - left, y - above),
+                   width=width + -width % GRANULARITY, height=height + -height % GRANULARITY)
 
 
 def view_rays(view: View) -> tuple[np.ndarray, np.ndarray]:

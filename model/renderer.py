@@ -46,11 +46,11 @@ class Renderer:
         progress = progress or (lambda text, fraction: None)
         with torch.inference_mode():
             normalization, encoded = self._encode(scene, view, progress)
-            width, height = view.width, view.height
-            view, guides = padded(view, guides)
-            image = self.pipeline.image(encoded, normalization.view(view), normalization.guides(guides),
+            larger, guides = padded(view, guides)
+            image = self.pipeline.image(encoded, normalization.view(larger), normalization.guides(guides),
                                         lambda text, fraction: progress(text, 0.5 + 0.5 * fraction))
-            image = image[:, :height, :width] / normalization.exposure
+            left, above = (a - b for a, b in zip(view.corner, larger.corner))
+            image = image[:, above:above + view.height, left:left + view.width] / normalization.exposure
         if not image.isfinite().all():
             advice = "the weights may be damaged" if self.dtype == torch.float32 else "set Precision to Float32"
             raise CheckpointError(f"The network's picture holds values that are not finite: {advice}")
@@ -93,14 +93,18 @@ def _update(digest, part) -> None:
 
 
 def padded(view: View, guides: Guides) -> tuple[View, Guides]:
-    """Extend the rectangle to what the network accepts; nothing is hit there."""
+    """Extend the rectangle to what the network accepts; the outermost pixels are repeated there.
+
+    A picture goes on beyond its edge, and the network's windows look there: an empty margin would darken the edge.
+    """
     larger = padded_view(view)
-    right, below = larger.width - view.width, larger.height - view.height
-    if not right and not below:
+    if (larger.width, larger.height) == (view.width, view.height):
         return view, guides
+    left, above = (a - b for a, b in zip(view.corner, larger.corner))
+    rows = above, larger.height - view.height - above
+    columns = left, larger.width - view.width - left
     margins = {}
     for f in fields(Guides):
         array = getattr(guides, f.name)
-        fill = -1 if f.name == "hit_triangle" else 0
-        margins[f.name] = np.pad(array, [(0, below), (0, right)] + [(0, 0)] * (array.ndim - 2), constant_values=fill)
+        margins[f.name] = np.pad(array, [rows, columns] + [(0, 0)] * (array.ndim - 2), mode="edge")
     return larger, Guides(**margins)

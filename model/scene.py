@@ -58,6 +58,7 @@ class View:
     width: int
     height: int
     picture_size: int = 0        # pixels, the longer side of the whole picture; 0 when this rectangle is all of it
+    corner: tuple[int, int] = (0, 0)  # x, y of the rectangle's top left pixel in the whole picture
 
 
 @dataclass

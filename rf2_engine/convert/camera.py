@@ -40,12 +40,14 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
     shift = np.array([-projection[0, 2], projection[1, 2]])
     half = np.array([width, height]) / 2
     focal, principal, size = scale * half * (mirror, 1), (1 + shift) * half, max(width, height)
+    corner = 0, 0
     if border is not None:
         x0, x1, y0, y1 = border
-        principal -= (x0, height - y1)
+        corner = x0, height - y1
+        principal -= corner
         width, height = x1 - x0, y1 - y0
     return View(camera_to_world.astype(np.float32), focal.astype(np.float32), principal.astype(np.float32),
-                width, height, size)
+                width, height, size, corner)
 
 
 def _rigid(matrix: np.ndarray, name: str, report) -> tuple[np.ndarray, float]:

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rendering with the bundled weights."""
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
+from model.camera import view_rays
 from model.errors import RenderCancelled
 from model.renderer import Renderer, fingerprint, padded
+from model.scene import Guides
 
 from tests.model.samples import floor_scene, floor_view
 
@@ -48,12 +50,30 @@ def test_progress_rises_and_can_cancel(renderer):
         renderer.render(floor_scene(radiance=4.0), view, guides, progress=cancel)
 
 
-def test_padding_adds_pixels_that_hit_nothing():
-    view, guides = padded(*floor_view(70, 64))
-    assert (view.width, view.height) == (128, 64)
-    assert (guides.hit_triangle[:, 70:] == -1).all() and guides.alpha[:, 70:].max() == 0
+def part_of(view, guides, x, y, width, height):
+    """A rectangle of a picture, as a render border gives it."""
+    part = replace(view, width=width, height=height, principal=view.principal - np.float32((x, y)), corner=(x, y))
+    return part, Guides(**{f.name: getattr(guides, f.name)[y:y + height, x:x + width] for f in fields(Guides)})
+
+
+def test_padding_keeps_the_windows_of_the_picture_and_repeats_its_edge():
+    whole, guides = floor_view(256, 192)
+    view, larger = padded(*part_of(whole, guides, 70, 50, 60, 100))
+    assert (view.corner, view.width, view.height) == ((64, 0), 128, 192)
+    np.testing.assert_allclose(view_rays(view)[1], view_rays(whole)[1][:, 64:192], atol=1e-6)
+    np.testing.assert_array_equal(larger.position[50:150, 6:66], guides.position[50:150, 70:130])
+    np.testing.assert_array_equal(larger.position[:50, 6:66], np.repeat(guides.position[50:51, 70:130], 50, axis=0))
     same, _ = padded(*floor_view(64, 64))
-    assert same.width == 64
+    assert (same.width, same.height) == (64, 64)
+
+
+def test_a_part_looks_as_it_does_in_the_picture(renderer):
+    scene, whole = floor_scene(), floor_view(256, 192)
+    x, y, width, height = 70, 50, 100, 90
+    expected = renderer.render(scene, *whole)[y:y + height, x:x + width]
+    actual = renderer.render(scene, *part_of(*whole, x, y, width, height))
+    assert actual.shape == expected.shape
+    assert np.abs(actual - expected).mean() < 0.01 * expected.mean()
 
 
 @pytest.mark.parametrize("arguments", [{"device": "cuda"}, {"device": "cpu", "precision": "fp16"}])
