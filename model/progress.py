@@ -63,11 +63,15 @@ def chunked(function, *tensors: torch.Tensor, progress: Progress | None = None, 
     return tuple(results) if isinstance(result, tuple) else results[0]
 
 
-def joined(parts: Iterable[torch.Tensor], length: int, axis: int) -> torch.Tensor:
-    """The concatenation of `parts`, `length` long; without gradients each part is put into place as it comes."""
+def joined(parts: Iterable[torch.Tensor], length: int, axis: int, into: torch.Tensor | None = None) -> torch.Tensor:
+    """The concatenation of `parts`, `length` long; without gradients each part is put into place as it comes.
+
+    into: that place, if the parts are made of nothing there but their own rows. Memory that is new to the process costs
+    as much time as an attention.
+    """
     if torch.is_grad_enabled():
         return torch.cat(list(parts), dim=axis)
-    result, begin = None, 0
+    result, begin = into, 0
     for part in parts:
         if part.shape[axis] == length:
             return part

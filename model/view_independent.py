@@ -28,7 +28,10 @@ class ViewIndependentLayer(nn.Module):
         self.ffn_norm = RMSNorm(d)
 
     def forward(self, x: torch.Tensor, rotation, window: Window, progress: Progress) -> torch.Tensor:
-        """(L, D) float32 -> (L, D) float32, block by block, so that no more than keys and values is held of all."""
+        """(L, D) float32 -> (L, D) float32, block by block, so that no more than keys and values is held of all.
+
+        Without gradients the result takes the place of x.
+        """
         attention = self.multihead_attn
 
         def part(begin: int, end: int):
@@ -43,7 +46,7 @@ class ViewIndependentLayer(nn.Module):
             y = x[begin:end] + attention.output(window.attend(q, begin, keys, step))
             return y + self.ffn(self.ffn_norm(y))
 
-        return joined(starmap(update, window.cuts), len(x), axis=0)
+        return joined(starmap(update, window.cuts), len(x), axis=0, into=x)
 
 
 class ViewIndependentTransformer(nn.Module):
@@ -57,7 +60,10 @@ class ViewIndependentTransformer(nn.Module):
         self.layers = nn.ModuleList(ViewIndependentLayer(config) for _ in range(config.num_layers))
 
     def forward(self, tokens: torch.Tensor, positions: torch.Tensor, sink: int, progress: Progress) -> torch.Tensor:
-        """(L, D) float32 tokens at (L, 3) positions, the first `sink` of them dense -> (L, D) float32."""
+        """(L, D) float32 tokens at (L, 3) positions, the first `sink` of them dense -> (L, D) float32.
+
+        Without gradients the result takes the place of the tokens.
+        """
         rotation, window = self.rope_emb(positions), Window(len(tokens), sink, self.half, tokens.device)
         count = len(self.layers)
         for i, layer in enumerate(self.layers):

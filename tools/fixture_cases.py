@@ -91,7 +91,7 @@ class Recorder:
     def _hook(self, name: str):
         def hook(module, args, output):
             self.inputs[name].append(args[0])
-            self.parts[name].append(output)
+            self.parts[name].append(output.clone())  # the next layer may write its result there
         return hook
 
     def __enter__(self) -> Recorder:
