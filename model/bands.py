@@ -49,7 +49,7 @@ def whole(x: torch.Tensor, poll: Callable[[], None]) -> Rows:
 
 
 def convolved(conv: nn.Conv2d, source: Rows, activation=None) -> Rows:
-    """conv(activation(source)) with zero padding outside of the map."""
+    """conv(activation(source)) with zero padding outside of the map, in the format of the weights."""
     (side, _), (stride, _), (pad, _) = conv.kernel_size, conv.stride, conv.padding
 
     def compute(begin: int, end: int) -> torch.Tensor:
@@ -59,7 +59,7 @@ def convolved(conv: nn.Conv2d, source: Rows, activation=None) -> Rows:
         above, below = max(-first, 0), max(last - source.size[0], 0)
         if above or below:
             x = F.pad(x, (0, 0, above, below))
-        return F.conv2d(x, conv.weight, conv.bias, stride, (0, pad))
+        return F.conv2d(x.to(conv.weight.dtype), conv.weight, conv.bias, stride, (0, pad))
 
     return Rows(tuple((n + 2 * pad - side) // stride + 1 for n in source.size), compute, source.poll)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from .bundle_files import COMPONENTS, INDEX, TRANSFORMER
 from .checkpoint import build_network, explained, load_component, load_network, read_json, require, weights_file
 from .config import ModelConfig
 from .errors import CheckpointError
@@ -19,13 +20,10 @@ RELEASED_TRAINER = {"turn_to_cam_coord": False, "learn_ldr": False, "emission_ar
                     "clamped_hdr": False}
 
 
-PARTS = ("model_index.json", "transformer_512", "transformer_2048", "material_autoencoder", *MAPPERS)
-
-
 @explained()
 def is_bundle(folder: str | Path) -> bool:
     """Whether the folder is a published bundle, or what a partial download left of it."""
-    return any((Path(folder) / name).exists() for name in PARTS)
+    return any((Path(folder) / name).exists() for name in (INDEX, *COMPONENTS))
 
 
 @dataclass
@@ -38,10 +36,10 @@ class Bundle:
     def __post_init__(self) -> None:
         """Raises CheckpointError when the folder is not a published bundle."""
         self.folder = Path(self.folder)
-        if (self.folder / "config.json").is_file() and not (self.folder / "model_index.json").is_file():
+        if (self.folder / "config.json").is_file() and not (self.folder / INDEX).is_file():
             raise CheckpointError(f"{self.folder} looks like a RenderFormer-V1 checkpoint, which cannot be used: "
                                   "choose the folder of renderformer-v2")
-        read_json(require(self.folder, "model_index.json"))
+        read_json(require(self.folder, INDEX))
 
     def transformer(self, resolution: int) -> RenderFormer:
         """The network for pictures whose longer side is `resolution` pixels."""
@@ -67,7 +65,7 @@ def transformer_name(resolution: int) -> str:
 @explained()
 def load_transformer(folder: Path) -> RenderFormer:
     """One transformer folder: config.yaml, or the standalone model_config.json, beside model.safetensors."""
-    present = [name for name in ("config.yaml", "config.yml", "model_config.json") if (folder / name).is_file()]
+    present = [name for name in TRANSFORMER if (folder / name).is_file()]
     if (folder / "config.json").is_file():
         if present:
             raise CheckpointError(f"{folder} holds both config.json and {present[0]}: it mixes two checkpoints")

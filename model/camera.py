@@ -22,6 +22,12 @@ def padded_view(view: View) -> View:
                    width=width + -width % GRANULARITY, height=height + -height % GRANULARITY)
 
 
+def place_in(larger: View, view: View) -> tuple[slice, slice]:
+    """Rows and columns of `larger`, another rectangle of the same picture, that are `view`."""
+    left, above = (a - b for a, b in zip(view.corner, larger.corner))
+    return slice(above, above + view.height), slice(left, left + view.width)
+
+
 def view_rays(view: View) -> tuple[np.ndarray, np.ndarray]:
     """Camera origin (3,) f32 and unit world directions (H, W, 3) f32 of the pixel centres, row 0 on top."""
     columns, rows = np.arange(view.width) + 0.5, np.arange(view.height) + 0.5

@@ -122,10 +122,9 @@ class DPTDecoder(nn.Module):
 
     def _rows(self, features, size, extra, poll) -> Rows:
         """What `_whole` returns, by rows."""
-        scratch, dtype = self.scratch, self.projects[0].weight.dtype
-        levels = []
+        scratch, levels = self.scratch, []
         for i, feature in enumerate(features):
-            level = convolved(self.projects[i], whole(feature, poll), lambda x: x.to(dtype))
+            level = convolved(self.projects[i], whole(feature, poll))
             resample = self.resize_layers[i]
             if isinstance(resample, nn.ConvTranspose2d):
                 level = enlarged(resample, level)
@@ -140,4 +139,4 @@ class DPTDecoder(nn.Module):
         x = resized(convolved(scratch.output_conv1, x), size)
         if extra is not None:
             x = combined(x, whole(extra, poll), lambda x, extra: torch.cat([x, extra.to(x.dtype)], dim=1))
-        return convolved(scratch.output_conv2[2], convolved(scratch.output_conv2[0], x), lambda x: F.silu(x).float())
+        return convolved(scratch.output_conv2[2], convolved(scratch.output_conv2[0], x), F.silu)

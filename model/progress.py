@@ -41,15 +41,17 @@ def cuts(begin: int, end: int, device: torch.device) -> list[tuple[int, int]]:
     return [(first, min(first + size, end)) for first in range(begin, end, size)]
 
 
-def chunked(function, *tensors: torch.Tensor, progress: Progress | None = None, size: int = CHUNK, axis: int = 0):
+def chunked(function, *tensors: torch.Tensor, progress: Progress | None = None, size: int = CHUNK, axis: int = 0,
+            into: torch.Tensor | None = None):
     """function(*tensors), computed for `size` rows of the tensors at a time and concatenated along `axis`.
 
-    `function` returns a tensor or a tuple of tensors with as many rows (on that axis) as it was given.
+    `function` returns a tensor or a tuple of tensors with as many rows (on that axis) as it was given. into: as for
+    `joined`.
     """
     rows = len(tensors[0])
     if torch.is_grad_enabled():
         size = max(rows, 1)  # autograd would hold a gradient of full length for every slice
-    results = None
+    results = None if into is None else [into]
     for begin in range(0, max(rows, 1), size):
         if progress is not None:
             progress(begin / max(rows, 1))

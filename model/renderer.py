@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from .bundle import is_bundle
-from .camera import padded_view
+from .camera import padded_view, place_in
 from .errors import CheckpointError
 from .normalize import Normalization
 from .pipelines.guided import GuidedPipeline
@@ -49,8 +49,7 @@ class Renderer:
             larger, guides = padded(view, guides)
             image = self.pipeline.image(encoded, normalization.view(larger), normalization.guides(guides),
                                         lambda text, fraction: progress(text, 0.5 + 0.5 * fraction))
-            left, above = (a - b for a, b in zip(view.corner, larger.corner))
-            image = image[:, above:above + view.height, left:left + view.width] / normalization.exposure
+            image = image[:, *place_in(larger, view)] / normalization.exposure
         if not image.isfinite().all():
             advice = "the weights may be damaged" if self.dtype == torch.float32 else "set Precision to Float32"
             raise CheckpointError(f"The network's picture holds values that are not finite: {advice}")
@@ -100,11 +99,8 @@ def padded(view: View, guides: Guides) -> tuple[View, Guides]:
     larger = padded_view(view)
     if (larger.width, larger.height) == (view.width, view.height):
         return view, guides
-    left, above = (a - b for a, b in zip(view.corner, larger.corner))
-    rows = above, larger.height - view.height - above
-    columns = left, larger.width - view.width - left
-    margins = {}
-    for f in fields(Guides):
-        array = getattr(guides, f.name)
-        margins[f.name] = np.pad(array, [rows, columns] + [(0, 0)] * (array.ndim - 2), mode="edge")
-    return larger, Guides(**margins)
+    rows, columns = place_in(larger, view)
+    margins = [(rows.start, larger.height - rows.stop), (columns.start, larger.width - columns.stop)]
+    arrays = {f.name: getattr(guides, f.name) for f in fields(Guides)}
+    return larger, Guides(**{name: np.pad(array, margins + [(0, 0)] * (array.ndim - 2), mode="edge")
+                             for name, array in arrays.items()})

@@ -48,7 +48,8 @@ class ViewDependentLayer(nn.Module):
         rays = rays.flatten(0, 2)
         rays = self.cross_attend(rays, rotation, keys, progress.part(0.0, 0.5)).view(shape)
         rays = (rays + self.self_attn(rays, self.self_attn_norm, progress.part(0.5, 0.7))).flatten(0, 2)
-        return self.feed_forward(rays, progress.part(0.7, 1.0)).view(shape)
+        return chunked(lambda x: x + self.ffn(self.ffn_norm(x)), rays, progress=progress.part(0.7, 1.0),
+                       into=rays).view(shape)
 
     def cross_attend(self, rays: torch.Tensor, rotation, keys: KeysValues, progress: Progress) -> torch.Tensor:
         """(n, D) -> (n, D) with what it sees of the scene added."""
@@ -59,14 +60,6 @@ class ViewDependentLayer(nn.Module):
             return x + self.multihead_attn.output(attend_to_all(q, keys, step))
 
         return joined(starmap(update, cuts(0, len(rays), rays.device)), len(rays), axis=0)
-
-    def feed_forward(self, rays: torch.Tensor, progress: Progress) -> torch.Tensor:
-        """(n, D) -> (n, D), without gradients in the same place."""
-        def update(begin: int, end: int) -> torch.Tensor:
-            progress(begin / len(rays))
-            return rays[begin:end] + self.ffn(self.ffn_norm(rays[begin:end]))
-
-        return joined(starmap(update, cuts(0, len(rays), rays.device)), len(rays), axis=0, into=rays)
 
 
 class ViewDependentTransformer(nn.Module):

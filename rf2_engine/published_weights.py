@@ -8,16 +8,11 @@ from pathlib import Path
 
 import bpy
 
+from ..model.bundle_files import COMPONENTS, INDEX
 from ..model.errors import CheckpointError
 from . import runtime
 
-CONFIG = ("config.json",)
-TRANSFORMER = ("config.yaml", "config.yml", "model_config.json")
-COMPONENTS = {  # folder: names of which one describes it
-    "transformer_512": TRANSFORMER, "transformer_2048": TRANSFORMER, "material_autoencoder": CONFIG,
-    "diffspec_mapper": CONFIG, "metallic_mapper": CONFIG, "metallic_transmission_mapper": CONFIG,
-}
-INDEX, BUNDLE, VAE = "model_index.json", "renderformer-v2", "Qwen-Image"
+BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
 REPOSITORIES = [
     {"id": "RenderFormer/renderformer-v2", "folder": BUNDLE, "parts": [INDEX, *(f"{name}/" for name in COMPONENTS)]},
     {"id": "Qwen/Qwen-Image", "folder": VAE, "parts": ["vae/"]},

@@ -109,9 +109,11 @@ class _Walk:
             return False
         if not all(rays):
             self.report.approximated(obj.name, "Ray Visibility other than Camera is ignored")
-        if obj.type != "LIGHT" and obj.is_shadow_catcher:
+        if obj.type == "LIGHT":
+            return True
+        if obj.is_shadow_catcher:
             self.report.approximated(obj.name, "a shadow catcher is shown like any object")
-        if obj.type != "LIGHT" and obj.is_holdout:
+        if obj.is_holdout:
             self.report.approximated(obj.name, "a holdout lights the scene like any object, and is black unless the "
                                                "film is transparent")
         return True
