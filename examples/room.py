@@ -8,6 +8,7 @@ import sys
 from math import radians
 
 import bpy
+
 from mathutils import Vector
 
 

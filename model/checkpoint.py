@@ -12,10 +12,10 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from .config import ModelConfig
 from .errors import CheckpointError
 from .material.mappers import Mapper, MetallicTransmissionMapper
-from .renderformer import RenderFormer
+from .network.config import ModelConfig
+from .network.renderformer import RenderFormer
 
 WEIGHTS = Path(__file__).parent / "weights"
 SMALL = WEIGHTS / "rf2_small"

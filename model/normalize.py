@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .emitters import area_vectors
+from .guided.emitters import area_vectors
 from .scene import HEIGHT, Guides, RenderScene, View
 
 HALF_EXTENT = 0.5          # of the scene's box, in network units

@@ -8,7 +8,7 @@ import time
 import torch
 from torch import nn
 
-from .norm import Float32Conv2d, Linear
+from .network.norm import Float32Conv2d, Linear
 
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from .bundle import is_bundle
 from .camera import padded_view, place_in
 from .errors import CheckpointError
+from .guided.pipeline import GuidedPipeline
 from .normalize import Normalization
-from .pipelines.guided import GuidedPipeline
-from .pipelines.published import PublishedPipeline
 from .precision import choose_device, choose_precision
+from .published.bundle import is_bundle
+from .published.pipeline import PublishedPipeline
 from .scene import Guides, RenderScene, View
 
 

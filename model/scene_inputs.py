@@ -9,9 +9,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from .encoders import PANORAMA, TILE_SIDE
 from .environment import environment_images
-from .inputs import EnvironmentInputs, NetworkInputs, VolumeInputs, encode_light
+from .guided.encoders import PANORAMA, TILE_SIDE
+from .network.inputs import EnvironmentInputs, NetworkInputs, VolumeInputs, encode_light
 from .scene import HEIGHT, NORMAL, RenderScene, Volumes
 
 FARTHEST_LIGHT = 3.0  # network units; training lights are 2.1 to 2.7 away (spec/scene-input.md 1.2)

@@ -7,9 +7,10 @@ else must be taken from the depsgraph before `render_passes`, and one session pe
 """
 from __future__ import annotations
 
-import addon_utils
 import bpy
 import numpy as np
+
+import addon_utils
 
 from ..model.errors import RenderCancelled, SceneError
 from . import compat

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from mathutils.bvhtree import BVHTree
 
 from ..model.camera import view_rays_at

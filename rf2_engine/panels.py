@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import model_cache, passes, published_weights, render, runtime
+from . import model_cache, passes, render
 from .engine import RenderFormerEngine
+from .setup import packages, published_weights
 
 # Panels that Blender shows for any engine but that do nothing here, or that a more complete Eevee panel replaces.
 EXCLUDED = {
@@ -37,7 +38,7 @@ class RENDERFORMER_PT_settings(_Panel):
     def draw(self, context):
         layout, settings = self.layout, context.scene.renderformer_v2
         layout.use_property_split, layout.use_property_decorate = True, False
-        missing = runtime.missing()
+        missing = packages.missing()
         if missing:
             layout.label(text=f"Missing Python packages: {', '.join(missing)}", icon="ERROR")
             layout.operator("renderformer_v2.install_runtime", icon="IMPORT")
@@ -60,10 +61,10 @@ class RENDERFORMER_PT_settings(_Panel):
 
 def _draw_published(layout) -> None:
     bundle = published_weights.bundle_folder()
-    if bundle is None or published_weights.missing_parts(bundle) or runtime.missing(runtime.PUBLISHED):
+    if bundle is None or published_weights.missing_parts(bundle) or packages.missing(packages.PUBLISHED):
         column = layout.column()
         column.label(text="The published weights or their packages are not complete", icon="ERROR")
-        column.operator("preferences.addon_show", text="Open Preferences").module = runtime.EXTENSION
+        column.operator("preferences.addon_show", text="Open Preferences").module = packages.EXTENSION
 
 
 class RENDERFORMER_PT_report(_Panel):

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything the add-on registers, in order, and taken back in the reverse order."""
-from . import engine, model_cache, operators, panels, preferences, settings, weights_operators
+from . import engine, model_cache, panels, settings
+from .setup import package_operators, preferences, weights_operators
 
-MODULES = (settings, preferences, engine, operators, weights_operators, panels)
+MODULES = (settings, preferences, engine, package_operators, weights_operators, panels)
 
 
 def register() -> None:

@@ -8,11 +8,12 @@ import bpy
 import numpy as np
 
 from ..model.errors import CheckpointError, RenderCancelled, SceneError
-from . import cycles_session, model_cache, output, runtime
+from . import cycles_session, model_cache, output
 from .convert.camera import convert_camera
 from .convert.report import Report
 from .convert.scene import convert
 from .guides import make_guides
+from .setup import packages
 from .status import Status
 
 # What the last render was made of and how long it took: {"layer", "size" (w, h), "triangles", "tokens", "weights",
@@ -27,7 +28,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         _render_layer(engine, depsgraph, layer)
     except RenderCancelled:
         return
-    except (SceneError, CheckpointError, runtime.MissingPackages) as error:
+    except (SceneError, CheckpointError, packages.MissingPackages) as error:
         _fail(engine, layer, str(error))
     except Exception as error:
         if type(error).__name__ == "OutOfMemoryError" or isinstance(error, MemoryError):
@@ -39,7 +40,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
 
 def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str) -> None:
     global last_statistics
-    runtime.require()
+    packages.require()
     cycles_session.require()
     model_cache.begin_import()
     scene, report, status = depsgraph.scene_eval, Report(), Status(engine)

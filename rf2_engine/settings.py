@@ -8,7 +8,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..model.errors import CheckpointError
-from . import published_weights
+from .setup import published_weights
 
 
 class RenderFormerSettings(bpy.types.PropertyGroup):

@@ -7,6 +7,8 @@ import os
 import sys
 import tempfile
 
+import tools  # noqa: F401  makes the package `renderformer_v2` importable
+
 _user = tempfile.TemporaryDirectory(prefix="renderformer-v2-tests-")
 for _kind in ("RESOURCES", "CONFIG", "SCRIPTS", "EXTENSIONS", "DATAFILES"):
     os.environ[f"BLENDER_USER_{_kind}"] = os.path.join(_user.name, _kind.lower())

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.renderer import Renderer
+from renderformer_v2.model.renderer import Renderer
 from tools.datagen.shards import load_sample, sample_paths
 from tools.metrics import compare, srgb
 

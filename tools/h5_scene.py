@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.errors import CheckpointError
+from renderformer_v2.model.errors import CheckpointError
 
 from .metrics import srgb
 
@@ -18,9 +18,9 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
     Raises SceneError for the scene, CheckpointError for the weights or a picture that is not finite, ValueError for a
     resolution that is not square, OSError as the disk does.
     """
-    from model.h5 import read_h5
-    from model.pipelines.published import PublishedPipeline
-    from model.precision import choose_device, choose_precision
+    from renderformer_v2.model.precision import choose_device, choose_precision
+    from renderformer_v2.model.published.h5 import read_h5
+    from renderformer_v2.model.published.pipeline import PublishedPipeline
 
     _require_bundle(weights)
     width, height = resolution or (512, 512)
@@ -51,8 +51,8 @@ def export(scene, weights: str | None, path: Path) -> dict:
     import bpy
     _require_bundle(weights)
     from renderformer_v2.model import errors  # the package's own, not those of `model`
-    from renderformer_v2.model.h5 import write_h5
-    from renderformer_v2.model.pipelines.published import PublishedPipeline
+    from renderformer_v2.model.published.h5 import write_h5
+    from renderformer_v2.model.published.pipeline import PublishedPipeline
     from renderformer_v2.rf2_engine.convert.camera import convert_camera
     from renderformer_v2.rf2_engine.convert.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert

@@ -22,7 +22,7 @@ import time
 import traceback
 from pathlib import Path
 
-from model.errors import CheckpointError, SceneError
+from renderformer_v2.model.errors import CheckpointError, SceneError
 
 from . import extension
 
@@ -162,6 +162,7 @@ def _apply(arguments: argparse.Namespace, scene) -> None:
 
 def _save(path: Path, scene) -> None:
     import bpy
+
     from renderformer_v2.rf2_engine.compat import set_file_format
     settings = scene.render.image_settings
     set_file_format(settings, FORMATS[path.suffix.lower()])

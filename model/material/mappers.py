@@ -6,7 +6,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..norm import Linear
+from ..network.norm import Linear
 
 LATENT_DIM = 9
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import medium
 from . import mesh as meshes
 from .material import MaterialTiles
 from .mesh import TriangleMesh
 from .report import Report
+from .shading import volume
 from .vdb import volume_medium
 from .volume import Medium, mesh_medium
 
@@ -131,7 +131,7 @@ class _Walk:
             part.matrices.append(matrix)
         mesh = self._mesh(obj)
         for index, material in enumerate(slots):
-            coefficients = medium.volume_coefficients(material, self.report)
+            coefficients = volume.volume_coefficients(material, self.report)
             corners = mesh.corners[_slot(mesh, slots) == index] if coefficients else ()
             if len(corners):
                 self.found.media.append(mesh_medium(obj.name, matrix, corners, *coefficients))
@@ -139,7 +139,7 @@ class _Walk:
     def _split(self, obj, slots: list, mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)
         slot = _slot(mesh, slots)
-        surface = np.array([medium.has_surface(material) for material in slots])
+        surface = np.array([volume.has_surface(material) for material in slots])
         emits = np.array([self._emits(material, mesh) for material in slots])
         parts = []
         for kind in (False, True):
@@ -165,7 +165,7 @@ class _Walk:
 
     def _add_volume(self, obj, matrix: np.ndarray) -> None:
         material = meshes.material_slots(obj)[0]
-        coefficients = medium.volume_coefficients(material, self.report) if material else DEFAULT_MEDIUM
+        coefficients = volume.volume_coefficients(material, self.report) if material else DEFAULT_MEDIUM
         if coefficients is None:
             self.report.skipped(obj.name, f'its material "{material.name}" has no volume shader')
         elif box := volume_medium(obj, matrix, *coefficients, self.report):

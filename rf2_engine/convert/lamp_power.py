@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from . import nodes
-from .evaluate import Evaluator, Points
-from .image import ImageCache
-from .surface import evaluate_shader
+from .shading import graph
+from .shading.evaluate import Evaluator, Points
+from .shading.image import ImageCache
+from .shading.surface import evaluate_shader
 
 
 def lamp_strength(light, name: str, report) -> np.ndarray | None:
@@ -32,11 +32,11 @@ def lamp_strength(light, name: str, report) -> np.ndarray | None:
 
 
 def _node_strength(light, name, report) -> np.ndarray:
-    output = nodes.output_node(light.node_tree)
+    output = graph.output_node(light.node_tree)
     if output is None:
         return np.zeros(3)
     evaluator = Evaluator(Points(), ImageCache(report), report, name)
-    return evaluate_shader(evaluator, nodes.find_input(output, "Surface")).emission.astype(np.float64)
+    return evaluate_shader(evaluator, graph.find_input(output, "Surface")).emission.astype(np.float64)
 
 
 def normalized(light) -> bool:

@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model.scene import (BASE_COLOR, HEIGHT, IOR, METALLIC, NORMAL, ROUGHNESS, TILE_CHANNELS, TILE_SIZE,
-                            TRANSMISSION, barycentric_grid, constant_tile)
-from . import nodes
-from .closure import Closure, SurfaceParameters, parameters
-from .evaluate import Evaluator, Points
-from .image import ImageCache
-from .medium import has_surface
-from .surface import evaluate_shader
+from ...model.scene import (
+    BASE_COLOR,
+    HEIGHT,
+    IOR,
+    METALLIC,
+    NORMAL,
+    ROUGHNESS,
+    TILE_CHANNELS,
+    TILE_SIZE,
+    TRANSMISSION,
+    barycentric_grid,
+    constant_tile,
+)
+from .shading import graph
+from .shading.closure import Closure, SurfaceParameters, parameters
+from .shading.evaluate import Evaluator, Points
+from .shading.image import ImageCache
+from .shading.surface import evaluate_shader
+from .shading.volume import has_surface
 
 CHUNK = 256                  # triangles evaluated at once
 HEIGHT_UNIT = 0.025          # world units of displacement at height 1
@@ -79,10 +90,10 @@ class MaterialTiles:
             color = np.array(material.diffuse_color[:3], np.float32)
             return SurfaceParameters(color, *(np.full(1, x, np.float32) for x in (0, 1, 1, 0)),
                                      np.array([0, 0, 1], np.float32), np.zeros(3, np.float32)), np.zeros(1, np.float32)
-        output = nodes.output_node(tree)
+        output = graph.output_node(tree)
         closure = Closure()
         if output is not None:
-            closure = evaluate_shader(evaluator, nodes.find_input(output, "Surface"))
+            closure = evaluate_shader(evaluator, graph.find_input(output, "Surface"))
         if not closure.weight.any() and not closure.emission.any() and has_surface(material):
             self.report.approximated(material.name, "no surface shader reaches the Material Output: it is black")
         return parameters(closure), self._height(material, output, evaluator)
@@ -90,11 +101,11 @@ class MaterialTiles:
     def _height(self, material, output, evaluator) -> np.ndarray:
         """Displacement over 0.025 world units (spec/scene-input.md 4.6); objects are taken to be of scale 1."""
         zero = np.zeros(1, np.float32)
-        socket = None if output is None else nodes.find_input(output, "Displacement")
-        source = None if socket is None else nodes.source(socket)[1]
+        socket = None if output is None else graph.find_input(output, "Displacement")
+        source = None if socket is None else graph.source(socket)[1]
         if source is None:
             return zero
-        node, frames = source.node, nodes.source(socket)[2]
+        node, frames = source.node, graph.source(socket)[2]
         if node.bl_idname != "ShaderNodeDisplacement":
             evaluator.approximated(node, f"{node.bl_label} displacement is left out")
             return zero

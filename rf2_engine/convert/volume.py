@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+
 from mathutils.bvhtree import BVHTree
 
 from ...model.scene import Volumes

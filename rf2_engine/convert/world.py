@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...model.scene import ENVIRONMENT_SHAPE
-from . import nodes
-from .evaluate import Evaluator, Points
-from .image import ImageCache
-from .surface import evaluate_shader
+from .shading import graph
+from .shading.evaluate import Evaluator, Points
+from .shading.image import ImageCache
+from .shading.surface import evaluate_shader
 
 MAX_SUPERSAMPLING = 4  # rays per texel and axis; larger images are reduced first
 BAND_ROWS = 32        # texel rows evaluated at once
@@ -25,11 +25,11 @@ def convert_world(world, report) -> np.ndarray | None:
     _report_limits(world, report)
     if not world.use_nodes or world.node_tree is None:
         return _none_if_black(np.broadcast_to(np.float32(world.color), ENVIRONMENT_SHAPE).copy())
-    output = nodes.output_node(world.node_tree)
+    output = graph.output_node(world.node_tree)
     if output is None:
         return None
     images = ImageCache(report, MAX_SUPERSAMPLING * ENVIRONMENT_SHAPE[1])
-    socket, fineness = nodes.find_input(output, "Surface"), _supersampling(world.node_tree)
+    socket, fineness = graph.find_input(output, "Surface"), _supersampling(world.node_tree)
     bands = [_band(socket, row, fineness, images, report, world.name)
              for row in range(0, ENVIRONMENT_SHAPE[0], BAND_ROWS)]
     return _none_if_black(np.concatenate(bands))
@@ -68,8 +68,8 @@ def _none_if_black(environment: np.ndarray) -> np.ndarray | None:
 
 
 def _report_limits(world, report) -> None:
-    output = nodes.output_node(world.node_tree) if world.use_nodes else None
-    if output is not None and nodes.source(nodes.find_input(output, "Volume"))[1] is not None:
+    output = graph.output_node(world.node_tree) if world.use_nodes else None
+    if output is not None and graph.source(graph.find_input(output, "Volume"))[1] is not None:
         report.skipped(world.name, "a volume that fills the world is left out; use a box with a volume shader")
     hidden = [label for key, label in VISIBILITY.items() if not getattr(world.cycles_visibility, key)]
     if hidden:

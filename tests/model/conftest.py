@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-from model.config import ModelConfig
-from model.inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
-from tests.model.published import tiny_published_config, write_bundle
-from tools.fixture_cases import recipe_network
+from renderformer_v2.model.network.config import ModelConfig
+from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
+from tests.model.published.bundles import tiny_published_config, write_bundle
+from tools.parity.cases import recipe_network
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,8 @@
 """A small scene without Blender: a floor of triangles under one light, seen from above."""
 import numpy as np
 
-from model.camera import view_rays
-from model.scene import Guides, RenderScene, View, constant_tile
+from renderformer_v2.model.camera import view_rays
+from renderformer_v2.model.scene import Guides, RenderScene, View, constant_tile
 
 
 def floor_scene(side: int = 8, radiance: float = 40.0) -> RenderScene:

@@ -2,7 +2,7 @@
 """The material autoencoder at its published and at a small size."""
 import torch
 
-from model.material.autoencoder import MaterialAutoencoder, inverse_log10_1p, log10_1p
+from renderformer_v2.model.material.autoencoder import MaterialAutoencoder, inverse_log10_1p, log10_1p
 
 
 def test_published_size():

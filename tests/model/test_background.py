@@ -6,8 +6,8 @@ from threading import Event
 
 import pytest
 
-from model import background
-from model.errors import RenderCancelled
+from renderformer_v2.model import background
+from renderformer_v2.model.errors import RenderCancelled
 
 
 def test_giving_up_ends_the_wait_and_not_the_import():

@@ -8,12 +8,12 @@ import torch
 import yaml
 from safetensors.torch import load_file, save_file
 
-from model.bundle import Bundle
-from model.checkpoint import load_network, save_small
-from model.errors import CheckpointError
-from model.material.mappers import MAPPERS
-from model.renderer import Renderer
-from tools.fixture_cases import with_recipe_weights
+from renderformer_v2.model.checkpoint import load_network, save_small
+from renderformer_v2.model.errors import CheckpointError
+from renderformer_v2.model.material.mappers import MAPPERS
+from renderformer_v2.model.published.bundle import Bundle
+from renderformer_v2.model.renderer import Renderer
+from tools.parity.cases import with_recipe_weights
 
 
 @pytest.fixture

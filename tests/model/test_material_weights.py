@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from model.checkpoint import MATERIAL_MAPPER, load_component, load_material_mapper
-from model.material.autoencoder import MaterialAutoencoder
+from renderformer_v2.model.checkpoint import MATERIAL_MAPPER, load_component, load_material_mapper
+from renderformer_v2.model.material.autoencoder import MaterialAutoencoder
 
 GREY = (0.5, 0.5, 0.5, 0.0, 0.3, 1.5, 0.0)  # base R, G, B; metallic; roughness; index of refraction; transmission
 

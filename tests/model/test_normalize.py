@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.normalize import CENTRAL_IRRADIANCE, HALF_EXTENT, Normalization
-from model.scene import HEIGHT, RenderScene, constant_tile
+from renderformer_v2.model.normalize import CENTRAL_IRRADIANCE, HALF_EXTENT, Normalization
+from renderformer_v2.model.scene import HEIGHT, RenderScene, constant_tile
 
 
 @pytest.fixture

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from tools.fixture_cases import Case
-from tools.fixture_results import precision_psnr
-from tools.parity import PSNR, TOLERANCE, case_errors
-from tools.self_check import self_check
+from tools.parity.__main__ import PSNR
+from tools.parity.cases import Case
+from tools.parity.compare import TOLERANCE, case_errors
+from tools.parity.results import precision_psnr
+from tools.parity.self_check import self_check
 
 FIXTURES = Path(__file__).parents[3] / "shared" / "fixtures"
 CASES = ["net_small_main", "net_small_swin", "net_small_planar", "net_small_tiny", "environment", "texture_tiles",

@@ -5,11 +5,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from model.camera import view_rays
-from model.errors import RenderCancelled
-from model.renderer import Renderer, fingerprint, padded
-from model.scene import Guides
-
+from renderformer_v2.model.camera import view_rays
+from renderformer_v2.model.errors import RenderCancelled
+from renderformer_v2.model.renderer import Renderer, fingerprint, padded
+from renderformer_v2.model.scene import Guides
 from tests.model.samples import floor_scene, floor_view
 
 

@@ -7,8 +7,9 @@ import os
 from pathlib import Path
 
 import bpy
-import addon_utils  # bpy puts it on the path
 import pytest
+
+import addon_utils  # bpy puts it on the path
 
 from tools.build import build
 

@@ -2,13 +2,15 @@
 """Whatever a user gets wrong: a message that names it, and never a traceback or a silent black frame."""
 import json
 
-import addon_utils
 import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model import checkpoint, config
-from bl_ext.user_default.renderformer_v2.rf2_engine import model_cache, render, runtime
+import addon_utils
+from bl_ext.user_default.renderformer_v2.model import checkpoint
+from bl_ext.user_default.renderformer_v2.model.network import config
+from bl_ext.user_default.renderformer_v2.rf2_engine import model_cache, render
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages
 
 from .f12 import cube, mesh_object, press_f12, sun
 
@@ -188,8 +190,8 @@ def test_unusable_weights_are_named(scene, tmp_path, files):
 
 
 def test_missing_packages_come_with_instructions(scene, tmp_path, monkeypatch):
-    monkeypatch.setitem(runtime.PACKAGES, "torch_that_is_not_there", "torch-that-is-not-there==1.0")
-    monkeypatch.setattr(runtime, "NETWORK", (*runtime.NETWORK, "torch_that_is_not_there"))
+    monkeypatch.setitem(packages.PACKAGES, "torch_that_is_not_there", "torch-that-is-not-there==1.0")
+    monkeypatch.setattr(packages, "NETWORK", (*packages.NETWORK, "torch_that_is_not_there"))
     expect_error(scene, tmp_path, "torch_that_is_not_there", "Install Packages", "pip install")
 
 

@@ -2,6 +2,7 @@
 """The triangles that pixels are said to see, against every triangle tried for every pixel."""
 import numpy as np
 import pytest
+
 from bl_ext.user_default.renderformer_v2.model.camera import square_view, view_rays
 from bl_ext.user_default.renderformer_v2.model.scene import RenderScene, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.guides import make_guides

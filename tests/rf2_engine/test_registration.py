@@ -4,9 +4,9 @@ import subprocess
 import sys
 
 import bpy
-import addon_utils  # bpy puts it on the path
 import pytest
 
+import addon_utils  # bpy puts it on the path
 from bl_ext.user_default.renderformer_v2.rf2_engine import panels
 
 PACKAGE = "bl_ext.user_default.renderformer_v2"

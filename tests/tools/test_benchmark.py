@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.config import rf2_200m
-from tools.benchmark_flops import decoder_flops_per_ray, forward_flops, stage1_flops, visible_pairs
-from tools.benchmark_report import extrapolated, stage1_ratio
-from tools.benchmark_scene import LEAST, triangle_corners
+from renderformer_v2.model.network.config import rf2_200m
+from tools.benchmark.flops import decoder_flops_per_ray, forward_flops, stage1_flops, visible_pairs
+from tools.benchmark.report import extrapolated, stage1_ratio
+from tools.benchmark.ring import LEAST, triangle_corners
 
 ROOT = Path(__file__).parents[2]
 

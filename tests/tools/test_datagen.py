@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.scene import ENVIRONMENT_SHAPE, IOR, TILE_SIZE, TRANSMISSION
+from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, IOR, TILE_SIZE, TRANSMISSION
 from tools.datagen.shards import STORED_TILE, load_sample, sample_path, sample_paths, save_arrays
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.renderer import Renderer
+from renderformer_v2.model.renderer import Renderer
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.shards import save_sample
 from tools.metrics import compare, psnr, srgb

@@ -11,12 +11,13 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from model.camera import square_view
-from model.h5 import read_h5, write_h5
-from model.pipelines.published import PublishedPipeline
-from tests.model.published import tiny_published_config, write_bundle
+from renderformer_v2.model.camera import square_view
+from renderformer_v2.model.published.h5 import read_h5, write_h5
+from renderformer_v2.model.published.pipeline import PublishedPipeline
+from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.model.samples import floor_scene, floor_view
-from tools import benchmark_scene, render
+from tools import render
+from tools.benchmark import ring
 
 
 def run(monkeypatch, *arguments) -> int:
@@ -43,7 +44,7 @@ def test_every_camera_of_an_h5_scene_becomes_a_picture(tmp_path, monkeypatch, ca
 
 def test_a_blend_file_becomes_an_h5_scene_with_its_camera(tmp_path):
     import bpy
-    benchmark_scene.build(benchmark_scene.LEAST, 64)
+    ring.build(ring.LEAST, 64)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bundle = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
     command = [sys.executable, "-m", "tools.render", tmp_path / "scene.blend", "--weights", bundle,
@@ -52,12 +53,12 @@ def test_a_blend_file_becomes_an_h5_scene_with_its_camera(tmp_path):
     done = subprocess.run(list(map(str, command)), cwd=root, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     scene, said = read_h5(tmp_path / "scene.h5"), json.loads(done.stdout)
-    assert len(scene.triangles) == said["triangles"] >= benchmark_scene.LEAST
-    np.testing.assert_allclose(scene.fov, [benchmark_scene.FIELD_OF_VIEW], atol=1e-3)
-    frame, expected = scene.metadata["normalization"], benchmark_scene.camera_to_world()
-    position = scene.camera_to_world[0, :3, 3] / frame["scale"] + frame["center"]
+    assert len(scene.triangles) == said["triangles"] >= ring.LEAST
+    np.testing.assert_allclose(scene.fov, [ring.FIELD_OF_VIEW], atol=1e-3)
+    frame, expected = scene.metadata["normalization"], ring.camera_to_world()
+    position = ring.camera_to_world[0, :3, 3] / frame["scale"] + frame["center"]
     np.testing.assert_allclose(position, expected[:3, 3], atol=1e-3)
-    np.testing.assert_allclose(scene.camera_to_world[0, :3, :3], expected[:3, :3], atol=1e-5)
+    np.testing.assert_allclose(ring.camera_to_world[0, :3, :3], expected[:3, :3], atol=1e-5)
 
 
 @pytest.mark.parametrize("size, message", [

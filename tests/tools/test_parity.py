@@ -8,9 +8,9 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from tools import parity
-from tools.fixture_cases import Case
-from tools.fixture_results import texture_results
+from tools.parity import __main__ as parity
+from tools.parity.cases import Case
+from tools.parity.results import texture_results
 
 
 def run(monkeypatch, *arguments) -> int:

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from model.h5 import read_h5
-from tests.model.published import tiny_published_config, write_bundle
-from tools import benchmark_scene, render
+from renderformer_v2.model.published.h5 import read_h5
+from tests.model.published.bundles import tiny_published_config, write_bundle
+from tools import render
+from tools.benchmark import ring
 
 
 def command(*arguments) -> list[str]:
@@ -50,7 +51,7 @@ def test_an_output_that_cannot_be_written_is_said_before_the_work(tmp_path, monk
 def scene(tmp_path):
     """The open file's scene, a small room."""
     import bpy
-    benchmark_scene.build(benchmark_scene.LEAST, 64)
+    ring.build(ring.LEAST, 64)
     return bpy.context.scene
 
 
@@ -112,7 +113,7 @@ def test_a_sequence_needs_no_engine_and_keeps_no_scene_from_being_exported(scene
     assert json.loads(picture.stdout)["triangles"] is None and (tmp_path / "new" / "out.png").is_file()
     exported = run(path, "--export-h5", tmp_path / "new" / "folder" / "out.h5", "--weights", bundle)
     assert exported.returncode == 0, exported.stderr
-    assert len(read_h5(tmp_path / "new" / "folder" / "out.h5").triangles) >= benchmark_scene.LEAST
+    assert len(read_h5(tmp_path / "new" / "folder" / "out.h5").triangles) >= ring.LEAST
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux has a full disk to try")

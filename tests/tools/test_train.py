@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from model.config import rf2_small
-from model.encoders import PANORAMA
-from model.light_prior import LightPrior
-from model.renderformer import RenderFormer
+from renderformer_v2.model.guided.encoders import PANORAMA
+from renderformer_v2.model.guided.light_prior import LightPrior
+from renderformer_v2.model.network.config import rf2_small
+from renderformer_v2.model.network.renderformer import RenderFormer
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.shards import save_sample
 from tools.train import augment as symmetry

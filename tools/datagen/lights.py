@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
+
 from mathutils import Vector
 
 from .materials import emissive_material

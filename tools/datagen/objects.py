@@ -5,6 +5,7 @@ from __future__ import annotations
 import bmesh
 import bpy
 import numpy as np
+
 from mathutils import Euler
 
 from .mesh import box_uv, coordinates, evaluated_mesh, fit, shading

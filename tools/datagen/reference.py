@@ -12,7 +12,8 @@ from tools import extension
 
 extension.load()
 from renderformer_v2.model.scene import Guides, RenderScene, View  # noqa: E402
-from renderformer_v2.rf2_engine import cycles_session, passes as pass_table  # noqa: E402
+from renderformer_v2.rf2_engine import cycles_session  # noqa: E402
+from renderformer_v2.rf2_engine import passes as pass_table
 from renderformer_v2.rf2_engine.convert.camera import convert_camera  # noqa: E402
 from renderformer_v2.rf2_engine.convert.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.scene import TILE_SIZE, Guides, RenderScene, View, Volumes
+from renderformer_v2.model.scene import TILE_SIZE, Guides, RenderScene, View, Volumes
 
 STORED_TILE = 8
 HALF_MAX = 65504.0

@@ -12,8 +12,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from model.guides import COLORS, LIGHT, MIRRORED, NORMAL, OFFSET
-from model.scene import BASE_COLOR
+from renderformer_v2.model.guided.guides import COLORS, LIGHT, MIRRORED, NORMAL, OFFSET
+from renderformer_v2.model.scene import BASE_COLOR
 
 from .samples import TrainingSample
 

@@ -22,8 +22,8 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from model.material.autoencoder import MaterialAutoencoder
-from model.material.mappers import MetallicTransmissionMapper
+from renderformer_v2.model.material.autoencoder import MaterialAutoencoder
+from renderformer_v2.model.material.mappers import MetallicTransmissionMapper
 
 from .state import TrainingState
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import torch
 
-from model.checkpoint import load_material_mapper, save_small
-from model.config import PRESETS
-from model.guidance import decode_light, encode_guided, view_guided
-from model.renderformer import RenderFormer
+from renderformer_v2.model.checkpoint import load_material_mapper, save_small
+from renderformer_v2.model.guided.guidance import decode_light, encode_guided, view_guided
+from renderformer_v2.model.network.config import PRESETS
+from renderformer_v2.model.network.renderformer import RenderFormer
 
 from .config import TrainConfig
 from .loader import stream

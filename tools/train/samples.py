@@ -10,12 +10,12 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from model.camera import view_rays
-from model.guides import GuideTensors, guide_tensors
-from model.inputs import EnvironmentInputs, NetworkInputs, TensorGroup, VolumeInputs
-from model.light_prior import LightPrior
-from model.normalize import Normalization
-from model.scene_inputs import material_tiles, pooled_tiles, small_inputs
+from renderformer_v2.model.camera import view_rays
+from renderformer_v2.model.guided.guides import GuideTensors, guide_tensors
+from renderformer_v2.model.guided.light_prior import LightPrior
+from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, TensorGroup, VolumeInputs
+from renderformer_v2.model.normalize import Normalization
+from renderformer_v2.model.scene_inputs import material_tiles, pooled_tiles, small_inputs
 from tools.datagen.shards import load_sample
 
 LOBES = ("diffuse", "glossy", "transmission")

@@ -5,6 +5,7 @@ import os
 
 import bpy
 import numpy as np
+
 from mathutils import Matrix, Vector
 
 

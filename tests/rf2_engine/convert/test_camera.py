@@ -5,9 +5,10 @@ from itertools import product
 import bpy
 import numpy as np
 import pytest
+from bpy_extras.object_utils import world_to_camera_view
+
 from bl_ext.user_default.renderformer_v2.model.errors import SceneError
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
-from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector
 
 PLACE = Vector((3, -4, 2))

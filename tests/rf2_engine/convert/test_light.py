@@ -2,12 +2,13 @@
 """Brightness of every lamp type against Cycles, by integrating the converted triangles numerically."""
 import numpy as np
 import pytest
-from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, lamp
-from mathutils import Matrix
-from mathutils.bvhtree import BVHTree
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.light import COARSE, FINE, convert_light
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+from mathutils import Matrix
+from mathutils.bvhtree import BVHTree
+
+from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, lamp
 
 POSE = Matrix.Translation((0.3, -0.2, 2.5)) @ Matrix.Rotation(0.4, 4, "X") @ Matrix.Rotation(0.3, 4, "Y")
 POINTS = [((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), ((-1.0, -0.3, 0.2), (0.3, 0.1, 1.0))]

@@ -3,14 +3,15 @@
 import bpy
 import numpy as np
 import pytest
-from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
 
 from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.medium import has_surface, volume_coefficients
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.node_inputs import blackbody_color
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.closure import effective_ior
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.closure import effective_ior
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.inputs import blackbody_color
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
+
+from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
 
 
 @pytest.fixture(autouse=True)

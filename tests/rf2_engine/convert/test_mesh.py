@@ -3,8 +3,9 @@
 import bpy
 import numpy as np
 import pytest
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert import mesh as meshes
+
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert import mesh as meshes
 
 
 @pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (-2, -0.5, -1), (3, 0.2, 1)])

@@ -5,11 +5,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, world
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.texture import rotation_matrix
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.texture import rotation_matrix
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert_world, directions
+
+from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, world
 
 STUDIO_LIGHTS = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world")
 

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The packed token sequence: registers, environment, summaries, lights, sorted geometry (spec/network.md 5)."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+
+from ..progress import Progress, chunked, joined
+from .ordering import hilbert_order
+
+COPIED = 8192  # embeddings between two polls
+
+
+def learned_token(count: int, width: int) -> nn.Parameter:
+    """(1, count, width) tokens that training finds, at their start."""
+    token = torch.empty(1, count, width)
+    # For random numbers on the meta device PyTorch would import its compiler, which takes a second.
+    return nn.Parameter(token if token.is_meta else token.normal_(std=0.02))
+
+
+@dataclass
+class Tokens:
+    """n tokens and where they are; `triangle` is the triangle's input row, -1 for everything else."""
+
+    embedding: torch.Tensor  # (n, D) float32
+    position: torch.Tensor   # (n, 3) float32
+    triangle: torch.Tensor   # (n,) int64
+
+    def __len__(self) -> int:
+        return len(self.embedding)
+
+    def __getitem__(self, rows) -> Tokens:
+        return Tokens(self.embedding[rows], self.position[rows], self.triangle[rows])
+
+    @classmethod
+    def at(cls, embedding: torch.Tensor, position: torch.Tensor) -> Tokens:
+        """Tokens that are no triangles; `position` is (n, 3), or (3,) for all."""
+        return cls(embedding, position.expand(len(embedding), 3),
+                   torch.full((len(embedding),), -1, dtype=torch.long, device=embedding.device))
+
+    @classmethod
+    def concatenate(cls, groups: list[Tokens]) -> Tokens:
+        return cls(torch.cat([g.embedding for g in groups]), torch.cat([g.position for g in groups]),
+                   torch.cat([g.triangle for g in groups]))
+
+
+def centroids(triangles: torch.Tensor) -> torch.Tensor:
+    """(N, 3, 3) -> (N, 3); summing the corners in order reproduces the official rounding."""
+    return (triangles[:, 0] + triangles[:, 1] + triangles[:, 2]) / 3
+
+
+def scene_centre(triangles: torch.Tensor) -> torch.Tensor:
+    """(3,) position shared by registers and environment tokens, lights included (spec/network.md 5.1)."""
+    return (triangles * (1.0 / (len(triangles) + 1e-5))).sum(dim=0).mean(dim=0)
+
+
+def summarise(ordered: Tokens, block: int, embedding: torch.Tensor) -> Tokens:
+    """One token per full run of `block` sorted tokens: mean embedding + learned vector, mean position."""
+    count = len(ordered) // block
+    full = ordered[:count * block]
+    return Tokens.at(full.embedding.unflatten(0, (count, block)).mean(dim=1) + embedding,
+                     full.position.unflatten(0, (count, block)).mean(dim=1))
+
+
+def pack(fixed: list[Tokens], triangles: Tokens, is_light: torch.Tensor, volumes: list[Tokens], block: int,
+         summary_embedding: torch.Tensor, progress: Progress = Progress()) -> tuple[Tokens, int]:
+    """Sort, summarise, concatenate -> the sequence and the sink's length. `fixed` = registers and environment."""
+    everything = Tokens.concatenate([triangles, *volumes]) if volumes else triangles
+    rows = torch.cat([~is_light, is_light.new_ones(len(everything) - len(triangles))]).nonzero()[:, 0]
+    rows = rows[hilbert_order(everything.position[rows])]
+    embedding = chunked(lambda rows: everything.embedding[rows], rows, size=COPIED, progress=progress.part(0.0, 0.5))
+    ordered = Tokens(embedding, everything.position[rows], everything.triangle[rows])
+    sink = Tokens.concatenate([*fixed, summarise(ordered, block, summary_embedding), triangles[is_light]])
+    length = len(sink) + len(ordered)
+
+    def parts():
+        yield sink.embedding
+        for i, part in enumerate(ordered.embedding.split(COPIED)):
+            progress(0.5 + 0.5 * i * COPIED / length)
+            yield part
+
+    return Tokens(joined(parts(), length, axis=0), torch.cat([sink.position, ordered.position]),
+                  torch.cat([sink.triangle, ordered.triangle])), len(sink)

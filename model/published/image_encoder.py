@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Qwen-Image VAE's encoder, which makes texture and environment latents (spec/scene-input.md 4.5, 7.4)."""
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+from pathlib import Path
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from .. import background
+from ..checkpoint import explained, load_weights, read_json, require
+from ..errors import CheckpointError
+
+BATCH = 256
+BATCH_CPU = 16         # what a processor's caches hold; the batch does not change the result
+CACHE_BYTES = 1 << 28  # of latents kept for the next scene
+CLASS = "AutoencoderKLQwenImage"
+
+
+@explained()
+def find_vae(bundle: Path) -> Path:
+    """`vae` inside the bundle, or in a folder `Qwen-Image` beside it. Raises CheckpointError when there is neither."""
+    places = [bundle / "vae", bundle.absolute().parent / "Qwen-Image" / "vae"]
+    for folder in places:
+        if folder.is_dir():
+            return folder
+    raise CheckpointError(f"the published weights need the VAE of Qwen/Qwen-Image: copy its folder vae to {places[0]}, "
+                          f"or to {places[1]}")
+
+
+class ImageEncoder:
+    """Images -> posterior means, without the latent normalisation; the same image is encoded once.
+
+    The network is read at the first call, because importing diffusers takes seconds.
+    """
+
+    def __init__(self, folder: Path, device: torch.device | str = "cpu"):
+        """folder: config.json and diffusion_pytorch_model.safetensors, as diffusers writes them.
+
+        Raises CheckpointError when diffusers is missing, or the folder is not a complete Qwen-Image VAE.
+        """
+        if importlib.util.find_spec("diffusers") is None:
+            raise CheckpointError("diffusers is needed to encode textures for the published weights: install the "
+                                  "packages for the published weights in the add-on's preferences, or run "
+                                  "`pip install diffusers huggingface_hub`")
+        self.config = read_json(require(folder, "config.json"))
+        if self.config.get("_class_name", CLASS) != CLASS:
+            raise CheckpointError(f"{folder / 'config.json'} describes {self.config['_class_name']}, not {CLASS}")
+        self.channels = self.config.get("z_dim", 16)
+        self.file, self.device = require(folder, "diffusion_pytorch_model.safetensors"), device
+        self._network: OneFrameEncoder | None = None
+        self._known: dict[bytes, torch.Tensor] = {}
+        self._bytes = 0
+
+    def __call__(self, images: torch.Tensor, poll=lambda: None) -> torch.Tensor:
+        """(B, 3, H, W) of any float type, on the CPU -> (B, 16, H/8, W/8) float32 on the CPU.
+
+        poll() is called between layers; what it raises comes out here.
+        """
+        keys = [hashlib.blake2b(image.numpy().tobytes() + repr(image.shape).encode(), digest_size=16).digest()
+                for image in images.contiguous()]
+        new = {key: i for i, key in enumerate(keys) if key not in self._known}
+        if new:
+            latents = self._encode(images[list(new.values())], poll)
+            self._known.update(zip(new, latents))
+            self._bytes += latents.nbytes
+        result = torch.stack([self._known[key] for key in keys])
+        if self._bytes > CACHE_BYTES:
+            self._known, self._bytes = {}, 0
+        return result
+
+    def _encode(self, images: torch.Tensor, poll) -> torch.Tensor:
+        if self._network is None:
+            kind = background.finish(background.begin(vae_class), poll)
+            self._network = OneFrameEncoder(load_vae(kind, self.config, self.file)).to(self.device)
+        tile = images.shape[-1] * images.shape[-2]
+        size = max(1, (BATCH if torch.device(self.device).type == "cuda" else BATCH_CPU) * 32 * 32 // tile)
+        return torch.cat([self._network(batch.to(self.device, torch.float32), poll).cpu()
+                          for batch in images.split(size)])
+
+
+def vae_class() -> type[nn.Module]:
+    """diffusers' AutoencoderKLQwenImage; the import takes 3 s."""
+    from diffusers import AutoencoderKLQwenImage
+    return AutoencoderKLQwenImage
+
+
+def load_vae(kind: type[nn.Module], config: dict, file: Path) -> nn.Module:
+    """A `kind` in float32, read strictly. Raises CheckpointError."""
+    try:
+        with torch.device("meta"):
+            vae = kind.from_config(config)
+    except (TypeError, ValueError) as error:
+        raise CheckpointError(f"{file.parent / 'config.json'} does not fit {CLASS}: {error}") from error
+    return load_weights(vae, file)
+
+
+class OneFrameEncoder(nn.Module):
+    """The VAE's encoder for videos of one frame, at a third of the cost.
+
+    Its convolutions are causal in time: before the first frame they see zeros, so only their last tap counts.
+    """
+
+    def __init__(self, vae: nn.Module):
+        super().__init__()
+        self.encoder, self.quant_conv = vae.encoder, vae.quant_conv
+        self._poll = lambda: None
+        for module in list(self.modules()):
+            for name, child in module.named_children():
+                if isinstance(child, nn.Conv3d):
+                    setattr(module, name, LastTap(child))
+        for module in self.modules():
+            if not any(module.children()):
+                module.register_forward_pre_hook(lambda module, inputs: self._poll())
+
+    def forward(self, images: torch.Tensor, poll=lambda: None) -> torch.Tensor:
+        self._poll = poll
+        moments = self.quant_conv(self.encoder(images[:, :, None]))
+        return moments[:, : moments.shape[1] // 2, 0]
+
+
+class LastTap(nn.Module):
+    """A causal 3-D convolution on a video of one frame."""
+
+    def __init__(self, convolution: nn.Conv3d):
+        super().__init__()
+        self.weight, self.bias = nn.Parameter(convolution.weight[:, :, -1].contiguous(), False), convolution.bias
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return F.conv2d(x[:, :, 0], self.weight, self.bias, padding=self.weight.shape[-1] // 2)[:, :, None]

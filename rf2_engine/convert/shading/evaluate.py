@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Evaluating a shader node graph over many points at once.
+
+Every value is an array (..., 1) for numbers or (..., 3) for colours (scene-linear Rec.709) and vectors. Values that do
+not depend on the point keep the bare shape (1,) or (3,), so "is this material homogeneous" is a question of `ndim`.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import colors, graph, inputs, maths, sky, texture
+from .image import ImageCache
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
+FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS,
+             **sky.FUNCTIONS}
+
+
+@dataclass
+class Points:
+    """Where a graph is evaluated. Surfaces fill `uv` and `colors`, the world fills `direction`, lamps fill nothing."""
+
+    uv: dict[str, np.ndarray] = field(default_factory=dict)      # (m, 32, 32, 3) f32 per UV layer
+    active_uv: str | None = None
+    colors: dict[str, np.ndarray] = field(default_factory=dict)  # (m, 32, 32, 3) f32 per colour attribute
+    direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
+    camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
+
+
+class Evaluator:
+    """Values of input sockets of one data-block `owner` over `points`; remembers what it has computed."""
+
+    def __init__(self, points: Points, images: ImageCache, report, owner: str):
+        self.points, self.images, self.report, self.owner = points, images, report, owner
+        self._memo: dict = {}
+        self._depth = 0
+
+    def value(self, socket, frames=()) -> np.ndarray:
+        """Value arriving at an input socket, (..., 1) or (..., 3) by the socket's own type."""
+        end, output, inner = graph.source(socket, frames)
+        if output is None:
+            return cast(_default(end), socket.type)
+        key = (output.node.as_pointer(), output.as_pointer(), tuple(f.as_pointer() for f in inner))
+        if key not in self._memo:
+            self._memo[key] = np.asarray(self._compute(output, inner), np.float32)
+        return cast(self._memo[key], socket.type)
+
+    def named(self, node, frames, *names, default=None):
+        """Value of the enabled input called one of `names`; `default` when this Blender version has no such input."""
+        socket = graph.find_input(node, *names)
+        return np.atleast_1d(np.float32(default)) if socket is None else self.value(socket, frames)
+
+    def is_linked(self, node, *names) -> bool:
+        socket = graph.find_input(node, *names)
+        return socket is not None and graph.source(socket)[1] is not None
+
+    def approximated(self, node, message: str) -> None:
+        self.report.approximated(self.owner, f'node "{node.name}": {message}')
+
+    def _compute(self, output, frames):
+        node = output.node
+        function = FUNCTIONS.get(node.bl_idname)
+        if function is not None:
+            return self._called(function, node, output, frames)
+        self.approximated(node, f"{node.bl_label} cannot be evaluated, its average is used; bake it to an image")
+        return self._average(node, frames)
+
+    def _called(self, function, node, output, frames):
+        if self._depth == LONGEST_CHAIN:
+            self.approximated(node, "so long a chain of nodes leads here that it is left out; bake it to an image")
+            return np.full(1, 0.5, np.float32)
+        self._depth += 1
+        try:
+            return function(self, node, output, frames)
+        finally:
+            self._depth -= 1
+
+    def _average(self, node, frames):
+        """Mean of the node's colour inputs (Brick, Magic ...), else the middle of [0, 1], where noises have theirs."""
+        colors = [self.value(s, frames) for s in node.inputs if s.enabled and s.type == "RGBA"]
+        return sum(colors) / len(colors) if colors else np.full(1, 0.5, np.float32)
+
+
+def cast(value: np.ndarray, socket_type: str) -> np.ndarray:
+    """Blender's implicit conversion: colour to number is luminance, vector to number is the mean."""
+    if socket_type in ("VALUE", "INT", "BOOLEAN"):
+        return value if value.shape[-1] == 1 else value @ LUMINANCE[:, None]
+    if value.shape[-1] == 1:
+        return np.repeat(value, 3, axis=-1)
+    return value
+
+
+def _default(socket) -> np.ndarray:
+    default = getattr(socket, "default_value", 0.0)
+    if isinstance(default, (int, float)):
+        return np.array([default], np.float32)
+    if isinstance(default, str):
+        return np.zeros(1, np.float32)
+    return np.array(default[:3], np.float32)

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The published weights on this computer: where they lie and whether they are complete (spec/scene-input.md 12)."""
+from __future__ import annotations
+
+import os
+from os.path import isdir, isfile
+from pathlib import Path
+
+import bpy
+
+from ...model.errors import CheckpointError
+from ...model.published.bundle_files import COMPONENTS, INDEX
+from . import packages
+
+BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
+REPOSITORIES = [
+    {"id": "RenderFormer/renderformer-v2", "folder": BUNDLE, "parts": [INDEX, *(f"{name}/" for name in COMPONENTS)]},
+    {"id": "Qwen/Qwen-Image", "folder": VAE, "parts": ["vae/"]},
+]
+
+
+def download_folder() -> Path | None:
+    """Where downloads go, under Blender's path for this extension; None when run from the source tree."""
+    if not packages.is_extension():
+        return None
+    return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="weights"))
+
+
+def preferences() -> bpy.types.AddonPreferences | None:
+    addon = bpy.context.preferences.addons.get(packages.EXTENSION)
+    return addon and addon.preferences
+
+
+def bundle_folder() -> Path | None:
+    """The folder of renderformer-v2: the user's own, else the downloaded one, whether it is there or not."""
+    chosen = preferences() and preferences().weights_folder
+    if chosen:
+        return Path(bpy.path.abspath(chosen)).expanduser()
+    folder = download_folder()
+    return folder and folder / BUNDLE
+
+
+def missing_parts(bundle: Path) -> list[str]:
+    """What a render would not find. Names of files are proof enough: a download gives them to complete files only."""
+    parts = [] if isfile(bundle / INDEX) else [INDEX]  # False where a path may not be looked at, and no error
+    for name, configs in COMPONENTS.items():
+        folder = bundle / name
+        if not isfile(folder / "model.safetensors") or not any(isfile(folder / config) for config in configs):
+            parts.append(name)
+    # The places where model.image_encoder.find_vae looks; it cannot be asked without importing torch.
+    vae = bundle / "vae" if isdir(bundle / "vae") else bundle.parent / VAE / "vae"
+    if not all(isfile(vae / name) for name in ("config.json", "diffusion_pytorch_model.safetensors")):
+        parts.append(f"{VAE}/vae")
+    return parts
+
+
+def require() -> Path:
+    """The complete bundle's folder. Raises CheckpointError that says how to get it."""
+    bundle = bundle_folder()
+    parts = missing_parts(bundle) if bundle else []
+    if bundle and not parts:
+        return bundle
+    what = "on this computer"
+    if bundle and isdir(bundle):
+        readable = os.access(bundle, os.R_OK | os.X_OK)
+        what = f"in {bundle}: {', '.join(parts)}" if readable else f": {bundle} may not be read"
+    elif preferences() and preferences().weights_folder:
+        what = f": there is no folder {bundle}"
+    raise CheckpointError(f"The published weights are not complete {what}. Download them, or choose a folder that has "
+                          "them, in Preferences > Add-ons > RenderFormer-V2; or set Weights to Bundled")
+
+
+def size_on_disk(folder: Path) -> int:
+    """Bytes of all files in a folder, unfinished ones too."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Buttons of the preferences: download the published weights, stop, remove them.
+
+A timer redraws the preferences while a download runs. A modal operator would hold back Blender's autosave all the time.
+"""
+from __future__ import annotations
+
+import shutil
+
+import bpy
+
+from .. import model_cache
+from . import packages, preferences, published_weights, weights_download
+
+REDRAW = 0.25  # seconds
+
+
+def redraw() -> float | None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "PREFERENCES":
+                area.tag_redraw()
+    return REDRAW if weights_download.is_running() else None
+
+
+def keep_redrawing() -> None:
+    """Until the download ends, also when another file is opened."""
+    if not bpy.app.timers.is_registered(redraw):
+        bpy.app.timers.register(redraw, persistent=True)
+
+
+def refusal() -> str:
+    """Why nothing can be downloaded now, or ""."""
+    if message := packages.offline():
+        return message
+    if published_weights.download_folder() is None:
+        return "The add-on runs from its source folder: install it as an extension to download weights"
+    if "huggingface_hub" in packages.missing(packages.PUBLISHED):
+        return "Install the packages for the published weights first"
+    return "A render is running" if bpy.app.is_job_running("RENDER") else ""
+
+
+class _Download(bpy.types.Operator):
+    @classmethod
+    def poll(cls, context):
+        if message := refusal():
+            cls.poll_message_set(message)
+        return not message and not weights_download.is_running()
+
+    def run(self, download: weights_download.Download) -> set[str]:
+        if not bpy.app.background:
+            keep_redrawing()
+            return {"FINISHED"}
+        download.wait()  # a script's call returns when all is there
+        if download.state == "failed":
+            self.report({"ERROR"}, download.error)
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class RENDERFORMER_OT_download_weights(_Download):
+    bl_idname = "renderformer_v2.download_weights"
+    bl_label = "Download..."
+    bl_description = ("Ask the Hugging Face Hub how large the published weights (RenderFormer/renderformer-v2, and the "
+                      "VAE of Qwen/Qwen-Image) are. Nothing is downloaded before you have seen the size")
+
+    def execute(self, context):
+        return self.run(weights_download.begin(published_weights.download_folder(), preferences.token()))
+
+
+class RENDERFORMER_OT_fetch_weights(_Download):
+    bl_idname = "renderformer_v2.fetch_weights"
+    bl_label = "Download"
+    bl_description = "Download what is missing. It can be cancelled, and goes on later from where it stopped"
+
+    @classmethod
+    def poll(cls, context):
+        current = weights_download.current
+        return super().poll(context) and current is not None and current.state == "ready"
+
+    def execute(self, context):
+        model_cache.free()  # its files are mapped, which Windows would not let us replace
+        weights_download.current.fetch()
+        return self.run(weights_download.current)
+
+
+class RENDERFORMER_OT_cancel_download(bpy.types.Operator):
+    bl_idname = "renderformer_v2.cancel_download"
+    bl_label = "Cancel"
+    bl_description = "Stop; what has arrived is kept for the next time"
+
+    @classmethod
+    def poll(cls, context):
+        return weights_download.current is not None
+
+    def execute(self, context):
+        weights_download.forget()
+        return {"FINISHED"}
+
+
+class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
+    bl_idname = "renderformer_v2.remove_weights"
+    bl_label = "Remove"
+    bl_description = "Delete the downloaded weights, finished or not. Folders that you chose yourself are left alone"
+
+    @classmethod
+    def poll(cls, context):
+        folder = published_weights.download_folder()
+        return (folder is not None and folder.is_dir() and not weights_download.is_running()
+                and not bpy.app.is_job_running("RENDER"))
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_confirm(self, event)
+
+    def execute(self, context):
+        weights_download.forget()
+        model_cache.free()
+        try:
+            shutil.rmtree(published_weights.download_folder())
+        except OSError as error:
+            self.report({"ERROR"}, f"Not everything could be removed: {error}")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+_register, _unregister = bpy.utils.register_classes_factory((
+    RENDERFORMER_OT_download_weights, RENDERFORMER_OT_fetch_weights, RENDERFORMER_OT_cancel_download,
+    RENDERFORMER_OT_remove_weights))
+
+
+def register() -> None:
+    _register()
+
+
+def unregister() -> None:
+    weights_download.forget()
+    if bpy.app.timers.is_registered(redraw):
+        bpy.app.timers.unregister(redraw)
+    _unregister()

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import numpy as np
+import torch
+
+from renderformer_v2.model.guided import guidance
+from renderformer_v2.model.guided import guides as guides_module
+from renderformer_v2.model.guided.guidance import OUTPUT_CHANNELS, Guidance, decode_image, decode_light
+from renderformer_v2.model.guided.guides import ALPHA, FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
+from renderformer_v2.model.guided.light_prior import LightPrior
+from tests.model.samples import floor_scene, floor_view
+
+
+def tensors(width=64, height=64):
+    scene = floor_scene()
+    return guide_tensors(scene, *floor_view(width, height), LightPrior(scene))
+
+
+def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
+    guides = tensors(128, 64)
+    positions = guides.positions.view(8, 16, 3)
+    assert guides.features.shape == (1, FEATURES, 64, 128)
+    torch.testing.assert_close(positions[4, 8, 2], torch.tensor(0.0), atol=1e-5, rtol=0)
+    camera = torch.tensor([0.0, 0.0, 3.0])
+    torch.testing.assert_close((positions[0, 0] - camera).norm(), torch.tensor(UNSEEN_DISTANCE))
+
+
+def test_the_prior_is_the_only_light_of_an_undecided_decoder():
+    guides = tensors()
+    visible, dark = torch.full((1, 9, 64, 64), 30.0), torch.full((1, OUTPUT_CHANNELS - 9, 64, 64), -30.0)
+    image = decode_light(torch.cat([visible, dark], 1), guides)["image"]
+    torch.testing.assert_close(image, 1.2 * (guides.prior * guides.colors).sum(1), atol=1e-5, rtol=1e-4)
+    assert image.amax() > 0.01
+    black = decode_light(torch.cat([-visible, dark], 1), guides)["image"]
+    assert black.amax() < 1e-5
+
+
+def test_no_light_where_nothing_is_hit():
+    guides = tensors(128, 64)
+    image = decode_light(torch.full((1, OUTPUT_CHANNELS, 64, 128), 3.0), guides)["image"]
+    empty = guides.features[:, ALPHA] == 0
+    assert empty.any() and (~empty).any()
+    assert image.permute(1, 0, 2, 3)[:, empty].abs().amax() == 0
+
+
+def test_roughness_comes_from_the_texel_that_is_hit():
+    scene, (_, guides) = floor_scene(), floor_view()
+    scene.tiles[0, 4, :, :16] = 0.25  # columns below 16: weight of corner 0 below one half
+    roughness = hit_roughness(scene, guides)
+    assert roughness[32, 32] == 0.25
+    guides.hit_barycentric[...] = (0.8, 0.1)
+    np.testing.assert_allclose(hit_roughness(scene, guides)[32, 32], 0.6, atol=1e-3)
+
+
+@torch.no_grad()
+def test_bands_of_a_large_picture_change_nothing(monkeypatch):
+    whole, encoder = tensors(128, 64), Guidance(12, 1e-6)
+    monkeypatch.setattr(guides_module, "BAND_PIXELS", 24 * 128)
+    guides = tensors(128, 64)
+    for name in ("features", "colors", "prior", "positions"):
+        torch.testing.assert_close(getattr(guides, name), getattr(whole, name))
+    raw = torch.randn(1, OUTPUT_CHANNELS, 64, 128, generator=torch.Generator().manual_seed(0))
+    tokens, image = encoder.bundles(guides), decode_light(raw, guides)["image"]
+    monkeypatch.setattr(guidance, "BAND_PIXELS", 24 * 128)
+    torch.testing.assert_close(encoder.bundles(guides), tokens)
+    assert torch.equal(decode_image(raw, guides), image)

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rendering with a published bundle: latents as the specification says, each computed once, and a picture."""
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.camera import square_view
+from renderformer_v2.model.errors import CheckpointError, RenderCancelled, SceneError
+from renderformer_v2.model.material.appearance import Appearance
+from renderformer_v2.model.material.mappers import MAPPERS
+from renderformer_v2.model.normalize import Normalization
+from renderformer_v2.model.published import image_encoder
+from renderformer_v2.model.published.h5 import read_h5, write_h5
+from renderformer_v2.model.published.image_encoder import ImageEncoder, OneFrameEncoder, find_vae
+from renderformer_v2.model.published.processed_scene import square_fov
+from renderformer_v2.model.renderer import Renderer
+from renderformer_v2.model.scene import BASE_COLOR
+from tests.model.published.bundles import tiny_vae
+from tests.model.samples import floor_scene, floor_view
+from tools.parity.cases import with_recipe_weights
+
+
+@pytest.fixture(scope="module")
+def renderer(published_bundle) -> Renderer:
+    return Renderer(published_bundle, device="cpu", precision="fp32")
+
+
+@pytest.fixture(scope="module")
+def vae():
+    return tiny_vae()
+
+
+def official(vae, images: torch.Tensor) -> torch.Tensor:
+    """Posterior mean of one-frame videos, by diffusers itself."""
+    with torch.no_grad():
+        return vae.encode(images.float()[:, :, None]).latent_dist.mean[:, :, 0]
+
+
+def real_vae():
+    """The released sizes: 126,892,531 parameters, of which the encoder's get values."""
+    from diffusers import AutoencoderKLQwenImage
+    with torch.device("meta"):
+        vae = AutoencoderKLQwenImage()
+    assert sum(p.numel() for p in vae.parameters()) == 126_892_531
+    vae.encoder.to_empty(device="cpu"), vae.quant_conv.to_empty(device="cpu")
+    for part in (vae.encoder, vae.quant_conv):
+        for p in part.parameters():
+            torch.nn.init.uniform_(p, -0.04, 0.04)
+    return vae.requires_grad_(False).eval()
+
+
+@pytest.mark.parametrize("make", [tiny_vae, real_vae])
+@torch.no_grad()
+def test_encoding_one_frame_equals_the_video_encoder(make):
+    vae, images = make(), torch.rand(2, 3, 32, 32) * 2 - 1
+    expected = official(vae, images)
+    assert expected.shape == (2, 16, 4, 4) and expected.std() > 0
+    torch.testing.assert_close(OneFrameEncoder(vae)(images), expected, rtol=1e-4, atol=1e-5 * expected.abs().max())
+
+
+def test_appearance_takes_the_mapper_of_the_material():
+    mappers = {name: with_recipe_weights(kind(hidden_dim=8, num_layers=2)) for name, kind in MAPPERS.items()}
+    diffuse, metallic, transmission = (mappers[n] for n in (
+        "diffspec_mapper", "metallic_mapper", "metallic_transmission_mapper"))
+    color = [0.2, 0.4, 0.6]
+    parameters = torch.tensor([color + [0, 0.3, 1, 0], color + [0, 0.3, 1.5, 0], color + [1, 0.3, 1.3, 0],
+                               color + [0, 0.3, 1.33, 0], color + [0, 0.3, 1, 1]])
+    with torch.no_grad():
+        latents = Appearance(diffuse, metallic, transmission)(parameters)
+        expected = [diffuse(torch.tensor(color + [0, 0, 0, 1.0])), metallic(torch.tensor(color + [0, 0.3])),
+                    metallic(torch.tensor(color + [1, 0.3])), transmission(parameters[3]), transmission(parameters[4])]
+    torch.testing.assert_close(latents, torch.stack(expected))
+
+
+@torch.no_grad()
+def test_constant_materials_equal_direct_encoding_and_are_encoded_once(renderer, vae, published_bundle, monkeypatch):
+    pipeline = renderer.pipeline
+    images = ImageEncoder(published_bundle / "vae")
+    monkeypatch.setattr(pipeline.encoder, "images", images)
+    encoded, encode = [], images._encode
+    monkeypatch.setattr(images, "_encode", lambda batch, poll: encoded.append(len(batch)) or encode(batch, poll))
+    scene = floor_scene()
+    processed = pipeline.encoder.process(scene)
+    assert processed.texture.shape == (2, 80, 4, 4) and processed.texture.dtype == np.float16
+    assert sum(encoded) == 2 * 3 + 2  # three triples of each latent; the normal and the height are shared
+
+    base, roughness = scene.tiles[0, BASE_COLOR, 0, 0], scene.tiles[0, 4, 0, 0]
+    mapped = pipeline.bundle.mapper("metallic_transmission_mapper")(
+        torch.tensor([*base, 0, roughness, scene.tiles[0, 5, 0, 0], 0], dtype=torch.float32))
+    white = pipeline.bundle.mapper("diffspec_mapper")(torch.tensor([1, 1, 1, 0, 0, 0, 1.0]))
+    for material, latent in ((0, mapped), (1, white)):
+        values = torch.cat([latent.half().float(), torch.tensor([0, 0, 1.0]), torch.zeros(3)])
+        direct = official(vae, values.view(5, 3, 1, 1).expand(-1, -1, 32, 32)).reshape(80, 4, 4)
+        np.testing.assert_allclose(processed.texture[material], direct, rtol=2e-3, atol=2e-3 * direct.abs().max())
+    assert (processed.texture_index == scene.is_light).all()
+
+    pipeline.encoder.process(scene)
+    assert sum(encoded) == 8
+
+
+def test_textures_report_progress_and_can_be_cancelled(renderer):
+    scene = floor_scene(side=12)
+    tiles = np.repeat(scene.tiles, 100, axis=0)
+    tiles[:, BASE_COLOR] = np.random.default_rng(0).random((100, 3, 32, 32))
+    scene = replace(scene, tiles=tiles, tile_index=(np.arange(len(scene)) % 100).astype(np.int32))
+    steps = []
+
+    def cancel(text, fraction):
+        steps.append(text)
+        if text.startswith("Encoding textures 64/"):
+            raise RenderCancelled()
+
+    with pytest.raises(RenderCancelled):
+        renderer.render(scene, *floor_view(), progress=cancel)
+    assert "Encoding textures 0/101" in steps
+
+
+def test_picture_is_finite_empty_where_nothing_is_seen_and_stage_one_is_kept(renderer):
+    scene, (view, guides) = floor_scene(), floor_view(50, 37)
+    guides.hit_triangle[5, 5] = len(scene) - 1
+    guides.alpha[5, 5] = 1
+    guides.emission[5, 5] = 7
+    fractions = []
+    picture = renderer.render(scene, view, guides, progress=lambda text, fraction: fractions.append(fraction))
+    assert picture.shape == (37, 50, 3) and np.isfinite(picture).all() and picture.min() >= 0 and picture.max() > 0
+    assert not picture[guides.alpha == 0].any() and not picture[5, 5].any()
+    assert fractions == sorted(fractions) and renderer.tokens > len(scene)
+    steps = []
+    again = renderer.render(scene, view, guides, progress=lambda text, fraction: steps.append(text))
+    assert not any("Encoding" in text or text.startswith("Stage 1") for text in steps)
+    np.testing.assert_array_equal(picture, again)
+
+
+def test_a_border_is_rendered_by_the_network_of_the_whole_picture(renderer):
+    part = replace(floor_view()[0], picture_size=4096)
+    assert renderer.pipeline.variant(part) == "transformer_2048"
+    assert renderer.pipeline.variant(replace(part, picture_size=0)) == "transformer_512"
+
+
+def test_exported_scene_renders_the_same_picture(renderer, tmp_path):
+    scene, (view, guides) = floor_scene(), floor_view()
+    scene.environment = np.full((256, 512, 3), 0.5, np.float32)
+    write_h5(tmp_path / "scene.h5", renderer.pipeline.process(scene, [view]))
+    image = renderer.pipeline.render_processed(read_h5(tmp_path / "scene.h5"), 64)[0]
+    expected = renderer.render(scene, view, guides) * Normalization.of(scene).exposure
+    np.testing.assert_allclose(image[guides.alpha > 0], expected[guides.alpha > 0], rtol=5e-3, atol=5e-3)
+    assert image.std() > 1e-3
+
+
+def test_a_square_picture_is_what_the_file_can_hold():
+    view = square_view(np.eye(4), 40, 128)
+    assert square_fov(view) == pytest.approx(40, abs=1e-4)
+    assert square_fov(square_view(np.eye(4), 40, 128, crop=(32, 0, 64, 128))) == pytest.approx(40, abs=1e-4)
+    with pytest.raises(SceneError, match="shift"):
+        square_fov(replace(view, principal=view.principal + 3))
+
+
+def test_what_is_missing_is_named(published_bundle, tmp_path, monkeypatch):
+    folder = tmp_path / "renderformer-v2"
+    shutil.copytree(published_bundle, folder, ignore=shutil.ignore_patterns("vae", "transformer*"))
+    with pytest.raises(CheckpointError, match="VAE of Qwen/Qwen-Image"):
+        Renderer(folder, device="cpu", precision="fp32")
+    shutil.copytree(published_bundle / "vae", tmp_path / "Qwen-Image" / "vae")
+    assert find_vae(folder) == tmp_path / "Qwen-Image" / "vae"
+    monkeypatch.setattr(image_encoder.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(CheckpointError, match="pip install diffusers"):
+        Renderer(folder, device="cpu", precision="fp32")

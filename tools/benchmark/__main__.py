@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Seconds against triangles (512x512) and against resolution (64k triangles), beside Cycles (paper, runtime figures).
+
+    python -m tools.benchmark -o DIR [--triangles 1638,4096,...] [--resolutions 512,...] [--presets rf2_small,rf2_200m]
+                              [--cycles-samples N] [--precision P] [--threads N] [--quick]
+
+rf2_small is F12 with the bundled weights: conversion, guides and network. rf2_200m is the forward alone, with random
+weights of a fixed seed: pictures mean nothing, the cost is that of the published weights. Cycles' time is extrapolated
+from two sample counts (see CYCLES_RULE; --cycles-samples 0 leaves it out). Every point runs in a process of its own and
+is written to DIR/benchmark.csv when done; points that are there are not measured again. Then DIR/benchmark.png is drawn
+and one line of JSON printed. Exit status 1 when a point failed.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from .points import CYCLES_RULE, RESOLUTIONS, SUBJECTS, TRIANGLES, append, key, points, read
+from .report import plot, summary
+
+
+def main() -> int:
+    arguments = _arguments()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    table = arguments.output / "benchmark.csv"
+    rows, failed = read(table), []
+    for point in points(arguments):
+        if key(point) in rows:
+            continue
+        print(" ".join(map(str, key(point)[:4])), file=sys.stderr, flush=True)
+        threads = {"OMP_NUM_THREADS": str(point["threads"])} if point["threads"] else {}
+        done = subprocess.run([sys.executable, "-m", "tools.benchmark.point", json.dumps(point)], text=True,
+                              cwd=Path(__file__).parents[2], env=os.environ | threads, capture_output=True)
+        if done.returncode or not done.stdout.strip():
+            reason = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
+            failed.append({"point": point, "error": reason[-1]})
+            continue
+        rows[key(point)] = point | {"precision_asked": point["precision"]} | json.loads(done.stdout.splitlines()[-1])
+        append(table, rows[key(point)])
+    wanted = [rows[key(point)] for point in points(arguments) if key(point) in rows]
+    plot(wanted, arguments.output / "benchmark.png")
+    print(json.dumps(summary(wanted) | {"cycles_rule": CYCLES_RULE, "failed": failed,
+                                        "weights": {"rf2_small": "bundled", "rf2_200m": "random, seed 0"},
+                                        "output": [str(table), str(arguments.output / "benchmark.png")]}))
+    return 1 if failed else 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tools.benchmark", description=__doc__.splitlines()[0])
+    numbers = lambda text: tuple(map(int, text.split(",")))  # noqa: E731
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--triangles", type=numbers, default=TRIANGLES)
+    parser.add_argument("--resolutions", type=numbers, default=RESOLUTIONS, help="the smallest is that of --triangles")
+    parser.add_argument("--fixed-triangles", type=int, default=65536, help="of the plot against resolution")
+    parser.add_argument("--presets", type=lambda text: tuple(text.split(",")), default=SUBJECTS)
+    parser.add_argument("--cycles-samples", type=int, default=64, metavar="N")
+    parser.add_argument("--precision", choices=("auto", "fp32", "bf16", "fp16"), default="auto")
+    parser.add_argument("--threads", type=int, default=0, help="of all programs (default: all cores)")
+    parser.add_argument("--quick", action="store_true", help="one small point of everything, to see that it works")
+    arguments = parser.parse_args()
+    if not set(arguments.presets) <= set(SUBJECTS):
+        parser.error(f"--presets knows {', '.join(SUBJECTS)}")
+    if arguments.quick:
+        arguments.triangles, arguments.resolutions, arguments.fixed_triangles = (512,), (64,), 512
+        arguments.cycles_samples = min(arguments.cycles_samples, 1)
+    return arguments
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compare the network with golden fixtures: `python -m tools.parity FIXTURE_DIR [--precision bf16]`.
+
+Prints one line per fixture tensor, "case name error", where error = max|a - b| / max|b|; exits with 1 when an error
+exceeds 1e-4 or integers differ. With --precision, the networks of the full size run in that format and in float32
+instead, "case PSNR" of the log images is printed, and below 50 dB the exit status is 1. A case that cannot be run, such
+as one without its .safetensors, has failed: its line names the reason, and the others follow.
+"""
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from renderformer_v2.model.precision import PRECISIONS
+
+from .cases import Case
+from .compare import TOLERANCE, folder_errors, reason
+from .results import precision_psnr
+
+PSNR = 50.0  # dB
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="folder of fixtures (JSON + safetensors)")
+    parser.add_argument("--precision", choices=[name for name in PRECISIONS if name != "fp32"],
+                        help="compare this format with float32 instead of float32 with the fixtures")
+    arguments = parser.parse_args()
+    return compare_precision(arguments) if arguments.precision else compare_fixtures(arguments.folder)
+
+
+def compare_fixtures(folder: Path) -> int:
+    count, worst = 0, 0.0
+    for case, name, error in folder_errors(folder):
+        count, worst = count + 1, max(worst, error)
+        print(f"{case} {name} {error:.3e}{'' if error <= TOLERANCE else '  FAILED'}", flush=True)
+    if not count:
+        print(f"no fixtures in {folder}", file=sys.stderr)
+        return 1
+    print(f"{count} tensors, largest error {worst:.3e}")
+    return 0 if worst <= TOLERANCE else 1
+
+
+def compare_precision(arguments: argparse.Namespace) -> int:
+    found = []
+    for path in sorted(arguments.folder.glob("net_full*.json")):
+        try:
+            found.append(precision_psnr(Case.load(path), PRECISIONS[arguments.precision]))
+            print(f"{path.stem} {found[-1]:.1f} dB{'' if found[-1] >= PSNR else '  FAILED'}", flush=True)
+        except Exception as error:
+            found.append(0.0)
+            print(f"{path.stem} {reason(error)}  FAILED", flush=True)
+    if not found:
+        print(f"no fixtures of the full network in {arguments.folder}", file=sys.stderr)
+    return 0 if found and all(psnr >= PSNR for psnr in found) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
