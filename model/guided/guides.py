@@ -11,7 +11,7 @@ from torch.nn import functional as F
 
 from ..camera import view_rays_at
 from ..network.inputs import TensorGroup
-from ..progress import like
+from ..network.memory import like
 from ..scene import ROUGHNESS, TILE_SIZE, Guides, RenderScene, View
 from .light_prior import LightPrior
 

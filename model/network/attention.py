@@ -16,7 +16,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..progress import Progress, cuts, room
+from .memory import Progress, cuts, room
 from .norm import Linear, RMSNorm
 from .rope import rotate
 

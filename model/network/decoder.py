@@ -6,9 +6,9 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..progress import Progress
 from .bands import Rows, added, combined, convolved, enlarged, resized, whole
 from .config import ModelConfig
+from .memory import Progress
 from .norm import Float32Conv2d
 
 BAND_PIXELS = 1 << 16  # of one band of the picture: about 200 MB of published activations, and short polls

@@ -8,9 +8,9 @@ from torch.nn import functional as F
 
 from ..environment import direction_map
 from ..guided.encoders import EnvironmentEncoder, TileEncoder
-from ..progress import Progress, chunked
 from .config import ModelConfig
 from .inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
+from .memory import Progress, chunked
 from .nerf import nerf_encode, nerf_width
 from .norm import Linear, RMSNorm
 from .sequence import centroids, learned_token

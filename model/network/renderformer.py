@@ -8,10 +8,10 @@ import torch
 from torch.nn import functional as F
 
 from ..guided.guidance import Guidance
-from ..progress import Progress
 from .config import ModelConfig
 from .embed import SceneEmbedding
 from .inputs import NetworkInputs
+from .memory import Progress
 from .sequence import Tokens, centroids, pack, scene_centre
 from .view_dependent import ViewTransformer
 from .view_independent import ViewIndependentTransformer

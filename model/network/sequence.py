@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import nn
 
-from ..progress import Progress, chunked, joined
+from .memory import Progress, chunked, joined
 from .ordering import hilbert_order
 
 COPIED = 8192  # embeddings between two polls

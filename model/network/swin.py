@@ -7,8 +7,8 @@ from functools import lru_cache
 import torch
 from torch.nn import functional as F
 
-from ..progress import Progress, chunked
 from .attention import SelfAttention
+from .memory import Progress, chunked
 
 WINDOW = 8  # tokens
 SHIFT = 4

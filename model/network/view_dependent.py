@@ -7,12 +7,12 @@ from itertools import starmap
 import torch
 from torch import nn
 
-from ..progress import CHUNK, Progress, chunked, cuts, joined
 from .attention import CrossAttention, KeysValues, attend_to_all
 from .config import ModelConfig
 from .decoder import DPTDecoder
 from .embed import patches
 from .feed_forward import SwiGLU
+from .memory import CHUNK, Progress, chunked, cuts, joined
 from .nerf import nerf_encode, nerf_width
 from .norm import Linear, RMSNorm
 from .rope import RotaryEmbedding

@@ -7,10 +7,10 @@ from itertools import starmap
 import torch
 from torch import nn
 
-from ..progress import Progress, joined
 from .attention import KeysValues, SelfAttention, Window
 from .config import ModelConfig
 from .feed_forward import SwiGLU
+from .memory import Progress, joined
 from .norm import RMSNorm
 from .rope import RotaryEmbedding
 from .sequence import learned_token

@@ -56,9 +56,9 @@ def test_a_blend_file_becomes_an_h5_scene_with_its_camera(tmp_path):
     assert len(scene.triangles) == said["triangles"] >= ring.LEAST
     np.testing.assert_allclose(scene.fov, [ring.FIELD_OF_VIEW], atol=1e-3)
     frame, expected = scene.metadata["normalization"], ring.camera_to_world()
-    position = ring.camera_to_world[0, :3, 3] / frame["scale"] + frame["center"]
+    position = scene.camera_to_world[0, :3, 3] / frame["scale"] + frame["center"]
     np.testing.assert_allclose(position, expected[:3, 3], atol=1e-3)
-    np.testing.assert_allclose(ring.camera_to_world[0, :3, :3], expected[:3, :3], atol=1e-5)
+    np.testing.assert_allclose(scene.camera_to_world[0, :3, :3], expected[:3, :3], atol=1e-5)
 
 
 @pytest.mark.parametrize("size, message", [

@@ -16,6 +16,7 @@ from renderformer_v2.model.network.decoder import DPTDecoder, resize
 from renderformer_v2.model.network.embed import patches, resize_texture
 from renderformer_v2.model.network.feed_forward import SwiGLU
 from renderformer_v2.model.network.inputs import encode_light
+from renderformer_v2.model.network.memory import Progress
 from renderformer_v2.model.network.nerf import nerf_encode
 from renderformer_v2.model.network.norm import RMSNorm
 from renderformer_v2.model.network.ordering import hilbert_codes, hilbert_grid, hilbert_order
@@ -23,7 +24,6 @@ from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
 from renderformer_v2.model.network.rope import RotaryEmbedding, rope_frequencies, rotate
 from renderformer_v2.model.network.sequence import Tokens, centroids, pack, scene_centre
 from renderformer_v2.model.network.swin import SHIFT, shift_mask, to_windows
-from renderformer_v2.model.progress import Progress
 
 from .cases import recipe_tensor, relative_error
 

@@ -4,10 +4,10 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from renderformer_v2.model import progress
 from renderformer_v2.model.network import attention
+from renderformer_v2.model.network import memory as progress
 from renderformer_v2.model.network.attention import KeysValues, attend_to_all
-from renderformer_v2.model.progress import Progress
+from renderformer_v2.model.network.memory import Progress
 from tools.parity.self_check import window_sink_attention
 
 SIZES = [(1, 0, 2), (9, 9, 2), (12, 3, 2), (40, 0, 3), (300, 7, 1), (513, 0, 256), (600, 20, 256), (700, 30, 8),

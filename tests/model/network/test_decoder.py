@@ -7,8 +7,8 @@ import torch
 
 from renderformer_v2.model.network import decoder
 from renderformer_v2.model.network.decoder import DPTDecoder
+from renderformer_v2.model.network.memory import Progress
 from renderformer_v2.model.precision import in_precision
-from renderformer_v2.model.progress import Progress
 from tools.parity.cases import with_recipe_weights
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from renderformer_v2.model import progress
 from renderformer_v2.model.network import decoder, renderformer, swin
+from renderformer_v2.model.network import memory as progress
 from renderformer_v2.model.network.config import rf2_200m, rf2_small
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.precision import in_precision

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangles and rotations in numpy; the frame is right-handed and Z-up (docs/scene-input.md 1)."""
+from __future__ import annotations
+
+import numpy as np
+
+
+def area_vectors(corners: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) corners -> (..., 3): the triangle's normal times its area."""
+    return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]) / 2
+
+
+def barycentric(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(..., 3) f64 weights of the corners of (..., 3, 3) triangles at the projections of (..., 3) points.
+
+    They sum to 1, are negative outside, and 1/3 each where a triangle has no area.
+    """
+    a, b, c = (triangles[..., i, :].astype(np.float64) for i in range(3))
+    u, v, w = a - c, b - c, points - c
+    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
+    wu, wv = (w * u).sum(-1), (w * v).sum(-1)
+    area = uu * vv - uv * uv
+    flat = area <= 1e-20 * np.maximum(uu, vv) ** 2
+    first, second = (x / np.where(flat, 1, area) for x in (vv * wu - uv * wv, uu * wv - uv * wu))
+    return np.where(flat[..., None], 1 / 3, np.stack([first, second, 1 - first - second], axis=-1))
+
+
+def rotation_matrix(euler: np.ndarray) -> np.ndarray:
+    """(3, 3) f64 Rz Ry Rx of (3,) XYZ Euler angles in radians, Blender's default order."""
+    (cx, cy, cz), (sx, sy, sz) = np.cos(euler), np.sin(euler)
+    x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    return z @ y @ x
+
+
+def euler_angles(rotation: np.ndarray) -> np.ndarray:
+    """(3,) f64 radians such that `rotation_matrix` gives `rotation` back; the second within [-pi/2, pi/2]."""
+    cosine = np.hypot(rotation[0, 0], rotation[1, 0])
+    y = np.arctan2(-rotation[2, 0], cosine)
+    if cosine < 1e-6:  # the first and the third turn about the same axis
+        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), y, 0.0])
+    return np.array([np.arctan2(rotation[2, 1], rotation[2, 2]), y, np.arctan2(rotation[1, 0], rotation[0, 0])])
+
+
+def latlong_directions(rows: np.ndarray, height: int, width: int) -> np.ndarray:
+    """(len(rows), width, 3) f32 unit directions of the texel centres in these rows of a (height, width) panorama.
+
+    Row 0 looks up, +Z; the centre looks along +X (docs/scene-input.md 7.1).
+    """
+    theta = np.pi * (rows[:, None] + 0.5) / height
+    phi = 2 * np.pi * (0.5 - (np.arange(width)[None] + 0.5) / width)
+    x, y = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
+    return np.stack(np.broadcast_arrays(x, y, np.cos(theta)), axis=-1).astype(np.float32)
+
+
+def latlong_uv(directions: np.ndarray) -> np.ndarray:
+    """(..., 3) unit directions -> (..., 2): u from 0 on the left to 1, v from 0 at the bottom of a panorama to 1."""
+    x, y, z = np.moveaxis(directions, -1, 0)
+    return np.stack([0.5 - np.arctan2(y, x) / (2 * np.pi), 0.5 + np.arcsin(np.clip(z, -1, 1)) / np.pi], axis=-1)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangles, rotations and panoramas agree with themselves and with simple cases."""
+import numpy as np
+import pytest
+
+from renderformer_v2.model.geometry import (
+    area_vectors,
+    barycentric,
+    euler_angles,
+    latlong_directions,
+    latlong_uv,
+    rotation_matrix,
+)
+
+
+def test_area_vectors_point_to_the_front():
+    assert area_vectors(np.array([(0, 0, 0), (2, 0, 0), (0, 3, 0)], float)).tolist() == [0, 0, 3]
+
+
+def test_barycentric_weights_rebuild_points_of_the_plane_inside_and_outside():
+    random = np.random.default_rng(1)
+    triangles, weights = random.normal(size=(50, 3, 3)), random.normal(size=(50, 3))
+    weights /= weights.sum(-1, keepdims=True)
+    points = np.einsum("nk,nkx->nx", weights, triangles)
+    np.testing.assert_allclose(barycentric(triangles, points), weights, atol=1e-6, rtol=1e-6)
+
+
+def test_a_triangle_without_area_shares_equally():
+    np.testing.assert_allclose(barycentric(np.ones((3, 3)), np.zeros(3)), np.full(3, 1 / 3))
+
+
+@pytest.mark.parametrize("angles", [(0.3, -0.4, 2.0), (1.0, np.pi / 2, 0.5), (-3.0, 1.2, -2.5), (0, 0, 0)])
+def test_euler_angles_rebuild_the_rotation(angles):
+    rotation = rotation_matrix(np.array(angles))
+    np.testing.assert_allclose(rotation_matrix(euler_angles(rotation)), rotation, atol=1e-9)
+
+
+def test_panorama_texels_know_their_place():
+    uv = latlong_uv(latlong_directions(np.arange(8), 8, 16))
+    np.testing.assert_allclose(uv[:, 0, 1], 1 - (np.arange(8) + 0.5) / 8, atol=1e-6)
+    np.testing.assert_allclose(uv[3, :, 0], (np.arange(16) + 0.5) / 16, atol=1e-6)
