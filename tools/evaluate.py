@@ -17,9 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
+from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.renderer import Renderer
 from tools.datagen.shards import load_sample, sample_paths
-from tools.metrics import compare, srgb
+from tools.metrics import compare
 
 ROOT = Path(__file__).parents[1]
 
@@ -29,9 +30,9 @@ def evaluate_sample(path: Path, renderer: Renderer) -> tuple[dict[str, float], n
     scene, views, guides, passes = load_sample(path)
     begin = time.perf_counter()
     pictures = [renderer.render(scene, view, guide) + guide.emission + guide.environment
-                for view, guide in zip(views, guides)]
+                for view, guide in zip(views, guides, strict=True)]
     seconds = time.perf_counter() - begin
-    references = [p["combined"][..., :3] + guide.environment for p, guide in zip(passes, guides)]
+    references = [p["combined"][..., :3] + guide.environment for p, guide in zip(passes, guides, strict=True)]
     return _scores(pictures, references, triangles=len(scene), seconds=seconds)
 
 
@@ -62,9 +63,10 @@ def read_combined(path: Path) -> np.ndarray:
 
 
 def _scores(pictures: list[np.ndarray], references: list[np.ndarray], **more) -> tuple[dict[str, float], np.ndarray]:
-    views = [compare(a, b) for a, b in zip(pictures, references)]
+    pairs = list(zip(pictures, references, strict=True))
+    views = [compare(a, b) for a, b in pairs]
     mean = {key: float(np.mean([v[key] for v in views])) for key in views[0]}
-    rows = [np.concatenate([srgb(a), srgb(b)], axis=1) for a, b in zip(pictures, references)]
+    rows = [np.concatenate([linear_to_srgb(a), linear_to_srgb(b)], axis=1) for a, b in pairs]
     return mean | {key: round(value, 3) for key, value in more.items()}, np.concatenate(rows, axis=0)
 
 

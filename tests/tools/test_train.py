@@ -11,9 +11,11 @@ from renderformer_v2.model.guided.light_prior import LightPrior
 from renderformer_v2.model.network.config import rf2_small
 from renderformer_v2.model.network.renderformer import RenderFormer
 from tests.model.samples import floor_scene, floor_view
-from tools.datagen.shards import save_sample
+from tools.datagen.shards import load_sample, save_sample
 from tools.train import augment as symmetry
+from tools.train import cache_key
 from tools.train.config import Stage, TrainConfig
+from tools.train.errors import TrainingError
 from tools.train.loader import admitted
 from tools.train.losses import image_loss, structure_loss
 from tools.train.network import sample_loss
@@ -48,7 +50,7 @@ def same(a, b, tolerance: float):
     for name in a.__dataclass_fields__:
         x, y = getattr(a, name), getattr(b, name)
         if isinstance(x, torch.Tensor):
-            torch.testing.assert_close(x, y, atol=tolerance, rtol=tolerance, msg=lambda m: f"{name}: {m}")
+            torch.testing.assert_close(x, y, atol=tolerance, rtol=tolerance, msg=lambda m, name=name: f"{name}: {m}")
         elif x is not None:
             same(x, y, tolerance)
 
@@ -57,6 +59,31 @@ def test_the_cache_gives_back_what_was_built(stored, tmp_path):
     built = build_sample(stored)
     cached_sample(stored, tmp_path)
     same(cached_sample(stored, tmp_path), built, 2e-3)
+
+
+def test_the_cache_keeps_data_sets_apart_and_replaces_what_is_out_of_date(stored, tmp_path, monkeypatch):
+    cache, other = tmp_path / "cache", tmp_path / "other" / stored.name
+    cache.mkdir()
+    other.parent.mkdir()
+    scene, views, guides, passes = load_sample(stored)
+    save_sample(other, scene, views, guides, [{name: 2 * x for name, x in p.items()} for p in passes])
+    first = cached_sample(stored, cache)
+    assert (cached_sample(other, cache).image.mean() > 1.5 * first.image.mean()) and len(list(cache.iterdir())) == 2
+    for file in (other, stored):  # another content under the same name
+        save_sample(file, scene, views, guides, [{name: 3 * x for name, x in p.items()} for p in passes])
+        assert cached_sample(file, cache).image.mean() > 2.5 * first.image.mean()
+    monkeypatch.setattr(cache_key, "code_version", lambda: "newer")
+    before = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
+    cached_sample(stored, cache), cached_sample(other, cache)
+    after = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
+    assert set(after) == set(before) and all(after[file] > before[file] for file in before)
+    cut_short = next(cache.iterdir())
+    cut_short.write_bytes(cut_short.read_bytes()[:100])
+    cached_sample(stored, cache), cached_sample(other, cache)
+
+
+def test_the_version_of_the_preparing_code_covers_files_that_are_there():
+    assert all(list(cache_key.ROOT.glob(pattern)) for pattern in cache_key.SOURCES)
 
 
 def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
@@ -99,7 +126,7 @@ def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
     def step(state) -> float:
         loss = sample_loss(state.model, sample, structure_loss)["total"]
         loss.backward()
-        state.advance(2e-3)
+        assert state.advance(2e-3, clip_norm=1.0)
         return loss.item()
 
     first = step(state)
@@ -108,11 +135,11 @@ def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
     assert last < 0.8 * first
     state.save(tmp_path / "state.safetensors")
     resumed = TrainingState(RenderFormer(TINY), 2e-3, 0.01, 0.9)
-    resumed.load(tmp_path / "state.safetensors")
+    assert resumed.resume(tmp_path / "state.safetensors")
     assert resumed.step == state.step
     assert step(resumed) == pytest.approx(step(state), rel=1e-5)
-    for (name, a), (_, b) in zip(state.model.named_parameters(), resumed.model.named_parameters()):
-        torch.testing.assert_close(a, b, atol=1e-6, rtol=1e-4, msg=lambda m: f"{name}: {m}")
+    for (name, a), (_, b) in zip(state.model.named_parameters(), resumed.model.named_parameters(), strict=True):
+        torch.testing.assert_close(a, b, atol=1e-6, rtol=1e-4, msg=lambda m, name=name: f"{name}: {m}")
 
 
 def test_the_curriculum_admits_scenes_by_what_they_hold(stored):
@@ -123,11 +150,13 @@ def test_the_curriculum_admits_scenes_by_what_they_hold(stored):
     assert not admitted(glass, Stage(1, transmission=False)) and admitted(glass, Stage(1))
 
 
-def test_configuration_names_unknown_keys(tmp_path):
+def test_configuration_names_wrong_keys(tmp_path):
     path = tmp_path / "config.json"
-    path.write_text('{"preset": "rf2_small", "learning_rat": 1}')
-    with pytest.raises(ValueError, match="learning_rat"):
-        TrainConfig.load(path)
+    for text, wrong in (('{"preset": "rf2_small", "learning_rat": 1}', "unknown keys learning_rat"),
+                        ('{"preset": "rf2_small"}', "missing keys .*learning_rate"), ("{", "cannot be read")):
+        path.write_text(text)
+        with pytest.raises(TrainingError, match=wrong):
+            TrainConfig.load(path)
 
 
 def test_equal_pictures_cost_nothing():

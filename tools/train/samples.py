@@ -2,11 +2,13 @@
 """Training samples: what the renderer would feed the network for one scene, and what should come out."""
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
@@ -17,6 +19,8 @@ from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInput
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.scene_inputs import material_tiles, pooled_tiles, small_inputs
 from tools.datagen.shards import load_sample
+
+from . import cache_key
 
 LOBES = ("diffuse", "glossy", "transmission")
 
@@ -48,7 +52,7 @@ def build_sample(path: Path) -> TrainingSample:
     normalized = normalization.scene(scene)
     prior = LightPrior(normalized)
     tensors, rays, targets = [], [], []
-    for view, guide, reference in zip(views, guides, passes):
+    for view, guide, reference in zip(views, guides, passes, strict=True):
         view = normalization.view(view)
         tensors.append(guide_tensors(normalized, view, normalization.guides(guide), prior))
         rays.append(view_rays(view))
@@ -56,7 +60,7 @@ def build_sample(path: Path) -> TrainingSample:
         targets.append([surface.clip(0), *(np.stack([reference[f"{lobe}_{part}"] for lobe in LOBES])
                                            for part in ("direct", "indirect"))])
     image, direct, indirect = (torch.from_numpy(np.stack(t).astype(np.float32) * np.float32(normalization.exposure))
-                               .movedim(-1, -3) for t in zip(*targets))
+                               .movedim(-1, -3) for t in zip(*targets, strict=True))
     lights = normalized.is_light
     return TrainingSample(
         small_inputs(normalized, pooled_tiles(normalized.tiles)), torch.from_numpy(scene.beam_axis[lights]),
@@ -65,13 +69,21 @@ def build_sample(path: Path) -> TrainingSample:
 
 
 def cached_sample(path: Path, cache: Path) -> TrainingSample:
-    """`build_sample`, kept as float16 safetensors in `cache` for the next epoch."""
-    stored = cache / f"{path.stem}.safetensors"
-    if not stored.is_file():
-        temporary = stored.with_suffix(".tmp")
-        save_file(_flatten(build_sample(path)), temporary)
+    """`build_sample`, kept as float16 safetensors in `cache` for the next epoch; made again when it is out of date."""
+    stored, key = cache_key.stored_path(path, cache), cache_key.key(path)
+    if not _is_current(stored, key):
+        temporary = stored.with_suffix(f".{os.getpid()}.tmp")
+        save_file(_flatten(build_sample(path)), temporary, metadata={"key": key})
         temporary.replace(stored)
     return _unflatten(load_file(stored))
+
+
+def _is_current(stored: Path, key: str) -> bool:
+    try:
+        with safe_open(stored, "pt") as file:
+            return file.metadata().get("key") == key
+    except (OSError, SafetensorError):  # not there, or cut short
+        return False
 
 
 _PARTS = {"inputs": NetworkInputs, "guides": GuideTensors, "environment": EnvironmentInputs, "volumes": VolumeInputs}
