@@ -14,8 +14,8 @@ from bl_ext.user_default.renderformer_v2.model.published.image_encoder import fi
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
     preferences,
     published_weights,
+    redraw,
     weights_download,
-    weights_operators,
 )
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup.weights_download import Download
 
@@ -272,7 +272,7 @@ def test_without_online_access_nothing_is_asked(hub, online):
     with pytest.raises(RuntimeError, match="Allow Online Access"):
         bpy.ops.renderformer_v2.download_weights()
     with pytest.raises(RuntimeError, match="Allow Online Access"):
-        bpy.ops.renderformer_v2.install_runtime()
+        bpy.ops.renderformer_v2.install_packages()
     assert not hub.requests and weights_download.current is None
 
 
@@ -287,11 +287,11 @@ def test_the_token_is_not_stored_in_the_preferences(online):
 
 def test_the_progress_goes_on_after_opening_a_file(online, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
-    weights_operators.keep_redrawing()
+    redraw.keep_redrawing()
     for load in (bpy.ops.wm.read_homefile, lambda: bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))):
         load()
-        assert bpy.app.timers.is_registered(weights_operators.redraw)
-    bpy.app.timers.unregister(weights_operators.redraw)
+        assert bpy.app.timers.is_registered(redraw.redraw)
+    bpy.app.timers.unregister(redraw.redraw)
 
 
 def test_a_folder_of_the_user_comes_before_the_download(online, tmp_path):
