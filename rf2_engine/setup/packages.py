@@ -91,11 +91,14 @@ def is_elsewhere(name: str) -> bool:
 def is_complete(distribution: str) -> bool:
     """Whether our folder has it with all that it needs, of either build and in the pinned versions."""
     have = intact()
-    try:
-        return any(all(have.get(wheel.name) == wheel.version for wheel in wheels.needed(distribution, build))
-                   for build in wheels.BUILDS)
-    except (wheels.NoWheel, KeyError):  # not made for this computer, or not pinned
-        return False
+
+    def has(build: str) -> bool:
+        try:
+            return all(have.get(wheel.name) == wheel.version for wheel in wheels.needed(distribution, build))
+        except (wheels.NoWheel, KeyError):  # not made for this computer, or not pinned
+            return False
+
+    return any(map(has, wheels.BUILDS))
 
 
 def missing(packages: dict[str, str] = PACKAGES) -> list[str]:
