@@ -8,13 +8,18 @@ from concurrent.futures import Future
 
 from ..model import background
 from ..model.errors import CheckpointError
+from .setup import importing
 
 _cached: dict[tuple[str, str, str], object] = {}  # at most one: networks are large
 
 
 def begin_import() -> Future:
     """Import PyTorch and the network's code, about 2 s the first time, while the scene is prepared."""
-    return background.begin(lambda: importlib.import_module("..model.renderer", __package__))
+    def load():
+        importing.import_packages()
+        return importlib.import_module("..model.renderer", __package__)
+
+    return background.begin(load)
 
 
 def renderer(weights: str, device: str, precision: str, progress):
