@@ -7,6 +7,7 @@ import traceback
 import bpy
 import numpy as np
 
+from ..model import progress
 from ..model.errors import CheckpointError, RenderCancelled, SceneError
 from . import cycles_session, model_cache, output
 from .convert.camera import convert_camera
@@ -59,8 +60,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     with status.stage("Converting the scene", 0.0, 0.1):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y,
                               _border(engine, scene.render), report)
-        tokens = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge,
-                         report=report, progress=status)
+        with progress.reporting(status):
+            tokens = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report)
     with status.stage("First hits", 0.1, 0.2):
         passes = cycles_session.render_passes(engine, depsgraph, samples=samples, lighting=False)
         guides = make_guides(passes, tokens, view, status)

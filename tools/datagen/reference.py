@@ -60,8 +60,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     start = time.perf_counter()
     view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)
     if sample.scene is None:
-        sample.scene = convert(depsgraph, token_budget=TOKEN_BUDGET, max_edge=MAX_EDGE, report=sample.report,
-                               progress=lambda text, fraction: None)
+        sample.scene = convert(depsgraph, token_budget=TOKEN_BUDGET, max_edge=MAX_EDGE, report=sample.report)
     converted = time.perf_counter()
     found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, lighting=True, denoise=True)
     rendered = time.perf_counter()
