@@ -96,24 +96,27 @@ def mapped(group, changes: dict[Behaviour, Callable]):
     return replace(group, **values)
 
 
+def mapped_channels(value, channels: Channels, changes: dict[Behaviour, Callable]):
+    """As `mapped` does it with a field that has these channels."""
+    results = []
+    for part, behaviour in channels.parts.values():
+        if behaviour in changes:
+            before = value[(slice(None),) * channels.axis + (part,)]
+            after = _along(channels.axis, before, changes[behaviour])
+            if after is not before:
+                results.append((part, after))
+    if results:
+        value = value.clone() if hasattr(value, "clone") else value.copy()
+        for part, after in results:
+            value[(slice(None),) * channels.axis + (part,)] = after
+    return value
+
+
 def _changed(value, layout: Layout, changes: dict[Behaviour, Callable]):
     for behaviour, axis in layout.behaves.items():
         if behaviour in changes:
             value = _along(axis, value, changes[behaviour])
-    if layout.channels is None:
-        return value
-    axis, results = layout.channels.axis, {}
-    for part, behaviour in layout.channels.parts.values():
-        if behaviour in changes:
-            before = value[(slice(None),) * axis + (part,)]
-            after = _along(axis, before, changes[behaviour])
-            if after is not before:
-                results[part] = after
-    if results:
-        value = value.clone() if hasattr(value, "clone") else value.copy()
-        for part, after in results.items():
-            value[(slice(None),) * axis + (part,)] = after
-    return value
+    return value if layout.channels is None else mapped_channels(value, layout.channels, changes)
 
 
 def _along(axis: int, value, function: Callable):

@@ -64,7 +64,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             tokens = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report)
     with status.stage("First hits", 0.1, 0.2):
         passes = cycles_session.render_passes(engine, depsgraph, samples=samples, lighting=False)
-        guides = make_guides(passes, tokens, view, status)
+        with progress.reporting(status):
+            guides = make_guides(passes, tokens, view)
 
     def write(radiance: np.ndarray) -> None:
         combined = output.composite(radiance, guides, film_transparent, exposure)
@@ -76,9 +77,13 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     radiance, length = np.zeros((view.height, view.width, 3), np.float32), 0
     if visible:
         with status.stage("Loading the network", 0.2, 0.25):
-            renderer = model_cache.renderer(weights, device, precision, status)
+            with progress.reporting(status):
+                renderer = model_cache.renderer(weights, device, precision)
         with status.stage("Network", 0.25, 1.0):
-            radiance, length = renderer.render(tokens, view, guides, status), renderer.tokens
+            with progress.reporting(status), progress.part(0.0, 0.5):
+                encoded = model_cache.encoded(renderer, tokens, view.longer_side)
+            with progress.reporting(status), progress.part(0.5, 1.0):
+                radiance, length = encoded.view(view, guides), encoded.tokens
     with status.stage("Writing passes", 1.0, 1.0):
         write(radiance)
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.renderer import Renderer
 from tools.datagen.shards import load_sample, sample_paths
 from tools.metrics import compare
@@ -29,7 +30,8 @@ def evaluate_sample(path: Path, renderer: Renderer) -> tuple[dict[str, float], n
     """Mean metrics over the views of one sample, and its contact sheet (H, W, 3) in [0, 1]."""
     scene, views, guides, passes = load_sample(path)
     begin = time.perf_counter()
-    pictures = [renderer.render(scene, view, guide) + guide.emission + guide.environment
+    encoded = renderer.encode(scene)
+    pictures = [encoded.view(view, guide) + guide.emission + guide.environment
                 for view, guide in zip(views, guides, strict=True)]
     seconds = time.perf_counter() - begin
     references = [p["combined"][..., :3] + guide.environment for p, guide in zip(passes, guides, strict=True)]
@@ -74,7 +76,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.evaluate", description=__doc__)
     parser.add_argument("scenes", type=Path, metavar="SCENE_DIR")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="REPORT_DIR")
-    parser.add_argument("--weights", default="small", help="'small' or a folder")
+    parser.add_argument("--weights", default=BUNDLED, help="a preset with weights, or a folder")
     parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
     options = parser.parse_args()
     paths = [*sample_paths(options.scenes), *sorted(options.scenes.glob("*.blend"))][: options.limit]

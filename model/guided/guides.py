@@ -45,10 +45,6 @@ class GuideTensors(TensorGroup):
     prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # unshadowed radiance of a white lobe
     positions: Tensor = array("V", "R", 3, behaves=POINT)            # mean first hit of every bundle
 
-    @classmethod
-    def stack(cls, views: list[GuideTensors]) -> GuideTensors:
-        return cls(*(torch.cat([getattr(v, name) for v in views]) for name in cls.__dataclass_fields__))
-
 
 def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, patch: int) -> GuideTensors:
     """Tensors of one view (V = 1) on the prior's device, for ray bundles of `patch` pixels along a side.

@@ -18,6 +18,14 @@ class TensorGroup:
         return type(self)(**{name: v if v is None else v.to(device) for name, v in values.items()})
 
 
+def stacked(groups: list):
+    """Groups of one kind, all of whose fields are there, behind each other: several views as one input."""
+    def joined(parts: list):
+        return torch.cat(parts) if isinstance(parts[0], torch.Tensor) else stacked(parts)
+
+    return type(groups[0])(**{f.name: joined([getattr(group, f.name) for group in groups]) for f in fields(groups[0])})
+
+
 @dataclass
 class VolumeInputs(TensorGroup):
     """M volume cells, masked rows already removed; all float32."""

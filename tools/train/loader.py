@@ -67,7 +67,7 @@ class SampleStream(IterableDataset):
 
 def admitted(sample: TrainingSample, stage: Stage) -> bool:
     """Whether this scene belongs to this stage of the curriculum."""
-    glass = bool(sample.guides.colors[:, 2].amax() > 0.01)
+    glass = bool(sample.view.guides.colors[:, 2].amax() > 0.01)
     return (len(sample.inputs.triangles) <= stage.max_triangles and (stage.volumes or sample.inputs.volumes is None)
             and (stage.transmission or not glass))
 

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import torch
 
-from renderformer_v2.model.checkpoint import load_material_mapper, save_small
-from renderformer_v2.model.guided.guidance import decode_light, encode_guided, view_guided
-from renderformer_v2.model.network.config import PRESETS
-from renderformer_v2.model.network.renderformer import RenderFormer
+from renderformer_v2.model.checkpoint import load_material_mapper, new_network, save_network
+from renderformer_v2.model.guided.light import decode_light
+from renderformer_v2.model.guided.network import GuidedRenderFormer
+from renderformer_v2.model.presets import PRESETS
 
 from .config import TrainConfig
 from .errors import TrainingError
@@ -30,15 +30,13 @@ from .state import TrainingState
 LOG_EVERY = 50  # steps
 
 
-def sample_loss(model: RenderFormer, sample: TrainingSample, perceptual) -> dict[str, torch.Tensor]:
+def sample_loss(model: GuidedRenderFormer, sample: TrainingSample, perceptual) -> dict[str, torch.Tensor]:
     """Losses of all views of one scene."""
-    context = encode_guided(model, sample.inputs, sample.beam_axis, sample.beam_cosine)
-    raw = view_guided(model, context, sample.rays_o, sample.rays_d, sample.guides)
-    light = decode_light(raw, sample.guides)
-    colors = sample.guides.colors
+    guides = sample.view.guides
+    light = decode_light(model.render_view(model.encode_scene(sample.inputs), sample.view), guides)
     losses = {"image": image_loss(light["image"], sample.image, perceptual),
-              "direct": lobe_loss(light["direct"], sample.direct, colors),
-              "indirect": lobe_loss(light["indirect"], sample.indirect, colors)}
+              "direct": lobe_loss(light["direct"], sample.direct, guides.colors),
+              "indirect": lobe_loss(light["indirect"], sample.indirect, guides.colors)}
     return losses | {"total": sum(losses.values())}
 
 
@@ -46,7 +44,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     """Raises TrainingError when there is nothing to train with, or when training has gone wrong."""
     device = torch.device(options.device)
     torch.manual_seed(options.seed)
-    model = RenderFormer(PRESETS[config.preset]()).to(device).train()
+    model = new_network(PRESETS[config.preset]()).to(device).train()
     model.transformer.rope_emb.requires_grad_(False)
     model.view_transformer.transformer.rope_emb.requires_grad_(False)
     state = TrainingState(model, config.learning_rate, config.weight_decay, config.average_decay)
@@ -85,7 +83,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
 
 def _save(state: TrainingState, saved: Path, out: Path) -> None:
     state.save(saved)
-    save_small(out / "weights", state.model.config, state.average)
+    save_network(out / "weights", state.model.config, state.average)
 
 
 def main() -> int:
