@@ -41,7 +41,7 @@ def test_metrics_of_known_differences():
 
 def test_a_sample_whose_reference_is_our_own_picture_is_perfect_and_a_darker_one_is_not(tmp_path):
     scene, (view, guides) = floor_scene(), floor_view()
-    picture = Renderer("small").render(scene, view, guides)
+    picture = Renderer().encode(scene).view(view, guides)
     for seed, factor in ((1, 1.0), (2, 0.25)):
         combined = np.concatenate([picture * factor, guides.alpha[..., None]], axis=-1)
         save_sample(tmp_path / f"scene_{seed:08d}.npz", scene, [view], [guides], [{"combined": combined}])

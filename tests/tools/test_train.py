@@ -6,20 +6,22 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.guided.encoders import PANORAMA
+from renderformer_v2.model.checkpoint import new_network
+from renderformer_v2.model.guided.encoders import panorama_size
+from renderformer_v2.model.guided.guides import FEATURES
+from renderformer_v2.model.guided.light import LOBES
 from renderformer_v2.model.guided.light_prior import LightPrior
-from renderformer_v2.model.network.config import rf2_small
-from renderformer_v2.model.network.renderformer import RenderFormer
+from renderformer_v2.model.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.shards import load_sample, save_sample
-from tools.train import augment as symmetry
 from tools.train import cache_key
+from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
 from tools.train.loader import admitted
 from tools.train.losses import image_loss, structure_loss
 from tools.train.network import sample_loss
-from tools.train.samples import LOBES, build_sample, cached_sample, with_latents
+from tools.train.samples import build_sample, cached_sample, with_latents
 from tools.train.state import TrainingState
 
 TINY = replace(rf2_small(), latent_dim=48, num_layers=1, num_heads=1, dim_feedforward=64, num_register_tokens=2,
@@ -90,12 +92,13 @@ def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
     """The prior of the turned lights and panorama is the one that the augmentation carried along."""
     sample = build_sample(stored)
     shift = 32  # a quarter turn
-    turned = symmetry._turn(sample, shift, PANORAMA[1])
+    columns = panorama_size(TINY)[1]
+    turned = turned_and_swapped(sample, shift, torch.arange(3))
     environment = replace(floor_scene(), environment=np.kron(
         np.random.default_rng(1).random((8, 16, 3)), np.ones((32, 32, 1))).astype(np.float32)).environment
     quarter = np.float32([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     world = replace(floor_scene(), triangles=floor_scene().triangles @ quarter.T,
-                    environment=np.roll(environment, -shift * 512 // PANORAMA[1], axis=1))
+                    environment=np.roll(environment, -shift * 512 // columns, axis=1))
     x, v = torch.tensor([[0.3, -0.5, 0.0]]), torch.tensor([[0.0, 0.6, 0.8]])
     n = torch.tensor([[0.0, 0.0, 1.0]])
     still = LightPrior(replace(floor_scene(), environment=environment))
@@ -110,18 +113,22 @@ def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
 def test_swapped_colours_keep_picture_and_parts_consistent(stored):
     sample = build_sample(stored)
     order = torch.tensor([2, 0, 1])
-    swapped = symmetry._recolor(sample, order)
-    unshadowed = lambda s: (s.guides.prior * s.guides.colors).sum(1)  # noqa: E731
+    swapped = turned_and_swapped(sample, 0, order)
+    unshadowed = lambda s: (s.view.guides.prior * s.view.guides.colors).sum(1)  # noqa: E731
     torch.testing.assert_close(unshadowed(swapped), unshadowed(sample)[:, order])
-    torch.testing.assert_close(swapped.guides.features[:, symmetry.COLORS].unflatten(1, (3, 3)), swapped.guides.colors)
-    torch.testing.assert_close(torch.pow(10, swapped.guides.features[:, symmetry.LIGHT].unflatten(1, (3, 3))) - 1,
-                               swapped.guides.prior, rtol=1e-3, atol=1e-4)
+    guides = swapped.view.guides
+    colors, light = (guides.features[:, FEATURES[name]].unflatten(1, (3, 3)) for name in ("colors", "light"))
+    torch.testing.assert_close(colors, guides.colors)
+    torch.testing.assert_close(torch.pow(10, light) - 1, guides.prior, rtol=1e-3, atol=1e-4)
+    tiles, before = swapped.inputs.texture, sample.inputs.texture
+    torch.testing.assert_close(tiles[:, :3], before[:, :3][:, order])
+    torch.testing.assert_close(tiles[:, 3:], before[:, 3:])
 
 
 def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
     torch.manual_seed(0)
     sample = with_latents(build_sample(stored), mapper)
-    state = TrainingState(RenderFormer(TINY), 2e-3, 0.01, 0.9)
+    state = TrainingState(new_network(TINY), 2e-3, 0.01, 0.9)
 
     def step(state) -> float:
         loss = sample_loss(state.model, sample, structure_loss)["total"]
@@ -134,7 +141,7 @@ def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
         last = step(state)
     assert last < 0.8 * first
     state.save(tmp_path / "state.safetensors")
-    resumed = TrainingState(RenderFormer(TINY), 2e-3, 0.01, 0.9)
+    resumed = TrainingState(new_network(TINY), 2e-3, 0.01, 0.9)
     assert resumed.resume(tmp_path / "state.safetensors")
     assert resumed.step == state.step
     assert step(resumed) == pytest.approx(step(state), rel=1e-5)
@@ -146,7 +153,8 @@ def test_the_curriculum_admits_scenes_by_what_they_hold(stored):
     sample = build_sample(stored)
     assert admitted(sample, Stage(1, volumes=False, transmission=False))
     assert not admitted(sample, Stage(1, max_triangles=10))
-    glass = replace(sample, guides=replace(sample.guides, colors=torch.ones_like(sample.guides.colors)))
+    guides = replace(sample.view.guides, colors=torch.ones_like(sample.view.guides.colors))
+    glass = replace(sample, view=replace(sample.view, guides=guides))
     assert not admitted(glass, Stage(1, transmission=False)) and admitted(glass, Stage(1))
 
 

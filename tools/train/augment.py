@@ -20,10 +20,13 @@ from .samples import TrainingSample
 
 def augment(sample: TrainingSample, generator: torch.Generator) -> TrainingSample:
     """A randomly turned and recoloured copy; its textures are still BSDF parameters."""
-    columns = sample.inputs.environment.ldr.shape[-1]
-    shift = int(torch.randint(columns, (1,), generator=generator))
-    order = torch.randperm(3, generator=generator)
-    angle = 2 * math.pi * shift / columns
+    shift = int(torch.randint(sample.inputs.environment.ldr.shape[-1], (1,), generator=generator))
+    return turned_and_swapped(sample, shift, torch.randperm(3, generator=generator))
+
+
+def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> TrainingSample:
+    """Turned by so many columns of the panorama, with the colour channels in this order."""
+    angle = 2 * math.pi * shift / sample.inputs.environment.ldr.shape[-1]
     c, s = math.cos(angle), math.sin(angle)
     matrix = torch.tensor([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
