@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Golden fixtures: recompute everything that a case recorded, under the fixture's names (fixtures/README.md)."""
+"""Golden fixtures: recompute everything that a case recorded, under the fixture's names (tests/fixtures/README.md)."""
 from __future__ import annotations
 
 from dataclasses import replace

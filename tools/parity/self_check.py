@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The numeric self-checks of spec/network.md 14 and the check of the weights recipe."""
+"""The numeric self-checks of docs/network.md 14 and the check of the weights recipe."""
 from __future__ import annotations
 
 from collections.abc import Iterator
