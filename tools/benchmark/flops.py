@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a forward costs by formula (spec/network.md 12), and what this machine's matrix products can do."""
+"""What a forward costs by formula (docs/network.md 12), and what this machine's matrix products can do."""
 from __future__ import annotations
 
 import math

@@ -45,7 +45,7 @@ class Case:
 
 
 def recipe_tensor(key: str, shape: tuple[int, ...], salt: int = 0) -> torch.Tensor:
-    """The recipe's float32 weight for a state-dict key (fixtures/README.md, Weights recipe)."""
+    """The recipe's float32 weight for a state-dict key (tests/fixtures/README.md, Weights recipe)."""
     if key.endswith("rope_emb.freqs"):
         return rope_frequencies(2 * shape[0])
     seed = (zlib.crc32(key.encode()) + salt) % 2 ** 32

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Golden fixtures: recompute everything that a case recorded, under the fixture's names (fixtures/README.md)."""
+"""Golden fixtures: recompute everything that a case recorded, under the fixture's names (tests/fixtures/README.md)."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -83,7 +83,9 @@ def recorded_call(case: Case) -> tuple[RenderFormer, NetworkInputs, ViewInputs]:
     """The network of a case, and what it was called with."""
     config = replace(model_config(case.info["model_config"]),
                      embed_norm_eps=case.info["numerics"]["embed_norm_eps"])
-    return recipe_network(config, case.info["weights"]["salt"]), network_inputs(case.tensors), view_inputs(case.tensors)
+    rays = {"in.rays_d": camera_results(case)}  # where they were not recorded
+    return (recipe_network(config, case.info["weights"]["salt"]), network_inputs(case.tensors),
+            view_inputs(rays | case.tensors))
 
 
 @torch.no_grad()
@@ -159,11 +161,18 @@ def alternative_results(network: RenderFormer, inputs: NetworkInputs, views: Vie
 
 @torch.no_grad()
 def material_results(case: Case) -> dict[str, torch.Tensor]:
-    """Mappers, autoencoder and the byte round trip of latents."""
-    salt, results = case.info["weights"]["salt"], {}
+    """Mappers, the byte round trip of latents, and the autoencoder when the case has it."""
+    salt, stored = case.info["weights"]["salt"], quantise(case.tensors["in.latent_map"].numpy())
+    results = {"out.latent_map_u8": torch.from_numpy(stored),
+               "out.latent_map_back": torch.from_numpy(dequantise(stored))}
     for name, arguments in case.info["mapper_defaults"].items():
         mapper = with_recipe_weights(MAPPERS[name](**arguments), salt, f"{name}/")
         results[f"out.{name}"] = mapper(case.tensors[f"in.{name}"])
+    return results | autoencoder_results(case, salt) if "autoencoder" in case.info else results
+
+
+def autoencoder_results(case: Case, salt: int) -> dict[str, torch.Tensor]:
+    """Latents of pictures with what leads to them, and one picture of a latent."""
     arguments = {k: v for k, v in case.info["autoencoder"].items() if k != "preprocessing"}
     with torch.device("meta"):
         autoencoder = MaterialAutoencoder(**arguments)
@@ -171,12 +180,10 @@ def material_results(case: Case) -> dict[str, torch.Tensor]:
     with Recorder({"mid": autoencoder.encoder_mid, "final": autoencoder.encoder_final}) as seen:
         latent = autoencoder.encode(log10_1p(case.tensors["in.ae_linear_rgb"].float()))
     decoded = autoencoder.decode(case.tensors["in.ae_latent_dec"])
-    stored = quantise(case.tensors["in.latent_map"].numpy())
-    return results | {
+    return {
         "out.ae_latent": latent, "out.ae_encoder_final": seen["final"].flatten(1),
         "out.ae_encoder_mid_every4": seen["mid"][:, ::16, ::4, ::4], "out.ae_decoded_every4": decoded[..., ::4, ::4],
         "out.ae_decoded_stats": torch.stack([decoded.mean(), decoded.std(correction=0), decoded.min(), decoded.max()]),
-        "out.latent_map_u8": torch.from_numpy(stored), "out.latent_map_back": torch.from_numpy(dequantise(stored)),
     }
 
 

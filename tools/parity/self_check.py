@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The numeric self-checks of spec/network.md 14 and the check of the weights recipe."""
+"""The numeric self-checks of docs/network.md 14 and the check of the weights recipe."""
 from __future__ import annotations
 
-from typing import Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import torch
@@ -25,7 +25,7 @@ from renderformer_v2.model.network.swin import SHIFT, shift_mask, to_windows
 from renderformer_v2.model.network.window import Window
 from renderformer_v2.model.presets import rf2_200m
 
-from .cases import recipe_tensor, relative_error
+from .cases import Recorder, recipe_tensor, relative_error
 
 
 def self_check(checks: dict) -> Iterator[tuple[str, float]]:
@@ -261,15 +261,11 @@ def _decoder_sizes(entry):
     with torch.device("meta"):
         decoder = DPTDecoder(rf2_200m())
     for name, sizes in entry.items():
-        seen = {}
-        handles = [module.register_forward_hook(lambda m, a, out, key=key: seen.update({key: list(out.shape[-2:])}))
-                   for key, module in decoder.scratch.named_children()]
         grid = tuple(map(int, name.split("x")))
-        decoder([torch.zeros(1, 768, *grid, device="meta")] * 4)
-        for handle in handles:
-            handle.remove()
+        with Recorder(dict(decoder.scratch.named_children())) as seen:
+            decoder([torch.zeros(1, 768, *grid, device="meta")] * 4)
         for key, size in sizes.items():
-            yield seen[key], size
+            yield list(seen[key].shape[-2:]), size
 
 
 def _recipe(entry):
