@@ -176,7 +176,7 @@ def _flat_scene(triangles, radiance, axis=(0, 0, 0), cosines=(0, 0), tile: int =
     return RenderScene(
         triangles=triangles.astype(np.float32), normals=flat.astype(np.float32), emission=each(radiance, 3),
         beam_axis=each(axis, 3), beam_cosine=each(cosines, 2), tile_index=np.full(n, tile, np.int32),
-        tiles=TILES.copy())
+        tiles=TILES.copy(), seen=np.zeros(n, bool))
 
 
 DARK = _flat_scene(np.zeros((0, 3, 3)), np.zeros(3))
