@@ -54,7 +54,7 @@ class Volumes:
     position: np.ndarray = array("M", 3, behaves=POINT)        # centre of the cell
     rotation: np.ndarray = array("M", 3, behaves=EULER)        # of the whole volume box
     scale: np.ndarray = array("M", 3, behaves=LENGTH)          # side lengths of the whole volume box
-    scattering: np.ndarray = array("M", 3, behaves=COLOR)      # coefficient multipliers, per box (docs/scene-input.md 5.4)
+    scattering: np.ndarray = array("M", 3, behaves=COLOR)      # multipliers, per box (docs/scene-input.md 5.4)
     absorption: np.ndarray = array("M", 3, behaves=COLOR)
 
     def __len__(self) -> int:
@@ -127,7 +127,7 @@ class RenderScene:
     normals: np.ndarray = rows("N", 3, 3, behaves=DIRECTION)   # unit shading normal per corner
     emission: np.ndarray = rows("N", 3, behaves={COLOR: -1, RADIANCE: -1})  # radiance >= 0; > 0 makes it a light
     beam_axis: np.ndarray = rows("N", 3, behaves=DIRECTION)    # of a light's beam; 0 = radiates everywhere
-    # Cosines (outer, inner): emission is scaled by smoothstep(outer, inner, cos(angle to the axis)); ignored without one
+    # Cosines (outer, inner): emission is scaled by smoothstep(outer, inner, cos(angle to axis)); ignored without one
     beam_cosine: np.ndarray = rows("N", 2)
     tile_index: np.ndarray = rows("N", dtype=np.int32)         # row of `tiles`
     # BSDF parameters on the barycentric grid of docs/scene-input.md 4.2
