@@ -17,6 +17,7 @@ from renderformer_v2.model.checkpoint import load_material_mapper, save_small
 from renderformer_v2.model.guided.guidance import decode_light, encode_guided, view_guided
 from renderformer_v2.model.network.config import PRESETS
 from renderformer_v2.model.network.renderformer import RenderFormer
+from renderformer_v2.model.threads import team
 
 from .config import TrainConfig
 from .loader import stream
@@ -99,10 +100,12 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, required=True)
     parser.add_argument("--cooldown", type=float, default=0.0, help="minutes at the end with a falling learning rate")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    parser.add_argument("--threads", type=int, default=0, help="processor threads (default: all)")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     options.cache = options.cache or options.data.parent / "cache"
-    train(options, TrainConfig.load(options.config))
+    with team(options.threads):
+        train(options, TrainConfig.load(options.config))
 
 
 if __name__ == "__main__":
