@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-# make render    render an example through the engine       make test    run the tests
+# make render    render an example through the engine       make test    run the tests       make lint    check the style
 # BPY=5.0.1 make test    the same with another Blender, in a virtual environment of its own
 PYTHON ?= python3.11
-BPY ?= 4.5.15
-VENV := .venv$(if $(filter-out 4.5.15,$(BPY)),-$(BPY))
+FIRST := 4.5.15
+BPY ?= $(FIRST)
+# .venv holds every package and the first Blender; the environment of another version holds that Blender, and finds the
+# other packages there. Both are seen from their own lib/python3.11/site-packages.
+SHARED := ../../../../.venv/lib/python3.11/site-packages
+VENV := .venv$(if $(filter-out $(FIRST),$(BPY)),-$(BPY))
 RUN := $(VENV)/bin/python
 READY := $(VENV)/.ready-$(BPY)
+PIP := -m pip install --quiet --disable-pip-version-check --no-compile
 OUT := examples/out
 
-.PHONY: render test extension clean
+.PHONY: render test lint extension clean
 .DELETE_ON_ERROR:
 
 render: $(OUT)/room.blend
@@ -17,6 +22,9 @@ render: $(OUT)/room.blend
 test: $(READY)
 	$(RUN) -m pytest
 
+lint: .venv/.ready-$(FIRST)
+	.venv/bin/python -m ruff check
+
 extension: $(READY)
 	$(RUN) -m tools.build
 
@@ -24,9 +32,15 @@ $(OUT)/room.blend: examples/room.py | $(READY)
 	mkdir -p $(OUT)
 	$(RUN) $< $@
 
-$(READY): requirements.txt
-	test -x $(RUN) || $(PYTHON) -m venv $(VENV)
-	$(RUN) -m pip install --quiet --disable-pip-version-check bpy==$(BPY) -r requirements.txt
+.venv/.ready-$(FIRST): requirements.txt
+	test -x .venv/bin/python || $(PYTHON) -m venv .venv
+	.venv/bin/python $(PIP) bpy==$(FIRST) -r requirements.txt
+	touch $@
+
+.venv-$(BPY)/.ready-$(BPY): .venv/.ready-$(FIRST)
+	test -x .venv-$(BPY)/bin/python || $(PYTHON) -m venv .venv-$(BPY)
+	echo $(SHARED) > .venv-$(BPY)/lib/python3.11/site-packages/shared.pth
+	.venv-$(BPY)/bin/python $(PIP) bpy==$(BPY)
 	touch $@
 
 clean:

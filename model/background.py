@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 
+from .progress import report
+
 POLL = 0.05  # seconds
 
 _thread = ThreadPoolExecutor(1, "RenderFormer-V2 imports")
@@ -18,8 +20,8 @@ def begin(function) -> Future:
     return _thread.submit(function)
 
 
-def finish(future: Future, poll=lambda: None):
-    """What it returned or raised. poll() is called until then and may raise; the import goes on."""
+def finish(future: Future):
+    """What it returned or raised. Progress is reported until then, which may cancel; the import goes on."""
     while not wait([future], POLL).done:
-        poll()
+        report()
     return future.result()

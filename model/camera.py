@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pinhole rays (spec/scene-input.md 1.4)."""
+"""Pinhole rays (docs/scene-input.md 1.4)."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -8,18 +8,16 @@ import numpy as np
 
 from .scene import View
 
-GRANULARITY = 64  # pixels: a Swin window, the smallest picture of the network (spec/network.md 8.3)
-
 ROWS = 64  # computed at once in float64
 
 
-def padded_view(view: View) -> View:
-    """The rectangle extended to the 64-pixel grid of the whole picture: its windows are then those of the picture."""
+def padded_view(view: View, granularity: int) -> View:
+    """The rectangle extended to the whole picture's grid of so many pixels: its windows are then those of the picture."""
     x, y = view.corner
-    left, above = x % GRANULARITY, y % GRANULARITY
+    left, above = x % granularity, y % granularity
     width, height = left + view.width, above + view.height
     return replace(view, principal=view.principal + np.float32((left, above)), corner=(x - left, y - above),
-                   width=width + -width % GRANULARITY, height=height + -height % GRANULARITY)
+                   width=width + -width % granularity, height=height + -height % granularity)
 
 
 def place_in(larger: View, view: View) -> tuple[slice, slice]:

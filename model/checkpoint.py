@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Weights on disk: strict loading of safetensors, and this project's own format (config.json + model.safetensors).
 
-Every function that reads raises CheckpointError with the path and what to do. The published bundle is in `bundle.py`.
+Every function that reads raises CheckpointError with the path and what to do. The published bundle is in `published/bundle.py`.
 """
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ import torch
 from torch import nn
 
 from .errors import CheckpointError
+from .guided.network import GuidedRenderFormer
 from .material.mappers import Mapper, MetallicTransmissionMapper
 from .network.config import ModelConfig
 from .network.renderformer import RenderFormer
+from .presets import WEIGHTS
 
-WEIGHTS = Path(__file__).parent / "weights"
-SMALL = WEIGHTS / "rf2_small"
 MATERIAL_MAPPER = WEIGHTS / "material" / "metallic_transmission_mapper"
-FORMAT = {"format": "renderformer-model", "format_version": 1}
+FORMAT = {"format": "renderformer-model", "format_version": 2}
 FLOATS = ("F16", "BF16", "F32", "F64")  # safetensors' names
 PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl")
 
 
-def save_small(folder: str | Path, config: ModelConfig, state: dict[str, torch.Tensor]) -> None:
+def save_network(folder: str | Path, config: ModelConfig, state: dict[str, torch.Tensor]) -> None:
     """Write config.json and model.safetensors in half precision; the RoPE frequencies stay exact."""
     from safetensors.torch import save_file
 
@@ -38,14 +38,6 @@ def save_small(folder: str | Path, config: ModelConfig, state: dict[str, torch.T
     save_file(state, partial)
     partial.replace(folder / "model.safetensors")
     (folder / "config.json").write_text(json.dumps(FORMAT | {"model_config": config.to_dict()}, indent=1) + "\n")
-
-
-def load_small(weights: str | Path = "small") -> tuple[RenderFormer, Mapper]:
-    """A network in this project's format and the bundled material mapper, both float32 on the CPU.
-
-    weights: "small" for the bundled network, or a folder that `save_small` wrote.
-    """
-    return load_network(SMALL if weights == "small" else Path(weights)), load_material_mapper()
 
 
 @contextmanager
@@ -73,8 +65,13 @@ def load_network(folder: Path, name: str = "config.json") -> RenderFormer:
 def build_network(config: ModelConfig, file: Path) -> RenderFormer:
     """The network of a configuration with the weights of a file."""
     with torch.device("meta"):
-        network = RenderFormer(config)
+        network = new_network(config)
     return load_weights(network, file)
+
+
+def new_network(config: ModelConfig) -> RenderFormer:
+    """The network of a configuration, ready to be trained."""
+    return GuidedRenderFormer(config) if config.guidance else RenderFormer(config)
 
 
 def load_material_mapper(folder: Path = MATERIAL_MAPPER) -> Mapper:
@@ -83,7 +80,7 @@ def load_material_mapper(folder: Path = MATERIAL_MAPPER) -> Mapper:
 
 
 def load_component(kind: type[nn.Module], folder: Path) -> nn.Module:
-    """A mapper or autoencoder: constructor arguments in config.json, weights beside it (spec/scene-input.md 12)."""
+    """A mapper or autoencoder: constructor arguments in config.json, weights beside it (docs/scene-input.md 12)."""
     arguments = read_json(require(folder, "config.json"))
     try:
         with torch.device("meta"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panoramas: directions, rotation, and the LDR / HDR pair that the network reads (spec/scene-input.md 7)."""
+"""Panoramas: directions, rotation, and the LDR / HDR pair that the network reads (docs/scene-input.md 7)."""
 from __future__ import annotations
 
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bring a scene into the range the network was trained on, and its radiance back (spec/scene-input.md 1.2, 6.4).
+"""Bring a scene into the range the network was trained on, and its radiance back (docs/scene-input.md 1.2, 6.4).
 
 A similarity transform keeps angles, so radiance and volume coefficients (which are per box) stay as they are; light
 transport is linear, so one factor on all emitters is undone by dividing the picture by it.
@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .guided.emitters import area_vectors
-from .scene import HEIGHT, Guides, RenderScene, View
+from .fields import DISPLACEMENT, LENGTH, POINT, RADIANCE, mapped
+from .geometry import area_vectors
+from .scene import Guides, RenderScene, View
 
 HALF_EXTENT = 0.5          # of the scene's box, in network units
 CENTRAL_IRRADIANCE = 4.0   # W/m^2 that all lights and the environment together bring to the scene's centre
@@ -28,7 +29,7 @@ class Normalization:
     exposure: float
 
     @classmethod
-    def of(cls, scene: RenderScene) -> "Normalization":
+    def of(cls, scene: RenderScene) -> Normalization:
         center, scale = _fit(scene)
         return cls(center, scale, _exposure(scene, center, scale))
 
@@ -37,19 +38,9 @@ class Normalization:
 
     def scene(self, scene: RenderScene) -> RenderScene:
         """The same scene in network units, displacement heights included."""
-        volumes = scene.volumes
-        if volumes is not None:
-            volumes = replace(volumes, position=self.points(volumes.position),
-                              scale=volumes.scale * np.float32(self.scale))
-        environment = scene.environment
-        if environment is not None:
-            environment = environment * np.float32(self.exposure)
-        tiles = scene.tiles
-        if tiles[:, HEIGHT].any():
-            tiles = tiles.copy()
-            tiles[:, HEIGHT] = (tiles[:, HEIGHT] * np.float32(self.scale)).clip(-1, 1)
-        return replace(scene, triangles=self.points(scene.triangles), tiles=tiles, environment=environment,
-                       emission=scene.emission * np.float32(self.exposure), volumes=volumes)
+        scale, exposure = np.float32(self.scale), np.float32(self.exposure)
+        return mapped(scene, {POINT: self.points, LENGTH: lambda x: x * scale, RADIANCE: lambda x: x * exposure,
+                              DISPLACEMENT: lambda x: (x * scale).clip(-1, 1) if x.any() else x})
 
     def view(self, view: View) -> View:
         camera = view.camera_to_world.astype(np.float32).copy()

@@ -7,45 +7,67 @@ data and `model/renderer.py` renders it, so training and F12 see the same thing.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from .fields import (
+    COLOR,
+    DIRECTION,
+    DISPLACEMENT,
+    EULER,
+    LENGTH,
+    PANORAMA,
+    POINT,
+    RADIANCE,
+    Channels,
+    array,
+    check,
+    layouts,
+    rows,
+)
+
 TILE_SIZE = 32
-TILE_CHANNELS = 11
-BASE_COLOR = slice(0, 3)   # scene-linear albedo, [0, 1]
-METALLIC = 3               # [0, 1]
-ROUGHNESS = 4              # Blender's perceptual roughness, [0, 1]
-IOR = 5                    # effective index at Specular IOR Level 1 (spec/scene-input.md 3.3), [1, 2.5]
-TRANSMISSION = 6           # [0, 1]
-NORMAL = slice(7, 10)      # tangent-space normal, 2 * map - 1; (0, 0, 1) when there is no map
-HEIGHT = 10                # displacement / (0.025 world units) in [-1, 1]; 0 when there is none
+TILE = Channels(  # of a material tile: BSDF parameters, tangent-space normal, displacement
+    1,
+    base_color=(3, COLOR),  # scene-linear albedo, [0, 1]
+    metallic=1,             # [0, 1]
+    roughness=1,            # Blender's perceptual roughness, [0, 1]
+    ior=1,                  # effective index at Specular IOR Level 1 (docs/scene-input.md 3.3), [1, 2.5]
+    transmission=1,         # [0, 1]
+    normal=3,               # 2 * map - 1; (0, 0, 1) when there is no map
+    height=(1, DISPLACEMENT),  # displacement / (0.025 world units) in [-1, 1]; 0 when there is none
+)
+TILE_CHANNELS = len(TILE)
+BASE_COLOR, NORMAL = TILE["base_color"], TILE["normal"]
+METALLIC, ROUGHNESS, IOR, TRANSMISSION, HEIGHT = map(
+    TILE.index, ("metallic", "roughness", "ior", "transmission", "height"))
 
 ENVIRONMENT_SHAPE = (256, 512, 3)
 
 
 @dataclass
 class Volumes:
-    """Occupied 4x4x4-voxel cells of participating media, M tokens (spec/scene-input.md 5)."""
+    """Occupied 4x4x4-voxel cells of participating media, M tokens (docs/scene-input.md 5)."""
 
-    density: np.ndarray     # (M, 64) f32, [0, 1], x fastest
-    position: np.ndarray    # (M, 3) f32, world centre of the cell
-    rotation: np.ndarray    # (M, 3) f32, Euler XYZ radians of the whole volume box
-    scale: np.ndarray       # (M, 3) f32, world side lengths of the whole volume box
-    scattering: np.ndarray  # (M, 3) f32, RGB coefficient multipliers, per box (spec/scene-input.md 5.4)
-    absorption: np.ndarray  # (M, 3) f32
+    density: np.ndarray = array("M", 64)                       # [0, 1], x fastest
+    position: np.ndarray = array("M", 3, behaves=POINT)        # centre of the cell
+    rotation: np.ndarray = array("M", 3, behaves=EULER)        # of the whole volume box
+    scale: np.ndarray = array("M", 3, behaves=LENGTH)          # side lengths of the whole volume box
+    scattering: np.ndarray = array("M", 3, behaves=COLOR)      # coefficient multipliers, per box (docs/scene-input.md 5.4)
+    absorption: np.ndarray = array("M", 3, behaves=COLOR)
 
     def __len__(self) -> int:
         return len(self.density)
 
     @classmethod
-    def concatenate(cls, parts: list["Volumes"]) -> "Volumes":
+    def concatenate(cls, parts: list[Volumes]) -> Volumes:
         return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
 @dataclass
 class View:
-    """A pinhole camera and the pixel rectangle it renders (spec/scene-input.md 1.3, 1.4).
+    """A pinhole camera and the pixel rectangle it renders (docs/scene-input.md 1.3, 1.4).
 
     Pixel (row y, column x), row 0 on top, looks along
     ((x + 0.5 - principal_x) / focal_x, -(y + 0.5 - principal_y) / focal_y, -1) in camera space. Lens shift, sensor fit,
@@ -59,6 +81,11 @@ class View:
     height: int
     picture_size: int = 0        # pixels, the longer side of the whole picture; 0 when this rectangle is all of it
     corner: tuple[int, int] = (0, 0)  # x, y of the rectangle's top left pixel in the whole picture
+
+    @property
+    def longer_side(self) -> int:
+        """Pixels, of the whole picture: a render border shows the same pixels as the full frame."""
+        return self.picture_size or max(self.width, self.height)
 
 
 @dataclass
@@ -89,24 +116,24 @@ class Guides:
                 raise ValueError(f"guide {f.name} has shape {getattr(self, f.name).shape}, expected ({h}, {w}, ...)")
 
 
-def _none(*shape: int, dtype=np.float32):
-    return field(default_factory=lambda: np.zeros(shape, dtype))
-
-
 @dataclass
 class RenderScene:
-    """Everything the network is told about a scene: N triangles, T material tiles, one environment, M volume cells."""
+    """Everything the network is told about a scene: N triangles, T material tiles, one environment, M volume cells.
 
-    triangles: np.ndarray = _none(0, 3, 3)        # (N, 3, 3) f32, corner positions, counter-clockwise from the front
-    normals: np.ndarray = _none(0, 3, 3)          # (N, 3, 3) f32, unit shading normal per corner
-    emission: np.ndarray = _none(0, 3)            # (N, 3) f32, radiance >= 0 leaving the triangle; > 0 makes it a light
-    beam_axis: np.ndarray = _none(0, 3)           # (N, 3) f32, unit axis of a light's beam; 0 = radiates everywhere
-    beam_cosine: np.ndarray = _none(0, 2)         # (N, 2) f32, cosines (outer, inner): emission is scaled by
-    #                                               smoothstep(outer, inner, cos(angle to axis)); ignored if axis is 0
-    tile_index: np.ndarray = _none(0, dtype=np.int32)                        # (N,) i32, row of `tiles`
-    tiles: np.ndarray = _none(0, TILE_CHANNELS, TILE_SIZE, TILE_SIZE, dtype=np.float16)  # (T, 11, 32, 32) f16
-    #                                               BSDF parameters on the barycentric grid of spec/scene-input.md 4.2
-    environment: np.ndarray | None = None         # (256, 512, 3) f32, radiance, rotation and strength applied
+    Float arrays are f32, tiles f16, `tile_index` i32.
+    """
+
+    triangles: np.ndarray = rows("N", 3, 3, behaves=POINT)     # corners, counter-clockwise from the front
+    normals: np.ndarray = rows("N", 3, 3, behaves=DIRECTION)   # unit shading normal per corner
+    emission: np.ndarray = rows("N", 3, behaves={COLOR: -1, RADIANCE: -1})  # radiance >= 0; > 0 makes it a light
+    beam_axis: np.ndarray = rows("N", 3, behaves=DIRECTION)    # of a light's beam; 0 = radiates everywhere
+    # Cosines (outer, inner): emission is scaled by smoothstep(outer, inner, cos(angle to the axis)); ignored without one
+    beam_cosine: np.ndarray = rows("N", 2)
+    tile_index: np.ndarray = rows("N", dtype=np.int32)         # row of `tiles`
+    # BSDF parameters on the barycentric grid of docs/scene-input.md 4.2
+    tiles: np.ndarray = rows("T", TILE_CHANNELS, TILE_SIZE, TILE_SIZE, dtype=np.float16, channels=TILE)
+    environment: np.ndarray | None = array(  # radiance, rotation and strength applied
+        *ENVIRONMENT_SHAPE, behaves={COLOR: -1, RADIANCE: -1, PANORAMA: 1}, default="none")
     volumes: Volumes | None = None
 
     def __len__(self) -> int:
@@ -122,29 +149,17 @@ class RenderScene:
 
         Raises ValueError naming the array that breaks the contract above.
         """
-        n, t = len(self.triangles), len(self.tiles)
-        expected = {
-            "triangles": ((n, 3, 3), np.float32), "normals": ((n, 3, 3), np.float32), "emission": ((n, 3), np.float32),
-            "beam_axis": ((n, 3), np.float32), "beam_cosine": ((n, 2), np.float32), "tile_index": ((n,), np.int32),
-            "tiles": ((t, TILE_CHANNELS, TILE_SIZE, TILE_SIZE), np.float16),
-        }
-        if self.environment is not None:
-            expected["environment"] = (ENVIRONMENT_SHAPE, np.float32)
-        for name, (shape, dtype) in expected.items():
-            array = getattr(self, name)
-            if array.shape != shape or array.dtype != dtype:
-                raise ValueError(f"{name} is {array.dtype}{array.shape}, expected {np.dtype(dtype)}{shape}")
-            if array.dtype.kind == "f" and not np.isfinite(array).all():
-                raise ValueError(f"{name} holds values that are not finite")
-        if n and (self.tile_index.min() < 0 or self.tile_index.max() >= t):
-            raise ValueError(f"tile_index reaches outside the {t} tiles")
+        check(self)
+        if self.volumes is not None:
+            check(self.volumes, "volumes.")
+        if len(self) and (self.tile_index.min() < 0 or self.tile_index.max() >= len(self.tiles)):
+            raise ValueError(f"tile_index reaches outside the {len(self.tiles)} tiles")
 
-    def appended(self, other: "RenderScene") -> "RenderScene":
+    def appended(self, other: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `other` behind its own."""
-        joined = {name: np.concatenate([getattr(self, name), getattr(other, name)])
-                  for name in ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tiles")}
-        index = np.concatenate([self.tile_index, other.tile_index + np.int32(len(self.tiles))])
-        return replace(self, tile_index=index, **joined)
+        moved = replace(other, tile_index=other.tile_index + np.int32(len(self.tiles)))
+        return replace(self, **{name: np.concatenate([getattr(self, name), getattr(moved, name)])
+                                for name, layout in layouts(self).items() if layout.shape[0] in ("N", "T")})
 
 
 def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1.0, transmission=0.0) -> np.ndarray:
@@ -157,7 +172,7 @@ def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1
 
 
 def barycentric_grid() -> np.ndarray:
-    """(32, 32, 3) f32 corner weights at [row, column]; the third may be negative (spec/scene-input.md 4.2)."""
+    """(32, 32, 3) f32 corner weights at [row, column]; the third may be negative (docs/scene-input.md 4.2)."""
     centre = (np.arange(TILE_SIZE, dtype=np.float32) + 0.5) / TILE_SIZE
     w0, w1 = np.meshgrid(centre, centre, indexing="xy")
     return np.stack([w0, w1, 1 - w0 - w1], axis=-1)

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From Cycles' first-hit passes and the token triangles to the network's `Guides`."""
+"""The network's `Guides`: from Cycles' first-hit passes, or from the token triangles alone."""
 from __future__ import annotations
 
 import numpy as np
 
 from mathutils.bvhtree import BVHTree
 
-from ..model.camera import view_rays_at
+from ..model.camera import view_rays, view_rays_at
+from ..model.first_hits import guides_of_hits, shown
+from ..model.geometry import barycentric
+from ..model.progress import report
 from ..model.scene import Guides, RenderScene, View
 
 # A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what
@@ -22,13 +25,33 @@ CHUNK = 1 << 16      # pixels between two looks at the Esc key: about 0.1 s
 GRID = 4             # pixels
 
 
-def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View, progress=None) -> Guides:
+def cast_guides(scene: RenderScene, view: View) -> Guides:
+    """First-hit guides of one view of `scene` (world frame) by rays through the pixels' centres.
+
+    For whoever has no passes of Cycles, such as a viewport: no anti-aliasing, and nothing that is not in a token.
+    """
+    seen = np.flatnonzero(shown(scene))
+    triangle = np.full(view.width * view.height, -1, np.int32)
+    weights = np.zeros((view.width * view.height, 2), np.float32)
+    rays = view_rays(view)[1]
+    if len(seen):
+        tree, eye, flat = _tree(scene.triangles[seen]), view.camera_to_world[:3, 3], rays.reshape(-1, 3)
+        for first in range(0, len(flat), CHUNK):
+            report(first / len(flat), "Finding the triangles that are seen")
+            found, distance = _cast(tree, eye, flat[first:first + CHUNK])
+            hit = np.flatnonzero(found >= 0)
+            point = eye + distance[hit, None] * flat[first + hit]
+            triangle[first + hit] = seen[found[hit]]
+            weights[first + hit] = _weights(scene.triangles[seen[found[hit]]], point)
+    return guides_of_hits(scene, view, rays, triangle.reshape(view.height, view.width),
+                          weights.reshape(view.height, view.width, 2))
+
+
+def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -> Guides:
     """First-hit guides of one view from `passes` (cycles_session.render_passes) and `scene` (world frame).
 
     Cycles gives Position for the pixel's centre only. Pixels that are partly covered although their centre hits nothing
     (silhouettes, wires) take position and triangle from the nearest covered pixel. Normals become unit vectors.
-
-    progress(text, fraction) is called every CHUNK pixels and may raise RenderCancelled.
 
     Raises ValueError when the passes do not have the size of `view`.
     """
@@ -40,11 +63,10 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View, p
 
     position = passes["position"] * seen[..., None]
     triangle = np.full(seen.shape, -1, np.int32)
-    barycentric = np.zeros((*seen.shape, 2), np.float32)
+    weights = np.zeros((*seen.shape, 2), np.float32)
     if len(scene) and seen.any():
         shines = (passes["emission"] > 0).any(axis=-1)
-        triangle[seen], barycentric[seen] = _first_triangles(scene, view, position, seen, shines,
-                                                             progress or (lambda text, fraction: None))
+        triangle[seen], weights[seen] = _first_triangles(scene, view, position, seen, shines)
     source = _nearest(seen, covered)
 
     length = np.linalg.norm(passes["normal"], axis=-1, keepdims=True)
@@ -53,17 +75,16 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View, p
         diffuse_color=passes["diffuse_color"], glossy_color=passes["glossy_color"],
         transmission_color=passes["transmission_color"], emission=passes["emission"],
         environment=passes["environment"], depth=passes["depth"][..., 0], alpha=alpha,
-        hit_triangle=triangle.ravel()[source], hit_barycentric=barycentric.reshape(-1, 2)[source])
+        hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source])
 
 
-def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen: np.ndarray, shines: np.ndarray,
-                     progress) -> tuple[np.ndarray, np.ndarray]:
+def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen: np.ndarray,
+                     shines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Token triangle (S,) i32 and weights of its corners 0 and 1 (S, 2) f32 for the S pixels of `seen`.
 
     Rays are cast through every GRID-th pixel, and where the triangle found there does not hold what is seen.
     """
-    corners = scene.triangles.reshape(-1, 3)
-    tree = BVHTree.FromPolygons(corners.tolist(), np.arange(len(corners)).reshape(-1, 3).tolist(), all_triangles=True)
+    tree = _tree(scene.triangles)
     eye, rows, columns = view.camera_to_world[:3, 3], *np.nonzero(seen)
     on_grid = (rows % GRID == 0) & (columns % GRID == 0)
     triangles, weights = np.full(seen.shape, -1, np.int32), np.zeros((*seen.shape, 2), np.float32)
@@ -71,14 +92,14 @@ def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen:
               for y, x in ((rows[on_grid], columns[on_grid]), (rows[~on_grid], columns[~on_grid]))
               for first in range(0, len(y), CHUNK)]
     for i, (y, x) in enumerate(groups):
-        progress("Finding the triangles that are seen", i / len(groups))
+        report(i / len(groups), "Finding the triangles that are seen")
         point = position[y, x]
         guess = triangles[y - y % GRID, x - x % GRID]
         guess, inside = _holding(scene, guess, point, eye)
         new = np.flatnonzero(guess < 0)
         rays = view_rays_at(view, x[new] + 0.5, y[new] + 0.5)[1]
         guess[new], hit = _seen_along(tree, scene, eye, rays, point[new], shines[y[new], x[new]])
-        inside[new] = _barycentric(scene.triangles[guess[new]], hit)
+        inside[new] = _weights(scene.triangles[guess[new]], hit)
         triangles[y, x], weights[y, x] = guess, inside
     return triangles[seen], weights[seen]
 
@@ -87,7 +108,7 @@ def _holding(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
              eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`triangle` (S,) i32 where it holds `point` (S, 3), else -1; weights of corners 0 and 1 (S, 2) f32 there."""
     corners = scene.triangles[triangle]
-    weights = _barycentric(corners, point)
+    weights = _weights(corners, point)
     third = 1 - weights.sum(1)
     nearest = np.einsum("sk,skc->sc", np.column_stack([weights, third]), corners)
     off = np.linalg.norm(nearest - point, axis=1) / np.linalg.norm(point - eye, axis=1)
@@ -116,16 +137,14 @@ def _cast(tree: BVHTree, eye: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray,
     return triangle, distance
 
 
-def _barycentric(triangles: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """(S, 2) f32 weights of corners 0 and 1 at points (S, 3) on triangles (S, 3, 3); 1/3 each if the area is zero."""
-    a, b, c = (triangles[:, i].astype(np.float64) for i in range(3))
-    u, v, w = a - c, b - c, point - c
-    uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
-    wu, wv = (w * u).sum(1), (w * v).sum(1)
-    area = uu * vv - uv * uv
-    flat = area <= 1e-20 * np.maximum(uu, vv) ** 2
-    weights = np.stack([vv * wu - uv * wv, uu * wv - uv * wu], axis=1) / np.where(flat, 1, area)[:, None]
-    return np.where(flat[:, None], 1 / 3, weights.clip(0, 1)).astype(np.float32)
+def _weights(triangles: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """(S, 2) f32 weights of corners 0 and 1 at points (S, 3) on triangles (S, 3, 3)."""
+    return barycentric(triangles, point)[:, :2].clip(0, 1).astype(np.float32)
+
+
+def _tree(triangles: np.ndarray) -> BVHTree:
+    corners = triangles.reshape(-1, 3)
+    return BVHTree.FromPolygons(corners.tolist(), np.arange(len(corners)).reshape(-1, 3).tolist(), all_triangles=True)
 
 
 def _nearest(known: np.ndarray, needed: np.ndarray) -> np.ndarray:

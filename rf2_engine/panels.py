@@ -6,7 +6,7 @@ import bpy
 
 from . import model_cache, passes, statistics
 from .engine import RenderFormerEngine
-from .setup import packages, published_weights
+from .setup import package_panel, packages, published_weights
 
 # Panels that Blender shows for any engine but that do nothing here, or that a more complete Eevee panel replaces.
 EXCLUDED = {
@@ -38,10 +38,7 @@ class RENDERFORMER_PT_settings(_Panel):
     def draw(self, context):
         layout, settings = self.layout, context.scene.renderformer_v2
         layout.use_property_split, layout.use_property_decorate = True, False
-        missing = packages.missing()
-        if missing:
-            layout.label(text=f"Missing Python packages: {', '.join(missing)}", icon="ERROR")
-            layout.operator("renderformer_v2.install_runtime", icon="IMPORT")
+        package_panel.draw_packages(layout, packages.PACKAGES)
         column = layout.column()
         column.prop(settings, "weights_source")
         if settings.weights_source == "FOLDER":

@@ -48,12 +48,11 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     with status.stage("Converting the scene", 0.0, 0.1):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y,
                               _border(engine, depsgraph.scene_eval.render), report)
-        scene = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge,
-                        report=report, progress=_said)
+        scene = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report)
     with status.stage("First hits", 0.1, 0.2):
         passes = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples, lighting=False,
                                               threads=settings.threads)
-        guides = make_guides(passes, scene, view, _said)
+        guides = make_guides(passes, scene, view)
 
     def combined(radiance: np.ndarray) -> np.ndarray:
         return output.composite(radiance, guides, settings.film_transparent, settings.exposure)
@@ -63,17 +62,16 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     with output.stand_in(engine, layer, passes, combined(unlit)):
         if guides.alpha.any() and (len(scene) or scene.volumes):
             with status.stage("Loading the network", 0.2, 0.25):
-                renderer = model_cache.renderer(settings.weights, settings.device, settings.precision, _said)
+                renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
             with status.stage("Network", 0.25, 1.0), threads.team(settings.threads):
-                radiance, tokens = renderer.render(scene, view, guides, _said), renderer.tokens
+                with progress.part(0.0, 0.5):
+                    encoded = model_cache.encoded(renderer, scene, view.longer_side)
+                with progress.part(0.5, 1.0):
+                    radiance, tokens = encoded.view(view, guides), encoded.tokens
     with status.stage("Writing passes", 1.0, 1.0):
         output.write(engine, layer, passes | {"combined": combined(radiance)})
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
                            weights=settings.weights, seconds=status.seconds, report=report.lines())
-
-
-def _said(text: str, fraction: float) -> None:
-    progress.report(fraction, text)
 
 
 def _check(scene: bpy.types.Scene, report: Report) -> None:

@@ -9,6 +9,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..model.errors import CheckpointError
+from ..model.presets import BUNDLED
 from .setup import published_weights
 
 
@@ -68,14 +69,14 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                          description="Processor threads of the first hits and of the network")
 
     def weights(self) -> str:
-        """"small" or an absolute folder, as model.renderer.Renderer takes it.
+        """The bundled preset's name or an absolute folder, as model.renderer.Renderer takes it.
 
         Raises CheckpointError when no folder is chosen, or the published weights are not complete.
         """
         if self.weights_source == "PUBLISHED":
             return str(published_weights.require())
         if self.weights_source == "BUNDLED":
-            return "small"
+            return BUNDLED
         if not self.weights_folder:
             raise CheckpointError("Weights is set to Folder, and none is chosen: choose one in Render Properties > "
                                   "RenderFormer-V2")

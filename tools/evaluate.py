@@ -17,10 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
+from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.threads import team
 from tools.datagen.shards import load_sample, sample_paths
-from tools.metrics import compare, srgb
+from tools.metrics import compare
 
 ROOT = Path(__file__).parents[1]
 
@@ -29,10 +31,11 @@ def evaluate_sample(path: Path, renderer: Renderer) -> tuple[dict[str, float], n
     """Mean metrics over the views of one sample, and its contact sheet (H, W, 3) in [0, 1]."""
     scene, views, guides, passes = load_sample(path)
     begin = time.perf_counter()
-    pictures = [renderer.render(scene, view, guide) + guide.emission + guide.environment
-                for view, guide in zip(views, guides)]
+    encoded = renderer.encode(scene)
+    pictures = [encoded.view(view, guide) + guide.emission + guide.environment
+                for view, guide in zip(views, guides, strict=True)]
     seconds = time.perf_counter() - begin
-    references = [p["combined"][..., :3] + guide.environment for p, guide in zip(passes, guides)]
+    references = [p["combined"][..., :3] + guide.environment for p, guide in zip(passes, guides, strict=True)]
     return _scores(pictures, references, triangles=len(scene), seconds=seconds)
 
 
@@ -64,9 +67,10 @@ def read_combined(path: Path) -> np.ndarray:
 
 
 def _scores(pictures: list[np.ndarray], references: list[np.ndarray], **more) -> tuple[dict[str, float], np.ndarray]:
-    views = [compare(a, b) for a, b in zip(pictures, references)]
+    pairs = list(zip(pictures, references, strict=True))
+    views = [compare(a, b) for a, b in pairs]
     mean = {key: float(np.mean([v[key] for v in views])) for key in views[0]}
-    rows = [np.concatenate([srgb(a), srgb(b)], axis=1) for a, b in zip(pictures, references)]
+    rows = [np.concatenate([linear_to_srgb(a), linear_to_srgb(b)], axis=1) for a, b in pairs]
     return mean | {key: round(value, 3) for key, value in more.items()}, np.concatenate(rows, axis=0)
 
 
@@ -74,7 +78,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.evaluate", description=__doc__)
     parser.add_argument("scenes", type=Path, metavar="SCENE_DIR")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="REPORT_DIR")
-    parser.add_argument("--weights", default="small", help="'small' or a folder")
+    parser.add_argument("--weights", default=BUNDLED, help="a preset with weights, or a folder")
     parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
     parser.add_argument("--threads", type=int, default=0, help="processor threads (default: all)")
     options = parser.parse_args()

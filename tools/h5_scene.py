@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from renderformer_v2.model.errors import CheckpointError
+from renderformer_v2.model.presets import BUNDLED
 
 from .metrics import srgb
 
@@ -71,8 +72,7 @@ def export(scene, weights: str | None, path: Path) -> dict:
                 return  # one view layer is enough
             try:
                 view = convert_camera(depsgraph, self.resolution_x, self.resolution_y, None, report)
-                found.append((convert(depsgraph, token_budget=budget, max_edge=edge, report=report,
-                                      progress=lambda text, fraction: None), view))
+                found.append((convert(depsgraph, token_budget=budget, max_edge=edge, report=report), view))
             except Exception as error:  # Blender would print it and go on
                 found.append(error)
 
@@ -84,20 +84,20 @@ def export(scene, weights: str | None, path: Path) -> dict:
     try:
         if isinstance(found[0], Exception):
             raise found[0]
-        tokens, view = found[0]
-        if not len(tokens):
-            holds = "only volumes" if tokens.volumes else "nothing to render"
+        converted, view = found[0]
+        if not len(converted):
+            holds = "only volumes" if converted.volumes else "nothing to render"
             raise ValueError(f'scene "{scene.name}" holds {holds}: an H5 scene needs at least one triangle, '
                              "add a mesh or a lamp")
-        write_h5(path, PublishedPipeline(weights, "cpu", None).process(tokens, [view]))
+        write_h5(path, PublishedPipeline(weights, "cpu", None).process(converted, [view]))
     except (errors.CheckpointError, errors.SceneError) as error:
         raise RuntimeError(str(error)) from error
-    return {"scene": scene.name, "seconds": {"total": round(time.perf_counter() - begin, 3)}, "triangles": len(tokens),
+    return {"scene": scene.name, "seconds": {"total": round(time.perf_counter() - begin, 3)}, "triangles": len(converted),
             "report": report.lines(), "output": [str(path)]}
 
 
 def _require_bundle(weights: str | None) -> None:
-    if weights in (None, "small"):
+    if weights in (None, BUNDLED):
         raise CheckpointError("H5 scenes hold latents of the published weights: give their folder with --weights")
 
 

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-
-def srgb(linear: np.ndarray) -> np.ndarray:
-    """Scene-linear radiance to sRGB, clipped to [0, 1]; f32, any shape."""
-    x = np.clip(np.nan_to_num(linear), 0, 1).astype(np.float32)
-    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+from renderformer_v2.model.color import linear_to_srgb
 
 
 def psnr(a: np.ndarray, b: np.ndarray) -> float:
@@ -21,7 +17,7 @@ def compare(rendered: np.ndarray, reference: np.ndarray) -> dict[str, float]:
     import flip_evaluator
     from skimage.metrics import structural_similarity
 
-    a, b = srgb(rendered), srgb(reference)
+    a, b = linear_to_srgb(rendered), linear_to_srgb(reference)
     _, mean_flip, _ = flip_evaluator.evaluate(b, a, "LDR", inputsRGB=True, applyMagma=False)
     return {"psnr": psnr(a, b), "ssim": float(structural_similarity(a, b, channel_axis=2, data_range=1.0)),
             "flip": float(mean_flip)}

@@ -2,7 +2,7 @@
 """Render a .blend file as F12 would, or an H5 scene; or write the H5 scene of a .blend file.
 
     python -m tools.render SCENE.blend -o OUT.exr [--engine cycles] [--samples N] [--resolution WxH]
-                           [--weights small|DIR] [--threads N] [--verbose]
+                           [--weights rf2_small|DIR] [--threads N] [--verbose]
     python -m tools.render SCENE.blend --export-h5 SCENE.h5 --weights DIR
     python -m tools.render SCENE.h5 -o OUT.exr --weights DIR [--resolution RxR]
 
@@ -24,6 +24,7 @@ from pathlib import Path
 
 from renderformer_v2.model import threads
 from renderformer_v2.model.errors import CheckpointError, SceneError
+from renderformer_v2.model.presets import BUNDLED
 
 from . import extension
 
@@ -55,7 +56,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--engine", choices=("renderformer", "cycles"), default="renderformer")
     parser.add_argument("--samples", type=_count, help="guide samples, or Cycles' samples (default: the file's)")
     parser.add_argument("--resolution", type=_resolution, help="WxH in pixels (default: the file's)")
-    parser.add_argument("--weights", type=_weights, help="small, or a folder with weights (default: the file's)")
+    parser.add_argument("--weights", type=_weights, help=f"{BUNDLED}, or a folder with weights (default: the file's)")
     parser.add_argument("--threads", type=_count, help="processor threads (default: the file's)")
     parser.add_argument("--verbose", action="store_true", help="Blender's own output on stderr")
     arguments = parser.parse_args()
@@ -88,7 +89,7 @@ def _resolution(text: str) -> tuple[int, int]:
 
 def _weights(text: str) -> str:
     if not text.strip():
-        raise argparse.ArgumentTypeError("expected small, or a folder with weights")
+        raise argparse.ArgumentTypeError(f"expected {BUNDLED}, or a folder with weights")
     return text
 
 
@@ -174,7 +175,7 @@ def _apply(arguments: argparse.Namespace, scene) -> None:
         scene.render.resolution_x, scene.render.resolution_y = arguments.resolution
         scene.render.resolution_percentage = 100
     if arguments.weights:
-        scene.renderformer_v2.weights_source = "BUNDLED" if arguments.weights == "small" else "FOLDER"
+        scene.renderformer_v2.weights_source = "BUNDLED" if arguments.weights == BUNDLED else "FOLDER"
         scene.renderformer_v2.weights_folder = os.path.abspath(arguments.weights)
 
 

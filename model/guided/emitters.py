@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..geometry import area_vectors
 from ..scene import RenderScene
 
 MAX_POLYGONS = 16   # triangles of one connected emitter that are kept one by one
@@ -49,11 +50,6 @@ def gather_emitters(scene: RenderScene) -> Emitters:
         centers=np.array([s[0] for s in spheres], np.float32).reshape(-1, 3),
         radii=np.array([s[1] for s in spheres], np.float32),
         radiance=attributes[:, :3], beam_axis=attributes[:, 3:6], beam_cosine=attributes[:, 6:])
-
-
-def area_vectors(corners: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) corners -> (N, 3), each triangle's normal times its area."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
 
 
 def _components(corners: np.ndarray, beams: np.ndarray) -> list[np.ndarray]:

@@ -1,31 +1,48 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The small preset's own encoders, in place of the published network's VAE: no download, trained with the network."""
+"""The guided network's own encoders, in place of the published network's VAE: no download, trained with the network."""
 from __future__ import annotations
 
 import torch
 from torch import nn
 
-TILE_CHANNELS = 13     # 9 appearance latent, 3 normal, 1 height
-TILE_SIDE = 8          # texels; material tiles are area-averaged to this before they are encoded
-PANORAMA = (64, 128)   # rows, columns; environments likewise
+from ..material.mappers import LATENT_DIM
+from ..network.config import ModelConfig
+from ..network.embed import ENVIRONMENT_GRID
+from ..scene import HEIGHT, NORMAL
+
+TILE_CHANNELS = LATENT_DIM + HEIGHT + 1 - NORMAL.start  # appearance latent, normal, height
 
 
-class _Convolution(nn.Sequential):
-    """nn.Sequential that takes any input dtype."""
+class _Halving(nn.Sequential):
+    """Two convolutions, the first of stride 2; takes any input dtype."""
+
+    def __init__(self, channels: int, width: int, out: int):
+        super().__init__(nn.Conv2d(channels, width, 3, stride=2, padding=1), nn.SiLU(), nn.Conv2d(width, out, 1))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         return super().forward(x.to(self[0].weight.dtype))
 
 
-class TileEncoder(_Convolution):
-    """(T, 13, 8, 8) material tiles -> (T, out, 4, 4) latents."""
+class TileEncoder(_Halving):
+    """(T, 13, 2 q, 2 q) material tiles -> (T, texture_channels, q, q) latents."""
 
-    def __init__(self, hidden: int, out: int):
-        super().__init__(nn.Conv2d(TILE_CHANNELS, hidden, 3, stride=2, padding=1), nn.SiLU(), nn.Conv2d(hidden, out, 1))
+    def __init__(self, config: ModelConfig):
+        super().__init__(TILE_CHANNELS, config.guidance.tile_encoder_width, config.texture_channels)
 
 
-class EnvironmentEncoder(_Convolution):
-    """(B, 3, 64, 128) panoramas in [-1, 1] -> (B, out, 32, 64) latents."""
+class EnvironmentEncoder(_Halving):
+    """(B, 3, *panorama_size) panoramas in [-1, 1] -> (B, envmap_latent_channels, ...) latents of half the size."""
 
-    def __init__(self, out: int, hidden: int = 32):
-        super().__init__(nn.Conv2d(3, hidden, 3, stride=2, padding=1), nn.SiLU(), nn.Conv2d(hidden, out, 1))
+    def __init__(self, config: ModelConfig):
+        super().__init__(3, config.guidance.environment_encoder_width, config.envmap_latent_channels)
+
+
+def tile_side(config: ModelConfig) -> int:
+    """Texels: material tiles are area-averaged to this before they are encoded."""
+    return 2 * config.texture_encode_patch_size
+
+
+def panorama_size(config: ModelConfig) -> tuple[int, int]:
+    """Rows and columns; environments likewise."""
+    rows, columns = (2 * count * config.envmap_latent_patch_size for count in ENVIRONMENT_GRID)
+    return rows, columns

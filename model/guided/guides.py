@@ -10,15 +10,23 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..camera import view_rays_at
+from ..fields import COLOR, DIRECTION, POINT, Channels, array
 from ..network.inputs import TensorGroup
 from ..network.memory import like
+from ..progress import part
 from ..scene import ROUGHNESS, TILE_SIZE, Guides, RenderScene, View
 from .light_prior import LightPrior
 
-PATCH = 8                 # pixels of a ray bundle's side (ModelConfig.patch_size)
-FEATURES = 29             # channels of GuideTensors.features
-OFFSET, NORMAL, COLORS, LIGHT, MIRRORED = slice(0, 3), slice(3, 6), slice(6, 15), slice(17, 26), slice(26, 29)
-ALPHA = 16                # the one that holds coverage
+FEATURES = Channels(
+    1,
+    offset=(3, DIRECTION),    # from the bundle's position
+    normal=(3, DIRECTION),
+    colors=(9, COLOR),        # diffuse, glossy, transmission
+    roughness=1,
+    alpha=1,                  # coverage
+    light=(9, COLOR),         # log10(1 + prior) of the lobes
+    mirrored=(3, DIRECTION),  # the ray, mirrored
+)
 BAND_PIXELS = 1 << 17     # computed at once: guides of a large picture are gigabytes
 OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
 UNSEEN_DISTANCE = 2.0     # where a bundle that hits nothing is placed along its rays, network units
@@ -27,43 +35,40 @@ UNKNOWN_ROUGHNESS = 0.5   # where no token triangle lies behind a pixel (hair, s
 
 @dataclass
 class GuideTensors(TensorGroup):
-    """V views, H x W pixels, B = H/8 * W/8 ray bundles; all f32, in network units and exposure.
+    """V views, H x W pixels, R ray bundles; all f32, in network units and exposure.
 
     The three lobes of `colors` and `prior` are diffuse, glossy, transmission.
     """
 
-    features: Tensor   # (V, 29, H, W) offset 3, normal 3, colours 9, roughness 1, alpha 1, log prior 9, mirrored ray 3
-    colors: Tensor     # (V, 3, 3, H, W) [lobe, rgb], premultiplied by coverage
-    prior: Tensor      # (V, 3, 3, H, W) unshadowed radiance of a white lobe
-    positions: Tensor  # (V, B, 3) mean first hit of every bundle
-
-    @classmethod
-    def stack(cls, views: list["GuideTensors"]) -> "GuideTensors":
-        return cls(*(torch.cat([getattr(v, name) for v in views]) for name in cls.__dataclass_fields__))
+    features: Tensor = array("V", len(FEATURES), "H", "W", channels=FEATURES)
+    colors: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # [lobe, rgb], premultiplied by coverage
+    prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # unshadowed radiance of a white lobe
+    positions: Tensor = array("V", "R", 3, behaves=POINT)            # mean first hit of every bundle
 
 
-def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, poll=None) -> GuideTensors:
-    """Tensors of one view (V = 1). Scene, view, guides and prior are all normalised; H and W are multiples of 8.
+def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, patch: int) -> GuideTensors:
+    """Tensors of one view (V = 1) on the prior's device, for ray bundles of `patch` pixels along a side.
 
-    `poll()` is called while the prior is evaluated and may raise.
+    Scene, view, guides and prior are all normalised; H and W are multiples of `patch`.
     """
     h, w = guides.alpha.shape
-    rows = max(BAND_PIXELS // w // PATCH, 1) * PATCH
+    rows = _rows(w, patch)
     features = light = None
     bundles = []
     for begin in range(0, h, rows):
         pixels = slice(begin, begin + rows)
-        band, arriving, positions = _band(scene, view, guides, prior, pixels, poll)
-        features, light = (like(part, h, 1) for part in (band, arriving)) if features is None else (features, light)
+        with part(begin / h, (begin + rows) / h):
+            band, arriving, positions = _band(scene, view, guides, prior, pixels, patch)
+        features, light = (like(x, h, 1) for x in (band, arriving)) if features is None else (features, light)
         features[:, pixels], light[:, pixels] = band, arriving
         bundles.append(positions)
     lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
-    return GuideTensors(features[None], lobes(features[COLORS]), lobes(light), torch.cat(bundles)[None])
+    return GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light), torch.cat(bundles)[None])
 
 
 def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rows: slice,
-          poll) -> tuple[Tensor, Tensor, Tensor]:
-    """Some rows of the picture, whole bundles: features (29, h, W), light (9, h, W), positions (B, 3)."""
+          patch: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Some rows of the picture, whole bundles: features (C, h, W), light (9, h, W), positions (R, 3)."""
     device = prior.radiance.device
     tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
     guides = Guides(**{field.name: getattr(guides, field.name)[rows] for field in fields(Guides)})
@@ -72,27 +77,33 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, row
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1), poll)
+    light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1))
     light = light.reshape(h, w, 9) * (alpha > 0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
-    bundles = bundle_positions(position, alpha, rays, origin)
-    offset = (position - _per_pixel(bundles)) * OFFSET_SCALE * (alpha > 0)
+    bundles = bundle_positions(position, alpha, rays, origin, patch)
+    offset = (position - bundles.repeat_interleave(patch, 0).repeat_interleave(patch, 1)) * OFFSET_SCALE * (alpha > 0)
     mirrored = rays - 2 * (rays * normal).sum(-1, keepdim=True) * normal
     features = torch.cat([offset, normal, colors, roughness[..., None], alpha, torch.log10(1 + light), mirrored], -1)
     return features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3)
 
 
-def bundle_positions(position: Tensor, alpha: Tensor, rays: Tensor, origin: Tensor) -> Tensor:
-    """(H/8, W/8, 3) mean first hit of each bundle; a fixed distance along its mean ray where it hits nothing."""
+def bundle_positions(position: Tensor, alpha: Tensor, rays: Tensor, origin: Tensor, patch: int) -> Tensor:
+    """(H / patch, W / patch, 3) mean first hit of each bundle; a fixed distance along its mean ray where it hits nothing."""
     weight = (alpha > 0).float()
-    pooled = F.avg_pool2d(torch.cat([position * weight, weight, rays], -1).permute(2, 0, 1)[None], PATCH)[0]
+    pooled = F.avg_pool2d(torch.cat([position * weight, weight, rays], -1).permute(2, 0, 1)[None], patch)[0]
     hit, share, ray = pooled.permute(1, 2, 0).split([3, 1, 3], -1)
     unseen = origin + UNSEEN_DISTANCE * F.normalize(ray, dim=-1)
     return torch.where(share > 0, hit / share.clamp_min(1e-6), unseen)
 
 
-def _per_pixel(bundles: Tensor) -> Tensor:
-    return bundles.repeat_interleave(PATCH, 0).repeat_interleave(PATCH, 1)
+def band_rows(picture: Tensor, patch: int = 1) -> int:
+    """Rows of a band of (V, C, H, W) that fits into memory, whole ray bundles; all with gradients."""
+    views, _, height, width = picture.shape
+    return height if torch.is_grad_enabled() else _rows(views * width, patch)
+
+
+def _rows(width: int, patch: int) -> int:
+    return max(BAND_PIXELS // width // patch, 1) * patch
 
 
 def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:

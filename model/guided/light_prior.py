@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Unshadowed light of the light tokens and the environment token, in closed form (design.md, The guided small preset).
+"""Unshadowed light of the light tokens and the environment token, in closed form (docs/architecture.md).
 
 No ray is traced: shadows, bounces and everything non-local are the transformer's work. An emitter enters by its vector
 form factor, which a sphere of the same solid angle replaces for the horizon and the glossy lobe (Snyder 1996,
@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ..progress import report
 from ..scene import RenderScene
 from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
@@ -33,18 +34,16 @@ class LightPrior:
         self.radiance, self.beam_axis, self.beam_cosine = map(as_tensor, (e.radiance, e.beam_axis, e.beam_cosine))
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
 
-    def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, poll=None) -> Tensor:
+    def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor) -> Tensor:
         """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe.
 
         position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual. The normal is
         taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a silhouette.
-        Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none. `poll()` is called
-        before every chunk and may raise.
+        Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none.
         """
         parts = []
         for points in zip(*(x.split(CHUNK) for x in (position, normal, outgoing, roughness))):
-            if poll is not None:
-                poll()
+            report(len(parts) * CHUNK / len(position))
             parts.append(self._chunk(*points))
         return torch.cat(parts) if parts else position.new_zeros(0, 9)
 

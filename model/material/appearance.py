@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""BSDF parameters -> 9-D latents with the three published mappers (spec/scene-input.md 3.2, 3.3)."""
+"""BSDF parameters -> 9-D latents with the three published mappers (docs/scene-input.md 3.2, 3.3)."""
 from __future__ import annotations
 
 import torch

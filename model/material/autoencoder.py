@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Autoencoder of rendered material spheres with a 9-D bottleneck (spec/scene-input.md 3.6, spec/network.md 13)."""
+"""Autoencoder of rendered material spheres with a 9-D bottleneck (docs/scene-input.md 3.6, docs/network.md 13)."""
 from __future__ import annotations
 
 import torch

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Byte storage of latent maps (spec/scene-input.md 4.3)."""
+"""Byte storage of latent maps (docs/scene-input.md 4.3)."""
 from __future__ import annotations
 
 import numpy as np

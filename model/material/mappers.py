@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Perceptrons from shader parameters to the 9-D appearance latent (spec/scene-input.md 3.1, spec/network.md 13)."""
+"""Perceptrons from shader parameters to the 9-D appearance latent (docs/scene-input.md 3.1, docs/network.md 13)."""
 from __future__ import annotations
 
 import torch

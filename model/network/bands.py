@@ -6,22 +6,23 @@ two bands need are kept between them, so nothing is computed twice. For inferenc
 """
 from __future__ import annotations
 
-from typing import Callable
+from collections.abc import Callable
 
 import torch
 from torch import nn
 from torch.nn import functional as F
 
+from ..progress import report
+
 
 class Rows:
     """Rows of a (V, C, H, W) map, computed on demand. One reader asks for them, from top to bottom.
 
-    `compute(begin, end)` returns rows begin..end - 1; the rows of the last reading are held until the next. `poll()` is
-    called after each of these steps and may raise.
+    `compute(begin, end)` returns rows begin..end - 1; the rows of the last reading are held until the next.
     """
 
-    def __init__(self, size: tuple[int, int], compute: Callable[[int, int], torch.Tensor], poll: Callable[[], None]):
-        self.size, self.compute, self.poll = size, compute, poll
+    def __init__(self, size: tuple[int, int], compute: Callable[[int, int], torch.Tensor]):
+        self.size, self.compute = size, compute
         self.begin = self.end = 0
         self.held: torch.Tensor | None = None
 
@@ -35,7 +36,7 @@ class Rows:
         else:
             rows = self.again(begin, self.end)
         self.begin, self.end, self.held = begin, max(end, self.end), rows
-        self.poll()
+        report()
         return self.again(begin, end)
 
     def again(self, begin: int, end: int) -> torch.Tensor:
@@ -43,9 +44,9 @@ class Rows:
         return self.held[:, :, begin - self.begin:end - self.begin]
 
 
-def whole(x: torch.Tensor, poll: Callable[[], None]) -> Rows:
+def whole(x: torch.Tensor) -> Rows:
     """A map that is already there."""
-    return Rows(tuple(x.shape[-2:]), lambda begin, end: x[:, :, begin:end], poll)
+    return Rows(tuple(x.shape[-2:]), lambda begin, end: x[:, :, begin:end])
 
 
 def convolved(conv: nn.Conv2d, source: Rows, activation=None) -> Rows:
@@ -61,7 +62,7 @@ def convolved(conv: nn.Conv2d, source: Rows, activation=None) -> Rows:
             x = F.pad(x, (0, 0, above, below))
         return F.conv2d(x.to(conv.weight.dtype), conv.weight, conv.bias, stride, (0, pad))
 
-    return Rows(tuple((n + 2 * pad - side) // stride + 1 for n in source.size), compute, source.poll)
+    return Rows(tuple((n + 2 * pad - side) // stride + 1 for n in source.size), compute)
 
 
 def enlarged(conv: nn.ConvTranspose2d, source: Rows) -> Rows:
@@ -73,7 +74,7 @@ def enlarged(conv: nn.ConvTranspose2d, source: Rows) -> Rows:
         x = conv(source(first, -(-end // stride)))
         return x[:, :, begin - first * stride:end - first * stride]
 
-    return Rows(tuple(stride * n for n in source.size), compute, source.poll)
+    return Rows(tuple(stride * n for n in source.size), compute)
 
 
 def resized(source: Rows, size: tuple[int, int]) -> Rows:
@@ -95,7 +96,7 @@ def resized(source: Rows, size: tuple[int, int]) -> Rows:
         tall = upper.lerp_(lower, (position - low)[:, None].to(x.device))
         return F.interpolate(tall, size=(end - begin, size[1]), mode="bilinear", align_corners=True).to(x.dtype)
 
-    return Rows(size, compute, source.poll)
+    return Rows(size, compute)
 
 
 def added(source: Rows, update: Rows) -> Rows:
@@ -104,9 +105,9 @@ def added(source: Rows, update: Rows) -> Rows:
         change = update(begin, end)
         return source.again(begin, end) + change
 
-    return Rows(source.size, compute, source.poll)
+    return Rows(source.size, compute)
 
 
 def combined(a: Rows, b: Rows, function) -> Rows:
     """function(a, b) of two independent maps of one size."""
-    return Rows(a.size, lambda begin, end: function(a(begin, end), b(begin, end)), a.poll)
+    return Rows(a.size, lambda begin, end: function(a(begin, end), b(begin, end)))

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DPT decoder: four levels of ray tokens -> full-resolution channels (spec/network.md 9)."""
+"""DPT decoder: four levels of ray tokens -> full-resolution channels (docs/network.md 9)."""
 from __future__ import annotations
 
 import torch
 from torch import nn
 from torch.nn import functional as F
 
+from ..progress import part, report
 from .bands import Rows, added, combined, convolved, enlarged, resized, whole
 from .config import ModelConfig
-from .memory import Progress
 from .norm import Float32Conv2d
 
 BAND_PIXELS = 1 << 16  # of one band of the picture: about 200 MB of published activations, and short polls
@@ -59,7 +59,7 @@ class FeatureFusion(nn.Module):
 class DPTDecoder(nn.Module):
     """Reassemble four token grids into a pyramid and fuse it from coarse to fine."""
 
-    def __init__(self, config: ModelConfig):
+    def __init__(self, config: ModelConfig, extra_channels: int = 0, out_channels: int = 3):
         super().__init__()
         d, width, channels = config.view_transformer_latent_dim, config.dpt_features, config.dpt_out_channels
         self.patch_size = config.patch_size
@@ -76,55 +76,54 @@ class DPTDecoder(nn.Module):
             setattr(self.scratch, f"refinenet{i}", FeatureFusion(width, coarsest=i == 4))
         self.scratch.output_conv1 = nn.Conv2d(width, width // 2, 3, padding=1)
         self.scratch.output_conv2 = nn.Sequential(
-            nn.Conv2d(width // 2 + config.decoder_extra_channels, 32, 3, padding=1), nn.SiLU(),
-            Float32Conv2d(32, config.decoded_channels, 1))  # log radiance needs more bits than bfloat16 has
+            nn.Conv2d(width // 2 + extra_channels, 32, 3, padding=1), nn.SiLU(),
+            Float32Conv2d(32, out_channels, 1))  # log radiance needs more bits than bfloat16 has
 
-    def forward(self, features: list[torch.Tensor], extra: torch.Tensor | None = None,
-                progress: Progress | None = None) -> torch.Tensor:
-        """Four (V, D, Hg, Wg) -> (V, C, 8 Hg, 8 Wg) float32.
+    def forward(self, features: list[torch.Tensor], extra: torch.Tensor | None = None) -> torch.Tensor:
+        """Four (V, D, Hg, Wg) -> (V, out_channels, 8 Hg, 8 Wg) float32.
 
-        `extra` (V, decoder_extra_channels, 8 Hg, 8 Wg) joins the features before the last two convolutions. Without
-        gradients a large picture is decoded in bands: the same numbers in bounded memory.
+        `extra` (V, extra_channels, 8 Hg, 8 Wg) joins the features before the last two convolutions. Without gradients a
+        large picture is decoded in bands: the same numbers in bounded memory.
         """
-        progress = progress or Progress()
         size = tuple(self.patch_size * side for side in features[0].shape[-2:])
         rows = max(BAND_PIXELS // (size[1] * len(features[0])), self.patch_size)
         if torch.is_grad_enabled() or rows >= size[0]:
-            return self._whole(features, size, extra, progress)
-        return self._bands(features, size, extra, progress, rows)
+            return self._whole(features, size, extra)
+        return self._bands(features, size, extra, rows)
 
-    def _whole(self, features, size, extra, progress: Progress) -> torch.Tensor:
+    def _whole(self, features, size, extra) -> torch.Tensor:
         scratch, dtype = self.scratch, self.projects[0].weight.dtype
         levels = []
         for i, feature in enumerate(features):
             level = self.resize_layers[i](self.projects[i](feature.to(dtype)))
             levels.append(getattr(scratch, f"layer{i + 1}_rn")(level))
-            progress(0.05 * i)
+            report(0.05 * i)
         x = None
         for i in (4, 3, 2, 1):
             level = levels[i - 1]
             target = levels[i - 2].shape[-2:] if i > 1 else tuple(2 * side for side in level.shape[-2:])
             x = getattr(scratch, f"refinenet{i}")(level, x, target)
-            progress(1.0 - 0.2 * i)
+            report(1.0 - 0.2 * i)
         x = resize(scratch.output_conv1(x), size)
         if extra is not None:
             x = torch.cat([x, extra.to(x.dtype)], dim=1)
         return scratch.output_conv2(x)
 
-    def _bands(self, features, size, extra, progress: Progress, rows: int) -> torch.Tensor:
-        result, x = None, self._rows(features, size, extra, lambda: progress(begin / size[0]))
+    def _bands(self, features, size, extra, rows: int) -> torch.Tensor:
+        result, x = None, self._rows(features, size, extra)
         for begin in range(0, size[0], rows):
-            band = x(begin, begin + rows)
+            with part(begin / size[0], (begin + rows) / size[0]):
+                band = x(begin, begin + rows)
             if result is None:
                 result = band.new_empty(*band.shape[:2], *size)
             result[:, :, begin:begin + rows] = band
         return result
 
-    def _rows(self, features, size, extra, poll) -> Rows:
+    def _rows(self, features, size, extra) -> Rows:
         """What `_whole` returns, by rows."""
         scratch, levels = self.scratch, []
         for i, feature in enumerate(features):
-            level = convolved(self.projects[i], whole(feature, poll))
+            level = convolved(self.projects[i], whole(feature))
             resample = self.resize_layers[i]
             if isinstance(resample, nn.ConvTranspose2d):
                 level = enlarged(resample, level)
@@ -138,5 +137,5 @@ class DPTDecoder(nn.Module):
             x = getattr(scratch, f"refinenet{i}").rows(level, x, target)
         x = resized(convolved(scratch.output_conv1, x), size)
         if extra is not None:
-            x = combined(x, whole(extra, poll), lambda x, extra: torch.cat([x, extra.to(x.dtype)], dim=1))
+            x = combined(x, whole(extra), lambda x, extra: torch.cat([x, extra.to(x.dtype)], dim=1))
         return convolved(scratch.output_conv2[2], convolved(scratch.output_conv2[0], x), F.silu)

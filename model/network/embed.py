@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene primitives -> tokens: triangles, volume cells, environment (spec/network.md 4)."""
+"""Scene primitives -> tokens: triangles, volume cells, environment (docs/network.md 4)."""
 from __future__ import annotations
 
 import torch
@@ -7,10 +7,10 @@ from torch import nn
 from torch.nn import functional as F
 
 from ..environment import direction_map
-from ..guided.encoders import EnvironmentEncoder, TileEncoder
+from ..progress import part
 from .config import ModelConfig
 from .inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
-from .memory import Progress, chunked
+from .memory import chunked
 from .nerf import nerf_encode, nerf_width
 from .norm import Linear, RMSNorm
 from .sequence import centroids, learned_token
@@ -19,7 +19,7 @@ ENVIRONMENT_GRID = (4, 8)  # patches, rows x columns
 
 
 class VolumeEncoder(nn.Module):
-    """Sum of five small perceptrons and a learned token (spec/network.md 4.2)."""
+    """Sum of five small perceptrons and a learned token (docs/network.md 4.2)."""
 
     def __init__(self, config: ModelConfig):
         super().__init__()
@@ -56,8 +56,6 @@ class SceneEmbedding(nn.Module):
         self.texture_encoder_norm = RMSNorm(d, eps)
         self.light_strength_encoder = Linear(3, d)
         self.light_strength_encoder_norm = RMSNorm(d, eps)
-        if config.tile_encoder_channels:
-            self.tile_encoder = TileEncoder(config.tile_encoder_channels, config.texture_channels)
         if config.use_env_lighting:
             self.env_proj = Linear(config.envmap_latent_channels * config.envmap_latent_patch_size ** 2, d)
             self.env_proj_norm = RMSNorm(d, eps)
@@ -65,23 +63,21 @@ class SceneEmbedding(nn.Module):
             self.ray_dir_norm = RMSNorm(d, eps)
             self.env_light_strength_encoder = Linear(1, d)
             self.env_light_strength_encoder_norm = RMSNorm(d, eps)
-            if config.env_encoder:
-                self.environment_encoder = EnvironmentEncoder(config.envmap_latent_channels)
         if config.use_volumes:
             self.volume_encoder = VolumeEncoder(config)
 
-    def embed_triangles(self, inputs: NetworkInputs, progress=None) -> torch.Tensor:
-        """N triangles -> (N, D) float32 (spec/network.md 4.1)."""
-        progress = progress or Progress()
-        textures = self.embed_textures(inputs.texture, progress.part(0.0, 0.5))
+    def embed_triangles(self, inputs: NetworkInputs) -> torch.Tensor:
+        """N triangles -> (N, D) float32 (docs/network.md 4.1)."""
+        with part(0.0, 0.5):
+            textures = self.embed_textures(inputs.texture)
 
         def embed(triangles, normals, texture_index, light):
             tokens = self.embed_shape(triangles) + self.tri_token.float()[0]
             tokens = tokens + (textures[texture_index] + self.embed_light(light))
             return tokens + self.embed_normals(normals)
 
-        return chunked(embed, inputs.triangles, inputs.normals, inputs.texture_index, inputs.light,
-                       progress=progress.part(0.5, 1.0))
+        with part(0.5, 1.0):
+            return chunked(embed, inputs.triangles, inputs.normals, inputs.texture_index, inputs.light)
 
     def embed_shape(self, triangles: torch.Tensor) -> torch.Tensor:
         """Corners relative to their centroid."""
@@ -93,13 +89,10 @@ class SceneEmbedding(nn.Module):
         encoded = nerf_encode(normals.flatten(1), self.config.vn_pe_num_freqs)
         return self.vn_encoder_norm(self.vn_encoding_proj(encoded))
 
-    def embed_textures(self, texture: torch.Tensor, progress: Progress = Progress()) -> torch.Tensor:
-        """(T, C, q, q) latents, or material tiles for a network with its own encoder -> (T, D)."""
-        if self.config.tile_encoder_channels:
-            texture = chunked(self.tile_encoder, texture, progress=progress.part(0.0, 0.5))
+    def embed_textures(self, texture: torch.Tensor) -> torch.Tensor:
+        """(T, C, q, q) latents -> (T, D)."""
         texture = resize_texture(texture, self.config.texture_encode_patch_size)
-        return chunked(lambda t: self.texture_encoder_norm(self.texture_encoder(t)), texture.flatten(1),
-                       progress=progress.part(0.5, 1.0))
+        return chunked(lambda t: self.texture_encoder_norm(self.texture_encoder(t)), texture.flatten(1))
 
     def embed_light(self, light: torch.Tensor) -> torch.Tensor:
         """(N, 3) encoded radiance -> (N, D). Most triangles are dark, and all dark ones share one embedding."""
@@ -109,10 +102,8 @@ class SceneEmbedding(nn.Module):
         return embedded[torch.where(lit, lit.cumsum(0), 0)]
 
     def embed_environment(self, environment: EnvironmentInputs) -> torch.Tensor:
-        """LDR and HDR panorama -> (64, D) float32 (spec/network.md 4.3)."""
+        """LDR and HDR panorama -> (64, D) float32 (docs/network.md 4.3)."""
         latents = torch.stack([environment.ldr, environment.hdr]).float()
-        if self.config.env_encoder:
-            latents = self.environment_encoder(latents).float()
         content = self.env_proj_norm(self.env_proj(patches(latents, self.config.envmap_latent_patch_size)))
         side = self.config.envmap_ray_dir_map_patch_size
         rows, columns = ENVIRONMENT_GRID
@@ -129,7 +120,7 @@ def patches(image: torch.Tensor, side: int) -> torch.Tensor:
 
 
 def resize_texture(texture: torch.Tensor, side: int) -> torch.Tensor:
-    """(T, C, q, q) -> (T, C, side, side): area average down, antialiased bilinear up (spec/network.md 2)."""
+    """(T, C, q, q) -> (T, C, side, side): area average down, antialiased bilinear up (docs/network.md 2)."""
     texture = texture.float()
     if texture.shape[-1] > side:
         return F.interpolate(texture, size=(side, side), mode="area")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""SwiGLU feed-forward layer (spec/network.md 3)."""
+"""SwiGLU feed-forward layer (docs/network.md 3)."""
 from __future__ import annotations
 
 import torch

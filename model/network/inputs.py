@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the network is given: tensors of one scene (spec/network.md 2), on the model's device."""
+"""What the network is given: tensors of one scene and of its views (docs/network.md 2), on the model's device."""
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
 import torch
+
+from ..fields import COLOR, DIRECTION, EULER, LENGTH, PANORAMA, POINT, array
 
 
 class TensorGroup:
@@ -16,36 +18,44 @@ class TensorGroup:
         return type(self)(**{name: v if v is None else v.to(device) for name, v in values.items()})
 
 
+def stacked(groups: list):
+    """Groups of one kind, all of whose fields are there, behind each other: several views as one input."""
+    def joined(parts: list):
+        return torch.cat(parts) if isinstance(parts[0], torch.Tensor) else stacked(parts)
+
+    return type(groups[0])(**{f.name: joined([getattr(group, f.name) for group in groups]) for f in fields(groups[0])})
+
+
 @dataclass
 class VolumeInputs(TensorGroup):
     """M volume cells, masked rows already removed; all float32."""
 
-    density: torch.Tensor     # (M, 64)
-    position: torch.Tensor    # (M, 3)
-    rotation: torch.Tensor    # (M, 3) radians
-    scale: torch.Tensor       # (M, 3)
-    scattering: torch.Tensor  # (M, 3)
-    absorption: torch.Tensor  # (M, 3)
+    density: torch.Tensor = array("M", 64)
+    position: torch.Tensor = array("M", 3, behaves=POINT)
+    rotation: torch.Tensor = array("M", 3, behaves=EULER)  # radians
+    scale: torch.Tensor = array("M", 3, behaves=LENGTH)
+    scattering: torch.Tensor = array("M", 3, behaves=COLOR)
+    absorption: torch.Tensor = array("M", 3, behaves=COLOR)
 
 
 @dataclass
 class EnvironmentInputs(TensorGroup):
-    """LDR and HDR latents, or the images themselves for a network with its own encoder (spec/scene-input.md 7.4)."""
+    """LDR and HDR latents, or the images themselves for a network with its own encoder (docs/scene-input.md 7.4)."""
 
-    ldr: torch.Tensor       # (C, 32, 64) latents or (3, 64, 128) image
-    hdr: torch.Tensor       # same
-    strength: torch.Tensor  # (1,) maximum of log10(1 + radiance)
+    ldr: torch.Tensor = array("C", "rows", "columns", behaves={COLOR: 0, PANORAMA: -1})  # latents, or a (3, ...) image
+    hdr: torch.Tensor = array("C", "rows", "columns", behaves={COLOR: 0, PANORAMA: -1})
+    strength: torch.Tensor = array(1)  # maximum of log10(1 + radiance)
 
 
 @dataclass
 class NetworkInputs(TensorGroup):
     """N triangles that share T distinct textures."""
 
-    triangles: torch.Tensor      # (N, 3, 3) float32
-    normals: torch.Tensor        # (N, 3, 3) float32, unit
-    texture: torch.Tensor        # (T, C, q, q) latents, or (T, 13, 8, 8) for a network with its own tile encoder
-    texture_index: torch.Tensor  # (N,) int64, row of `texture`
-    light: torch.Tensor          # (N, 3) float32, log10(1 + radiance); any component > 0 makes a light
+    triangles: torch.Tensor = array("N", 3, 3, behaves=POINT)    # float32
+    normals: torch.Tensor = array("N", 3, 3, behaves=DIRECTION)  # float32, unit
+    texture: torch.Tensor = array("T", "C", "q", "q")  # latents, or material tiles for a network with its own encoder
+    texture_index: torch.Tensor = array("N")           # int64, row of `texture`
+    light: torch.Tensor = array("N", 3, behaves=COLOR)  # float32, log10(1 + radiance); any component > 0 makes a light
     environment: EnvironmentInputs | None = None
     volumes: VolumeInputs | None = None
 
@@ -55,6 +65,14 @@ class NetworkInputs(TensorGroup):
         return (self.light > 0).any(dim=-1)
 
 
+@dataclass
+class ViewInputs(TensorGroup):
+    """V cameras and the rays of their pixels; sides are multiples of `ModelConfig.granularity`."""
+
+    origin: torch.Tensor = array("V", 3, behaves=POINT)                      # float32
+    directions: torch.Tensor = array("V", "H", "W", 3, behaves=DIRECTION)    # float32, unit, row 0 on top
+
+
 def encode_light(radiance: torch.Tensor) -> torch.Tensor:
-    """Radiance -> log10(1 + max(radiance, 0)), float32 (spec/network.md 2)."""
+    """Radiance -> log10(1 + max(radiance, 0)), float32 (docs/network.md 2)."""
     return torch.log10(radiance.float().clamp(min=0) + 1)

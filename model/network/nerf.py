@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sinusoidal encoding of small vectors (spec/network.md 3)."""
+"""Sinusoidal encoding of small vectors (docs/network.md 3)."""
 from __future__ import annotations
 
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""RMSNorm, and layers that decide the precision of their product (spec/network.md 3, 11)."""
+"""RMSNorm, and layers that decide the precision of their product (docs/network.md 3, 11)."""
 from __future__ import annotations
 
 import torch

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spatial order along a 16-bit Hilbert curve (spec/network.md 5.2)."""
+"""Spatial order along a 16-bit Hilbert curve (docs/network.md 5.2)."""
 from __future__ import annotations
 
 import torch

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rotary position embedding of 3-D points (spec/network.md 6)."""
+"""Rotary position embedding of 3-D points (docs/network.md 6)."""
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -14,6 +15,23 @@ def rope_frequencies(dim: int) -> torch.Tensor:
     """(dim / 2,) float32 frequencies, log-spaced from 1 to dim / 2 - 1."""
     count = dim // 2
     return torch.tensor(2.0 ** (np.arange(count) * (math.log2(count - 1) / (count - 1))), dtype=torch.float32)
+
+
+@dataclass
+class Rotation:
+    """Angles of n tokens, the same for all heads; an index takes some of the tokens."""
+
+    cos: torch.Tensor  # (n, 1, head width / 2) float32
+    sin: torch.Tensor  # same
+
+    def __getitem__(self, rows: slice) -> Rotation:
+        return Rotation(self.cos[rows], self.sin[rows])
+
+    def __call__(self, x: torch.Tensor) -> torch.Tensor:
+        """Turn channel pairs (j, j + width / 2) of (n, heads, width) float32."""
+        a, b = x.chunk(2, dim=-1)
+        return torch.cat([torch.addcmul(a * self.cos, b, self.sin, value=-1),
+                          torch.addcmul(b * self.cos, a, self.sin)], dim=-1)
 
 
 class RotaryEmbedding(nn.Module):
@@ -32,14 +50,8 @@ class RotaryEmbedding(nn.Module):
             self.freqs.data = exact.to(self.freqs.device)
         return self
 
-    def forward(self, positions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """(..., 3) positions -> cosines and sines, each (..., 1, head_width / 2) float32, for all heads."""
+    def forward(self, positions: torch.Tensor) -> Rotation:
+        """(..., 3) positions -> the rotation of tokens there."""
         angles = (positions.float()[..., None] * self.freqs.float()).flatten(-2)
         angles = F.pad(angles, (0, self.idle))[..., None, :]
-        return angles.cos(), angles.sin()
-
-
-def rotate(x: torch.Tensor, cos: torch.Tensor, sin: torch.Tensor) -> torch.Tensor:
-    """Turn channel pairs (j, j + width / 2) of (..., heads, width) float32 by the angles of `RotaryEmbedding`."""
-    a, b = x.chunk(2, dim=-1)
-    return torch.cat([torch.addcmul(a * cos, b, sin, value=-1), torch.addcmul(b * cos, a, sin)], dim=-1)
+        return Rotation(angles.cos(), angles.sin())

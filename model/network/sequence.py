@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The packed token sequence: registers, environment, summaries, lights, sorted geometry (spec/network.md 5)."""
+"""The packed token sequence: registers, environment, summaries, lights, sorted geometry (docs/network.md 5)."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import torch
 from torch import nn
 
-from .memory import Progress, chunked, joined
+from ..progress import part, report
+from .memory import chunked, like
 from .ordering import hilbert_order
 
 COPIED = 8192  # embeddings between two polls
@@ -52,7 +53,7 @@ def centroids(triangles: torch.Tensor) -> torch.Tensor:
 
 
 def scene_centre(triangles: torch.Tensor) -> torch.Tensor:
-    """(3,) position shared by registers and environment tokens, lights included (spec/network.md 5.1)."""
+    """(3,) position shared by registers and environment tokens, lights included (docs/network.md 5.1)."""
     return (triangles * (1.0 / (len(triangles) + 1e-5))).sum(dim=0).mean(dim=0)
 
 
@@ -65,21 +66,28 @@ def summarise(ordered: Tokens, block: int, embedding: torch.Tensor) -> Tokens:
 
 
 def pack(fixed: list[Tokens], triangles: Tokens, is_light: torch.Tensor, volumes: list[Tokens], block: int,
-         summary_embedding: torch.Tensor, progress: Progress = Progress()) -> tuple[Tokens, int]:
+         summary_embedding: torch.Tensor) -> tuple[Tokens, int]:
     """Sort, summarise, concatenate -> the sequence and the sink's length. `fixed` = registers and environment."""
     everything = Tokens.concatenate([triangles, *volumes]) if volumes else triangles
     rows = torch.cat([~is_light, is_light.new_ones(len(everything) - len(triangles))]).nonzero()[:, 0]
     rows = rows[hilbert_order(everything.position[rows])]
-    embedding = chunked(lambda rows: everything.embedding[rows], rows, size=COPIED, progress=progress.part(0.0, 0.5))
+    with part(0.0, 0.5):
+        embedding = chunked(lambda rows: everything.embedding[rows], rows, size=COPIED)
     ordered = Tokens(embedding, everything.position[rows], everything.triangle[rows])
     sink = Tokens.concatenate([*fixed, summarise(ordered, block, summary_embedding), triangles[is_light]])
-    length = len(sink) + len(ordered)
-
-    def parts():
-        yield sink.embedding
-        for i, part in enumerate(ordered.embedding.split(COPIED)):
-            progress(0.5 + 0.5 * i * COPIED / length)
-            yield part
-
-    return Tokens(joined(parts(), length, axis=0), torch.cat([sink.position, ordered.position]),
+    with part(0.5, 1.0):
+        packed = _stacked(sink.embedding, ordered.embedding)
+    return Tokens(packed, torch.cat([sink.position, ordered.position]),
                   torch.cat([sink.triangle, ordered.triangle])), len(sink)
+
+
+def _stacked(above: torch.Tensor, below: torch.Tensor) -> torch.Tensor:
+    """The two, one below the other, with polls on the way."""
+    if torch.is_grad_enabled():
+        return torch.cat([above, below])
+    result = like(above, len(above) + len(below), 0)
+    result[:len(above)] = above
+    for begin in range(0, len(below), COPIED):
+        report(begin / len(below))
+        result[len(above) + begin:len(above) + begin + COPIED] = below[begin:begin + COPIED]
+    return result

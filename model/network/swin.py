@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shifted-window self-attention between ray tokens (spec/network.md 8.3)."""
+"""Shifted-window self-attention between ray tokens (docs/network.md 8.3)."""
 from __future__ import annotations
 
 from functools import lru_cache
 
 import torch
+from torch import nn
 from torch.nn import functional as F
 
+from ..progress import part
 from .attention import SelfAttention
-from .memory import Progress, chunked
+from .config import SWIN_WINDOW
+from .memory import chunked
 
-WINDOW = 8  # tokens
+WINDOW = SWIN_WINDOW
 SHIFT = 4
 TOKENS = 8192   # of a band of windows: bounds the copies made to shift and partition
 WINDOWS = 32    # that are attended to together, for short polls
@@ -45,12 +48,12 @@ class SwinAttention(SelfAttention):
         super().__init__(width, heads)
         self.shifted = shifted
 
-    def forward(self, x: torch.Tensor, norm, progress: Progress | None = None) -> torch.Tensor:
+    def forward(self, x: torch.Tensor, norm: nn.Module) -> torch.Tensor:
         """(V, Hg, Wg, D), normalised by `norm` window by window -> (V, Hg, Wg, D)."""
         views, height, width = x.shape[:3]
         shift = SHIFT if self.shifted else 0
         rows = height if torch.is_grad_enabled() else WINDOW * max(1, TOKENS // (WINDOW * width * views))
-        progress, result = progress or Progress(), None
+        result = None
         for begin in range(0, height, rows):
             end = min(begin + rows, height)
             lines = (torch.arange(begin, end, device=x.device) + shift) % height
@@ -58,8 +61,8 @@ class SwinAttention(SelfAttention):
             if shift:
                 mask = shift_mask((height, width)).unflatten(0, (height // WINDOW, -1))[begin // WINDOW:end // WINDOW]
                 inputs.append(mask.flatten(0, 1).to(x.device).repeat(views, 1, 1))
-            windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, size=WINDOWS,
-                              progress=progress.part(begin / height, end / height))
+            with part(begin / height, end / height):
+                windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, size=WINDOWS)
             band = from_windows(windows, (end - begin, width)).roll(shift, dims=2)
             if result is None:
                 result = band.new_empty(views, height, *band.shape[2:])
@@ -67,6 +70,6 @@ class SwinAttention(SelfAttention):
         return result
 
     def _attend(self, x: torch.Tensor, mask: torch.Tensor | None = None) -> torch.Tensor:
-        q, k, v = (part.transpose(1, 2) for part in (self.queries(x), *self.keys_values(x)))
+        q, k, v = (heads.transpose(1, 2) for heads in (self.queries(x), *self.keys_values(x)))
         seen = F.scaled_dot_product_attention(q, k, v, attn_mask=None if mask is None else mask[:, None])
         return self.out_proj(seen.transpose(1, 2).flatten(2))

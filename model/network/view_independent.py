@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stage 1: light transport between scene tokens, independent of the camera (spec/network.md 7)."""
+"""Stage 1: light transport between scene tokens, independent of the camera (docs/network.md 7)."""
 from __future__ import annotations
-
-from itertools import starmap
 
 import torch
 from torch import nn
 
-from .attention import KeysValues, SelfAttention, Window
+from ..progress import part
+from .attention import SelfAttention
 from .config import ModelConfig
 from .feed_forward import SwiGLU
-from .memory import Progress, joined
+from .memory import by_rows
 from .norm import RMSNorm
-from .rope import RotaryEmbedding
+from .rope import RotaryEmbedding, Rotation
 from .sequence import learned_token
+from .softmax import KeysValues
+from .window import Window
 
 
 class ViewIndependentLayer(nn.Module):
@@ -27,26 +28,22 @@ class ViewIndependentLayer(nn.Module):
         self.ffn = SwiGLU(d, config.dim_feedforward)
         self.ffn_norm = RMSNorm(d)
 
-    def forward(self, x: torch.Tensor, rotation, window: Window, progress: Progress) -> torch.Tensor:
-        """(L, D) float32 -> (L, D) float32, block by block, so that no more than keys and values is held of all.
-
-        Without gradients the result takes the place of x.
-        """
+    def forward(self, tokens: torch.Tensor, rotation: Rotation, window: Window) -> torch.Tensor:
+        """(L, D) float32 -> (L, D) float32; without gradients the result takes the place of the tokens."""
         attention = self.multihead_attn
 
-        def part(begin: int, end: int):
-            return self.query_norm(x[begin:end]), [turn[begin:end] for turn in rotation]
+        def keys_values(rows: slice) -> tuple[torch.Tensor, torch.Tensor]:
+            return attention.keys_values(self.query_norm(tokens[rows]), rotation[rows])
 
-        keys = KeysValues.collect(lambda begin, end: attention.keys_values(*part(begin, end)), window.cuts,
-                                  progress.part(0.0, 0.2))
+        def layer(rows: slice) -> torch.Tensor:
+            x = tokens[rows]
+            x = x + attention(self.query_norm(x), rotation[rows], keys, window, rows.start)
+            return x + self.ffn(self.ffn_norm(x))
 
-        def update(begin: int, end: int) -> torch.Tensor:
-            q = attention.queries(*part(begin, end)).transpose(0, 1)
-            step = progress.part(0.2 + 0.8 * begin / len(x), 0.2 + 0.8 * end / len(x))
-            y = x[begin:end] + attention.output(window.attend(q, begin, keys, step))
-            return y + self.ffn(self.ffn_norm(y))
-
-        return joined(starmap(update, window.cuts), len(x), axis=0, into=x)
+        with part(0.0, 0.2):
+            keys = KeysValues.collect(keys_values, window.pieces)
+        with part(0.2, 1.0):
+            return by_rows(layer, window.pieces, into=tokens)
 
 
 class ViewIndependentTransformer(nn.Module):
@@ -59,7 +56,7 @@ class ViewIndependentTransformer(nn.Module):
         self.rope_emb = RotaryEmbedding(config.intra_rope_pe_num_freqs, config.latent_dim // config.num_heads)
         self.layers = nn.ModuleList(ViewIndependentLayer(config) for _ in range(config.num_layers))
 
-    def forward(self, tokens: torch.Tensor, positions: torch.Tensor, sink: int, progress: Progress) -> torch.Tensor:
+    def forward(self, tokens: torch.Tensor, positions: torch.Tensor, sink: int) -> torch.Tensor:
         """(L, D) float32 tokens at (L, 3) positions, the first `sink` of them dense -> (L, D) float32.
 
         Without gradients the result takes the place of the tokens.
@@ -67,6 +64,6 @@ class ViewIndependentTransformer(nn.Module):
         rotation, window = self.rope_emb(positions), Window(len(tokens), sink, self.half, tokens.device)
         count = len(self.layers)
         for i, layer in enumerate(self.layers):
-            step = progress.part(i / count, (i + 1) / count, f"Stage 1, layer {i + 1}/{count}")
-            tokens = layer(tokens, rotation, window, step)
+            with part(i / count, (i + 1) / count, f"Stage 1, layer {i + 1}/{count}"):
+                tokens = layer(tokens, rotation, window)
         return tokens

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The published bundle: two transformers, three mappers and the material autoencoder (spec/scene-input.md 12)."""
+"""The published bundle: two transformers, three mappers and the material autoencoder (docs/scene-input.md 12)."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from ..material.mappers import MAPPERS, Mapper
 from ..network.config import ModelConfig
 from ..network.renderformer import RenderFormer
 from .bundle_files import COMPONENTS, INDEX, TRANSFORMER
+from .model_config import model_config
 
 LARGE_RESOLUTION = 2048  # pixels from which the second transformer is used
 SECTIONS = {"model_config", "dataset_config", "trainer_config"}
@@ -98,4 +99,4 @@ def read_yaml_config(file: Path) -> ModelConfig:
     for name, value in RELEASED_TRAINER.items():
         if trainer.get(name, value) != value:
             raise CheckpointError(f"{file}: {name} = {trainer[name]!r} is not supported, only {value!r}")
-    return ModelConfig.from_dict(content["model_config"])
+    return model_config(content["model_config"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the published bundle consists of (spec/scene-input.md 12); known without importing PyTorch."""
+"""What the published bundle consists of (docs/scene-input.md 12); known without importing PyTorch."""
 from __future__ import annotations
 
 INDEX = "model_index.json"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The processed H5 scene file of the research code (spec/scene-input.md 8)."""
+"""The processed H5 scene file of the research code (docs/scene-input.md 8)."""
 from __future__ import annotations
 
 import json

@@ -12,7 +12,7 @@ from ..errors import SceneError
 
 
 class Datasets:
-    """The datasets of an open h5py file; an empty one is an absent one (spec/scene-input.md 8.1).
+    """The datasets of an open h5py file; an empty one is an absent one (docs/scene-input.md 8.1).
 
     Every error names the file, the dataset and what to do.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Qwen-Image VAE's encoder, which makes texture and environment latents (spec/scene-input.md 4.5, 7.4)."""
+"""The Qwen-Image VAE's encoder, which makes texture and environment latents (docs/scene-input.md 4.5, 7.4)."""
 from __future__ import annotations
 
 import hashlib
@@ -13,6 +13,7 @@ from torch.nn import functional as F
 from .. import background
 from ..checkpoint import explained, load_weights, read_json, require
 from ..errors import CheckpointError
+from ..progress import report
 
 BATCH = 256
 BATCH_CPU = 16         # what a processor's caches hold; the batch does not change the result
@@ -55,16 +56,13 @@ class ImageEncoder:
         self._known: dict[bytes, torch.Tensor] = {}
         self._bytes = 0
 
-    def __call__(self, images: torch.Tensor, poll=lambda: None) -> torch.Tensor:
-        """(B, 3, H, W) of any float type, on the CPU -> (B, 16, H/8, W/8) float32 on the CPU.
-
-        poll() is called between layers; what it raises comes out here.
-        """
+    def __call__(self, images: torch.Tensor) -> torch.Tensor:
+        """(B, 3, H, W) of any float type, on the CPU -> (B, 16, H/8, W/8) float32 on the CPU."""
         keys = [hashlib.blake2b(image.numpy().tobytes() + repr(image.shape).encode(), digest_size=16).digest()
                 for image in images.contiguous()]
         new = {key: i for i, key in enumerate(keys) if key not in self._known}
         if new:
-            latents = self._encode(images[list(new.values())], poll)
+            latents = self._encode(images[list(new.values())])
             self._known.update(zip(new, latents))
             self._bytes += latents.nbytes
         result = torch.stack([self._known[key] for key in keys])
@@ -72,13 +70,13 @@ class ImageEncoder:
             self._known, self._bytes = {}, 0
         return result
 
-    def _encode(self, images: torch.Tensor, poll) -> torch.Tensor:
+    def _encode(self, images: torch.Tensor) -> torch.Tensor:
         if self._network is None:
-            kind = background.finish(background.begin(vae_class), poll)
+            kind = background.finish(background.begin(vae_class))
             self._network = OneFrameEncoder(load_vae(kind, self.config, self.file)).to(self.device)
         tile = images.shape[-1] * images.shape[-2]
         size = max(1, (BATCH if torch.device(self.device).type == "cuda" else BATCH_CPU) * 32 * 32 // tile)
-        return torch.cat([self._network(batch.to(self.device, torch.float32), poll).cpu()
+        return torch.cat([self._network(batch.to(self.device, torch.float32)).cpu()
                           for batch in images.split(size)])
 
 
@@ -107,17 +105,15 @@ class OneFrameEncoder(nn.Module):
     def __init__(self, vae: nn.Module):
         super().__init__()
         self.encoder, self.quant_conv = vae.encoder, vae.quant_conv
-        self._poll = lambda: None
         for module in list(self.modules()):
             for name, child in module.named_children():
                 if isinstance(child, nn.Conv3d):
                     setattr(module, name, LastTap(child))
         for module in self.modules():
             if not any(module.children()):
-                module.register_forward_pre_hook(lambda module, inputs: self._poll())
+                module.register_forward_pre_hook(lambda module, inputs: report())
 
-    def forward(self, images: torch.Tensor, poll=lambda: None) -> torch.Tensor:
-        self._poll = poll
+    def forward(self, images: torch.Tensor) -> torch.Tensor:
         moments = self.quant_conv(self.encoder(images[:, :, None]))
         return moments[:, : moments.shape[1] // 2, 0]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The paper's network and the paper's input (spec/scene-input.md; paper, Method)."""
+"""The paper's network and the paper's input (docs/scene-input.md; paper, Method)."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -8,13 +8,16 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ..camera import padded_view, square_view, view_rays
+from ..camera import padded_view, square_view
 from ..errors import CheckpointError
+from ..inputs import view_inputs
 from ..material.appearance import Appearance
 from ..network.inputs import NetworkInputs
 from ..network.renderformer import RenderFormer, SceneContext, to_radiance
 from ..normalize import Normalization
 from ..precision import in_precision
+from ..presets import rf2_200m
+from ..progress import part, report
 from ..scene import Guides, RenderScene, View
 from .bundle import Bundle, load_transformer, transformer_name
 from .image_encoder import ImageEncoder, find_vae
@@ -25,9 +28,11 @@ MAPPERS = ("diffspec_mapper", "metallic_mapper", "metallic_transmission_mapper")
 
 
 @dataclass
-class EncodedScene:
+class PublishedContext:
+    """A scene after stage 1, and the network that made it."""
+
     emitters: np.ndarray  # (N,) bool
-    model: RenderFormer
+    network: RenderFormer
     context: SceneContext
 
 
@@ -37,26 +42,27 @@ class PublishedPipeline:
     def __init__(self, folder: str | Path, device: torch.device, dtype: torch.dtype):
         """Raises CheckpointError for what is missing from the bundle, the VAE's folder and diffusers included."""
         self.device, self.dtype, self.bundle = device, dtype, Bundle(folder)
+        self.granularity = rf2_200m().granularity
         mappers = (self.bundle.mapper(name).to(device) for name in MAPPERS)
         self.encoder = SceneEncoder(Appearance(*mappers), ImageEncoder(find_vae(self.bundle.folder), device))
         self._network: tuple[str, RenderFormer] | None = None
 
-    def variant(self, view: View) -> str:
-        """By the longer side of the whole picture: a render border shows the same pixels as the full frame."""
-        return transformer_name(view.picture_size or max(view.width, view.height))
+    def variant(self, picture_size: int) -> str:
+        return transformer_name(picture_size)
 
-    def encode(self, scene: RenderScene, variant: str, progress) -> EncodedScene:
-        processed = self.encoder.process(scene, lambda text, fraction: progress(text, 0.4 * fraction))
-        inputs = self.encoder.inputs(processed, lambda text, fraction: progress(text, 0.4))
-        model, context = self._stage1(inputs, variant, lambda text, fraction: progress(text, 0.4 + 0.6 * fraction))
-        return EncodedScene(scene.is_light, model, context)
+    def encode(self, scene: RenderScene, variant: str) -> PublishedContext:
+        with part(0.0, 0.4):
+            inputs = self.encoder.inputs(self.encoder.process(scene))
+        with part(0.4, 1.0):
+            network, context = self._stage1(inputs, variant)
+        return PublishedContext(scene.is_light, network, context)
 
-    def image(self, encoded: EncodedScene, view: View, guides: Guides, progress) -> torch.Tensor:
+    def image(self, encoded: PublishedContext, view: View, guides: Guides) -> torch.Tensor:
         """Training pictures have a transparent film, so partly covered pixels are premultiplied by the network itself:
         the guides' coverage only clears pixels that show nothing. Lights were invisible to the camera: where one is
         seen, the network shows what is behind it, and the guides' emission replaces that.
         """
-        radiance = self._view(encoded, view, progress)
+        radiance = self._view(encoded, view)
         seen = guides.hit_triangle >= 0
         emitter = (guides.emission > 0).any(-1) & seen
         if emitter.any():
@@ -64,8 +70,8 @@ class PublishedPipeline:
         shown = (guides.alpha > 0) & ~emitter
         return radiance * torch.from_numpy(shown).to(self.device)
 
-    def process(self, scene: RenderScene, views: list[View], progress=None) -> ProcessedScene:
-        """A scene and its views (world frame) ready for model/h5.py: normalised, because the research code does not.
+    def process(self, scene: RenderScene, views: list[View]) -> ProcessedScene:
+        """A scene and its views (world frame) ready for h5.py: normalised, because the research code does not.
 
         Pictures of it are in network exposure; metadata["normalization"] holds center, scale, exposure to go back.
         Raises SceneError for a view that is no centred perspective.
@@ -73,42 +79,43 @@ class PublishedPipeline:
         normalization = Normalization.of(scene)
         fov = np.float32([square_fov(view) for view in views])
         with torch.inference_mode():
-            processed = self.encoder.process(normalization.scene(scene), progress or (lambda text, fraction: None))
+            processed = self.encoder.process(normalization.scene(scene))
         cameras = np.stack([normalization.view(view).camera_to_world for view in views])
         return replace(processed, camera_to_world=cameras, fov=fov,
                        metadata={"normalization": {"center": normalization.center.tolist(),
                                                    "scale": float(normalization.scale),
                                                    "exposure": float(normalization.exposure)}})
 
-    def render_processed(self, scene: ProcessedScene, resolution: int = 512, progress=None) -> np.ndarray:
+    def render_processed(self, scene: ProcessedScene, resolution: int = 512) -> np.ndarray:
         """(V, R, R, 3) f32 radiance of all views as the research code renders them: no normalisation, no guides.
 
         Unlike there, values are not negative and R need not be a multiple of 64.
-        Raises SceneError for latents of another encoder; progress(text, fraction) may raise to cancel.
+        Raises SceneError for latents of another encoder.
         """
-        progress = progress or (lambda text, fraction: None)
         views = [square_view(c2w, fov, resolution) for c2w, fov in zip(scene.camera_to_world, scene.fov)]
+        images = []
         with torch.inference_mode():
-            inputs = self.encoder.inputs(scene, lambda text, fraction: progress(text, 0.3 * fraction))
-            variant = transformer_name(resolution)
-            model, context = self._stage1(inputs, variant, lambda text, fraction: progress(text, 0.3 + 0.3 * fraction))
-            encoded = EncodedScene(inputs.is_light.numpy(), model, context)
-            images = [self._view(encoded, padded_view(view), lambda text, fraction, i=i: progress(
-                text, 0.6 + 0.4 * (i + fraction) / len(views))) for i, view in enumerate(views)]
+            with part(0.0, 0.3):
+                inputs = self.encoder.inputs(scene)
+            with part(0.3, 0.6):
+                network, context = self._stage1(inputs, transformer_name(resolution))
+            encoded = PublishedContext(inputs.is_light.numpy(), network, context)
+            for i, view in enumerate(views):
+                with part(0.6 + 0.4 * i / len(views), 0.6 + 0.4 * (i + 1) / len(views)):
+                    images.append(self._view(encoded, padded_view(view, self.granularity)))
         return np.stack([image[:, :resolution, :resolution].permute(1, 2, 0).cpu().numpy() for image in images])
 
-    def _stage1(self, inputs: NetworkInputs, variant: str, progress) -> tuple[RenderFormer, SceneContext]:
-        progress(f"Loading {variant}", 0.0)
+    def _stage1(self, inputs: NetworkInputs, variant: str) -> tuple[RenderFormer, SceneContext]:
+        report(0.0, f"Loading {variant}")
         if self._network is None or self._network[0] != variant:
             self._network = None
-            model = load_transformer(self.bundle.folder / variant)
-            if model.config.texture_channels != 5 * self.encoder.images.channels:
-                raise CheckpointError(f"{self.bundle.folder / variant} reads {model.config.texture_channels} texture "
+            network = load_transformer(self.bundle.folder / variant)
+            if network.config.texture_channels != 5 * self.encoder.images.channels:
+                raise CheckpointError(f"{self.bundle.folder / variant} reads {network.config.texture_channels} texture "
                                       f"channels, the VAE makes {5 * self.encoder.images.channels}: it is another one")
-            self._network = variant, in_precision(model, self.dtype).to(self.device).eval()
-        model = self._network[1]
-        return model, model.encode_scene(inputs.to(self.device), progress=progress)
+            self._network = variant, in_precision(network, self.dtype).to(self.device).eval()
+        network = self._network[1]
+        return network, network.encode_scene(inputs.to(self.device))
 
-    def _view(self, encoded: EncodedScene, view: View, progress) -> torch.Tensor:
-        origin, rays = (torch.from_numpy(x).to(self.device)[None] for x in view_rays(view))
-        return to_radiance(encoded.model.render_view(encoded.context, origin, rays, progress=progress))[0].clamp(min=0)
+    def _view(self, encoded: PublishedContext, view: View) -> torch.Tensor:
+        return to_radiance(encoded.network.render_view(encoded.context, view_inputs(view).to(self.device)))[0].clamp(min=0)

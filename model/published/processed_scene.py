@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ProcessedScene: a scene for the published network, its textures being latents (spec/scene-input.md 0)."""
+"""ProcessedScene: a scene for the published network, its textures being latents (docs/scene-input.md 0)."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -9,14 +9,14 @@ import numpy as np
 from ..errors import SceneError
 from ..scene import View, Volumes
 
-RAW_CHANNELS = (16, 15)  # with and without height (spec/scene-input.md 4.1)
+RAW_CHANNELS = (16, 15)  # with and without height (docs/scene-input.md 4.1)
 
 
 @dataclass
 class ProcessedScene:
     """N triangles that share T textures, an environment, M volume cells, V square views; in network units and exposure.
 
-    A scene read from a file may have a raw texture, (T, 15 or 16, q, q) of spec/scene-input.md 4.1.
+    A scene read from a file may have a raw texture, (T, 15 or 16, q, q) of docs/scene-input.md 4.1.
     """
 
     triangles: np.ndarray       # (N, 3, 3) f32

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""RenderScene -> inputs of the published network (spec/scene-input.md 3.3, 3.5, 4.1, 4.5, 7.4)."""
+"""RenderScene -> inputs of the published network (docs/scene-input.md 3.3, 3.5, 4.1, 4.5, 7.4)."""
 from __future__ import annotations
 
 import numpy as np
@@ -7,10 +7,11 @@ import torch
 
 from ..environment import environment_images
 from ..errors import SceneError
+from ..inputs import material_tiles, nearer_lights, volume_inputs
 from ..material.appearance import Appearance
 from ..network.inputs import EnvironmentInputs, NetworkInputs, encode_light
+from ..progress import part, report
 from ..scene import ENVIRONMENT_SHAPE, RenderScene, constant_tile
-from ..scene_inputs import material_tiles, nearer_lights, volume_inputs
 from .image_encoder import ImageEncoder
 from .processed_scene import ProcessedScene
 
@@ -24,18 +25,18 @@ class SceneEncoder:
     def __init__(self, appearance: Appearance, images: ImageEncoder):
         self.appearance, self.images = appearance, images
 
-    def process(self, scene: RenderScene, progress=lambda text, fraction: None) -> ProcessedScene:
-        """A normalised scene, without views. progress(text, fraction) may raise to cancel."""
+    def process(self, scene: RenderScene) -> ProcessedScene:
+        """A normalised scene, without views."""
         tiles = np.concatenate([scene.tiles, LIGHT_TILE[None]])
         used, index = np.unique(np.where(scene.is_light, len(scene.tiles), scene.tile_index), return_inverse=True)
-        return ProcessedScene(nearer_lights(scene), scene.normals, self._tile_latents(tiles, used, progress),
+        return ProcessedScene(nearer_lights(scene), scene.normals, self._tile_latents(tiles, used),
                               index.reshape(-1), scene.emission, scene.environment, scene.volumes)
 
-    def inputs(self, scene: ProcessedScene, progress=lambda text, fraction: None) -> NetworkInputs:
+    def inputs(self, scene: ProcessedScene) -> NetworkInputs:
         """Tensors on the CPU; a raw texture is encoded, and no environment is a black one (m = 0)."""
         texture = torch.from_numpy(scene.texture)
         if scene.is_raw:
-            texture = self._in_chunks(len(texture), lambda part: texture[part], progress)
+            texture = self._in_chunks(len(texture), lambda rows: texture[rows])
         elif texture.shape[1] != 5 * self.images.channels:
             raise SceneError(f"the scene's texture latents have {texture.shape[1]} channels, "
                              f"the network reads {5 * self.images.channels}")
@@ -43,37 +44,38 @@ class SceneEncoder:
             triangles=torch.from_numpy(scene.triangles), normals=torch.from_numpy(scene.normals), texture=texture,
             texture_index=torch.from_numpy(scene.texture_index).long(),
             light=encode_light(torch.from_numpy(scene.light_strength)),
-            environment=self._environment(scene.environment, progress), volumes=volume_inputs(scene.volumes))
+            environment=self._environment(scene.environment), volumes=volume_inputs(scene.volumes))
 
-    def _environment(self, radiance: np.ndarray | None, progress) -> EnvironmentInputs:
+    def _environment(self, radiance: np.ndarray | None) -> EnvironmentInputs:
         if radiance is None:
             radiance = np.zeros(ENVIRONMENT_SHAPE, np.float32)
         ldr, hdr, strength = environment_images(radiance)
-        latents = self.images(torch.from_numpy(np.stack([ldr, hdr])), lambda: progress("Encoding the environment", 1.0))
+        with part(1.0, 1.0, "Encoding the environment"):
+            latents = self.images(torch.from_numpy(np.stack([ldr, hdr])))
         return EnvironmentInputs(latents[0], latents[1], torch.tensor([strength]))
 
-    def _tile_latents(self, tiles: np.ndarray, used: np.ndarray, progress) -> np.ndarray:
-        def raw(part: slice) -> torch.Tensor:
-            parts = material_tiles(torch.from_numpy(tiles[used[part]]).float().to(self.images.device), self.appearance)
+    def _tile_latents(self, tiles: np.ndarray, used: np.ndarray) -> np.ndarray:
+        def raw(rows: slice) -> torch.Tensor:
+            parts = material_tiles(torch.from_numpy(tiles[used[rows]]).float().to(self.images.device), self.appearance)
             emission = parts.new_zeros(len(parts), 3, *parts.shape[2:])  # never encoded
             return torch.cat([parts[:, :12], emission, parts[:, 12:]], 1).half().cpu()  # as files store it
 
-        return self._in_chunks(len(used), raw, progress).numpy()
+        return self._in_chunks(len(used), raw).numpy()
 
-    def _in_chunks(self, count: int, raw, progress) -> torch.Tensor:
+    def _in_chunks(self, count: int, raw) -> torch.Tensor:
         """(count, 80, 4, 4) f16 latents of the raw tiles raw(slice)."""
         if not count:
             return torch.zeros(0, 5 * self.images.channels, 4, 4, dtype=torch.float16)
         chunks = []
         for begin in range(0, count, CHUNK):
-            poll = lambda: progress(f"Encoding textures {begin}/{count}", begin / count)  # noqa: B023, E731
-            poll()
-            groups = image_groups(raw(slice(begin, begin + CHUNK)))
-            chunks.append(self.images(groups.flatten(0, 1), poll).unflatten(0, (-1, 5)).flatten(1, 2).half())
+            with part(begin / count, (begin + CHUNK) / count, f"Encoding textures {begin}/{count}"):
+                report()
+                groups = image_groups(raw(slice(begin, begin + CHUNK)))
+                chunks.append(self.images(groups.flatten(0, 1)).unflatten(0, (-1, 5)).flatten(1, 2).half())
         return torch.cat(chunks)
 
 
 def image_groups(raw: torch.Tensor) -> torch.Tensor:
-    """(T, 15 or 16, q, q) raw tiles -> (T, 5, 3, q, q): 3 of the latent, normal, height (spec/scene-input.md 4.5)."""
+    """(T, 15 or 16, q, q) raw tiles -> (T, 5, 3, q, q): 3 of the latent, normal, height (docs/scene-input.md 4.5)."""
     height = raw[:, 15:16] if raw.shape[1] == 16 else torch.zeros_like(raw[:, :1])
     return torch.cat([raw[:, :12].unflatten(1, (4, 3)), height[:, None].expand(-1, -1, 3, -1, -1)], 1)

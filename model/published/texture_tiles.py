@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Barycentric tiles sampled from texture maps (spec/scene-input.md 4.2, 4.3)."""
+"""Barycentric tiles sampled from texture maps (docs/scene-input.md 4.2, 4.3)."""
 from __future__ import annotations
 
 import numpy as np

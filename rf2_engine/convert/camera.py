@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The evaluated scene camera as a `View` (spec/scene-input.md 1.3, 1.4)."""
+"""The evaluated scene camera as a `View` (docs/scene-input.md 1.3, 1.4)."""
 from __future__ import annotations
 
 import numpy as np

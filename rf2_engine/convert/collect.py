@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...model import progress
 from . import mesh as meshes
 from .material import MaterialTiles
+from .medium import Medium, mesh_medium
 from .mesh import TriangleMesh
 from .report import Report
 from .shading import volume
 from .vdb import volume_medium
-from .volume import Medium, mesh_medium
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
@@ -38,16 +39,18 @@ class Part:
 
 
 @dataclass
-class Lamp:
-    name: str
-    matrix: np.ndarray
-    light: object
+class LampInstance:
+    """One lamp, as bright as its data-block says and wherever it stands."""
+
+    name: str           # of the object
+    matrix: np.ndarray  # (4, 4) f64, object to world
+    light: object       # bpy Light
 
 
 @dataclass
 class Collected:
     parts: list[Part] = field(default_factory=list)
-    lamps: list[Lamp] = field(default_factory=list)
+    lamps: list[LampInstance] = field(default_factory=list)
     media: list[Medium] = field(default_factory=list)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -63,13 +66,12 @@ class Collected:
         return points.min(axis=0), points.max(axis=0)
 
 
-def collect(depsgraph, images, report, progress) -> Collected:
+def collect(depsgraph, images, report) -> Collected:
     """Everything that `depsgraph.object_instances` shows, each evaluated mesh read once.
 
     images: the ImageCache of this conversion, for textures that decide whether a material emits.
-    `progress(text, fraction)` is called for every instance and may raise RenderCancelled.
     """
-    return _Walk(depsgraph, images, report).run(progress)
+    return _Walk(depsgraph, images, report).run()
 
 
 class _Walk:
@@ -79,12 +81,13 @@ class _Walk:
         self._read: dict[int, TriangleMesh] = {}
         self._parts: dict[tuple, list[Part]] = {}
 
-    def run(self, progress) -> Collected:
+    def run(self) -> Collected:
         total = len(self.depsgraph.object_instances)
         for i, instance in enumerate(self.depsgraph.object_instances):
-            progress(f"Converting {i + 1}/{total} objects", i / total)
-            if instance.show_self:
-                self._add(instance)
+            with progress.part(i / total, (i + 1) / total, f"Converting {i + 1}/{total} objects"):
+                progress.report()
+                if instance.show_self:
+                    self._add(instance)
         return self.found
 
     def _add(self, instance) -> None:
@@ -97,7 +100,7 @@ class _Walk:
         elif obj.type == "MESH":
             self._add_mesh(obj, matrix)
         elif obj.type == "LIGHT":
-            self.found.lamps.append(Lamp(obj.name, matrix, obj.data))
+            self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
         elif obj.type == "VOLUME":
             self._add_volume(obj, matrix)
         else:

@@ -9,7 +9,8 @@ import numpy as np
 from .shading import graph
 from .shading.evaluate import Evaluator, Points
 from .shading.image import ImageCache
-from .shading.surface import evaluate_shader
+from .shading.node_call import NodeCall
+from .shading.surface import closure_at
 
 
 def lamp_strength(light, name: str, report) -> np.ndarray | None:
@@ -36,7 +37,7 @@ def _node_strength(light, name, report) -> np.ndarray:
     if output is None:
         return np.zeros(3)
     evaluator = Evaluator(Points(), ImageCache(report), report, name)
-    return evaluate_shader(evaluator, graph.find_input(output, "Surface")).emission.astype(np.float64)
+    return closure_at(NodeCall(evaluator, output), "Surface").emission.astype(np.float64)
 
 
 def normalized(light) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender lamps to emitting triangles (spec/scene-input.md 6.4, factors of unnormalised lamps measured in Cycles).
+"""Blender lamps to emitting triangles (docs/scene-input.md 6.4, factors of unnormalised lamps measured in Cycles).
 
 Radiance leaves a lamp triangle through its front only, within its beam (model/scene.py, `beam_axis`).
 """
@@ -37,8 +37,8 @@ FINE, COARSE = Detail(20, 12, 8, 4), Detail(8, 6, 4, 1)
 
 
 @dataclass
-class Lamp:
-    """A lamp object: its pose without scale (it shines along -Z), and the scene it stands in."""
+class PlacedLamp:
+    """A lamp's strength, its pose without scale (it shines along -Z), and the scene it stands in."""
 
     light: object             # bpy Light
     strength: np.ndarray      # (3,)
@@ -73,12 +73,12 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
     if strength is None:
         return _flat_scene(np.zeros((0, 3, 3)), np.zeros(3))
     matrix = np.asarray(matrix_world, np.float64)
-    return CONVERTERS[light.type](Lamp(
+    return CONVERTERS[light.type](PlacedLamp(
         light, strength, name, report, matrix[:3, 3], _rotation(matrix), np.linalg.norm(matrix[:3, :3], axis=0),
         np.asarray(center, np.float64), max(radius, 1e-6), detail))
 
 
-def _area(lamp: Lamp) -> RenderScene:
+def _area(lamp: PlacedLamp) -> RenderScene:
     """The lamp's own shape, and a black copy just behind it."""
     light = lamp.light
     second = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
@@ -99,13 +99,13 @@ def _area(lamp: Lamp) -> RenderScene:
     return _flat_scene(lamp.placed(front), radiance, lamp.beam_axis, cosines).appended(_black(lamp.placed(behind)))
 
 
-def _point(lamp: Lamp) -> RenderScene:
+def _point(lamp: PlacedLamp) -> RenderScene:
     triangles = proxies.ball(_ball_radius(lamp), lamp.detail.ball_faces)
     radiance = ball_power(lamp.light, lamp.strength) / (math.pi * proxies.area(triangles))
     return _flat_scene(triangles + lamp.place, radiance)
 
 
-def _spot(lamp: Lamp) -> RenderScene:
+def _spot(lamp: PlacedLamp) -> RenderScene:
     """A ball with a beam, and a black shade that makes the cone for a network that does not know beams."""
     x, y, z = lamp.scale
     if abs(x - y) > 1e-3 * max(x, y):
@@ -118,14 +118,14 @@ def _spot(lamp: Lamp) -> RenderScene:
     return _flat_scene(lamp.placed(triangles), radiance, lamp.beam_axis, cosines).appended(_black(lamp.placed(shade)))
 
 
-def _ball_radius(lamp: Lamp) -> float:
+def _ball_radius(lamp: PlacedLamp) -> float:
     size, least = lamp.light.shadow_soft_size, BALL_RADIUS * lamp.scene_radius
     if size < 0.99 * least:
         lamp.approximated(f"its radius is {least:.3g} instead of {size:.3g}: shadows are softer")
     return max(size, least)
 
 
-def _sun(lamp: Lamp) -> RenderScene:
+def _sun(lamp: PlacedLamp) -> RenderScene:
     """A distant disk that fills the sun's solid angle, seen from the middle of the scene."""
     own = lamp.light.angle
     if own < SUN_ANGLE:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender materials to material tiles and emission (spec/scene-input.md 3, 4)."""
+"""Blender materials to material tiles and emission (docs/scene-input.md 3, 4)."""
 from __future__ import annotations
 
 import numpy as np
 
+from ...model import progress
 from ...model.scene import (
     BASE_COLOR,
     HEIGHT,
@@ -21,7 +22,8 @@ from .shading import graph
 from .shading.closure import Closure, SurfaceParameters, parameters
 from .shading.evaluate import Evaluator, Points
 from .shading.image import ImageCache
-from .shading.surface import evaluate_shader
+from .shading.node_call import NodeCall
+from .shading.surface import closure_at
 from .shading.volume import has_surface
 
 CHUNK = 256                  # triangles evaluated at once
@@ -63,6 +65,7 @@ class MaterialTiles:
         uv = {name: np.pad(layer, ((0, 0), (0, 0), (0, 1))) for name, layer in uv_layers.items()}
         corner_data = uv, colors or {}
         for start in range(0, n, CHUNK):
+            progress.report(start / n)
             part = slice(start, min(start + CHUNK, n))
             on_grid = [{name: _interpolated(layer[part]) for name, layer in data.items()} for data in corner_data]
             points = Points(uv=on_grid[0], active_uv=active_uv, colors=on_grid[1], camera_ray=True)
@@ -91,31 +94,11 @@ class MaterialTiles:
             return SurfaceParameters(color, *(np.full(1, x, np.float32) for x in (0, 1, 1, 0)),
                                      np.array([0, 0, 1], np.float32), np.zeros(3, np.float32)), np.zeros(1, np.float32)
         output = graph.output_node(tree)
-        closure = Closure()
-        if output is not None:
-            closure = evaluate_shader(evaluator, graph.find_input(output, "Surface"))
+        output = None if output is None else NodeCall(evaluator, output)
+        closure = Closure() if output is None else closure_at(output, "Surface")
         if not closure.weight.any() and not closure.emission.any() and has_surface(material):
             self.report.approximated(material.name, "no surface shader reaches the Material Output: it is black")
-        return parameters(closure), self._height(material, output, evaluator)
-
-    def _height(self, material, output, evaluator) -> np.ndarray:
-        """Displacement over 0.025 world units (spec/scene-input.md 4.6); objects are taken to be of scale 1."""
-        zero = np.zeros(1, np.float32)
-        socket = None if output is None else graph.find_input(output, "Displacement")
-        source = None if socket is None else graph.source(socket)[1]
-        if source is None:
-            return zero
-        node, frames = source.node, graph.source(socket)[2]
-        if node.bl_idname != "ShaderNodeDisplacement":
-            evaluator.approximated(node, f"{node.bl_label} displacement is left out")
-            return zero
-        height, middle, scale = (evaluator.named(node, frames, name) for name in ("Height", "Midlevel", "Scale"))
-        displacement = (height - middle) * scale / HEIGHT_UNIT
-        if material.displacement_method == "BUMP":
-            evaluator.approximated(node, "displacement as bump only is shown as displacement")
-        if np.any(np.abs(displacement) > 1):
-            evaluator.approximated(node, f"displacement is limited to {HEIGHT_UNIT} units")
-        return np.clip(displacement, -1, 1)
+        return parameters(closure), _height(material, output)
 
     def _constant_index(self, tile: np.ndarray) -> int:
         key = tile.tobytes()
@@ -127,6 +110,22 @@ class MaterialTiles:
     def _append(self, tiles: np.ndarray) -> None:
         self._chunks.append(tiles)
         self._count += len(tiles)
+
+
+def _height(material, output: NodeCall | None) -> np.ndarray:
+    """Displacement over 0.025 world units (docs/scene-input.md 4.6); objects are taken to be of scale 1."""
+    n = None if output is None else output.source("Displacement")
+    if n is None:
+        return np.zeros(1, np.float32)
+    if n.kind != "ShaderNodeDisplacement":
+        n.approximated(f"{n.node.bl_label} displacement is left out")
+        return np.zeros(1, np.float32)
+    displacement = (n["Height"] - n["Midlevel"]) * n["Scale"] / HEIGHT_UNIT
+    if material.displacement_method == "BUMP":
+        n.approximated("displacement as bump only is shown as displacement")
+    if np.any(np.abs(displacement) > 1):
+        n.approximated(f"displacement is limited to {HEIGHT_UNIT} units")
+    return np.clip(displacement, -1, 1)
 
 
 def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Evaluated Blender meshes as triangle arrays (spec/scene-input.md 2)."""
+"""Evaluated Blender meshes as triangle arrays (docs/scene-input.md 2)."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+
+from ...model.geometry import area_vectors
 
 FARTHEST = 1e15  # coordinates beyond count as infinite: their squares would not fit into float32
 
@@ -23,15 +25,15 @@ class TriangleMesh:
     def __len__(self) -> int:
         return len(self.corners)
 
-    def take(self, index: np.ndarray) -> "TriangleMesh":
+    def take(self, index: np.ndarray) -> TriangleMesh:
         """The triangles picked by an integer or boolean index."""
         return self.mapped(lambda layer: layer[index], slot=self.slot[index])
 
-    def mirrored(self) -> "TriangleMesh":
+    def mirrored(self) -> TriangleMesh:
         """The same surface with the corner order reversed, for matrices with a negative determinant."""
         return self.mapped(lambda layer: layer[:, [1, 0, 2]])
 
-    def mapped(self, function, **changes) -> "TriangleMesh":
+    def mapped(self, function, **changes) -> TriangleMesh:
         """This mesh with `function` applied to every array that varies per corner."""
         return replace(self, corners=function(self.corners), normals=function(self.normals),
                        uv={name: function(layer) for name, layer in self.uv.items()},
@@ -92,13 +94,13 @@ def transform(mesh: TriangleMesh, matrix: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def face_normals(corners: np.ndarray) -> np.ndarray:
     """(n, 3) unit normals of (n, 3, 3) corners; 0 for triangles without area."""
-    normals = _doubled_area_vectors(corners)
+    normals = area_vectors(corners.astype(np.float64))
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
 
 
 def areas(corners: np.ndarray) -> np.ndarray:
     """(n,) f64 areas of (n, 3, 3) corners."""
-    return np.linalg.norm(_doubled_area_vectors(corners), axis=1) / 2
+    return np.linalg.norm(area_vectors(corners.astype(np.float64)), axis=1)
 
 
 def has_area(corners: np.ndarray) -> np.ndarray:
@@ -133,11 +135,6 @@ def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
         mesh = mesh.take(solid)
     normals = unit_or(mesh.normals, face_normals(mesh.corners)[:, None])
     return replace(mesh.mapped(lambda layer: np.nan_to_num(layer, posinf=0, neginf=0)), normals=normals)
-
-
-def _doubled_area_vectors(corners: np.ndarray) -> np.ndarray:
-    corners = corners.astype(np.float64)
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def _read(collection, attribute: str, size: int, dtype=np.float32) -> np.ndarray:

@@ -9,6 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
+from ...model.geometry import area_vectors
+
 SHADE_MAX_ANGLE = np.radians(80)
 
 
@@ -69,14 +71,10 @@ def shade(half_angle: float, radius: float, sides: int) -> np.ndarray:
 
 
 def area(triangles: np.ndarray) -> float:
-    return float(np.linalg.norm(_cross(triangles), axis=1).sum() / 2)
+    return float(np.linalg.norm(area_vectors(triangles), axis=1).sum())
 
 
 def normals(triangles: np.ndarray) -> np.ndarray:
     """(n, 3) unit face normals."""
-    cross = _cross(triangles)
-    return cross / np.linalg.norm(cross, axis=1, keepdims=True)
-
-
-def _cross(triangles):
-    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    vectors = area_vectors(triangles)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

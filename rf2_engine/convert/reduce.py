@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fewer triangles for meshes that do not fit the token budget (QSlim, as for the training assets: spec 2.3)."""
+"""Fewer triangles for meshes that do not fit the token budget, by QSlim (docs/scene-input.md 2.3)."""
 from __future__ import annotations
 
 import numpy as np
 
 from mathutils.bvhtree import BVHTree
 
+from ...model import progress
 from ...model.errors import SceneError
+from ...model.geometry import barycentric
 from . import mesh as meshes
 from .mesh import TriangleMesh
 
@@ -34,11 +36,10 @@ def share_budget(counts, copies, budget: int) -> np.ndarray:
     return _shrunk(counts, floor, low)
 
 
-def simplify(mesh: TriangleMesh, target: int, poll) -> TriangleMesh:
+def simplify(mesh: TriangleMesh, target: int) -> TriangleMesh:
     """At most `target` triangles of about the same shape.
 
-    Normals, UVs, colours and material slots come from the nearest original triangle. `poll()` is called between the
-    steps and may raise RenderCancelled.
+    Normals, UVs, colours and material slots come from the nearest original triangle.
     Raises SceneError if the simplifier is not installed.
     """
     if len(mesh) <= target:
@@ -49,17 +50,18 @@ def simplify(mesh: TriangleMesh, target: int, poll) -> TriangleMesh:
         raise SceneError("The scene has more triangles than the Triangle Budget, and the package that reduces them, "
                          "fast-simplification, is missing: use Render Properties > RenderFormer-V2 > Install Packages, "
                          "or raise the budget") from error
-    poll()
+    progress.report(0.0)
     points, faces, owner = _with_fins(*_welded(mesh.corners), mesh.slot)
-    poll()
+    progress.report(0.1)
     tree = BVHTree.FromPolygons(points.tolist(), faces.tolist(), all_triangles=True)
     upright = meshes.face_normals(points[faces])
-    poll()
+    progress.report(0.2)
     points, faces = fast_simplification.simplify(points, faces, target_count=target)
     corners = points[faces].astype(np.float32)
     corners = corners[np.isfinite(corners).all(axis=(1, 2))]
     corners = corners[meshes.has_area(corners)]
-    nearest = _nearest(corners, tree, poll)
+    with progress.part(0.5, 1.0):
+        nearest = _nearest(corners, tree)
     centre, face = nearest[:, 3], meshes.face_normals(corners)
     fin = (centre >= len(mesh)) & (np.abs((upright[centre] * face).sum(axis=1)) > 0.7)
     # Separate pieces are never merged: if that leaves too many triangles, the largest are kept.
@@ -101,14 +103,15 @@ def _with_fins(points: np.ndarray, faces: np.ndarray, slot: np.ndarray) -> tuple
             np.concatenate([np.arange(len(faces)), ends // 3]))
 
 
-def _nearest(corners: np.ndarray, tree: BVHTree, poll) -> np.ndarray:
+def _nearest(corners: np.ndarray, tree: BVHTree) -> np.ndarray:
     """(m, 4) i64: the triangle of `tree` nearest to the three corners and the centre of each of (m, 3, 3)."""
     centre = corners.mean(axis=1, keepdims=True)
     # Corners are looked up a little inside their triangle: at a crease or seam they belong to its side.
     inside = 0.95 * corners + 0.05 * centre
     found = []
-    for batch in np.array_split(np.concatenate([inside, centre], axis=1), len(corners) // 5000 + 1):
-        poll()
+    batches = np.array_split(np.concatenate([inside, centre], axis=1), len(corners) // 5000 + 1)
+    for i, batch in enumerate(batches):
+        progress.report(i / len(batches))
         found += [tree.find_nearest(point)[2] for point in batch.reshape(-1, 3).tolist()]
     return np.array(found, np.int64).reshape(-1, 4)
 
@@ -119,13 +122,13 @@ def _dressed(corners: np.ndarray, source: TriangleMesh, nearest: np.ndarray) -> 
     nearest: (m, 4) triangles of `source` at the corners and the centre.
     """
     at_corner, at_centre = nearest[:, :3], nearest[:, 3]
-    weights = np.clip(_barycentric(corners, source.corners[at_corner]), -2, 3)  # a sliver would throw it far off
+    weights = np.clip(barycentric(source.corners[at_corner], corners), -2, 3)  # a sliver would throw it far off
     clamped = np.clip(weights, 0, None)
     clamped /= clamped.sum(axis=-1, keepdims=True)
     normals = np.einsum("mck,mckx->mcx", clamped, source.normals[at_corner])
     face = meshes.face_normals(corners)[:, None]
     normals = np.where((normals * face).sum(axis=-1, keepdims=True) > 0, normals, face)
-    extrapolated = _barycentric(corners, source.corners[at_centre][:, None])
+    extrapolated = barycentric(source.corners[at_centre][:, None], corners)
     uv = {}
     for name, layer in source.uv.items():
         per_corner = np.einsum("mck,mckx->mcx", weights, layer[at_corner])
@@ -143,14 +146,3 @@ def _torn(uv: np.ndarray, corners: np.ndarray, reference_uv: np.ndarray, referen
     density = np.sqrt(meshes.areas(flat) / np.maximum(meshes.areas(reference), 1e-300))
     spread = np.linalg.norm(uv - np.roll(uv, 1, axis=1), axis=2).max(axis=1)
     return spread > 4 * density * meshes.longest_edges(corners)
-
-
-def _barycentric(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(..., 3) f64 weights of the corners of (..., 3, 3) triangles at the projections of (..., 3) points."""
-    origin = triangles[..., 0, :].astype(np.float64)
-    u, v, p = triangles[..., 1, :] - origin, triangles[..., 2, :] - origin, points - origin
-    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
-    pu, pv = (p * u).sum(-1), (p * v).sum(-1)
-    determinant = np.maximum(uu * vv - uv * uv, 1e-300)
-    b, c = (vv * pu - uv * pv) / determinant, (uu * pv - uv * pu) / determinant
-    return np.stack([1 - b - c, b, c], axis=-1)

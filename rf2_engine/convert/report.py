@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-LARGEST = 65504.0  # of a half float
+from ...model.color import HALF_MAX
 
 
 class Report:
@@ -26,11 +26,11 @@ class Report:
         self._add("refused", name, message)
 
     def finite(self, name: str, what: str, values: np.ndarray) -> np.ndarray:
-        """`values`, with 0 for NaN and LARGEST for infinity; reported when there are any."""
+        """`values`, with 0 for NaN and the largest half float for infinity; reported when there are any."""
         if np.isfinite(values).all():
             return values
         self.refused(name, f"{what} holds values that are not finite")
-        return np.nan_to_num(values, posinf=LARGEST, neginf=-LARGEST)
+        return np.nan_to_num(values, posinf=HALF_MAX, neginf=-HALF_MAX)
 
     def lines(self) -> list[str]:
         """One sentence per remark, ready to print."""

@@ -6,48 +6,46 @@ import functools
 
 import numpy as np
 
+from ...model import progress
 from ...model.scene import RenderScene
 from .. import compat
+from . import medium, reduce, subdivide
 from . import mesh as meshes
-from . import reduce, subdivide, volume
-from .collect import Collected, Lamp, Part, collect
+from .collect import Collected, LampInstance, Part, collect
 from .light import COARSE, FINE, convert_light
 from .material import MaterialTiles
 from .world import convert_world
 
-BATCH = 1024  # textured triangles between two calls of progress
 
-
-def convert(depsgraph, *, token_budget: int, max_edge: float, report, progress) -> RenderScene:
+def convert(depsgraph, *, token_budget: int, max_edge: float, report) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the longest side of the scene's bounding box. report: rf2_engine/convert/report.py.
-    progress(text, fraction) may raise RenderCancelled.
     Raises SceneError when the scene cannot be converted at all.
     """
     materials = MaterialTiles(report)
-    found = collect(depsgraph, materials.images, report, _stage(progress, 0.0, 0.5))
+    with progress.part(0.0, 0.5):
+        found = collect(depsgraph, materials.images, report)
     low, high = found.bounds()
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     lamps = _lamps(found.lamps, token_budget // 2, center, radius, report)
     budget = token_budget - sum(map(len, lamps))
-    _simplify(found, budget, report, _stage(progress, 0.5, 0.7))
+    with progress.part(0.5, 0.7):
+        _simplify(found, budget, report)
     _subdivide(found, budget, max_edge * float((high - low).max()))
-    surfaces = _surfaces(found.parts, materials, report, _stage(progress, 0.7, 0.95))
+    with progress.part(0.7, 0.9):
+        surfaces = _surfaces(found.parts, materials, report)
     scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
-    progress("Converting volumes and world", 0.95)
-    scene.volumes = volume.tokens(found.media, report)
-    scene.environment = convert_world(compat.world(depsgraph), report)
+    with progress.part(0.9, 0.95, "Converting volumes"):
+        scene.volumes = medium.cells(found.media, report)
+    with progress.part(0.95, 1.0, "Converting the world"):
+        scene.environment = convert_world(compat.world(depsgraph), report)
     scene.validate()
     return scene
 
 
-def _stage(progress, start: float, end: float):
-    return lambda text, fraction: progress(text, start + (end - start) * fraction)
-
-
-def _lamps(lamps: list[Lamp], budget: int, center: np.ndarray, radius: float, report) -> list[RenderScene]:
+def _lamps(lamps: list[LampInstance], budget: int, center: np.ndarray, radius: float, report) -> list[RenderScene]:
     """Triangles of each lamp; too many lamps become coarser, and at last the weakest are left out."""
     for detail in FINE, COARSE:
         shapes = [convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail) for lamp in lamps]
@@ -65,17 +63,17 @@ def _lamps(lamps: list[Lamp], budget: int, center: np.ndarray, radius: float, re
     return [shapes[i] for i in sorted(kept)]
 
 
-def _simplify(found: Collected, budget: int, report, progress) -> None:
+def _simplify(found: Collected, budget: int, report) -> None:
     _drop_small_instances(found, budget, report)
     parts = found.parts
     shares = reduce.share_budget([len(part.mesh) for part in parts], [len(part.matrices) for part in parts], budget)
-    for i, (part, share) in enumerate(zip(parts, shares)):
+    for i, (part, share) in enumerate(zip(parts, shares, strict=True)):
         before = len(part.mesh)
         if share >= before:
             continue
-        text, fraction = f"Simplifying {i + 1}/{len(parts)} meshes", i / len(parts)
         area = meshes.areas(part.mesh.corners).sum()
-        part.mesh = reduce.simplify(part.mesh, int(share), lambda: progress(text, fraction))
+        with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying {i + 1}/{len(parts)} meshes"):
+            part.mesh = reduce.simplify(part.mesh, int(share))
         part.flux_gain = area / meshes.areas(part.mesh.corners).sum()
         report.approximated(part.name, f"simplified from {before} to {len(part.mesh)} triangles")
 
@@ -92,7 +90,7 @@ def _drop_small_instances(found: Collected, budget: int, report) -> None:
         if least[i] <= budget:
             kept[i].append(matrix)
             budget -= least[i]
-    for part, matrices in zip(found.parts, kept):
+    for part, matrices in zip(found.parts, kept, strict=True):
         dropped = len(part.matrices) - len(matrices)
         if dropped:
             report.skipped(part.name, f"no room for {dropped} of its {len(part.matrices)} instances: "
@@ -122,19 +120,19 @@ def _scale(matrix: np.ndarray) -> float:
     return float(np.linalg.norm(matrix[:3, :3]))
 
 
-def _surfaces(parts: list[Part], materials: MaterialTiles, report, progress) -> RenderScene:
+def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:
     rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
     for i, part in enumerate(parts):
-        text, fraction = f"Materials of {i + 1}/{len(parts)} objects", i / len(parts)
-        tile_index, emission = _materials(part, materials, lambda: progress(text, fraction))
-        for matrix in part.matrices:
-            progress(text, fraction)
-            corners, normals = meshes.transform(part.mesh, matrix)
-            solid = meshes.has_area(corners)
-            if not solid.any():
-                report.skipped(part.name, "it is scaled to nothing")
-            for name, values in zip(rows, (corners, normals, emission, tile_index)):
-                rows[name].append(values[solid])
+        with progress.part(i / len(parts), (i + 1) / len(parts), f"Materials of {i + 1}/{len(parts)} objects"):
+            tile_index, emission = _materials(part, materials)
+            for matrix in part.matrices:
+                progress.report(1.0)
+                corners, normals = meshes.transform(part.mesh, matrix)
+                solid = meshes.has_area(corners)
+                if not solid.any():
+                    report.skipped(part.name, "it is scaled to nothing")
+                for name, values in zip(rows, (corners, normals, emission, tile_index), strict=True):
+                    rows[name].append(values[solid])
     scene = RenderScene(tiles=materials.tiles)
     for name, values in rows.items():
         if values:
@@ -144,16 +142,15 @@ def _surfaces(parts: list[Part], materials: MaterialTiles, report, progress) -> 
     return scene
 
 
-def _materials(part: Part, materials: MaterialTiles, poll) -> tuple[np.ndarray, np.ndarray]:
+def _materials(part: Part, materials: MaterialTiles) -> tuple[np.ndarray, np.ndarray]:
     """(n,) i32 tile and (n, 3) f32 radiance of the triangles of a part."""
     mesh = part.mesh
     tile_index, emission = np.zeros(len(mesh), np.int32), np.zeros((len(mesh), 3), np.float32)
-    for slot in np.unique(mesh.slot):
-        mine = np.flatnonzero(mesh.slot == slot)
-        # Which triangles of an emission texture shine is decided by comparing all of them.
-        for rows in [mine] if part.emits else np.split(mine, range(BATCH, len(mine), BATCH)):
-            poll()
-            chosen = mesh.take(rows)
+    slots = np.unique(mesh.slot)
+    for i, slot in enumerate(slots):
+        rows = np.flatnonzero(mesh.slot == slot)
+        chosen = mesh.take(rows)
+        with progress.part(i / len(slots), (i + 1) / len(slots)):
             tile_index[rows], emission[rows] = materials.triangle_tiles(
                 part.materials[slot], chosen.uv, chosen.active_uv, len(chosen), chosen.colors)
     return tile_index, emission * np.float32(part.flux_gain)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Volume objects: OpenVDB grids as media (spec/scene-input.md 5.3, 5.5)."""
+"""Volume objects: OpenVDB grids as media (docs/scene-input.md 5.3, 5.5)."""
 from __future__ import annotations
 
 import importlib.machinery
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .volume import CELLS, VOXELS, Medium, box_around
+from .medium import CELLS, VOXELS, Medium, box_around
 
 
 def volume_medium(obj, matrix: np.ndarray, scattering, absorption, report) -> Medium | None:

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The world's light as a latitude-longitude map (spec/scene-input.md 7)."""
+"""The world's light as a latitude-longitude map (docs/scene-input.md 7)."""
 from __future__ import annotations
 
 import numpy as np
 
+from ...model import progress
+from ...model.geometry import latlong_directions
 from ...model.scene import ENVIRONMENT_SHAPE
 from .shading import graph
 from .shading.evaluate import Evaluator, Points
 from .shading.image import ImageCache
-from .shading.surface import evaluate_shader
+from .shading.node_call import NodeCall
+from .shading.surface import closure_at
 
 MAX_SUPERSAMPLING = 4  # rays per texel and axis; larger images are reduced first
 BAND_ROWS = 32        # texel rows evaluated at once
@@ -16,7 +19,7 @@ VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmi
 
 
 def convert_world(world, report) -> np.ndarray | None:
-    """(256, 512, 3) f32 radiance, scene-linear, by direction as in spec/scene-input.md 7.1; None when it is black.
+    """(256, 512, 3) f32 radiance, scene-linear, by direction as in docs/scene-input.md 7.1; None when it is black.
 
     Every texel is the mean over its solid angle, so the energy of small bright suns in an HDRI is kept.
     """
@@ -29,18 +32,11 @@ def convert_world(world, report) -> np.ndarray | None:
     if output is None:
         return None
     images = ImageCache(report, MAX_SUPERSAMPLING * ENVIRONMENT_SHAPE[1])
-    socket, fineness = graph.find_input(output, "Surface"), _supersampling(world.node_tree)
-    bands = [_band(socket, row, fineness, images, report, world.name)
-             for row in range(0, ENVIRONMENT_SHAPE[0], BAND_ROWS)]
+    fineness, bands = _supersampling(world.node_tree), []
+    for row in range(0, ENVIRONMENT_SHAPE[0], BAND_ROWS):
+        progress.report(row / ENVIRONMENT_SHAPE[0])
+        bands.append(_band(output, row, fineness, images, report, world.name))
     return _none_if_black(np.concatenate(bands))
-
-
-def directions(rows: np.ndarray, height: int, width: int) -> np.ndarray:
-    """(len(rows), width, 3) f32 unit directions of texel centres of a height x width map; row 0 looks up, +Z."""
-    theta = np.pi * (rows[:, None] + 0.5) / height
-    phi = 2 * np.pi * (0.5 - (np.arange(width)[None] + 0.5) / width)
-    x, y = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
-    return np.stack(np.broadcast_arrays(x, y, np.cos(theta)), axis=-1).astype(np.float32)
 
 
 def _supersampling(tree) -> int:
@@ -51,12 +47,13 @@ def _supersampling(tree) -> int:
     return int(np.clip(np.ceil(max(widths) / ENVIRONMENT_SHAPE[1]), 2, MAX_SUPERSAMPLING))
 
 
-def _band(socket, first_row, fineness, images, report, name) -> np.ndarray:
+def _band(output, first_row, fineness, images, report, name) -> np.ndarray:
     """BAND_ROWS rows of the map."""
     height, width, _ = (size * fineness for size in ENVIRONMENT_SHAPE)
     rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)
-    evaluator = Evaluator(Points(direction=directions(rows, height, width)), images, report, name)
-    radiance = np.maximum(report.finite(name, "its light", evaluate_shader(evaluator, socket).emission), 0)
+    evaluator = Evaluator(Points(direction=latlong_directions(rows, height, width)), images, report, name)
+    emission = closure_at(NodeCall(evaluator, output), "Surface").emission
+    radiance = np.maximum(report.finite(name, "its light", emission), 0)
     radiance = np.broadcast_to(radiance, (len(rows), width, 3)).reshape(BAND_ROWS, fineness, -1, fineness, 3)
     weight = np.sin(np.pi * (rows + 0.5) / height).reshape(BAND_ROWS, fineness)
     weight = weight / weight.sum(axis=1, keepdims=True) / fineness

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lists and downloads repositories of the Hugging Face Hub in a process of its own, so that cancelling is ending it.
 
-A program, not a module of the add-on: `python -P hub_worker.py` reads one JSON object from standard input,
+A program, not a module of the add-on: `python -P hub_worker.py` reads a line of JSON from standard input,
     {"fetch": bool, "target": folder, "token": str or "",
-     "repositories": [{"id", "folder", "parts": [file or folder/]}]}
+     "repositories": [{"id", "revision" (null: head), "folder", "parts": [file or folder/], "sha256": {file: hash}}]}
 and writes one a line: {"total", "present" (bytes), "text"}, or at the end {"error", "status" (HTTP or null)}.
 
 A file has its final name only when it is complete and has the repository's hash; before that it is FILE.HASH.part,
@@ -91,18 +91,22 @@ def list_files(repository: dict, target: Path, token: str) -> list[RemoteFile]:
     from huggingface_hub import HfApi, constants, hf_hub_url
 
     api = HfApi(token=token or False)  # False: a login that is kept elsewhere on this computer is not ours to send
-    info = api.model_info(repository["id"], files_metadata=True, timeout=constants.HF_HUB_DOWNLOAD_TIMEOUT)
-    files = []
+    info = api.model_info(repository["id"], revision=repository.get("revision"), files_metadata=True,
+                          timeout=constants.HF_HUB_DOWNLOAD_TIMEOUT)
+    files, known = [], repository.get("sha256", {})
     for entry in info.siblings or ():
         name = PurePosixPath(entry.rfilename)
         wanted = any(entry.rfilename == part or (part.endswith("/") and entry.rfilename.startswith(part))
                      for part in repository["parts"])
         if wanted and name.suffix in SUFFIXES and ".." not in name.parts and "\\" not in entry.rfilename:
             url = hf_hub_url(repository["id"], entry.rfilename, revision=info.sha)
+            told = entry.lfs.sha256 if entry.lfs else ""
+            if told and told != known.get(entry.rfilename, told):
+                raise Explained(f"{repository['id']}: {entry.rfilename} is not the file that this add-on knows")
             files.append(RemoteFile(url, target / repository["folder"] / name, entry.size,
-                                    entry.lfs.sha256 if entry.lfs else "", entry.blob_id))
-    if not files:
-        raise Explained(f"{repository['id']} holds none of the expected files")
+                                    known.get(entry.rfilename, told), entry.blob_id))
+    if not files or known.keys() - {file.path.relative_to(target / repository["folder"]).as_posix() for file in files}:
+        raise Explained(f"{repository['id']} does not hold the expected files")
     return files
 
 
@@ -132,10 +136,10 @@ def download(file: RemoteFile, token: str, tell_length) -> None:
     file.part.replace(file.path)
 
 
-def lock(target: Path) -> None:
+def lock(target: Path, taken: str) -> None:
     """Keeps other processes from downloading into the folder until this one ends, however it ends.
 
-    Raises Explained when another one does it.
+    Raises Explained(taken) when another one does it.
     """
     descriptor = os.open(target / ".lock", os.O_RDWR | os.O_CREAT)  # not closed: that would be the end of the lock
     try:
@@ -146,9 +150,17 @@ def lock(target: Path) -> None:
             import fcntl
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError) as error:
-        raise Explained(f"another Blender is downloading these weights to {target}") from error
+        raise Explained(taken) from error
     except OSError:
         pass  # some network folders have no locks
+
+
+def require_space(target: Path, needed: int) -> None:
+    """Raises Explained when so many bytes do not fit on the disk of `target`."""
+    free = shutil.disk_usage(target).free
+    if free < needed:
+        raise Explained(f"the disk of {target} has too little space: {-(-needed // 100_000) / 10} MB are needed, "
+                        f"{free // 100_000 / 10} MB are free")
 
 
 def run(request: dict, tell) -> None:
@@ -163,17 +175,14 @@ def run(request: dict, tell) -> None:
             files += list_files(repository, target, token)
     if request["fetch"]:
         target.mkdir(parents=True, exist_ok=True)
-        lock(target)  # before looking at what is there
+        lock(target, f"another Blender is downloading these weights to {target}")  # before looking at what is there
     present = {file.path: file.present() for file in files}
     total = sum(file.size for file in files)
     missing = [file for file in files if present[file.path] != file.size or not file.path.is_file()]
     tell(total=total, present=sum(present.values()), text="")
     if not request["fetch"]:
         return
-    needed, free = total - sum(present.values()), shutil.disk_usage(target).free
-    if free < needed:
-        raise Explained(f"the disk of {target} has too little space: {-(-needed // 100_000) / 10} MB are needed, "
-                        f"{free // 100_000 / 10} MB are free")
+    require_space(target, total - sum(present.values()))
     last = 0.0
 
     def tell_length(file: RemoteFile, length: int) -> None:
@@ -224,14 +233,17 @@ def explained(error: Exception, what: str, request: dict) -> Explained:
     if isinstance(error, json.JSONDecodeError):
         return Explained(f"{what}: {LOGIN}")
     if isinstance(error, OSError) and error.errno and type(error).__module__ == "builtins":  # not of a network library
-        reason = REASONS.get(error.errno, error.strerror)
-        return Explained(f"the folder {request['target']} cannot be used: {reason}")
+        return unusable(request["target"], error)
     return Explained(f"{what}: {type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''} "
                      f"(check the connection; {KEPT})", status)
 
 
+def unusable(target: str, error: OSError) -> Explained:
+    return Explained(f"the folder {target} cannot be used: {REASONS.get(error.errno, error.strerror)}")
+
+
 def main() -> int:
-    request = json.load(sys.stdin)
+    request = json.loads(sys.stdin.readline())
     channel, sys.stdout = sys.stdout, sys.stderr  # libraries must not print into the messages
 
     def tell(**message) -> None:

@@ -1,83 +1,133 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Buttons of the settings panel."""
+"""Buttons that install, repair and stop installing Python packages."""
 from __future__ import annotations
-
-import subprocess
-import tempfile
 
 import bpy
 
-from .. import model_cache
-from . import packages
+from . import package_install, package_panel, packages, redraw, wheels
+from .display import amount, draw_text, free_space
 
 
-class RENDERFORMER_OT_free_model(bpy.types.Operator):
-    bl_idname = "renderformer_v2.free_model"
-    bl_label = "Free Model"
-    bl_description = "Give the memory of the loaded network back; the next render loads it again"
+def refusal() -> str:
+    """Why nothing can be installed now, or ""."""
+    if message := packages.offline():
+        return message
+    if packages.folder() is None:
+        return "The add-on runs from its source folder: install the packages into this Python"
+    if package_install.is_running():
+        return "The packages are being installed"
+    return "A render is running" if bpy.app.is_job_running("RENDER") else ""
+
+
+class _Install:
+    """Asks first; then a process works while Blender goes on. wanted() gives the wheels, or raises wheels.NoWheel."""
+
+    by_content = False
 
     @classmethod
     def poll(cls, context):
-        return model_cache.is_loaded()
+        if message := refusal():
+            cls.poll_message_set(message)
+        return not message
+
+    def invoke(self, context, event):
+        if problem := self.problem():
+            self.report({"ERROR"}, problem)
+            return {"CANCELLED"}
+        return context.window_manager.invoke_props_dialog(self, width=460, confirm_text=self.bl_label)
+
+    def draw(self, context):
+        package_panel.draw_build(self.layout)
+        if problem := self.problem():
+            draw_text(self.layout, problem)
+        else:
+            package_panel.draw_confirmation(self.layout, self.wanted(), self.by_content)
 
     def execute(self, context):
-        model_cache.free()
+        if problem := self.problem():
+            self.report({"ERROR"}, problem)
+            return {"CANCELLED"}
+        kept = packages.preferences()
+        installation = package_install.begin(packages.folder(create=True), self.wanted(), by_content=self.by_content,
+                                             index=kept.package_index, cpu_index=kept.torch_cpu_index)
+        if not bpy.app.background:
+            redraw.keep_redrawing()
+            return {"FINISHED"}
+        installation.wait()  # a script's call returns when all is there
+        packages.look_again()
+        if installation.state == "failed":
+            self.report({"ERROR"}, installation.error)
+            return {"CANCELLED"}
         return {"FINISHED"}
 
+    def problem(self) -> str:
+        """Why these packages cannot be installed, or ""."""
+        try:
+            needed = 0 if self.by_content else wheels.space_needed(self.wanted())
+        except wheels.NoWheel as error:
+            return str(error)
+        target = packages.folder()
+        free = free_space(target)
+        return "" if free >= needed else (f"The disk of {target} has too little space: {amount(needed)} are needed, "
+                                          f"{amount(free)} are free")
 
-class RENDERFORMER_OT_install_runtime(bpy.types.Operator):
-    bl_idname = "renderformer_v2.install_runtime"
+
+class RENDERFORMER_OT_install_packages(_Install, bpy.types.Operator):
+    bl_idname = "renderformer_v2.install_packages"
     bl_label = "Install Packages"
-    bl_description = ("Download the Python packages that are missing into a folder of this add-on "
-                      "(PyTorch: 0.2 GB on macOS and Windows, 3 GB on Linux). Esc stops it")
+    bl_description = ("Download the Python packages that are missing into a folder of this add-on. You see the size "
+                      "before anything is downloaded")
 
     published: bpy.props.BoolProperty(name="For the Published Weights", options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):
-        if message := packages.offline():
-            cls.poll_message_set(message)
-            return False
-        if packages.folder() is None:
-            cls.poll_message_set("The add-on runs from its source folder: install the packages into this Python")
-            return False
-        return bool(packages.missing(packages.PACKAGES | packages.PUBLISHED))
+        return super().poll(context) and bool(packages.missing(packages.PACKAGES | packages.PUBLISHED)
+                                              or packages.other_build())
 
-    def invoke(self, context, event):
-        wanted = packages.PUBLISHED if self.published else packages.PACKAGES
-        self.commands = packages.install_commands(packages.folder(create=True), wanted)
-        self.log = tempfile.TemporaryFile("w+")
-        self.process = None
-        self.timer = context.window_manager.event_timer_add(0.5, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        if event.type == "ESC":
-            if self.process:
-                self.process.kill()
-            return self._end(context, "CANCELLED")
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        code = self.process.poll() if self.process else 0
-        if code is None:
-            context.workspace.status_text_set("Installing packages... (Esc stops)")
-            return {"RUNNING_MODAL"}
-        if code != 0:
-            self.log.seek(0)
-            self.report({"ERROR"}, "pip failed:\n" + self.log.read()[-1000:])
-            return self._end(context, "CANCELLED")
-        if not self.commands:
-            self.report({"INFO"}, "The packages are installed")
-            return self._end(context, "FINISHED")
-        self.process = subprocess.Popen(self.commands.pop(0), stdout=self.log, stderr=subprocess.STDOUT)
-        return {"RUNNING_MODAL"}
-
-    def _end(self, context, result: str) -> set[str]:
-        context.window_manager.event_timer_remove(self.timer)
-        context.workspace.status_text_set(None)
-        self.log.close()
-        return {result}
+    def wanted(self):
+        group = packages.PUBLISHED if self.published else packages.PACKAGES
+        return packages.lacking(packages.missing(group) or group)
 
 
-register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_OT_free_model, RENDERFORMER_OT_install_runtime))
+class RENDERFORMER_OT_repair_packages(_Install, bpy.types.Operator):
+    bl_idname = "renderformer_v2.repair_packages"
+    bl_label = "Repair Packages"
+    bl_description = "Look into every installed file and download the packages again whose files are damaged or missing"
+    by_content = True
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and bool(packages.installed())
+
+    def wanted(self):
+        return packages.wanted(packages.installed())
+
+
+class RENDERFORMER_OT_cancel_packages(bpy.types.Operator):
+    bl_idname = "renderformer_v2.cancel_packages"
+    bl_label = "Cancel"
+    bl_description = "Stop; packages that are complete are kept"
+
+    @classmethod
+    def poll(cls, context):
+        return package_install.is_running()
+
+    def execute(self, context):
+        package_install.current.cancel()
+        return {"FINISHED"}
+
+
+_register, _unregister = bpy.utils.register_classes_factory((
+    RENDERFORMER_OT_install_packages, RENDERFORMER_OT_repair_packages, RENDERFORMER_OT_cancel_packages))
+
+
+def register() -> None:
+    _register()
+    package_install.tidy_up(packages.folder())
+
+
+def unregister() -> None:
+    package_install.forget()
+    redraw.unregister()
+    _unregister()

@@ -8,24 +8,21 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import bpy
 
-PACKAGES = {
-    "torch": "torch==2.15.0",
-    "safetensors": "safetensors==0.8.0",
-    "fast_simplification": "fast-simplification==0.2.0",
-}
+from . import distributions, package_install, wheels
+
+PACKAGES = {"torch": "torch", "safetensors": "safetensors", "fast_simplification": "fast-simplification"}
 NETWORK = ("torch", "safetensors")  # no picture without them; the rest is asked for where it is used
 PUBLISHED = {  # to download and read the published weights
-    "huggingface_hub": "huggingface_hub==2.4.0",
-    "yaml": "PyYAML==6.0.3",
-    "diffusers": "diffusers==0.42.1",
-    "PIL": "Pillow==13.0.0",
+    "huggingface_hub": "huggingface-hub", "yaml": "pyyaml", "diffusers": "diffusers", "PIL": "pillow",
 }
-WITH_DEPENDENCIES = ("torch", "huggingface_hub")  # the others would bring a numpy, or need only what is there
 EXTENSION = __package__.rsplit(".", 2)[0]
+
+_seen: tuple[object, dict[str, str]] = (None, {})  # what state of the folder was looked at, and what was intact there
 
 
 class MissingPackages(Exception):
@@ -35,6 +32,11 @@ class MissingPackages(Exception):
 def is_extension() -> bool:
     """False when run from the source tree, where Blender has no folder for us."""
     return EXTENSION.startswith("bl_ext.")
+
+
+def preferences() -> bpy.types.AddonPreferences | None:
+    addon = bpy.context.preferences.addons.get(EXTENSION)
+    return addon and addon.preferences
 
 
 def offline() -> str:
@@ -53,13 +55,91 @@ def folder(create: bool = False) -> Path | None:
     return Path(bpy.utils.extension_path_user(EXTENSION, path="runtime", create=create))
 
 
-def missing(packages: dict[str, str] = PACKAGES) -> list[str]:
-    """Import names of the packages (PACKAGES or PUBLISHED) that are not to be found."""
+def look_again() -> None:
+    """Forget what was seen in our folder: something was written there."""
+    global _seen
+    _seen = None, {}
+    importlib.invalidate_caches()
+
+
+def intact() -> dict[str, str]:
+    """{distribution: version} of what lies complete in our folder; looked at again when something comes or goes."""
+    global _seen
+    if package_install.is_running():
+        return _seen[1]  # what comes now is looked at when all is there
+    own = folder()
+    if own is None or not own.is_dir():
+        return {}
+    state = own, own.stat().st_mtime_ns
+    if _seen[0] != state:
+        _seen = state, distributions.intact(own)
+    return _seen[1]
+
+
+def is_elsewhere(name: str) -> bool:
+    """Whether the running Python has a package of this import name outside of our folder."""
     own = folder()
     if own and own.is_dir() and str(own) not in sys.path:
         sys.path.append(str(own))  # behind Blender's packages: it must not replace any of them
         importlib.invalidate_caches()
-    return [name for name in packages if importlib.util.find_spec(name) is None]
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.origin is None:  # a folder without an __init__.py is the rest of something
+        return False
+    return own is None or not Path(spec.origin).is_relative_to(own)
+
+
+def is_complete(distribution: str) -> bool:
+    """Whether our folder has it with all that it needs, of either build and in the pinned versions."""
+    have = intact()
+
+    def has(build: str) -> bool:
+        try:
+            return all(have.get(wheel.name) == wheel.version for wheel in wheels.needed(distribution, build))
+        except (wheels.NoWheel, KeyError):  # not made for this computer, or not pinned
+            return False
+
+    return any(map(has, wheels.BUILDS))
+
+
+def missing(packages: dict[str, str] = PACKAGES) -> list[str]:
+    """Import names of the packages (PACKAGES or PUBLISHED) that are not to be found, or damaged."""
+    return [name for name, distribution in packages.items()
+            if not is_elsewhere(name) and not is_complete(distribution)]
+
+
+def installed() -> list[str]:
+    """Import names of the packages that lie in our folder, damaged or not."""
+    own = folder()
+    there = distributions.infos(own) if own else {}
+    return [name for name, distribution in (PACKAGES | PUBLISHED).items() if distribution in there]
+
+
+def build() -> str:
+    """The build of PyTorch that the preferences ask for: CUDA or CPU."""
+    return wheels.build(preferences().torch_build if preferences() else "AUTO")
+
+
+def wanted(names: Iterable[str]) -> list[wheels.Wheel]:
+    """Everything that our folder should have for these packages, in the build of the preferences. Raises NoWheel."""
+    known, found = PACKAGES | PUBLISHED, {}
+    for name in names:
+        if not is_elsewhere(name):
+            found |= {wheel.name: wheel for wheel in wheels.needed(known[name], build())}
+    return list(found.values())
+
+
+def lacking(names: Iterable[str]) -> list[wheels.Wheel]:
+    """Those of wanted(names) that are not there. Raises NoWheel."""
+    have = intact()
+    return [wheel for wheel in wanted(names) if have.get(wheel.name) != wheel.version]
+
+
+def other_build() -> str:
+    """The build of PyTorch in the preferences, if our folder has a complete one of another; else ""."""
+    try:
+        return build() if is_complete("torch") and lacking(["torch"]) else ""
+    except wheels.NoWheel:
+        return ""
 
 
 def require() -> None:
@@ -67,16 +147,6 @@ def require() -> None:
     names = [name for name in missing() if name in NETWORK]
     if names:
         raise MissingPackages(
-            f"Python packages are missing: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > Install "
-            f"Packages (PyTorch is a large download), or install them into Blender's Python: {sys.executable} -m pip "
-            "install " + " ".join(PACKAGES[name] for name in names))
-
-
-def install_commands(target: Path, packages: dict[str, str]) -> list[list[str]]:
-    """pip commands that bring what is missing into `target`: prebuilt wheels only, and without numpy."""
-    pip = [sys.executable, "-m", "pip", "install", "--disable-pip-version-check", "--only-binary=:all:", "--upgrade",
-           "--target", str(target)]
-    names = missing(packages)
-    alone = [packages[name] for name in names if name not in WITH_DEPENDENCIES]
-    return ([[*pip, packages[name]] for name in names if name in WITH_DEPENDENCIES]
-            + ([[*pip, "--no-deps", *alone]] if alone else []))
+            f"Python packages are missing or incomplete: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > "
+            f"Install Packages (PyTorch is a large download), or install them into Blender's Python: {sys.executable} "
+            "-m pip install " + " ".join(wheels.requirement(PACKAGES[name]) for name in names))

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Add-on preferences: the published weights, how to get them and where they are."""
+"""Add-on preferences: the Python packages, the published weights, how to get them and where they are."""
 from __future__ import annotations
 
-import shutil
-import textwrap
 from os.path import isdir
-from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import EnumProperty, StringProperty
 
 from .. import model_cache
-from . import packages, published_weights, weights_download
+from . import package_panel, packages, published_weights, weights_download
+from .display import amount, draw_progress, draw_text, free_space
 
 _token = ""  # only for this session: a property of Blender's own would be saved with the preferences
 
@@ -28,6 +26,20 @@ def _set_token(self, value: str) -> None:
 class RenderFormerPreferences(bpy.types.AddonPreferences):
     bl_idname = packages.EXTENSION
 
+    torch_build: EnumProperty(
+        name="PyTorch", description="Which PyTorch is installed on Linux", default="AUTO",
+        items=(("AUTO", "Automatic", "For CUDA where an NVIDIA driver is found, else for the CPU", 0),
+               ("CUDA", "CUDA", "For NVIDIA GPUs and the CPU: 3 GB to download, 5.5 GB on disk", 1),
+               ("CPU", "CPU", "For the CPU only: 0.2 GB to download", 2)),
+    )
+    torch_cpu_index: StringProperty(
+        name="CPU Build From", default="https://download.pytorch.org/whl/cpu",
+        description="Address of the package index that has PyTorch's build for the CPU",
+    )
+    package_index: StringProperty(
+        name="Package Index",
+        description="Address of the index that all other packages come from. Empty: the Python Package Index",
+    )
     weights_folder: StringProperty(
         name="Own Folder", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         description="A copy of renderformer-v2 on this computer, with the VAE of Qwen-Image as its folder vae or in "
@@ -40,11 +52,15 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
 
     def draw(self, context):
         layout = self.layout
+        layout.label(text="Python packages")
+        box = layout.box()
+        package_panel.draw_packages(box, packages.PACKAGES)
+        package_panel.draw_choices(box)
         layout.label(text="Published weights")
         box = layout.box()
         _draw_status(box)
         if not self.weights_folder:
-            _draw_packages(box)
+            package_panel.draw_packages(box, packages.PUBLISHED, published=True)
             _draw_download(box, self)
         box.prop(self, "weights_folder")
         if model_cache.is_loaded():
@@ -58,7 +74,7 @@ def _draw_status(layout) -> None:
         return
     missing = published_weights.missing_parts(bundle) if isdir(bundle) else ["everything"]
     if missing:
-        _draw_text(layout, f"Missing: {', '.join(missing)}")
+        draw_text(layout, f"Missing: {', '.join(missing)}")
     else:
         layout.label(text="Complete", icon="CHECKMARK")
     folder = published_weights.download_folder()
@@ -67,26 +83,13 @@ def _draw_status(layout) -> None:
         layout.operator("renderformer_v2.remove_weights", icon="TRASH")
 
 
-def _draw_text(layout, text: str) -> None:
-    column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(text, 70)):
-        column.label(text=line, icon="BLANK1" if number else "ERROR")
-
-
-def _draw_packages(layout) -> None:
-    missing = packages.missing(packages.PUBLISHED)
-    if missing:
-        layout.label(text=f"Missing Python packages: {', '.join(missing)}", icon="ERROR")
-        layout.operator("renderformer_v2.install_runtime", icon="IMPORT").published = True
-
-
 def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
     download, offline = weights_download.current, packages.offline()
     if offline:
         layout.label(text=offline, icon="INTERNET_OFFLINE")
     if download is None or download.state in ("done", "failed", "cancelled"):
         if download and download.state == "failed":
-            _draw_text(layout, download.error)
+            draw_text(layout, download.error)
             if download.needs_token or token():
                 layout.prop(preferences, "access_token")
         layout.operator("renderformer_v2.download_weights", icon="IMPORT")
@@ -97,30 +100,8 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
         layout.label(text=f"{amount(left)} to download{have}, {amount(free_space(download.target))} free on the disk")
         layout.operator("renderformer_v2.fetch_weights", text=f"Download {amount(left)}", icon="IMPORT")
     else:
-        layout.progress(factor=download.present / max(download.total, 1), text=progress_text(download))
+        draw_progress(layout, download)
     layout.operator("renderformer_v2.cancel_download", icon="CANCEL")
-
-
-def progress_text(download: weights_download.Download) -> str:
-    """"12 %, 210.3 MB of 1.75 GB  transformer_512/model.safetensors", and for how long nothing has come."""
-    text = download.text
-    if download.total:
-        text = (f"{100 * download.present // download.total} %, {amount(download.present)} of "
-                f"{amount(download.total)}  {text}")
-    silent = download.silent_seconds
-    return text if silent < 5 else f"{text} (no data for {silent:.0f} s)"
-
-
-def amount(size: int) -> str:
-    """Bytes as "1.75 GB" or "210.3 MB"."""
-    return f"{size / 1e9:.2f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"
-
-
-def free_space(folder: Path) -> int:
-    """Bytes on the disk where the folder is or will be."""
-    while not folder.exists():
-        folder = folder.parent
-    return shutil.disk_usage(folder).free
 
 
 def register() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The published weights on this computer: where they lie and whether they are complete (spec/scene-input.md 12)."""
+"""The published weights on this computer: where they lie and whether they are complete (docs/scene-input.md 12)."""
 from __future__ import annotations
 
 import os
@@ -13,9 +13,11 @@ from ...model.published.bundle_files import COMPONENTS, INDEX
 from . import packages
 
 BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
+# A "revision" of None is the head; "sha256" of a file, where it is known, is asked of whatever the Hub sends.
 REPOSITORIES = [
-    {"id": "RenderFormer/renderformer-v2", "folder": BUNDLE, "parts": [INDEX, *(f"{name}/" for name in COMPONENTS)]},
-    {"id": "Qwen/Qwen-Image", "folder": VAE, "parts": ["vae/"]},
+    {"id": "RenderFormer/renderformer-v2", "revision": None, "folder": BUNDLE,
+     "parts": [INDEX, *(f"{name}/" for name in COMPONENTS)], "sha256": {}},
+    {"id": "Qwen/Qwen-Image", "revision": None, "folder": VAE, "parts": ["vae/"], "sha256": {}},
 ]
 
 
@@ -26,14 +28,9 @@ def download_folder() -> Path | None:
     return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="weights"))
 
 
-def preferences() -> bpy.types.AddonPreferences | None:
-    addon = bpy.context.preferences.addons.get(packages.EXTENSION)
-    return addon and addon.preferences
-
-
 def bundle_folder() -> Path | None:
     """The folder of renderformer-v2: the user's own, else the downloaded one, whether it is there or not."""
-    chosen = preferences() and preferences().weights_folder
+    chosen = packages.preferences() and packages.preferences().weights_folder
     if chosen:
         return Path(bpy.path.abspath(chosen)).expanduser()
     folder = download_folder()
@@ -64,7 +61,7 @@ def require() -> Path:
     if bundle and isdir(bundle):
         readable = os.access(bundle, os.R_OK | os.X_OK)
         what = f"in {bundle}: {', '.join(parts)}" if readable else f": {bundle} may not be read"
-    elif preferences() and preferences().weights_folder:
+    elif packages.preferences() and packages.preferences().weights_folder:
         what = f": there is no folder {bundle}"
     raise CheckpointError(f"The published weights are not complete {what}. Download them, or choose a folder that has "
                           "them, in Preferences > Add-ons > RenderFormer-V2; or set Weights to Bundled")

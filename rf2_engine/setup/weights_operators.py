@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Buttons of the preferences: download the published weights, stop, remove them.
-
-A timer redraws the preferences while a download runs. A modal operator would hold back Blender's autosave all the time.
-"""
+"""Buttons for weights: download the published ones, stop, remove them; free the memory of the loaded network."""
 from __future__ import annotations
 
 import shutil
@@ -10,23 +7,7 @@ import shutil
 import bpy
 
 from .. import model_cache
-from . import packages, preferences, published_weights, weights_download
-
-REDRAW = 0.25  # seconds
-
-
-def redraw() -> float | None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "PREFERENCES":
-                area.tag_redraw()
-    return REDRAW if weights_download.is_running() else None
-
-
-def keep_redrawing() -> None:
-    """Until the download ends, also when another file is opened."""
-    if not bpy.app.timers.is_registered(redraw):
-        bpy.app.timers.register(redraw, persistent=True)
+from . import packages, preferences, published_weights, redraw, weights_download
 
 
 def refusal() -> str:
@@ -49,7 +30,7 @@ class _Download(bpy.types.Operator):
 
     def run(self, download: weights_download.Download) -> set[str]:
         if not bpy.app.background:
-            keep_redrawing()
+            redraw.keep_redrawing()
             return {"FINISHED"}
         download.wait()  # a script's call returns when all is there
         if download.state == "failed":
@@ -123,9 +104,23 @@ class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class RENDERFORMER_OT_free_model(bpy.types.Operator):
+    bl_idname = "renderformer_v2.free_model"
+    bl_label = "Free Model"
+    bl_description = "Give the memory of the loaded network back; the next render loads it again"
+
+    @classmethod
+    def poll(cls, context):
+        return model_cache.is_loaded()
+
+    def execute(self, context):
+        model_cache.free()
+        return {"FINISHED"}
+
+
 _register, _unregister = bpy.utils.register_classes_factory((
     RENDERFORMER_OT_download_weights, RENDERFORMER_OT_fetch_weights, RENDERFORMER_OT_cancel_download,
-    RENDERFORMER_OT_remove_weights))
+    RENDERFORMER_OT_remove_weights, RENDERFORMER_OT_free_model))
 
 
 def register() -> None:
@@ -134,6 +129,5 @@ def register() -> None:
 
 def unregister() -> None:
     weights_download.forget()
-    if bpy.app.timers.is_registered(redraw):
-        bpy.app.timers.unregister(redraw)
+    redraw.unregister()
     _unregister()

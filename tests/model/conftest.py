@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.network.config import ModelConfig
-from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
+from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, ViewInputs, VolumeInputs
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tools.parity.cases import recipe_network
 
@@ -36,10 +36,10 @@ def tiny_inputs() -> NetworkInputs:
 
 
 @pytest.fixture
-def rays() -> tuple[torch.Tensor, torch.Tensor]:
+def rays() -> ViewInputs:
     directions = torch.randn(2, 64, 64, 3, generator=torch.Generator().manual_seed(2))
     directions = torch.nn.functional.normalize(directions, dim=-1)
-    return torch.tensor([[0.0, 0.0, 2.0], [1.0, -1.0, 0.5]]), directions
+    return ViewInputs(torch.tensor([[0.0, 0.0, 2.0], [1.0, -1.0, 0.5]]), directions)
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ from threading import Event
 
 import pytest
 
-from renderformer_v2.model import background
+from renderformer_v2.model import background, progress
 from renderformer_v2.model.errors import RenderCancelled
 
 
@@ -14,10 +14,10 @@ def test_giving_up_ends_the_wait_and_not_the_import():
     done = Event()
     future = background.begin(lambda: done.wait(60))
 
-    def cancel():
+    def cancel(text, fraction):
         raise RenderCancelled()
-    with pytest.raises(RenderCancelled):
-        background.finish(future, cancel)
+    with pytest.raises(RenderCancelled), progress.reporting(cancel):
+        background.finish(future)
     assert not future.done()
     done.set()
     assert background.finish(future) is True
@@ -31,7 +31,7 @@ def test_errors_come_out_where_the_import_is_needed():
 
 def test_loading_the_bundled_network_leaves_slow_imports_out():
     """PyTorch's compiler and what it needs take longer to import than the network takes to load."""
-    code = ("import sys; from model.renderer import Renderer; Renderer('small', 'cpu'); "
+    code = ("import sys, tools; from renderformer_v2.model.renderer import Renderer; Renderer(device='cpu'); "
             "print({'torch._dynamo', 'sympy', 'diffusers'} & set(sys.modules))")
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ended.stdout.strip() == "set()"

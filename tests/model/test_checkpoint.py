@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Weights on disk: what loads, and what is refused with which words."""
 import json
-from dataclasses import asdict
 
 import pytest
 import torch
 import yaml
 from safetensors.torch import load_file, save_file
 
-from renderformer_v2.model.checkpoint import load_network, save_small
+from renderformer_v2.model.checkpoint import load_network, save_network
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.material.mappers import MAPPERS
 from renderformer_v2.model.published.bundle import Bundle
 from renderformer_v2.model.renderer import Renderer
+from tests.model.published.bundles import published_mapping
 from tools.parity.cases import with_recipe_weights
 
 
 @pytest.fixture
 def saved(tmp_path, tiny_config, tiny_network):
-    save_small(tmp_path / "weights", tiny_config, tiny_network.state_dict())
+    save_network(tmp_path / "weights", tiny_config, tiny_network.state_dict())
     return tmp_path / "weights"
 
 
@@ -26,8 +26,7 @@ def saved(tmp_path, tiny_config, tiny_network):
 def bundle(tmp_path, tiny_config, tiny_network):
     """A published bundle in miniature, stored in half precision."""
     folder = tmp_path / "bundle"
-    own = {"guided", "embed_norm_eps", "dense", "tile_encoder_channels", "env_encoder", "decoder_extra_channels"}
-    model_config = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(tiny_config).items() if k not in own}
+    model_config = published_mapping(tiny_config)
     for name in ("transformer_512", "transformer_2048"):
         (folder / name).mkdir(parents=True)
         config = {"model_config": model_config, "trainer_config": {"learn_ldr": False}, "dataset_config": {}}
@@ -48,7 +47,7 @@ def test_saved_network_comes_back(saved, tiny_network, tiny_inputs, rays):
     loaded = load_network(saved)
     assert loaded.config == tiny_network.config
     assert torch.equal(loaded.transformer.rope_emb.freqs, tiny_network.transformer.rope_emb.freqs)
-    torch.testing.assert_close(loaded(tiny_inputs, *rays), tiny_network(tiny_inputs, *rays), atol=5e-3, rtol=0)
+    torch.testing.assert_close(loaded(tiny_inputs, rays), tiny_network(tiny_inputs, rays), atol=5e-3, rtol=0)
 
 
 def test_bundle_chooses_the_transformer_by_resolution(bundle, tiny_network):

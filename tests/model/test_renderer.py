@@ -5,48 +5,55 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from renderformer_v2.model import progress
 from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.errors import RenderCancelled
-from renderformer_v2.model.renderer import Renderer, fingerprint, padded
+from renderformer_v2.model.renderer import Renderer, padded
 from renderformer_v2.model.scene import Guides
 from tests.model.samples import floor_scene, floor_view
 
 
 @pytest.fixture(scope="module")
 def renderer() -> Renderer:
-    return Renderer("small", device="cpu", precision="fp32")
+    return Renderer(device="cpu", precision="fp32")
 
 
 def test_picture_scales_with_the_light_and_keeps_odd_sizes(renderer):
     view, guides = floor_view(50, 37)
-    dim, bright = (renderer.render(floor_scene(radiance=r), view, guides) for r in (10.0, 1000.0))
+    dim, bright = (renderer.encode(floor_scene(radiance=r)).view(view, guides) for r in (10.0, 1000.0))
     assert dim.shape == (37, 50, 3) and np.isfinite(dim).all() and dim.max() > 0
     np.testing.assert_allclose(bright, 100 * dim, rtol=1e-2, atol=1e-3)
 
 
-def test_nothing_but_the_camera_changed_keeps_stage_one(renderer):
-    scene, steps = floor_scene(), []
+def test_a_scene_is_encoded_once_for_many_views(renderer):
+    encoded, steps = renderer.encode(floor_scene()), []
     view, guides = floor_view()
-    renderer.render(scene, view, guides)
-    renderer.render(floor_scene(), view, guides, progress=lambda text, fraction: steps.append(text))
+    first = encoded.view(view, guides)
+    with progress.reporting(lambda text, fraction: steps.append(text)):
+        again = encoded.view(view, guides)
+    np.testing.assert_array_equal(first, again)
     assert steps and not any(text.startswith("Stage 1") for text in steps)
-    changed = replace(scene, emission=scene.emission * 2)
-    renderer.render(changed, view, guides, progress=lambda text, fraction: steps.append(text))
-    assert any(text.startswith("Stage 1") for text in steps)
-    assert fingerprint(scene) == fingerprint(floor_scene()) != fingerprint(changed)
+    assert encoded.tokens > len(floor_scene())
 
 
 def test_progress_rises_and_can_cancel(renderer):
-    view, guides = floor_view()
-    fractions = []
-    renderer.render(floor_scene(radiance=3.0), view, guides, progress=lambda text, fraction: fractions.append(fraction))
+    said = []
+    with progress.reporting(lambda text, fraction: said.append((text, fraction))):
+        with progress.part(0.0, 0.5):
+            encoded = renderer.encode(floor_scene(radiance=3.0))
+        with progress.part(0.5, 1.0):
+            encoded.view(*floor_view())
+    fractions = [fraction for _, fraction in said]
     assert fractions == sorted(fractions) and 0 <= fractions[0] and fractions[-1] <= 1
+    assert all(text for text, _ in said)
 
     def cancel(text, fraction):
         raise RenderCancelled()
 
-    with pytest.raises(RenderCancelled):
-        renderer.render(floor_scene(radiance=4.0), view, guides, progress=cancel)
+    with pytest.raises(RenderCancelled), progress.reporting(cancel):
+        renderer.encode(floor_scene(radiance=4.0))
+    with pytest.raises(RenderCancelled), progress.reporting(cancel):
+        encoded.view(*floor_view())
 
 
 def part_of(view, guides, x, y, width, height):
@@ -57,20 +64,20 @@ def part_of(view, guides, x, y, width, height):
 
 def test_padding_keeps_the_windows_of_the_picture_and_repeats_its_edge():
     whole, guides = floor_view(256, 192)
-    view, larger = padded(*part_of(whole, guides, 70, 50, 60, 100))
+    view, larger = padded(*part_of(whole, guides, 70, 50, 60, 100), 64)
     assert (view.corner, view.width, view.height) == ((64, 0), 128, 192)
     np.testing.assert_allclose(view_rays(view)[1], view_rays(whole)[1][:, 64:192], atol=1e-6)
     np.testing.assert_array_equal(larger.position[50:150, 6:66], guides.position[50:150, 70:130])
     np.testing.assert_array_equal(larger.position[:50, 6:66], np.repeat(guides.position[50:51, 70:130], 50, axis=0))
-    same, _ = padded(*floor_view(64, 64))
+    same, _ = padded(*floor_view(64, 64), 64)
     assert (same.width, same.height) == (64, 64)
 
 
 def test_a_part_looks_as_it_does_in_the_picture(renderer):
     scene, whole = floor_scene(), floor_view(256, 192)
     x, y, width, height = 70, 50, 100, 90
-    expected = renderer.render(scene, *whole)[y:y + height, x:x + width]
-    actual = renderer.render(scene, *part_of(*whole, x, y, width, height))
+    expected = renderer.encode(scene).view(*whole)[y:y + height, x:x + width]
+    actual = renderer.encode(scene).view(*part_of(*whole, x, y, width, height))
     assert actual.shape == expected.shape
     assert np.abs(actual - expected).mean() < 0.01 * expected.mean()
 
@@ -82,4 +89,4 @@ def test_what_the_machine_lacks_is_refused_with_advice(arguments):
         if torch.cuda.is_available():
             pytest.skip("this machine has CUDA")
     with pytest.raises(ValueError, match="choose"):
-        Renderer("small", **arguments)
+        Renderer(**arguments)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import addon_utils
-from bl_ext.user_default.renderformer_v2.model import checkpoint
-from bl_ext.user_default.renderformer_v2.model.network import config
+from bl_ext.user_default.renderformer_v2.model import checkpoint, presets
 from bl_ext.user_default.renderformer_v2.rf2_engine import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages
 from bl_ext.user_default.renderformer_v2.rf2_engine.statistics import last_frame
@@ -16,7 +15,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.statistics import last_frame
 from .f12 import cube, mesh_object, press_f12, sun
 
 NAN = float("nan")
-SMALL = json.dumps(checkpoint.FORMAT | {"model_config": config.rf2_small().to_dict()})
+SMALL = json.dumps(checkpoint.FORMAT | {"model_config": presets.rf2_small().to_dict()})
 
 
 def expect_error(scene, tmp_path, *words):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`python -m tools.datagen` makes samples that fit together, always the same for a seed, and goes on where it was."""
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, IOR, TILE_SIZE, TRANSMISSION
+from tools.datagen.__main__ import share_out
 from tools.datagen.shards import STORED_TILE, load_sample, sample_path, sample_paths, save_arrays
 
 ROOT = Path(__file__).parents[2]
@@ -83,3 +85,17 @@ def test_a_killed_write_leaves_no_sample(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         save_arrays(sample_path(tmp_path, 1), {"fine": np.zeros(3), "broken": Broken()})
     assert sample_paths(tmp_path) == []
+
+
+def test_no_number_of_threads_means_every_core():
+    program = ("import bpy, sys; from tools.datagen import reference; reference.prepare(32, 0); "
+               "sys.stderr.write(f'threads={bpy.context.scene.render.threads}'); "
+               "from tools.extension import leave; leave(0)")
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert f"threads={os.cpu_count()}" in done.stderr
+
+
+def test_a_process_that_is_killed_is_a_failure(monkeypatch):
+    monkeypatch.setattr(subprocess, "Popen", lambda command, spawn=subprocess.Popen: spawn(
+        [sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"]))
+    assert share_out(2, 1) == 1

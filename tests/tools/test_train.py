@@ -6,18 +6,22 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.guided.encoders import PANORAMA
+from renderformer_v2.model.checkpoint import new_network
+from renderformer_v2.model.guided.encoders import panorama_size
+from renderformer_v2.model.guided.guides import FEATURES
+from renderformer_v2.model.guided.light import LOBES
 from renderformer_v2.model.guided.light_prior import LightPrior
-from renderformer_v2.model.network.config import rf2_small
-from renderformer_v2.model.network.renderformer import RenderFormer
+from renderformer_v2.model.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
-from tools.datagen.shards import save_sample
-from tools.train import augment as symmetry
+from tools.datagen.shards import load_sample, save_sample
+from tools.train import cache_key
+from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
+from tools.train.errors import TrainingError
 from tools.train.loader import admitted
 from tools.train.losses import image_loss, structure_loss
 from tools.train.network import sample_loss
-from tools.train.samples import LOBES, build_sample, cached_sample, with_latents
+from tools.train.samples import build_sample, cached_sample, with_latents
 from tools.train.state import TrainingState
 
 TINY = replace(rf2_small(), latent_dim=48, num_layers=1, num_heads=1, dim_feedforward=64, num_register_tokens=2,
@@ -48,7 +52,7 @@ def same(a, b, tolerance: float):
     for name in a.__dataclass_fields__:
         x, y = getattr(a, name), getattr(b, name)
         if isinstance(x, torch.Tensor):
-            torch.testing.assert_close(x, y, atol=tolerance, rtol=tolerance, msg=lambda m: f"{name}: {m}")
+            torch.testing.assert_close(x, y, atol=tolerance, rtol=tolerance, msg=lambda m, name=name: f"{name}: {m}")
         elif x is not None:
             same(x, y, tolerance)
 
@@ -59,16 +63,42 @@ def test_the_cache_gives_back_what_was_built(stored, tmp_path):
     same(cached_sample(stored, tmp_path), built, 2e-3)
 
 
+def test_the_cache_keeps_data_sets_apart_and_replaces_what_is_out_of_date(stored, tmp_path, monkeypatch):
+    cache, other = tmp_path / "cache", tmp_path / "other" / stored.name
+    cache.mkdir()
+    other.parent.mkdir()
+    scene, views, guides, passes = load_sample(stored)
+    save_sample(other, scene, views, guides, [{name: 2 * x for name, x in p.items()} for p in passes])
+    first = cached_sample(stored, cache)
+    assert (cached_sample(other, cache).image.mean() > 1.5 * first.image.mean()) and len(list(cache.iterdir())) == 2
+    for file in (other, stored):  # another content under the same name
+        save_sample(file, scene, views, guides, [{name: 3 * x for name, x in p.items()} for p in passes])
+        assert cached_sample(file, cache).image.mean() > 2.5 * first.image.mean()
+    monkeypatch.setattr(cache_key, "code_version", lambda: "newer")
+    before = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
+    cached_sample(stored, cache), cached_sample(other, cache)
+    after = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
+    assert set(after) == set(before) and all(after[file] > before[file] for file in before)
+    cut_short = next(cache.iterdir())
+    cut_short.write_bytes(cut_short.read_bytes()[:100])
+    cached_sample(stored, cache), cached_sample(other, cache)
+
+
+def test_the_version_of_the_preparing_code_covers_files_that_are_there():
+    assert all(list(cache_key.ROOT.glob(pattern)) for pattern in cache_key.SOURCES)
+
+
 def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
     """The prior of the turned lights and panorama is the one that the augmentation carried along."""
     sample = build_sample(stored)
     shift = 32  # a quarter turn
-    turned = symmetry._turn(sample, shift, PANORAMA[1])
+    columns = panorama_size(TINY)[1]
+    turned = turned_and_swapped(sample, shift, torch.arange(3))
     environment = replace(floor_scene(), environment=np.kron(
         np.random.default_rng(1).random((8, 16, 3)), np.ones((32, 32, 1))).astype(np.float32)).environment
     quarter = np.float32([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     world = replace(floor_scene(), triangles=floor_scene().triangles @ quarter.T,
-                    environment=np.roll(environment, -shift * 512 // PANORAMA[1], axis=1))
+                    environment=np.roll(environment, -shift * 512 // columns, axis=1))
     x, v = torch.tensor([[0.3, -0.5, 0.0]]), torch.tensor([[0.0, 0.6, 0.8]])
     n = torch.tensor([[0.0, 0.0, 1.0]])
     still = LightPrior(replace(floor_scene(), environment=environment))
@@ -83,23 +113,27 @@ def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
 def test_swapped_colours_keep_picture_and_parts_consistent(stored):
     sample = build_sample(stored)
     order = torch.tensor([2, 0, 1])
-    swapped = symmetry._recolor(sample, order)
-    unshadowed = lambda s: (s.guides.prior * s.guides.colors).sum(1)  # noqa: E731
+    swapped = turned_and_swapped(sample, 0, order)
+    unshadowed = lambda s: (s.view.guides.prior * s.view.guides.colors).sum(1)  # noqa: E731
     torch.testing.assert_close(unshadowed(swapped), unshadowed(sample)[:, order])
-    torch.testing.assert_close(swapped.guides.features[:, symmetry.COLORS].unflatten(1, (3, 3)), swapped.guides.colors)
-    torch.testing.assert_close(torch.pow(10, swapped.guides.features[:, symmetry.LIGHT].unflatten(1, (3, 3))) - 1,
-                               swapped.guides.prior, rtol=1e-3, atol=1e-4)
+    guides = swapped.view.guides
+    colors, light = (guides.features[:, FEATURES[name]].unflatten(1, (3, 3)) for name in ("colors", "light"))
+    torch.testing.assert_close(colors, guides.colors)
+    torch.testing.assert_close(torch.pow(10, light) - 1, guides.prior, rtol=1e-3, atol=1e-4)
+    tiles, before = swapped.inputs.texture, sample.inputs.texture
+    torch.testing.assert_close(tiles[:, :3], before[:, :3][:, order])
+    torch.testing.assert_close(tiles[:, 3:], before[:, 3:])
 
 
 def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
     torch.manual_seed(0)
     sample = with_latents(build_sample(stored), mapper)
-    state = TrainingState(RenderFormer(TINY), 2e-3, 0.01, 0.9)
+    state = TrainingState(new_network(TINY), 2e-3, 0.01, 0.9)
 
     def step(state) -> float:
         loss = sample_loss(state.model, sample, structure_loss)["total"]
         loss.backward()
-        state.advance(2e-3)
+        assert state.advance(2e-3, clip_norm=1.0)
         return loss.item()
 
     first = step(state)
@@ -107,27 +141,30 @@ def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
         last = step(state)
     assert last < 0.8 * first
     state.save(tmp_path / "state.safetensors")
-    resumed = TrainingState(RenderFormer(TINY), 2e-3, 0.01, 0.9)
-    resumed.load(tmp_path / "state.safetensors")
+    resumed = TrainingState(new_network(TINY), 2e-3, 0.01, 0.9)
+    assert resumed.resume(tmp_path / "state.safetensors")
     assert resumed.step == state.step
     assert step(resumed) == pytest.approx(step(state), rel=1e-5)
-    for (name, a), (_, b) in zip(state.model.named_parameters(), resumed.model.named_parameters()):
-        torch.testing.assert_close(a, b, atol=1e-6, rtol=1e-4, msg=lambda m: f"{name}: {m}")
+    for (name, a), (_, b) in zip(state.model.named_parameters(), resumed.model.named_parameters(), strict=True):
+        torch.testing.assert_close(a, b, atol=1e-6, rtol=1e-4, msg=lambda m, name=name: f"{name}: {m}")
 
 
 def test_the_curriculum_admits_scenes_by_what_they_hold(stored):
     sample = build_sample(stored)
     assert admitted(sample, Stage(1, volumes=False, transmission=False))
     assert not admitted(sample, Stage(1, max_triangles=10))
-    glass = replace(sample, guides=replace(sample.guides, colors=torch.ones_like(sample.guides.colors)))
+    guides = replace(sample.view.guides, colors=torch.ones_like(sample.view.guides.colors))
+    glass = replace(sample, view=replace(sample.view, guides=guides))
     assert not admitted(glass, Stage(1, transmission=False)) and admitted(glass, Stage(1))
 
 
-def test_configuration_names_unknown_keys(tmp_path):
+def test_configuration_names_wrong_keys(tmp_path):
     path = tmp_path / "config.json"
-    path.write_text('{"preset": "rf2_small", "learning_rat": 1}')
-    with pytest.raises(ValueError, match="learning_rat"):
-        TrainConfig.load(path)
+    for text, wrong in (('{"preset": "rf2_small", "learning_rat": 1}', "unknown keys learning_rat"),
+                        ('{"preset": "rf2_small"}', "missing keys .*learning_rate"), ("{", "cannot be read")):
+        path.write_text(text)
+        with pytest.raises(TrainingError, match=wrong):
+            TrainConfig.load(path)
 
 
 def test_equal_pictures_cost_nothing():

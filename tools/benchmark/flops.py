@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a forward costs by formula (spec/network.md 12), and what this machine's matrix products can do."""
+"""What a forward costs by formula (docs/network.md 12), and what this machine's matrix products can do."""
 from __future__ import annotations
 
+import math
 import time
 
 import torch
 
-from renderformer_v2.model.network.config import ModelConfig
+from renderformer_v2.model.guided.guides import FEATURES
+from renderformer_v2.model.guided.light import OUTPUTS
+from renderformer_v2.model.network.config import SWIN_WINDOW, ModelConfig
+from renderformer_v2.model.network.embed import ENVIRONMENT_GRID
 from renderformer_v2.model.network.nerf import nerf_width
 
-ENVIRONMENT_TOKENS = 64
+ENVIRONMENT_TOKENS = 2 * math.prod(ENVIRONMENT_GRID)  # LDR and HDR
 
 
 def forward_flops(config: ModelConfig, triangles: int, lights: int, resolution: int,
@@ -36,7 +40,7 @@ def forward_flops(config: ModelConfig, triangles: int, lights: int, resolution: 
         "keys_values": view_layers * 4 * length * d * d,
         "cross_attention": view_layers * 4 * rays * length * d,
         "stage2_linear": view_layers * rays * (12 * d * d + 6 * d * view_hidden),
-        "swin_attention": view_layers * 4 * 64 * rays * d,
+        "swin_attention": view_layers * 4 * SWIN_WINDOW ** 2 * rays * d,
         "decoder": rays * decoder_flops_per_ray(config),
     }
 
@@ -56,11 +60,11 @@ def decoder_flops_per_ray(config: ModelConfig) -> int:
     """Of the DPT decoder, for each token of the ray grid."""
     d, c, width = config.view_transformer_latent_dim, config.dpt_out_channels, config.dpt_features
     unit, point = 4 * 9 * width ** 2, 2 * width ** 2  # a residual unit, a 1x1 convolution, per position
+    extra, out = (len(FEATURES), len(OUTPUTS)) if config.guidance else (0, 3)
     reassemble = 2 * d * sum(c) + 32 * c[0] ** 2 + 8 * c[1] ** 2 + 18 * c[3] ** 2 // 4
     levels = 18 * width * (16 * c[0] + 4 * c[1] + c[2]) + 18 * width * c[3] // 4
     fusion = (unit // 4 + point) + (2 * unit + 4 * point) + (8 * unit + 16 * point) + (32 * unit + 64 * point)
-    output = 64 * (9 * width ** 2 + 18 * (width // 2 + config.decoder_extra_channels) * 32
-                   + 2 * 32 * config.decoded_channels)
+    output = 64 * (9 * width ** 2 + 18 * (width // 2 + extra) * 32 + 2 * 32 * out)
     return reassemble + levels + fusion + output
 
 

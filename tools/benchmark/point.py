@@ -47,7 +47,7 @@ def rf2_small(point: dict) -> dict:
     settings = scene.renderformer_v2
     settings.token_budget, settings.max_edge, settings.precision = point["triangles"], 1.0, point["precision"]
     total = _render(scene)
-    from renderformer_v2.model.network.config import rf2_small as preset
+    from renderformer_v2.model.presets import rf2_small as preset
     from renderformer_v2.rf2_engine.statistics import last_frame
     (last,) = last_frame
     return {"seconds": total - last.seconds.get("Loading the network", 0.0), "real_triangles": last.triangles,
@@ -58,26 +58,26 @@ def rf2_200m(point: dict) -> dict:
     """Seconds of the forward with random weights: stage 1, then a first view with its keys and values."""
     import torch
 
-    from renderformer_v2.model.camera import square_view, view_rays
-    from renderformer_v2.model.network.config import rf2_200m as preset
+    from renderformer_v2.model.camera import square_view
+    from renderformer_v2.model.inputs import view_inputs
     from renderformer_v2.model.network.renderformer import RenderFormer
     from renderformer_v2.model.precision import choose_device, choose_precision, in_precision
+    from renderformer_v2.model.presets import rf2_200m as preset
     device = choose_device()
     torch.manual_seed(SEED)
     model = in_precision(RenderFormer(preset()), choose_precision(point["precision"], device)).to(device).eval()
 
     def view(resolution: int):
-        view = square_view(ring.camera_to_world(), ring.FIELD_OF_VIEW, resolution)
-        return (torch.from_numpy(x).to(device)[None] for x in view_rays(view))
+        return view_inputs(square_view(ring.camera_to_world(), ring.FIELD_OF_VIEW, resolution)).to(device)
 
-    (origin, rays), inputs = view(point["resolution"]), _random_inputs(point["triangles"], preset()).to(device)
+    rays, inputs = view(point["resolution"]), _random_inputs(point["triangles"], preset()).to(device)
     with torch.inference_mode():
-        model(_random_inputs(ring.LEAST, preset()).to(device), *view(64))[0, 0, 0, 0].item()  # warm up
+        model(_random_inputs(ring.LEAST, preset()).to(device), view(64))[0, 0, 0, 0].item()  # warm up
         begin = time.perf_counter()
         context = model.encode_scene(inputs)
         context.tokens[0, 0].item()
         stage1 = time.perf_counter() - begin
-        model.render_view(context, origin, rays)[0, 0, 0, 0].item()
+        model.render_view(context, rays)[0, 0, 0, 0].item()
         total = time.perf_counter() - begin
     count = len(inputs.light)
     return {"seconds": total, "stage1_seconds": stage1, "stage2_seconds": total - stage1, "real_triangles": count,
@@ -88,11 +88,13 @@ def _random_inputs(triangles: int, config):
     """The scene's geometry with random texture and environment latents, which cost what real ones cost."""
     import torch
 
+    from renderformer_v2.model.network.embed import ENVIRONMENT_GRID
     from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, encode_light
     corners, lamp = ring.triangle_corners(triangles)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    panorama = torch.randn(2, config.envmap_latent_channels, 32, 64)
+    sides = [count * config.envmap_latent_patch_size for count in ENVIRONMENT_GRID]
+    panorama = torch.randn(2, config.envmap_latent_channels, *sides)
     texture = torch.randn(len(corners), config.texture_channels, *[config.texture_encode_patch_size] * 2)
     return NetworkInputs(
         torch.from_numpy(corners), torch.from_numpy(np.repeat(normal[:, None], 3, axis=1)), texture,

@@ -8,6 +8,7 @@ same scene. --profile simple has no textures, glass or volumes and at most four 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import time
@@ -55,10 +56,11 @@ def make(seed: int, profile: str, views: int, samples: int):
     if profile == "mixed":
         profile = "full" if seed % 3 else "simple"
     for attempt in range(ATTEMPTS):
-        sample = reference.make_sample(scene_generator.build_scene((seed, attempt), profile, views), samples)
-        if all(well_exposed(p["combined"]) for p in sample.passes):
-            break
-    return sample, attempt
+        last = attempt == ATTEMPTS - 1
+        sample = reference.make_sample(scene_generator.build_scene((seed, attempt), profile, views), samples,
+                                       lambda passes, last=last: last or well_exposed(passes["combined"]))
+        if sample is not None:
+            return sample, attempt
 
 
 def well_exposed(combined: np.ndarray) -> bool:
@@ -76,20 +78,27 @@ def main() -> int:
     parser.add_argument("--resolution", type=int, default=128)
     parser.add_argument("--samples", type=int, default=32, help="of the reference, before OpenImageDenoise")
     parser.add_argument("--profile", choices=("simple", "full", "mixed"), default="full")
-    parser.add_argument("--processes", type=int, default=1, help="each takes every n-th seed; one is best")
-    parser.add_argument("--threads", type=int, default=0, help="of each process; 0 = all")
+    parser.add_argument("--processes", type=int, default=0, help="each takes every n-th seed; 0 = one per core")
+    parser.add_argument("--threads", type=int, default=0, help="of each process; 0 = an equal share of the cores")
     parser.add_argument("--part", type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args()
-    if args.processes > 1 and not args.part:
-        others = [subprocess.Popen([sys.executable, "-m", "tools.datagen", *sys.argv[1:], "--part", str(i + 1)])
-                  for i in range(args.processes)]
-        return max(other.wait() for other in others)
+    # One thread each leaves no core idle while a process converts, looks for hits or writes.
+    processes = min(args.processes or os.cpu_count() or 1, max(args.scenes, 1))
+    if processes > 1 and not args.part:
+        return share_out(processes, args.threads or -(-(os.cpu_count() or 1) // processes))
     silence_blender()
     first = args.first_seed + max(args.part - 1, 0)
-    seeds = range(first, args.first_seed + args.scenes, args.processes)
+    seeds = range(first, args.first_seed + args.scenes, processes)
     failed = generate(args.out, seeds, profile=args.profile, views=args.views, resolution=args.resolution,
                       samples=args.samples, threads=args.threads)
     return 1 if failed else 0
+
+
+def share_out(processes: int, threads: int) -> int:
+    """Run this command line as so many processes, each with its part of the seeds; 1 if any of them fails."""
+    command = [sys.executable, "-m", "tools.datagen", *sys.argv[1:], "--processes", str(processes)]
+    running = [subprocess.Popen([*command, "--threads", str(threads), "--part", str(i + 1)]) for i in range(processes)]
+    return int(any([process.wait() for process in running]))
 
 
 if __name__ == "__main__":

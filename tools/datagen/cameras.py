@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cameras outside or inside the room, kept only when they see something (spec/scene-input.md 1.2)."""
+"""Cameras outside or inside the room, kept only when they see something (docs/scene-input.md 1.2)."""
 from __future__ import annotations
 
 import bpy

@@ -2,7 +2,7 @@
 """1 to 8 lights: emissive triangles and meshes, AREA, POINT, SPOT and SUN lamps.
 
 Powers follow from the irradiance that each light shall bring to the scene's centre, by the radiometry of
-spec/scene-input.md 6.4, so that pictures are well exposed whatever the kind, size and distance.
+docs/scene-input.md 6.4, so that pictures are well exposed whatever the kind, size and distance.
 """
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from .textures import color_map, make_image, normal_map, pattern
 CLASSES = ("dielectric", "metallic", "textured_dielectric", "textured_metallic", "transparent")
 CHANCES = {  # profile and use -> chance of each class
     ("full", "object"): (2 / 9, 2 / 9, 3 / 18, 3 / 18, 2 / 9),
-    ("full", "room"): (0.45, 0.1, 0.3, 0.15, 0.0),  # rooms are never glass (spec/scene-input.md 3.3)
+    ("full", "room"): (0.45, 0.1, 0.3, 0.15, 0.0),  # rooms are never glass (docs/scene-input.md 3.3)
     ("simple", "object"): (0.6, 0.4, 0.0, 0.0, 0.0),
     ("simple", "room"): (0.85, 0.15, 0.0, 0.0, 0.0),
 }
@@ -89,7 +89,7 @@ def link_image(material: bpy.types.Material, image: bpy.types.Image, socket: bpy
 
 
 def emissive_material(color: np.ndarray, strength: float) -> bpy.types.Material:
-    """White and rough, radiating `strength * color` W/(m^2 sr) on both sides (spec/scene-input.md 3.5)."""
+    """White and rough, radiating `strength * color` W/(m^2 sr) on both sides (docs/scene-input.md 3.5)."""
     material = bpy.data.materials.new("light")
     material.use_nodes = True
     shader = material.node_tree.nodes["Principled BSDF"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes of generated objects: modifiers applied, size, UVs, smooth or flat (spec/scene-input.md 2.2)."""
+"""Meshes of generated objects: modifiers applied, size, UVs, smooth or flat (docs/scene-input.md 2.2)."""
 from __future__ import annotations
 
 import bpy

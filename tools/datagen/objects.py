@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects: Blender's primitives, Suzanne and text under random modifiers (spec/scene-input.md 1.2)."""
+"""Objects: Blender's primitives, Suzanne and text under random modifiers (docs/scene-input.md 1.2)."""
 from __future__ import annotations
 
 import bmesh

@@ -13,7 +13,7 @@ from tools import extension
 extension.load()
 from renderformer_v2.model.scene import Guides, RenderScene, View  # noqa: E402
 from renderformer_v2.rf2_engine import cycles_session  # noqa: E402
-from renderformer_v2.rf2_engine import passes as pass_table
+from renderformer_v2.rf2_engine import passes as pass_table  # noqa: E402
 from renderformer_v2.rf2_engine.convert.camera import convert_camera  # noqa: E402
 from renderformer_v2.rf2_engine.convert.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
@@ -60,8 +60,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     start = time.perf_counter()
     view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)
     if sample.scene is None:
-        sample.scene = convert(depsgraph, token_budget=TOKEN_BUDGET, max_edge=MAX_EDGE, report=sample.report,
-                               progress=lambda text, fraction: None)
+        sample.scene = convert(depsgraph, token_budget=TOKEN_BUDGET, max_edge=MAX_EDGE, report=sample.report)
     converted = time.perf_counter()
     found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, lighting=True, denoise=True)
     rendered = time.perf_counter()
@@ -69,28 +68,36 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     sample.views.append(view)
     sample.passes.append({name: found[name] for name in LIGHTING})
     guided = time.perf_counter()
-    for stage, seconds in zip(sample.seconds, (converted - start, rendered - converted, guided - rendered)):
+    for stage, seconds in zip(sample.seconds, (converted - start, rendered - converted, guided - rendered),
+                              strict=True):
         sample.seconds[stage] += seconds
 
 
 def prepare(resolution: int, threads: int) -> None:
-    """Empty file, our engine, Cycles' factory settings but for the number of threads."""
+    """Empty file, our engine, Cycles' factory settings but for the number of threads (0 = one per core)."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.utils.register_class(DatagenEngine)
     render = bpy.context.scene.render
     render.engine = DatagenEngine.bl_idname
     render.resolution_x = render.resolution_y = resolution
     render.resolution_percentage = 100
-    render.threads_mode, render.threads = "FIXED", threads
+    render.threads_mode = "FIXED" if threads else "AUTO"
+    if threads:  # Blender makes 1 of 0
+        render.threads = threads
     render.use_persistent_data = True
 
 
-def make_sample(cameras: list[bpy.types.Object], samples: int) -> Sample:
-    """Render every camera of the open file. Raises what conversion or Cycles raise."""
+def make_sample(cameras: list[bpy.types.Object], samples: int, good) -> Sample | None:
+    """Render every camera of the open file; None as soon as `good(passes)` is not true of a view.
+
+    Raises what conversion or Cycles raise.
+    """
     DatagenEngine.sample, DatagenEngine.error = Sample(samples), None
     for camera in cameras:
         bpy.context.scene.camera = camera
         bpy.ops.render.render()
         if DatagenEngine.error is not None:
             raise DatagenEngine.error
+        if not good(DatagenEngine.sample.passes[-1]):
+            return None
     return DatagenEngine.sample

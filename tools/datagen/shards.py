@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from renderformer_v2.model.color import half
 from renderformer_v2.model.scene import TILE_SIZE, Guides, RenderScene, View, Volumes
 
 STORED_TILE = 8
-HALF_MAX = 65504.0
 
 
 def save_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
@@ -49,7 +49,7 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
     arrays |= _packed_tiles(scene)
     arrays["scene.normals"] = scene.normals.astype(np.float16)
     if scene.environment is not None:
-        arrays["scene.environment"] = _half(scene.environment)
+        arrays["scene.environment"] = half(scene.environment)
     if scene.volumes is not None:
         arrays |= {f"volumes.{f.name}": getattr(scene.volumes, f.name) for f in fields(Volumes)}
     for f in fields(View):
@@ -57,7 +57,7 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
     for f in fields(Guides):
         arrays[f"guides.{f.name}"] = np.stack([_packed_guide(f.name, getattr(g, f.name)) for g in guides])
     for name in passes[0]:
-        arrays[f"passes.{name}"] = np.stack([_half(p[name]) for p in passes])
+        arrays[f"passes.{name}"] = np.stack([half(p[name]) for p in passes])
     save_arrays(path, arrays)
 
 
@@ -107,17 +107,13 @@ def _packed_guide(name: str, array: np.ndarray) -> np.ndarray:
         return array
     if name == "hit_barycentric":
         return (array * 255 + 0.5).astype(np.uint8)
-    return _half(array)
+    return half(array)
 
 
 def _unpacked_guide(name: str, array: np.ndarray) -> np.ndarray:
     if name == "hit_triangle":
         return array
     return array.astype(np.float32) / (255 if name == "hit_barycentric" else 1)
-
-
-def _half(array: np.ndarray) -> np.ndarray:
-    return array.clip(-HALF_MAX, HALF_MAX).astype(np.float16)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

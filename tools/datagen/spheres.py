@@ -3,7 +3,7 @@
 
     python -m tools.datagen.spheres OUT_DIR --spheres 3000 --first-seed 1
 
-Follows spec/scene-input.md 3.6 (sphere, camera, film, parameter ranges), but 64x64 pixels, a sphere of 64x64 segments
+Follows docs/scene-input.md 3.6 (sphere, camera, film, parameter ranges), but 64x64 pixels, a sphere of 64x64 segments
 and a studio light of Blender in place of the Uffizi map, which is not distributed. One seed is one sphere; finished
 shards are kept.
 """
@@ -19,6 +19,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from renderformer_v2.model.color import half
 from tools.extension import leave
 
 from .console import silence_blender
@@ -88,7 +89,7 @@ def monochrome(image: bpy.types.Image) -> bpy.types.Image:
 
 def set_parameters(shader: bpy.types.ShaderNode, values: np.ndarray) -> None:
     shader.inputs["Base Color"].default_value = (*map(float, values[:3]), 1.0)
-    for name, value in zip(("Metallic", "Roughness", "IOR", "Transmission Weight"), values[3:]):
+    for name, value in zip(("Metallic", "Roughness", "IOR", "Transmission Weight"), values[3:], strict=True):
         shader.inputs[name].default_value = float(value)
     shader.inputs["Specular IOR Level"].default_value = 1.0
 
@@ -102,7 +103,7 @@ def render(path: str) -> np.ndarray:
     image.pixels.foreach_get(pixels)
     bpy.data.images.remove(image)
     pixels = pixels.reshape(SIZE, SIZE, 4)[::-1]
-    return (pixels[..., :3] * pixels[..., 3:]).clip(0.0, 6e4).astype(np.float16)
+    return half((pixels[..., :3] * pixels[..., 3:]).clip(0.0))
 
 
 def main() -> None:

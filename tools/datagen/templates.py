@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Room templates: a ground plane with 0 to 3 walls, a wide floor, open and closed boxes (spec/scene-input.md 1.2)."""
+"""Room templates: a ground plane with 0 to 3 walls, a wide floor, open and closed boxes (docs/scene-input.md 1.2)."""
 from __future__ import annotations
 
 from dataclasses import dataclass

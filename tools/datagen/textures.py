@@ -5,6 +5,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from renderformer_v2.model.color import linear_to_srgb
+
 SIZE = 128
 PATTERNS = ("noise", "checker", "bricks", "stripes", "dots")
 
@@ -67,7 +69,7 @@ def make_image(name: str, values: np.ndarray, *, color: bool) -> bpy.types.Image
     if values.ndim == 2:
         values = values[..., None].repeat(3, axis=-1)
     if color:
-        values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * np.maximum(values, 1e-9) ** (1 / 2.4) - 0.055)
+        values = linear_to_srgb(values)
     image = bpy.data.images.new(name, SIZE, SIZE)
     image.colorspace_settings.name = "sRGB" if color else "Non-Color"
     pixels = np.concatenate([values, np.ones((SIZE, SIZE, 1))], axis=-1)

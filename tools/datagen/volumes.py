@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Participating media: closed meshes that hold a homogeneous volume shader (spec/scene-input.md 5.4, 5.6)."""
+"""Participating media: closed meshes that hold a homogeneous volume shader (docs/scene-input.md 5.4, 5.6)."""
 from __future__ import annotations
 
 import bpy

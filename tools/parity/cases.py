@@ -11,8 +11,15 @@ import numpy as np
 import torch
 from safetensors.torch import load_file
 
+from renderformer_v2.model.checkpoint import new_network
 from renderformer_v2.model.network.config import ModelConfig
-from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, VolumeInputs, encode_light
+from renderformer_v2.model.network.inputs import (
+    EnvironmentInputs,
+    NetworkInputs,
+    ViewInputs,
+    VolumeInputs,
+    encode_light,
+)
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.network.rope import rope_frequencies
 
@@ -38,7 +45,7 @@ class Case:
 
 
 def recipe_tensor(key: str, shape: tuple[int, ...], salt: int = 0) -> torch.Tensor:
-    """The recipe's float32 weight for a state-dict key (fixtures/README.md, Weights recipe)."""
+    """The recipe's float32 weight for a state-dict key (tests/fixtures/README.md, Weights recipe)."""
     if key.endswith("rope_emb.freqs"):
         return rope_frequencies(2 * shape[0])
     seed = (zlib.crc32(key.encode()) + salt) % 2 ** 32
@@ -63,7 +70,7 @@ def with_recipe_weights(module: torch.nn.Module, salt: int = 0, prefix: str = ""
 
 def recipe_network(config: ModelConfig, salt: int = 0) -> RenderFormer:
     with torch.device("meta"):
-        network = RenderFormer(config)
+        network = new_network(config)
     return with_recipe_weights(network, salt)
 
 
@@ -78,6 +85,11 @@ def network_inputs(tensors: dict[str, torch.Tensor]) -> NetworkInputs:
     texture = tensors["in.texture"].float()
     return NetworkInputs(tensors["in.triangles"], tensors["in.vn"], texture, torch.arange(len(texture)),
                          encode_light(tensors["in.light_strength"]), environment, volumes)
+
+
+def view_inputs(tensors: dict[str, torch.Tensor]) -> ViewInputs:
+    """The cameras of a network case."""
+    return ViewInputs(tensors["in.rays_o"], tensors["in.rays_d"])
 
 
 class Recorder:

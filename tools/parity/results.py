@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Golden fixtures: recompute everything that a case recorded, under the fixture's names (fixtures/README.md)."""
+"""Golden fixtures: recompute everything that a case recorded, under the fixture's names (tests/fixtures/README.md)."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -12,23 +12,31 @@ from renderformer_v2.model.environment import direction_map, environment_images,
 from renderformer_v2.model.material.autoencoder import MaterialAutoencoder, log10_1p
 from renderformer_v2.model.material.latents import dequantise, quantise
 from renderformer_v2.model.material.mappers import MAPPERS
-from renderformer_v2.model.network.config import ModelConfig
-from renderformer_v2.model.network.inputs import NetworkInputs, VolumeInputs
+from renderformer_v2.model.network.inputs import NetworkInputs, ViewInputs, VolumeInputs
 from renderformer_v2.model.network.nerf import nerf_encode
 from renderformer_v2.model.network.ordering import hilbert_codes, hilbert_grid, hilbert_order
 from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
 from renderformer_v2.model.network.sequence import centroids
 from renderformer_v2.model.precision import in_precision
+from renderformer_v2.model.published.model_config import model_config
 from renderformer_v2.model.published.texture_tiles import sample_tiles
 from renderformer_v2.model.scene import barycentric_grid
 
-from .cases import VOLUME_FIELDS, Case, Recorder, network_inputs, recipe_network, with_recipe_weights
+from .cases import (
+    VOLUME_FIELDS,
+    Case,
+    Recorder,
+    network_inputs,
+    recipe_network,
+    view_inputs,
+    with_recipe_weights,
+)
 
 
 @torch.no_grad()
 def network_results(case: Case) -> dict[str, torch.Tensor]:
     """Tokens, positions, every layer and the images; `dbg.*` and `alt.*` when the case has them."""
-    network, inputs, rays_o, rays_d = recorded_call(case)
+    network, inputs, views = recorded_call(case)
     config = network.config
     layers, view_layers = network.transformer.layers, network.view_transformer.transformer.layers
     scratch = network.view_transformer.out_dpt.scratch
@@ -43,22 +51,22 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
     }) as seen:
         sequence, _ = network.embed_scene(inputs)
         context = network.encode_scene(inputs)
-        log_image = network.render_view(context, rays_o, rays_d)
+        log_image = network.render_view(context, views)
 
     def rays(tokens: torch.Tensor) -> torch.Tensor:
-        return tokens.reshape(len(rays_o), -1, config.view_transformer_latent_dim)
+        return tokens.reshape(len(views.origin), -1, config.view_transformer_latent_dim)
 
     results = order_results(case, inputs) | {
         "out.packed_tri_id": sequence.triangle, "out.pos_pre": sequence.position,
         "out.tokens_pre": sequence.embedding, "out.tokens_layer0": seen["layer0"], "out.tokens_stage1": context.tokens,
-        "out.ray_in": network.view_transformer.embed_rays(rays_d),
+        "out.ray_in": network.embed_rays(views),
         **{f"out.ray_layer{i}": rays(seen[f"ray{i}"]) for i in range(len(view_layers))},
         "out.image_raw": seen["dpt"], "out.log_image": log_image, "out.linear_image": to_radiance(log_image),
         "in.rays_d": camera_results(case),
     }
     if any(name.startswith("dbg.") for name in case.tensors):
         with torch.enable_grad(), Recorder(pyramid) as maps:  # only there the decoder keeps whole maps of any size
-            network.render_view(context, rays_o, rays_d)
+            network.render_view(context, views)
         results |= embedding_results(network, case, inputs) | attention_results(network, sequence) | {
             "dbg.enc0_attn": seen["attention"], "dbg.enc1": seen["layer1"],
             "dbg.attn0": torch.cat(seen.inputs["attention"]).unflatten(-1, (config.num_heads, -1)).transpose(0, 1),
@@ -67,16 +75,17 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
             **{f"dbg.dpt_{name}": maps[name][:1] for name in pyramid},
         }
     if any(name.startswith("alt.") for name in case.tensors):
-        results |= alternative_results(network, inputs, rays_o, rays_d)
+        results |= alternative_results(network, inputs, views)
     return results
 
 
-def recorded_call(case: Case) -> tuple[RenderFormer, NetworkInputs, torch.Tensor, torch.Tensor]:
-    """The network of a case, and what it was called with: inputs, camera origins, ray maps."""
-    config = replace(ModelConfig.from_dict(case.info["model_config"]),
+def recorded_call(case: Case) -> tuple[RenderFormer, NetworkInputs, ViewInputs]:
+    """The network of a case, and what it was called with."""
+    config = replace(model_config(case.info["model_config"]),
                      embed_norm_eps=case.info["numerics"]["embed_norm_eps"])
+    rays = {"in.rays_d": camera_results(case)}  # where they were not recorded
     return (recipe_network(config, case.info["weights"]["salt"]), network_inputs(case.tensors),
-            case.tensors["in.rays_o"], case.tensors["in.rays_d"])
+            view_inputs(rays | case.tensors))
 
 
 @torch.no_grad()
@@ -131,7 +140,7 @@ def attention_results(network: RenderFormer, sequence) -> dict[str, torch.Tensor
     return {f"dbg.{name}0": part.transpose(0, 1) for name, part in zip("qkv", parts)}
 
 
-def alternative_results(network: RenderFormer, inputs: NetworkInputs, rays_o, rays_d) -> dict[str, torch.Tensor]:
+def alternative_results(network: RenderFormer, inputs: NetworkInputs, views: ViewInputs) -> dict[str, torch.Tensor]:
     """The same weights with the CUDA epsilon, without the window, and without the environment."""
     def variant(**changes) -> RenderFormer:
         with torch.device("meta"):
@@ -143,20 +152,27 @@ def alternative_results(network: RenderFormer, inputs: NetworkInputs, rays_o, ra
     dark = replace(inputs, environment=None)
     return {
         "alt.tokens_pre_eps1e-6": cuda_eps.embed_scene(inputs)[0].embedding,
-        "alt.log_image_eps1e-6": cuda_eps(inputs, rays_o, rays_d),
-        "alt.log_image_dense": dense(inputs, rays_o, rays_d),
-        "alt.log_image_noenv": network(dark, rays_o, rays_d),
+        "alt.log_image_eps1e-6": cuda_eps(inputs, views),
+        "alt.log_image_dense": dense(inputs, views),
+        "alt.log_image_noenv": network(dark, views),
         "alt.noenv_packed_tri_id": network.embed_scene(dark)[0].triangle,
     }
 
 
 @torch.no_grad()
 def material_results(case: Case) -> dict[str, torch.Tensor]:
-    """Mappers, autoencoder and the byte round trip of latents."""
-    salt, results = case.info["weights"]["salt"], {}
+    """Mappers, the byte round trip of latents, and the autoencoder when the case has it."""
+    salt, stored = case.info["weights"]["salt"], quantise(case.tensors["in.latent_map"].numpy())
+    results = {"out.latent_map_u8": torch.from_numpy(stored),
+               "out.latent_map_back": torch.from_numpy(dequantise(stored))}
     for name, arguments in case.info["mapper_defaults"].items():
         mapper = with_recipe_weights(MAPPERS[name](**arguments), salt, f"{name}/")
         results[f"out.{name}"] = mapper(case.tensors[f"in.{name}"])
+    return results | autoencoder_results(case, salt) if "autoencoder" in case.info else results
+
+
+def autoencoder_results(case: Case, salt: int) -> dict[str, torch.Tensor]:
+    """Latents of pictures with what leads to them, and one picture of a latent."""
     arguments = {k: v for k, v in case.info["autoencoder"].items() if k != "preprocessing"}
     with torch.device("meta"):
         autoencoder = MaterialAutoencoder(**arguments)
@@ -164,12 +180,10 @@ def material_results(case: Case) -> dict[str, torch.Tensor]:
     with Recorder({"mid": autoencoder.encoder_mid, "final": autoencoder.encoder_final}) as seen:
         latent = autoencoder.encode(log10_1p(case.tensors["in.ae_linear_rgb"].float()))
     decoded = autoencoder.decode(case.tensors["in.ae_latent_dec"])
-    stored = quantise(case.tensors["in.latent_map"].numpy())
-    return results | {
+    return {
         "out.ae_latent": latent, "out.ae_encoder_final": seen["final"].flatten(1),
         "out.ae_encoder_mid_every4": seen["mid"][:, ::16, ::4, ::4], "out.ae_decoded_every4": decoded[..., ::4, ::4],
         "out.ae_decoded_stats": torch.stack([decoded.mean(), decoded.std(correction=0), decoded.min(), decoded.max()]),
-        "out.latent_map_u8": torch.from_numpy(stored), "out.latent_map_back": torch.from_numpy(dequantise(stored)),
     }
 
 

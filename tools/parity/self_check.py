@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The numeric self-checks of spec/network.md 14 and the check of the weights recipe."""
+"""The numeric self-checks of docs/network.md 14 and the check of the weights recipe."""
 from __future__ import annotations
 
-from typing import Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import torch
@@ -10,22 +10,22 @@ from torch.nn import functional as F
 
 from renderformer_v2.model.camera import square_view, view_rays
 from renderformer_v2.model.environment import direction_map
-from renderformer_v2.model.network.attention import KeysValues, Window
-from renderformer_v2.model.network.config import rf2_200m
 from renderformer_v2.model.network.decoder import DPTDecoder, resize
 from renderformer_v2.model.network.embed import patches, resize_texture
 from renderformer_v2.model.network.feed_forward import SwiGLU
 from renderformer_v2.model.network.inputs import encode_light
-from renderformer_v2.model.network.memory import Progress
 from renderformer_v2.model.network.nerf import nerf_encode
 from renderformer_v2.model.network.norm import RMSNorm
 from renderformer_v2.model.network.ordering import hilbert_codes, hilbert_grid, hilbert_order
 from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
-from renderformer_v2.model.network.rope import RotaryEmbedding, rope_frequencies, rotate
+from renderformer_v2.model.network.rope import RotaryEmbedding, rope_frequencies
 from renderformer_v2.model.network.sequence import Tokens, centroids, pack, scene_centre
+from renderformer_v2.model.network.softmax import KeysValues
 from renderformer_v2.model.network.swin import SHIFT, shift_mask, to_windows
+from renderformer_v2.model.network.window import Window
+from renderformer_v2.model.presets import rf2_200m
 
-from .cases import recipe_tensor, relative_error
+from .cases import Recorder, recipe_tensor, relative_error
 
 
 def self_check(checks: dict) -> Iterator[tuple[str, float]]:
@@ -118,12 +118,12 @@ def _rope_small(entry):
     rope = RotaryEmbedding(entry["dim"], entry["head_dim"])
     x = torch.arange(entry["head_dim"]) / 10
     yield rope.freqs.data, entry["freqs"]
-    yield rotate(x[None], *rope(torch.tensor(entry["pos"])))[0], entry["out"]
+    yield rope(torch.tensor(entry["pos"]))(x[None])[0], entry["out"]
 
 
 def _rope_wide(entry):
     x = torch.cos(0.37 * torch.arange(128))
-    turned = rotate(x[None], *RotaryEmbedding(40, 128)(torch.tensor(entry["pos"])))[0]
+    turned = RotaryEmbedding(40, 128)(torch.tensor(entry["pos"]))(x[None])[0]
     yield _at(turned, entry["out_samples"])
     yield turned[entry["unrotated"]], x[entry["unrotated"]]
 
@@ -140,14 +140,12 @@ def _visible(length: int, sink: int, half: int) -> torch.Tensor:
                                  sink, half)[0] > 0
 
 
-def window_sink_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, sink: int, half: int,
-                          progress: Progress = Progress()) -> torch.Tensor:
-    """A whole sequence, cut by cut as stage 1 does it. (L, heads, width) each -> (heads, L, width)."""
+def window_sink_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, sink: int, half: int) -> torch.Tensor:
+    """A whole sequence, piece by piece as stage 1 does it. (L, heads, width) each -> (heads, L, width)."""
     window = Window(len(q), sink, half, q.device)
-    keys = KeysValues.collect(lambda begin, end: (k[begin:end], v[begin:end]), window.cuts, progress.part(0.0, 0.1))
+    keys = KeysValues.collect(lambda rows: (k[rows], v[rows]), window.pieces)
     queries = q.transpose(0, 1)
-    return torch.cat([window.attend(queries[:, begin:end], begin, keys, progress.part(begin / len(q), end / len(q)))
-                      for begin, end in window.cuts], dim=1)
+    return torch.cat([window.attend(queries[:, rows], keys, rows.start) for rows in window.pieces], dim=1)
 
 
 def _mask_rows(entry):
@@ -263,15 +261,11 @@ def _decoder_sizes(entry):
     with torch.device("meta"):
         decoder = DPTDecoder(rf2_200m())
     for name, sizes in entry.items():
-        seen = {}
-        handles = [module.register_forward_hook(lambda m, a, out, key=key: seen.update({key: list(out.shape[-2:])}))
-                   for key, module in decoder.scratch.named_children()]
         grid = tuple(map(int, name.split("x")))
-        decoder([torch.zeros(1, 768, *grid, device="meta")] * 4)
-        for handle in handles:
-            handle.remove()
+        with Recorder(dict(decoder.scratch.named_children())) as seen:
+            decoder([torch.zeros(1, 768, *grid, device="meta")] * 4)
         for key, size in sizes.items():
-            yield seen[key], size
+            yield list(seen[key].shape[-2:]), size
 
 
 def _recipe(entry):

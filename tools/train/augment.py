@@ -12,59 +12,37 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from renderformer_v2.model.guided.guides import COLORS, LIGHT, MIRRORED, NORMAL, OFFSET
-from renderformer_v2.model.scene import BASE_COLOR
+from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, mapped, mapped_channels
+from renderformer_v2.model.scene import TILE
 
 from .samples import TrainingSample
 
 
 def augment(sample: TrainingSample, generator: torch.Generator) -> TrainingSample:
-    """A randomly turned and recoloured copy."""
-    columns = sample.inputs.environment.ldr.shape[-1]
-    shift = int(torch.randint(columns, (1,), generator=generator))
-    order = torch.randperm(3, generator=generator)
-    return _turn(_recolor(sample, order), shift, columns)
+    """A randomly turned and recoloured copy; its textures are still BSDF parameters."""
+    shift = int(torch.randint(sample.inputs.environment.ldr.shape[-1], (1,), generator=generator))
+    return turned_and_swapped(sample, shift, torch.randperm(3, generator=generator))
 
 
-def _turn(sample: TrainingSample, shift: int, columns: int) -> TrainingSample:
-    angle = 2 * math.pi * shift / columns
+def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> TrainingSample:
+    """Turned by so many columns of the panorama, with the colour channels in this order."""
+    angle = 2 * math.pi * shift / sample.inputs.environment.ldr.shape[-1]
     c, s = math.cos(angle), math.sin(angle)
     matrix = torch.tensor([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    turn = lambda x: x @ matrix.T  # noqa: E731
-    inputs, guides = sample.inputs, sample.guides
-    # Column c of the panorama looks along phi = pi - 2 pi c / columns: a turn by +angle moves it to the left.
-    environment = replace(inputs.environment, ldr=inputs.environment.ldr.roll(-shift, -1),
-                          hdr=inputs.environment.hdr.roll(-shift, -1))
-    volumes = inputs.volumes
-    if volumes is not None:
-        # Rz(angle) Rz(z) Ry(y) Rx(x): turning about Z only adds to the last Euler angle.
-        z = volumes.rotation[:, 2] + angle
-        rotation = torch.cat([volumes.rotation[:, :2], torch.atan2(z.sin(), z.cos())[:, None]], 1)
-        volumes = replace(volumes, position=turn(volumes.position), rotation=rotation)
-    features = guides.features.clone()
-    for part in (OFFSET, NORMAL, MIRRORED):
-        features[:, part] = torch.einsum("ij,vjhw->vihw", matrix, guides.features[:, part])
-    return replace(
-        sample, beam_axis=turn(sample.beam_axis), rays_o=turn(sample.rays_o), rays_d=turn(sample.rays_d),
-        inputs=replace(inputs, triangles=turn(inputs.triangles), normals=turn(inputs.normals), environment=environment,
-                       volumes=volumes),
-        guides=replace(guides, features=features, positions=turn(guides.positions)))
 
+    def turn(x: Tensor) -> Tensor:
+        return x @ matrix.T
 
-def _recolor(sample: TrainingSample, order: Tensor) -> TrainingSample:
-    """Swap the channels of lights, materials, media, guides and references alike."""
-    inputs, guides = sample.inputs, sample.guides
-    environment = replace(inputs.environment, ldr=inputs.environment.ldr[order], hdr=inputs.environment.hdr[order])
-    volumes = inputs.volumes
-    if volumes is not None:
-        volumes = replace(volumes, scattering=volumes.scattering[:, order], absorption=volumes.absorption[:, order])
-    tiles, features = inputs.texture.clone(), guides.features.clone()
-    tiles[:, BASE_COLOR] = inputs.texture[:, BASE_COLOR][:, order]
-    for part in (COLORS, LIGHT):
-        lobes = guides.features[:, part].unflatten(1, (3, 3))
-        features[:, part] = lobes[:, :, order].flatten(1, 2)
-    return replace(
-        sample,
-        inputs=replace(inputs, texture=tiles, light=inputs.light[:, order], environment=environment, volumes=volumes),
-        guides=replace(guides, features=features, colors=guides.colors[:, :, order], prior=guides.prior[:, :, order]),
-        image=sample.image[:, order], direct=sample.direct[:, :, order], indirect=sample.indirect[:, :, order])
+    def add_turn(euler: Tensor) -> Tensor:
+        """Rz(angle) Rz(z) Ry(y) Rx(x): turning about Z only adds to the last angle."""
+        z = euler[..., 2] + angle
+        return torch.cat([euler[..., :2], torch.atan2(z.sin(), z.cos())[..., None]], -1)
+
+    def swap(x: Tensor) -> Tensor:
+        return x.unflatten(-1, (-1, 3))[..., order].flatten(-2)
+
+    # Column c of a panorama looks along phi = pi - 2 pi c / columns: a turn by +angle moves it to the left.
+    changes = {POINT: turn, DIRECTION: turn, EULER: add_turn, PANORAMA: lambda x: x.roll(-shift, -1), COLOR: swap}
+    changed = mapped(sample, changes)
+    tiles = mapped_channels(sample.inputs.texture, TILE, changes)
+    return replace(changed, inputs=replace(changed.inputs, texture=tiles))

@@ -6,6 +6,8 @@ import json
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from .errors import TrainingError
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -29,12 +31,16 @@ class TrainConfig:
     stages: tuple[Stage, ...]    # the last one goes on for as long as the run is given
 
     @classmethod
-    def load(cls, path: Path) -> "TrainConfig":
-        """Raises ValueError naming the keys that are not known."""
-        values = json.loads(path.read_text())
-        unknown = set(values) - {f.name for f in fields(cls)}
-        if unknown:
-            raise ValueError(f"{path}: unknown keys {', '.join(sorted(unknown))}")
+    def load(cls, path: Path) -> TrainConfig:
+        """Raises TrainingError naming the file and the keys that are not known or not there."""
+        try:
+            values = json.loads(path.read_text())
+        except (OSError, ValueError) as error:
+            raise TrainingError(f"{path} cannot be read ({error}): choose another --config") from error
+        names = {f.name for f in fields(cls)}
+        for wrong, keys in (("unknown", set(values) - names), ("missing", names - set(values))):
+            if keys:
+                raise TrainingError(f"{path}: {wrong} keys {', '.join(sorted(keys))}")
         return cls(**values | {"stages": tuple(Stage(**s) for s in values["stages"])})
 
     def stage(self, step: int) -> Stage:

@@ -63,8 +63,8 @@ def _difference(x: Tensor, axis: int) -> Tensor:
     return torch.diff(x, dim=axis)
 
 
-def perceptual_term():
-    """LPIPS when its weights are present on this machine, else `structure_loss`."""
+def perceptual_term(device: torch.device):
+    """LPIPS on `device` when its weights are present on this machine, else `structure_loss`."""
     cached = Path(torch.hub.get_dir()) / "checkpoints" / "alexnet-owt-7be5be79.pth"
     if not cached.is_file():
         return structure_loss
@@ -72,5 +72,5 @@ def perceptual_term():
         import lpips
     except ImportError:
         return structure_loss
-    network = lpips.LPIPS(net="alex").eval().requires_grad_(False)
+    network = lpips.LPIPS(net="alex").to(device).eval().requires_grad_(False)
     return lambda a, b: network(a, b, normalize=True).mean()

@@ -3,7 +3,7 @@
 
     python -m tools.train.material SPHERES_DIR --work WORK_DIR -o model/weights/material
 
-SPHERES_DIR comes from `python -m tools.datagen.spheres`. Loss as in spec/scene-input.md 3.6: L1 in log10(1 + radiance)
+SPHERES_DIR comes from `python -m tools.datagen.spheres`. Loss as in docs/scene-input.md 3.6: L1 in log10(1 + radiance)
 space plus a smoothness term. The published autoencoder came first and its mappers after it (how is unknown). With
 thousands of spheres in place of 220,000 that order gives grey pictures, because colour is the last thing an encoder
 learns. Here mapper and decoder come first, and the encoder learns to find the same latents in the pictures. Continues
@@ -59,15 +59,14 @@ def load_spheres(folder: Path) -> tuple[Tensor, Tensor]:
 def fit(model: nn.Module, loss_of_batch, count: int, path: Path, *, steps: int, batch: int, rate: float) -> None:
     """AdamW with a one-cycle learning rate over `count` samples; `loss_of_batch(indices)` gives the loss."""
     state = TrainingState(model, rate, weight_decay=0.01, average_decay=0.0)
-    if path.exists():
-        state.load(path)
+    state.resume(path)
     average, start = None, time.time()
     while state.step < steps:
-        indices = torch.randint(count, (batch,), generator=torch.Generator().manual_seed(state.step))
+        indices = torch.randint(count, (batch,), generator=torch.Generator().manual_seed(state.step + state.skipped))
         loss = loss_of_batch(indices)
         loss.backward()
-        nn.utils.clip_grad_norm_(model.parameters(), 1.0)
-        state.advance(rate * one_cycle(state.step / steps))
+        if not state.advance(rate * one_cycle(state.step / steps), clip_norm=1.0):
+            continue
         average = loss.item() if average is None else 0.98 * average + 0.02 * loss.item()
         if state.step % 100 == 0 or state.step == steps:
             print(f"{path.stem} {state.step}/{steps}: loss {average:.5f}, {time.time() - start:.0f} s", flush=True)

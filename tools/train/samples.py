@@ -2,38 +2,41 @@
 """Training samples: what the renderer would feed the network for one scene, and what should come out."""
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from renderformer_v2.model.camera import view_rays
-from renderformer_v2.model.guided.guides import GuideTensors, guide_tensors
+from renderformer_v2.model.fields import COLOR, array
+from renderformer_v2.model.guided.guides import GuideTensors
+from renderformer_v2.model.guided.inputs import GuidedInputs, GuidedView, guided_inputs, guided_view
+from renderformer_v2.model.guided.light import LOBES
 from renderformer_v2.model.guided.light_prior import LightPrior
-from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, TensorGroup, VolumeInputs
+from renderformer_v2.model.inputs import material_tiles
+from renderformer_v2.model.network.inputs import EnvironmentInputs, TensorGroup, VolumeInputs, stacked
 from renderformer_v2.model.normalize import Normalization
-from renderformer_v2.model.scene_inputs import material_tiles, pooled_tiles, small_inputs
+from renderformer_v2.model.presets import BUNDLED, PRESETS
 from tools.datagen.shards import load_sample
 
-LOBES = ("diffuse", "glossy", "transmission")
+from . import cache_key
+
+CONFIG = PRESETS[BUNDLED]()  # whose tile and panorama sizes the samples have
 
 
 @dataclass
 class TrainingSample(TensorGroup):
     """One scene with V views, everything in network units and exposure."""
 
-    inputs: NetworkInputs  # `texture` (T, 11, 8, 8) is BSDF parameters until `with_latents` maps them
-    beam_axis: Tensor    # (L, 3) of the light triangles, in input order
-    beam_cosine: Tensor  # (L, 2)
-    rays_o: Tensor       # (V, 3)
-    rays_d: Tensor       # (V, H, W, 3)
-    guides: GuideTensors
-    image: Tensor        # (V, 3, H, W) reference radiance without directly seen emitters and world
-    direct: Tensor       # (V, 3, 3, H, W) light of each lobe before its colour, from Cycles' passes
-    indirect: Tensor     # (V, 3, 3, H, W)
+    inputs: GuidedInputs  # `texture` (T, 11, t, t) is BSDF parameters until `with_latents` maps them
+    view: GuidedView
+    image: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # radiance without directly seen emitters and world
+    direct: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # light of each lobe before its colour
+    indirect: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})
 
 
 def with_latents(sample: TrainingSample, mapper) -> TrainingSample:
@@ -47,35 +50,38 @@ def build_sample(path: Path) -> TrainingSample:
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
     prior = LightPrior(normalized)
-    tensors, rays, targets = [], [], []
-    for view, guide, reference in zip(views, guides, passes):
-        view = normalization.view(view)
-        tensors.append(guide_tensors(normalized, view, normalization.guides(guide), prior))
-        rays.append(view_rays(view))
+    inputs, targets = [], []
+    for view, guide, reference in zip(views, guides, passes, strict=True):
+        inputs.append(guided_view(normalized, normalization.view(view), normalization.guides(guide), prior, CONFIG))
         surface = reference["combined"][..., :3] - guide.emission
         targets.append([surface.clip(0), *(np.stack([reference[f"{lobe}_{part}"] for lobe in LOBES])
                                            for part in ("direct", "indirect"))])
     image, direct, indirect = (torch.from_numpy(np.stack(t).astype(np.float32) * np.float32(normalization.exposure))
-                               .movedim(-1, -3) for t in zip(*targets))
-    lights = normalized.is_light
-    return TrainingSample(
-        small_inputs(normalized, pooled_tiles(normalized.tiles)), torch.from_numpy(scene.beam_axis[lights]),
-        torch.from_numpy(scene.beam_cosine[lights]), torch.from_numpy(np.stack([r[0] for r in rays])),
-        torch.from_numpy(np.stack([r[1] for r in rays])), GuideTensors.stack(tensors), image, direct, indirect)
+                               .movedim(-1, -3) for t in zip(*targets, strict=True))
+    return TrainingSample(guided_inputs(normalized, CONFIG), stacked(inputs), image, direct, indirect)
 
 
 def cached_sample(path: Path, cache: Path) -> TrainingSample:
-    """`build_sample`, kept as float16 safetensors in `cache` for the next epoch."""
-    stored = cache / f"{path.stem}.safetensors"
-    if not stored.is_file():
-        temporary = stored.with_suffix(".tmp")
-        save_file(_flatten(build_sample(path)), temporary)
+    """`build_sample`, kept as float16 safetensors in `cache` for the next epoch; made again when it is out of date."""
+    stored, key = cache_key.stored_path(path, cache), cache_key.key(path)
+    if not _is_current(stored, key):
+        temporary = stored.with_suffix(f".{os.getpid()}.tmp")
+        save_file(_flatten(build_sample(path)), temporary, metadata={"key": key})
         temporary.replace(stored)
     return _unflatten(load_file(stored))
 
 
-_PARTS = {"inputs": NetworkInputs, "guides": GuideTensors, "environment": EnvironmentInputs, "volumes": VolumeInputs}
-_EXACT = ("triangles", "texture_index", "rays_o", "position", "positions", "light")  # not for half precision
+def _is_current(stored: Path, key: str) -> bool:
+    try:
+        with safe_open(stored, "pt") as file:
+            return file.metadata().get("key") == key
+    except (OSError, SafetensorError):  # not there, or cut short
+        return False
+
+
+_PARTS = {"inputs": GuidedInputs, "view": GuidedView, "guides": GuideTensors, "environment": EnvironmentInputs,
+          "volumes": VolumeInputs}
+_EXACT = ("triangles", "texture_index", "origin", "position", "positions", "light")  # not for half precision
 
 
 def _flatten(part, prefix: str = "") -> dict[str, Tensor]:

@@ -1,20 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What training must remember, as one safetensors file: weights, their running average, AdamW's moments, the step."""
+"""What training must remember, as one safetensors file: weights, their running average, AdamW's moments, the step.
+
+The file before the newest is kept beside it, and a run goes on from that one when the newest is damaged.
+"""
 from __future__ import annotations
 
 from pathlib import Path
 
 import torch
-from safetensors import safe_open
-from safetensors.torch import load_file, save_file
-from torch import nn
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
 
-MOMENTS = ("exp_avg", "exp_avg_sq")
+from .errors import TrainingError
+
+OF_ADAMW = ("step", "exp_avg", "exp_avg_sq")  # of each parameter: one without gradients is not stepped
+MOST_SKIPPED = 20                             # steps in a row
+DAMAGED = (SafetensorError, OSError, ValueError, KeyError, TypeError)  # what unreadable files raise
 
 
 class TrainingState:
     def __init__(self, model: nn.Module, learning_rate: float, weight_decay: float, average_decay: float):
         self.model, self.step, self.decay = model, 0, average_decay
+        self.skipped = self._skipped_in_a_row = 0
         matrices = [p for p in model.parameters() if p.requires_grad and p.ndim > 1]
         vectors = [p for p in model.parameters() if p.requires_grad and p.ndim <= 1]
         self.optimizer = torch.optim.AdamW(
@@ -22,14 +30,28 @@ class TrainingState:
             lr=learning_rate, betas=(0.9, 0.98), fused=True)
         self.average = {name: p.detach().clone() for name, p in model.named_parameters()}
 
-    def advance(self, learning_rate: float) -> None:
-        """One optimiser step with the gradients that are there, which are then cleared."""
-        for group in self.optimizer.param_groups:
-            group["lr"] = learning_rate
-        self.optimizer.step()
+    def advance(self, learning_rate: float, clip_norm: float) -> bool:
+        """One optimiser step with the gradients that are there, which are then cleared.
+
+        Nothing but the count `skipped` changes, and False comes back, if their norm is not finite. Raises TrainingError
+        after MOST_SKIPPED such steps in a row.
+        """
+        norm = nn.utils.clip_grad_norm_(self.model.parameters(), clip_norm)
+        if norm.isfinite():
+            for group in self.optimizer.param_groups:
+                group["lr"] = learning_rate
+            self.optimizer.step()
+            self.step += 1
+            self._update_average()
+            self._skipped_in_a_row = 0
+        else:
+            self.skipped += 1
+            self._skipped_in_a_row += 1
         self.optimizer.zero_grad(set_to_none=True)
-        self.step += 1
-        self._update_average()
+        if self._skipped_in_a_row >= MOST_SKIPPED:
+            raise TrainingError(f"the gradients of {MOST_SKIPPED} steps in a row, after step {self.step}, are not "
+                                "finite: lower learning_rate or clip_norm, or look for broken samples")
+        return bool(norm.isfinite())
 
     def _update_average(self) -> None:
         """Exponential running average with a shorter memory at the start."""
@@ -39,25 +61,74 @@ class TrainingState:
                 self.average[name].lerp_(p.to(self.average[name].dtype), 1 - decay)
 
     def save(self, path: Path) -> None:
+        """Replace `path`, which becomes `backup(path)`. Raises TrainingError if a value is not finite."""
         tensors = {}
         for name, p in self.model.named_parameters():
             tensors[f"model.{name}"], tensors[f"average.{name}"] = p.detach(), self.average[name]
-            for moment in MOMENTS:
+            for value in OF_ADAMW:
                 if p in self.optimizer.state:
-                    tensors[f"{moment}.{name}"] = self.optimizer.state[p][moment]
+                    tensors[f"{value}.{name}"] = self.optimizer.state[p][value]
+        if wrong := _not_finite(tensors):
+            raise TrainingError(f"{wrong} is no longer finite at step {self.step}, which is not saved: "
+                                "lower learning_rate and run again to go on from the last save")
         temporary = path.with_suffix(".tmp")
         save_file({k: v.cpu().contiguous() for k, v in tensors.items()}, temporary, metadata={"step": str(self.step)})
+        if path.is_file():
+            path.replace(backup(path))
         temporary.replace(path)
 
-    def load(self, path: Path) -> None:
-        """Continue from `save`; shapes must be those of this model."""
-        tensors = load_file(path)
-        with safe_open(path, "pt") as file:
-            self.step = int(file.metadata()["step"])
+    def resume(self, path: Path) -> bool:
+        """Continue from `save`, or from its backup where it is missing or damaged; False if there is neither.
+
+        A damaged file is set aside as *.damaged. Raises TrainingError when all are damaged or of another network.
+        """
+        files = [file for file in (path, backup(path)) if file.is_file()]
+        for file in files:
+            try:
+                step, tensors = _read(file)
+            except DAMAGED as error:
+                print(f"{file} is damaged ({error})", flush=True)
+                continue
+            if file != path and path.is_file():  # the next save would make it the backup
+                path.replace(path.with_name(path.name + ".damaged"))
+            self._take(file, step, tensors)
+            return True
+        if files:
+            raise TrainingError(f"{' and '.join(map(str, files))} cannot be read: "
+                                "restore one of them, or delete them to start again")
+        return False
+
+    def _take(self, path: Path, step: int, tensors: dict[str, Tensor]) -> None:
+        stored = {name: tensor.shape for name, tensor in tensors.items() if name.startswith(("model.", "average."))}
+        if stored != {f"{kind}.{name}": p.shape for kind in ("model", "average")
+                      for name, p in self.model.named_parameters()}:
+            raise TrainingError(f"{path} is of another network than the one to be trained: "
+                                "choose its preset, or another folder")
+        self.step = step
         with torch.no_grad():
             for name, p in self.model.named_parameters():
                 p.copy_(tensors[f"model.{name}"])
                 self.average[name].copy_(tensors[f"average.{name}"])
                 if f"exp_avg.{name}" in tensors:
-                    self.optimizer.state[p] = {"step": torch.tensor(float(self.step), device=p.device)} | {
-                        moment: tensors[f"{moment}.{name}"].to(p.device) for moment in MOMENTS}
+                    self.optimizer.state[p] = {value: tensors[f"{value}.{name}"].to(p.device) for value in OF_ADAMW}
+
+
+def backup(path: Path) -> Path:
+    """state.safetensors -> state.previous.safetensors"""
+    return path.with_name(f"{path.stem}.previous{path.suffix}")
+
+
+def _read(path: Path) -> tuple[int, dict[str, Tensor]]:
+    """Step and tensors of a file, complete and finite, or one of DAMAGED."""
+    with safe_open(path, "pt") as file:
+        step = int(file.metadata()["step"])
+        tensors = {name: file.get_tensor(name) for name in file.keys()}
+    for name in [name for name in tensors if name.startswith("exp_avg.")]:  # older files have one step for all
+        tensors.setdefault(name.replace("exp_avg.", "step.", 1), torch.tensor(float(step)))
+    if wrong := _not_finite(tensors):
+        raise ValueError(f"{wrong} is not finite")
+    return step, tensors
+
+
+def _not_finite(tensors: dict[str, Tensor]) -> str | None:
+    return next((name for name, tensor in tensors.items() if not tensor.isfinite().all()), None)

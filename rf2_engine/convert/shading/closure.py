@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weighted sums of BSDFs as the parameters of one BSDF (spec/scene-input.md 3.2, 3.3).
+"""Weighted sums of BSDFs as the parameters of one BSDF (docs/scene-input.md 3.2, 3.3).
 
 The network knows one surface: Principled with Specular IOR Level 1 (base colour, metallic, roughness, index of
 refraction, transmission). Every closure is written as such parameters with a weight, and Mix and Add sum them.
@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .evaluate import LUMINANCE
+from ....model.color import LUMINANCE
 from .texture import UP
 
 IOR_RANGE = (1.0, 2.5)  # the mappers' training range
@@ -39,10 +39,10 @@ class Closure:
             if getattr(self, f.name) is None:
                 setattr(self, f.name, BLACK if f.name in ("color", "normal", "emission") else ZERO)
 
-    def __add__(self, other: "Closure") -> "Closure":
+    def __add__(self, other: Closure) -> Closure:
         return Closure(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
-    def __mul__(self, factor) -> "Closure":
+    def __mul__(self, factor) -> Closure:
         return Closure(*(getattr(self, f.name) * factor for f in fields(self)))
 
 
@@ -82,6 +82,6 @@ def parameters(closure: Closure) -> SurfaceParameters:
 
 
 def effective_ior(ior, level) -> np.ndarray:
-    """Index that reflects at Specular IOR Level 1 like `ior` at `level` (spec/scene-input.md 3.2)."""
+    """Index that reflects at Specular IOR Level 1 like `ior` at `level` (docs/scene-input.md 3.2)."""
     amplitude = np.minimum(np.sqrt(np.maximum(level, 0)) * np.abs(ior - 1) / (ior + 1), 0.9)
     return (1 + amplitude) / (1 - amplitude)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .node_call import NodeCall
+
 TABLE_SIZE = 1024
 
 
@@ -24,40 +26,37 @@ BLENDS = {  # what replaces `a` at factor 1
 }
 
 
-def mix(evaluator, node, output, frames):
-    factor = evaluator.named(node, frames, "Factor", "Fac")
-    a, b = (evaluator.named(node, frames, *names) for names in (("A", "Color1"), ("B", "Color2")))
-    new = node.bl_idname == "ShaderNodeMix"
+def mix(n: NodeCall):
+    node, new = n.node, n.kind == "ShaderNodeMix"
+    factor, a, b = n["Factor", "Fac"], n["A", "Color1"], n["B", "Color2"]
     if node.clamp_factor if new else True:
         factor = np.clip(factor, 0, 1)
     blend = node.blend_type if not new or node.data_type == "RGBA" else "MIX"
     if blend not in BLENDS:
-        evaluator.approximated(node, f"blend mode {blend.title()} is evaluated as Mix")
+        n.approximated(f"blend mode {blend.title()} is evaluated as Mix")
     result = (1 - factor) * a + factor * BLENDS.get(blend, BLENDS["MIX"])(a, b)
     return np.clip(result, 0, 1) if (node.clamp_result if new else node.use_clamp) else result
 
 
-def invert(evaluator, node, output, frames):
-    factor, color = evaluator.named(node, frames, "Fac", "Factor"), evaluator.named(node, frames, "Color")
-    return color + factor * (1 - 2 * color)
+def invert(n: NodeCall):
+    color = n["Color"]
+    return color + n["Fac", "Factor"] * (1 - 2 * color)
 
 
-def gamma(evaluator, node, output, frames):
-    color, exponent = (evaluator.value(s, frames) for s in node.inputs)
+def gamma(n: NodeCall):
+    color, exponent = n.values()
     return np.where(color > 0, np.power(np.maximum(color, 1e-30), exponent), color)
 
 
-def brightness_contrast(evaluator, node, output, frames):
-    color, brightness, contrast = (evaluator.value(s, frames) for s in node.inputs)
+def brightness_contrast(n: NodeCall):
+    color, brightness, contrast = n.values()
     return np.maximum((1 + contrast) * color + brightness - contrast / 2, 0)
 
 
-def hue_saturation(evaluator, node, output, frames):
-    hue, saturation, value, factor, color = (
-        evaluator.named(node, frames, *names)
-        for names in (("Hue",), ("Saturation",), ("Value",), ("Fac", "Factor"), ("Color",)))
+def hue_saturation(n: NodeCall):
+    factor, color = n["Fac", "Factor"], n["Color"]
     h, s, v = np.split(rgb_to_hsv(color), 3, axis=-1)
-    hsv = np.broadcast_arrays((h + hue + 0.5) % 1, np.clip(s * saturation, 0, 1), v * value)
+    hsv = np.broadcast_arrays((h + n["Hue"] + 0.5) % 1, np.clip(s * n["Saturation"], 0, 1), v * n["Value"])
     return np.maximum((1 - factor) * color + factor * hsv_to_rgb(np.concatenate(hsv, axis=-1)), 0)
 
 
@@ -78,49 +77,46 @@ def hsv_to_rgb(hsv: np.ndarray) -> np.ndarray:
     return v * (1 - s + s * ramp)
 
 
-def separate_color(evaluator, node, output, frames):
-    color = evaluator.value(node.inputs[0], frames)
-    mode = getattr(node, "mode", "RGB")
+def separate_color(n: NodeCall):
+    color, mode = n[0], getattr(n.node, "mode", "RGB")
     if mode == "HSV":
         color = rgb_to_hsv(color)
     elif mode != "RGB":
-        evaluator.approximated(node, f"mode {mode} is evaluated as RGB")
-    channel = list(node.outputs).index(output)
+        n.approximated(f"mode {mode} is evaluated as RGB")
+    channel = list(n.node.outputs).index(n.output)
     return color[..., channel:channel + 1]
 
 
-def combine_color(evaluator, node, output, frames):
-    color = np.concatenate(np.broadcast_arrays(*(evaluator.value(s, frames) for s in node.inputs)), axis=-1)
-    mode = getattr(node, "mode", "RGB")
+def combine_color(n: NodeCall):
+    color, mode = np.concatenate(np.broadcast_arrays(*n.values()), axis=-1), getattr(n.node, "mode", "RGB")
     if mode == "HSV":
         return hsv_to_rgb(color)
     if mode != "RGB":
-        evaluator.approximated(node, f"mode {mode} is evaluated as RGB")
+        n.approximated(f"mode {mode} is evaluated as RGB")
     return color
 
 
-def color_ramp(evaluator, node, output, frames):
-    factor = np.clip(evaluator.value(node.inputs[0], frames), 0, 1)
+def color_ramp(n: NodeCall):
+    factor = np.clip(n[0], 0, 1)
     grid = np.linspace(0, 1, TABLE_SIZE)
-    table = np.array([node.color_ramp.evaluate(x) for x in grid], np.float32)
-    columns = (3,) if output.name == "Alpha" else (0, 1, 2)
+    table = np.array([n.node.color_ramp.evaluate(x) for x in grid], np.float32)
+    columns = (3,) if n.output.name == "Alpha" else (0, 1, 2)
     return np.concatenate([np.interp(factor, grid, table[:, c]) for c in columns], axis=-1)
 
 
-def curves(evaluator, node, output, frames):
+def curves(n: NodeCall):
     """RGB Curves (each channel through its own curve, then the common one) and Float Curve."""
-    factor = evaluator.named(node, frames, "Fac", "Factor")
-    value = evaluator.named(node, frames, "Color", "Value")
-    node.mapping.initialize()
-    own = list(node.mapping.curves)
+    factor, value, mapping = n["Fac", "Factor"], n["Color", "Value"], n.node.mapping
+    mapping.initialize()
+    own = list(mapping.curves)
     common = own.pop() if len(own) > 1 else None
     grid = np.linspace(0, 1, TABLE_SIZE)
 
     def through(curve, x):
-        return np.interp(x, grid, [node.mapping.evaluate(curve, g) for g in grid])
+        return np.interp(x, grid, [mapping.evaluate(curve, g) for g in grid])
 
     channels = [value[..., i] if common is None else through(common, value[..., i]) for i in range(value.shape[-1])]
-    result = np.stack([through(curve, channel) for curve, channel in zip(own, channels)], axis=-1)
+    result = np.stack([through(curve, channel) for curve, channel in zip(own, channels, strict=True)], axis=-1)
     return (1 - factor) * value + factor * result
 
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ....model.color import LUMINANCE
 from . import colors, graph, inputs, maths, sky, texture
 from .image import ImageCache
+from .node_call import NodeCall
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
-FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS,
-             **sky.FUNCTIONS}
+FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS, **sky.FUNCTIONS}
 
 
 @dataclass
@@ -45,43 +45,25 @@ class Evaluator:
             return cast(_default(end), socket.type)
         key = (output.node.as_pointer(), output.as_pointer(), tuple(f.as_pointer() for f in inner))
         if key not in self._memo:
-            self._memo[key] = np.asarray(self._compute(output, inner), np.float32)
+            self._memo[key] = np.asarray(self._computed(NodeCall(self, output.node, output, inner)), np.float32)
         return cast(self._memo[key], socket.type)
 
-    def named(self, node, frames, *names, default=None):
-        """Value of the enabled input called one of `names`; `default` when this Blender version has no such input."""
-        socket = graph.find_input(node, *names)
-        return np.atleast_1d(np.float32(default)) if socket is None else self.value(socket, frames)
-
-    def is_linked(self, node, *names) -> bool:
-        socket = graph.find_input(node, *names)
-        return socket is not None and graph.source(socket)[1] is not None
-
-    def approximated(self, node, message: str) -> None:
-        self.report.approximated(self.owner, f'node "{node.name}": {message}')
-
-    def _compute(self, output, frames):
-        node = output.node
-        function = FUNCTIONS.get(node.bl_idname)
-        if function is not None:
-            return self._called(function, node, output, frames)
-        self.approximated(node, f"{node.bl_label} cannot be evaluated, its average is used; bake it to an image")
-        return self._average(node, frames)
-
-    def _called(self, function, node, output, frames):
+    def _computed(self, n: NodeCall) -> np.ndarray:
         if self._depth == LONGEST_CHAIN:
-            self.approximated(node, "so long a chain of nodes leads here that it is left out; bake it to an image")
+            n.approximated("so long a chain of nodes leads here that it is left out; bake it to an image")
             return np.full(1, 0.5, np.float32)
         self._depth += 1
         try:
-            return function(self, node, output, frames)
+            return FUNCTIONS.get(n.kind, average)(n)
         finally:
             self._depth -= 1
 
-    def _average(self, node, frames):
-        """Mean of the node's colour inputs (Brick, Magic ...), else the middle of [0, 1], where noises have theirs."""
-        colors = [self.value(s, frames) for s in node.inputs if s.enabled and s.type == "RGBA"]
-        return sum(colors) / len(colors) if colors else np.full(1, 0.5, np.float32)
+
+def average(n: NodeCall) -> np.ndarray:
+    """Mean of a node's colour inputs (Brick, Magic ...), else the middle of [0, 1], where noises have theirs."""
+    n.approximated(f"{n.node.bl_label} cannot be evaluated, its average is used; bake it to an image")
+    found = [n.evaluator.value(s, n.frames) for s in n.node.inputs if s.enabled and s.type == "RGBA"]
+    return sum(found) / len(found) if found else np.full(1, 0.5, np.float32)
 
 
 def cast(value: np.ndarray, socket_type: str) -> np.ndarray:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....model.color import srgb_to_linear
+
 MISSING = np.array([1.0, 0.0, 1.0, 1.0], np.float32)  # magenta, as Blender shows a missing image
 RAW_SPACES = {"Non-Color", "Raw", "Linear Rec.709", "Linear", "scene_linear", "data"}
 MAX_SIZE = 2048
@@ -19,7 +21,7 @@ class ImageCache:
         self.report, self.max_size = report, max_size
         self._pyramids: dict[tuple, Pyramid] = {}
 
-    def pyramid(self, image, owner: str, premultiply: bool) -> "Pyramid":
+    def pyramid(self, image, owner: str, premultiply: bool) -> Pyramid:
         """Pyramid of `image`; one magenta texel, reported under `owner`, when it has no pixels."""
         key = (image.as_pointer() if image else 0, premultiply)
         if key not in self._pyramids:
@@ -81,10 +83,6 @@ def read_pixels(image) -> np.ndarray | None:
     return np.concatenate([color, alpha], axis=2)
 
 
-def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
-    return np.where(encoded <= 0.04045, encoded / 12.92, (np.maximum(encoded, 0) * (1 / 1.055) + 0.055 / 1.055) ** 2.4)
-
-
 def area_resample(pixels: np.ndarray, rows: int, columns: int) -> np.ndarray:
     """Mean of the area that each new texel covers; (h, w, c) f32 -> (rows, columns, c) f32."""
     for axis, size in ((0, rows), (1, columns)):
@@ -104,7 +102,7 @@ def area_resample(pixels: np.ndarray, rows: int, columns: int) -> np.ndarray:
 def sample(pixels: np.ndarray, uv: np.ndarray, extension: str = "REPEAT", closest: bool = False) -> np.ndarray:
     """Bilinear (or closest) lookup: (h, w, c) at (..., 2+) UV -> (..., c) f32. `extension` as on the image node.
 
-    Texel centres lie at (i + 0.5) / size (spec/scene-input.md 4.3), V grows with the row.
+    Texel centres lie at (i + 0.5) / size (docs/scene-input.md 4.3), V grows with the row.
     """
     rows, columns = pixels.shape[:2]
     x, y = uv[..., 0] * columns - 0.5, uv[..., 1] * rows - 0.5

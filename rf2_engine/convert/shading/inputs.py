@@ -4,79 +4,81 @@ from __future__ import annotations
 
 import numpy as np
 
+from .node_call import NodeCall
+
 LIT = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0, "Ray Length": 1.0}
 DENSITY_ATTRIBUTES = ("density", "Density")
 XYZ_TO_REC709 = np.array([[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560],
                           [0.0556434, -0.2040259, 1.0572252]])
 
 
-def rgb(evaluator, node, output, frames):
-    return np.array(node.outputs[0].default_value[:3], np.float32)
+def rgb(n: NodeCall):
+    return np.array(n.node.outputs[0].default_value[:3], np.float32)
 
 
-def value(evaluator, node, output, frames):
-    return np.array([node.outputs[0].default_value], np.float32)
+def value(n: NodeCall):
+    return np.array([n.node.outputs[0].default_value], np.float32)
 
 
-def light_path(evaluator, node, output, frames):
+def light_path(n: NodeCall):
     """Materials answer as seen by the camera; the world and lamps answer as they light the scene."""
-    if evaluator.points.camera_ray:
-        return np.array([output.name == "Is Camera Ray"], np.float32)
-    return np.array([LIT.get(output.name, 0.0)], np.float32)
+    if n.points.camera_ray:
+        return np.array([n.output.name == "Is Camera Ray"], np.float32)
+    return np.array([LIT.get(n.output.name, 0.0)], np.float32)
 
 
-def fresnel(evaluator, node, output, frames):
+def fresnel(n: NodeCall):
     """Seen at normal incidence: a tile knows no viewing direction."""
-    evaluator.approximated(node, f"{node.bl_label} depends on the view, its value at normal incidence is used")
-    if node.bl_idname == "ShaderNodeLayerWeight":
-        blend = np.clip(evaluator.named(node, frames, "Blend"), 0, 0.999)
-        return _normal_reflectance(1 / (1 - blend)) if output.name == "Fresnel" else np.zeros(1, np.float32)
-    return _normal_reflectance(evaluator.named(node, frames, "IOR"))
+    n.approximated(f"{n.node.bl_label} depends on the view, its value at normal incidence is used")
+    if n.kind == "ShaderNodeLayerWeight":
+        blend = np.clip(n["Blend"], 0, 0.999)
+        return _normal_reflectance(1 / (1 - blend)) if n.output.name == "Fresnel" else np.zeros(1, np.float32)
+    return _normal_reflectance(n["IOR"])
 
 
 def _normal_reflectance(ior):
     return ((ior - 1) / (ior + 1)) ** 2
 
 
-def geometry(evaluator, node, output, frames):
-    direction = evaluator.points.direction
-    if direction is not None and output.name in ("Position", "Normal", "True Normal", "Incoming"):
-        return direction if output.name == "Position" else -direction
-    if output.name == "Backfacing":
-        evaluator.approximated(node, "both sides of a face get the front side's material")
+def geometry(n: NodeCall):
+    name, direction = n.output.name, n.points.direction
+    if direction is not None and name in ("Position", "Normal", "True Normal", "Incoming"):
+        return direction if name == "Position" else -direction
+    if name == "Backfacing":
+        n.approximated("both sides of a face get the front side's material")
         return np.zeros(1, np.float32)
-    evaluator.approximated(node, f'"{output.name}" is not known per texel, 0.5 is used')
+    n.approximated(f'"{name}" is not known per texel, 0.5 is used')
     return np.full(1, 0.5, np.float32)
 
 
-def passed_through(evaluator, node, output, frames):
+def passed_through(n: NodeCall):
     """Ambient Occlusion and the like: their colour without the effect."""
-    evaluator.approximated(node, f"{node.bl_label} is left out")
-    return evaluator.named(node, frames, "Color", default=1.0) if output.name == "Color" else np.ones(1, np.float32)
+    n.approximated(f"{n.node.bl_label} is left out")
+    return n.get("Color", 1.0) if n.output.name == "Color" else np.ones(1, np.float32)
 
 
-def attribute(evaluator, node, output, frames):
+def attribute(n: NodeCall):
     """UV layers and colour attributes by name; a volume's density grid is 1 (the grid itself multiplies later)."""
-    name = getattr(node, "attribute_name", None)
-    name = node.layer_name if name is None else name
-    points = evaluator.points
+    name = getattr(n.node, "attribute_name", None)
+    name = n.node.layer_name if name is None else name
+    points = n.points
     if name in DENSITY_ATTRIBUTES and name not in points.colors:
         return np.ones(1, np.float32)
     if not name and points.colors:
         name = next(iter(points.colors))
     found = points.colors.get(name, points.uv.get(name))
     if found is None:
-        evaluator.approximated(node, f'attribute "{name}" is not available, 0.5 is used')
+        n.approximated(f'attribute "{name}" is not available, 0.5 is used')
         return np.full(1, 0.5, np.float32)
-    return np.ones(1, np.float32) if output.name == "Alpha" else found
+    return np.ones(1, np.float32) if n.output.name == "Alpha" else found
 
 
-def density(evaluator, node, output, frames):
-    return np.full(1, float(output.name == "Density"), np.float32)
+def density(n: NodeCall):
+    return np.full(1, float(n.output.name == "Density"), np.float32)
 
 
-def blackbody(evaluator, node, output, frames):
-    return blackbody_color(float(np.mean(evaluator.value(node.inputs[0], frames))))
+def blackbody(n: NodeCall):
+    return blackbody_color(float(np.mean(n[0])))
 
 
 def blackbody_color(kelvin: float) -> np.ndarray:

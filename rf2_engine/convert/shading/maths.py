@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .node_call import NodeCall
+
 
 def _divide(a, b):
     return np.divide(a, b, out=np.zeros(np.broadcast(a, b).shape, np.float32), where=b != 0)
@@ -57,53 +59,50 @@ VECTOR_MATHS = {
 }
 
 
-def math(evaluator, node, output, frames):
-    operands = [evaluator.value(s, frames) for s in node.inputs]
-    if node.operation not in MATHS:
-        evaluator.approximated(node, f"Math {node.operation.title()} is not evaluated, its first input is used")
+def math(n: NodeCall):
+    operands = n.values()
+    if n.node.operation not in MATHS:
+        n.approximated(f"Math {n.node.operation.title()} is not evaluated, its first input is used")
         return operands[0]
-    result = MATHS[node.operation](*operands)
-    return np.clip(result, 0, 1) if node.use_clamp else result
+    result = MATHS[n.node.operation](*operands)
+    return np.clip(result, 0, 1) if n.node.use_clamp else result
 
 
-def vector_math(evaluator, node, output, frames):
-    a, b = (evaluator.value(s, frames) for s in node.inputs[:2])
-    if node.operation == "SCALE":
-        return a * evaluator.named(node, frames, "Scale")
-    if node.operation not in VECTOR_MATHS:
-        evaluator.approximated(node, f"Vector Math {node.operation.title()} is not evaluated, its first input is used")
-        return a
-    return VECTOR_MATHS[node.operation](a, b)
+def vector_math(n: NodeCall):
+    if n.node.operation == "SCALE":
+        return n[0] * n["Scale"]
+    if n.node.operation not in VECTOR_MATHS:
+        n.approximated(f"Vector Math {n.node.operation.title()} is not evaluated, its first input is used")
+        return n[0]
+    return VECTOR_MATHS[n.node.operation](n[0], n[1])
 
 
-def map_range(evaluator, node, output, frames):
-    value, low, high, to_low, to_high = (
-        evaluator.named(node, frames, *names)
-        for names in (("Value", "Vector"), ("From Min",), ("From Max",), ("To Min",), ("To Max",)))
-    t = _divide(value - low, high - low)
-    if node.interpolation_type == "STEPPED":
-        steps = np.maximum(evaluator.named(node, frames, "Steps"), 1)
+def map_range(n: NodeCall):
+    low, high, to_low, to_high = n["From Min"], n["From Max"], n["To Min"], n["To Max"]
+    kind, t = n.node.interpolation_type, _divide(n["Value", "Vector"] - low, high - low)
+    if kind == "STEPPED":
+        steps = np.maximum(n["Steps"], 1)
         t = np.floor(t * (steps + 1)) / steps
-    elif node.interpolation_type in ("SMOOTHSTEP", "SMOOTHERSTEP"):
+    elif kind in ("SMOOTHSTEP", "SMOOTHERSTEP"):
         t = np.clip(t, 0, 1)
-        t = t * t * (3 - 2 * t) if node.interpolation_type == "SMOOTHSTEP" else t ** 3 * (t * (6 * t - 15) + 10)
-    return to_low + (np.clip(t, 0, 1) if node.clamp else t) * (to_high - to_low)
+        t = t * t * (3 - 2 * t) if kind == "SMOOTHSTEP" else t ** 3 * (t * (6 * t - 15) + 10)
+    return to_low + (np.clip(t, 0, 1) if n.node.clamp else t) * (to_high - to_low)
 
 
-def clamp(evaluator, node, output, frames):
-    value, low, high = (evaluator.value(s, frames) for s in node.inputs)
-    if node.clamp_type == "RANGE":
+def clamp(n: NodeCall):
+    value, low, high = n.values()
+    if n.node.clamp_type == "RANGE":
         low, high = np.minimum(low, high), np.maximum(low, high)
     return np.minimum(np.maximum(value, low), high)
 
 
-def separate(evaluator, node, output, frames):
-    channel = list(node.outputs).index(output)
-    return evaluator.value(node.inputs[0], frames)[..., channel:channel + 1]
+def separate(n: NodeCall):
+    channel = list(n.node.outputs).index(n.output)
+    return n[0][..., channel:channel + 1]
 
 
-def combine(evaluator, node, output, frames):
-    return np.concatenate(np.broadcast_arrays(*(evaluator.value(s, frames) for s in node.inputs)), axis=-1)
+def combine(n: NodeCall):
+    return np.concatenate(np.broadcast_arrays(*n.values()), axis=-1)
 
 
 FUNCTIONS = {

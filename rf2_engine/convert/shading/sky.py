@@ -2,7 +2,7 @@
 """Sky Texture by single scattering of sunlight in a clear atmosphere (Nishita et al. 1993).
 
 Air, aerosol and ozone thin out with height; sunlight is followed to points along the view ray and scattered once. Ten
-wavelengths are gathered into Rec.709 with the observer of node_inputs.py. Lengths are metres, radiances W/(m^2 sr).
+wavelengths are gathered into Rec.709 with the observer of inputs.py. Lengths are metres, radiances W/(m^2 sr).
 """
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from .inputs import XYZ_TO_REC709, observer
+from .node_call import NodeCall
 
 EARTH, TOP = 6.36e6, 6.42e6
 NM = np.linspace(390.0, 750.0, 10)
@@ -27,15 +28,15 @@ MIN_SUN_RADIUS = math.radians(0.6)                          # what the map can r
 SCALE = {"PREETHAM": 0.17, "HOSEK_WILKIE": 0.025, "MULTIPLE_SCATTERING": np.array([1.03, 1.34, 1.71])}
 
 
-def sky_texture(evaluator, node, output, frames):
-    direction = evaluator.value(node.inputs["Vector"], frames) if evaluator.is_linked(node, "Vector") else None
-    direction = evaluator.points.direction if direction is None else direction
+def sky_texture(n: NodeCall):
+    node, direction = n.node, n.linked("Vector")
+    direction = n.points.direction if direction is None else direction
     if direction is None:
-        evaluator.approximated(node, "a sky is only evaluated in the world, grey is used")
+        n.approximated("a sky is only evaluated in the world, grey is used")
         return np.full(3, 0.5, np.float32)
     if node.sky_type in SCALE:
         kind = node.sky_type.replace("_", " ").title()
-        evaluator.approximated(node, f"a {kind} sky is shown as a single-scattering sky of about its brightness")
+        n.approximated(f"a {kind} sky is shown as a single-scattering sky of about its brightness")
     physical = node.sky_type not in ("PREETHAM", "HOSEK_WILKIE")
     if physical:
         elevation, turn = node.sun_elevation, node.sun_rotation

@@ -1,31 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader nodes to closures: which parameters each BSDF node means, and what of it is lost (spec/scene-input.md 3.3)."""
+"""Shader nodes to closures: which parameters each BSDF node means, and what of it is lost (docs/scene-input.md 3.3)."""
 from __future__ import annotations
 
 import numpy as np
 
-from . import graph
 from .closure import BLACK, ONE, WHITE, ZERO, Closure, effective_ior, lobe
-from .evaluate import Evaluator
-from .texture import UP, tangent_normal
+from .node_call import NodeCall
+from .texture import tangent_normal
 
 
-def evaluate_shader(evaluator: Evaluator, socket, frames=()) -> Closure:
-    """Closure arriving at a shader input socket; nothing linked is no closure at all."""
-    _, output, frames = graph.source(socket, frames)
-    if output is None:
-        return Closure()
-    node = output.node
-    if node.bl_idname == "ShaderNodeMixShader":
-        factor = np.clip(evaluator.value(node.inputs[0], frames), 0, 1)
-        first, second = (evaluate_shader(evaluator, s, frames) for s in node.inputs[1:3])
-        return first * (1 - factor) + second * factor
-    if node.bl_idname == "ShaderNodeAddShader":
-        return evaluate_shader(evaluator, node.inputs[0], frames) + evaluate_shader(evaluator, node.inputs[1], frames)
-    if node.bl_idname in SHADERS:
-        return SHADERS[node.bl_idname](evaluator, node, frames)
-    evaluator.approximated(node, f"{node.bl_label} is shown as Diffuse")
-    return lobe(evaluator.named(node, frames, "Color", "Base Color", default=(0.8, 0.8, 0.8)))
+def closure_at(n: NodeCall, key) -> Closure:
+    """Closure that a shader brings to an input of `n`; nothing linked is no closure at all."""
+    shader = n.source(key)
+    return Closure() if shader is None else SHADERS.get(shader.kind, unknown)(shader)
+
+
+def unknown(n: NodeCall):
+    n.approximated(f"{n.node.bl_label} is shown as Diffuse")
+    return lobe(n.get(("Color", "Base Color"), (0.8, 0.8, 0.8)))
+
+
+def mix(n: NodeCall):
+    factor = np.clip(n[0], 0, 1)
+    return closure_at(n, 1) * (1 - factor) + closure_at(n, 2) * factor
+
+
+def add(n: NodeCall):
+    return closure_at(n, 0) + closure_at(n, 1)
 
 
 UNSUPPORTED = {  # input of Principled BSDF: what is lost when it is not 0
@@ -34,84 +35,75 @@ UNSUPPORTED = {  # input of Principled BSDF: what is lost when it is not 0
 }
 
 
-def principled(evaluator, node, frames):
-    def get(name, default=0.0):
-        return evaluator.named(node, frames, name, default=default)
-
+def principled(n: NodeCall):
     for name, message in UNSUPPORTED.items():
-        if np.any(get(name) > 0):
-            evaluator.approximated(node, message)
-    level, alpha = get("Specular IOR Level", 0.5), np.clip(get("Alpha", 1), 0, 1)
-    transmission = np.clip(get("Transmission Weight"), 0, 1)
-    if np.any(level * np.abs(get("Specular Tint", WHITE) - 1) > 0.01):
-        evaluator.approximated(node, "specular tint is shown as white")
-    ior = (1 - transmission) * effective_ior(get("IOR", 1.5), level) + transmission * get("IOR", 1.5)
-    surface = lobe(get("Base Color"), np.clip(get("Metallic"), 0, 1), get("Roughness"), ior, transmission,
-                   _normal(evaluator, node, frames))
-    surface.emission = get("Emission Color", WHITE) * get("Emission Strength")
+        if np.any(n.get(name) > 0):
+            n.approximated(message)
+    level, ior, alpha = n.get("Specular IOR Level", 0.5), n.get("IOR", 1.5), np.clip(n.get("Alpha", 1), 0, 1)
+    transmission = np.clip(n.get("Transmission Weight"), 0, 1)
+    if np.any(level * np.abs(n.get("Specular Tint", WHITE) - 1) > 0.01):
+        n.approximated("specular tint is shown as white")
+    ior = (1 - transmission) * effective_ior(ior, level) + transmission * ior
+    surface = lobe(n.get("Base Color"), np.clip(n.get("Metallic"), 0, 1), n.get("Roughness"), ior, transmission,
+                   tangent_normal(n))
+    surface.emission = n.get("Emission Color", WHITE) * n.get("Emission Strength")
     if np.all(alpha >= 1):
         return surface
-    evaluator.approximated(node, "alpha below 1 is shown as transmission without refraction")
+    n.approximated("alpha below 1 is shown as transmission without refraction")
     return surface * alpha + lobe(WHITE, roughness=ZERO, transmission=ONE) * (1 - alpha)
 
 
-def diffuse(evaluator, node, frames):
-    return lobe(evaluator.named(node, frames, "Color"), normal=_normal(evaluator, node, frames))
+def diffuse(n: NodeCall):
+    return lobe(n["Color"], normal=tangent_normal(n))
 
 
-def scattering(evaluator, node, frames):
-    evaluator.approximated(node, f"{node.bl_label} is shown as Diffuse")
-    return diffuse(evaluator, node, frames)
+def scattering(n: NodeCall):
+    n.approximated(f"{n.node.bl_label} is shown as Diffuse")
+    return diffuse(n)
 
 
-def glossy(evaluator, node, frames):
-    if node.bl_idname == "ShaderNodeBsdfMetallic" and node.fresnel_type == "PHYSICAL_CONDUCTOR":
-        n, k = evaluator.named(node, frames, "IOR"), evaluator.named(node, frames, "Extinction")
-        color = ((n - 1) ** 2 + k * k) / ((n + 1) ** 2 + k * k)
+def glossy(n: NodeCall):
+    if n.kind == "ShaderNodeBsdfMetallic" and n.node.fresnel_type == "PHYSICAL_CONDUCTOR":
+        ior, k = n["IOR"], n["Extinction"]
+        color = ((ior - 1) ** 2 + k * k) / ((ior + 1) ** 2 + k * k)
     else:
-        color = evaluator.named(node, frames, "Base Color", "Color")
-    if np.any(evaluator.named(node, frames, "Anisotropy", default=0.0) != 0):
-        evaluator.approximated(node, "anisotropy is left out")
-    return lobe(color, ONE, evaluator.named(node, frames, "Roughness"), normal=_normal(evaluator, node, frames))
+        color = n["Base Color", "Color"]
+    if np.any(n.get("Anisotropy") != 0):
+        n.approximated("anisotropy is left out")
+    return lobe(color, ONE, n["Roughness"], normal=tangent_normal(n))
 
 
-def glass(evaluator, node, frames):
+def glass(n: NodeCall):
     """Glass tints by its colour at each interface, Principled by the root of its base colour: the colour is squared."""
-    if node.bl_idname == "ShaderNodeBsdfRefraction":
-        evaluator.approximated(node, "refraction without reflection is shown as glass")
-    return lobe(evaluator.named(node, frames, "Color") ** 2, ZERO, evaluator.named(node, frames, "Roughness"),
-                evaluator.named(node, frames, "IOR"), ONE, _normal(evaluator, node, frames))
+    if n.kind == "ShaderNodeBsdfRefraction":
+        n.approximated("refraction without reflection is shown as glass")
+    return lobe(n["Color"] ** 2, ZERO, n["Roughness"], n["IOR"], ONE, tangent_normal(n))
 
 
-def transparent(evaluator, node, frames):
-    evaluator.approximated(node, "transparency is shown as transmission without refraction")
-    return lobe(evaluator.named(node, frames, "Color") ** 2, roughness=ZERO, transmission=ONE)
+def transparent(n: NodeCall):
+    n.approximated("transparency is shown as transmission without refraction")
+    return lobe(n["Color"] ** 2, roughness=ZERO, transmission=ONE)
 
 
-def specular_workflow(evaluator, node, frames):
+def specular_workflow(n: NodeCall):
     """Eevee's Specular BSDF: diffuse plus a mirror lobe of its own colour."""
-    normal, rough = _normal(evaluator, node, frames), evaluator.named(node, frames, "Roughness")
-    base, mirror = (evaluator.named(node, frames, name) for name in ("Base Color", "Specular"))
-    surface = lobe(base, normal=normal) + lobe(mirror, ONE, rough, normal=normal)
-    surface.emission = evaluator.named(node, frames, "Emissive Color", default=BLACK)
+    normal = tangent_normal(n)
+    surface = lobe(n["Base Color"], normal=normal) + lobe(n["Specular"], ONE, n["Roughness"], normal=normal)
+    surface.emission = n.get("Emissive Color", BLACK)
     return surface
 
 
-def emission(evaluator, node, frames):
-    return Closure(emission=evaluator.named(node, frames, "Color") * evaluator.named(node, frames, "Strength"))
+def emission(n: NodeCall):
+    return Closure(emission=n["Color"] * n["Strength"])
 
 
-def holdout(evaluator, node, frames):
-    evaluator.approximated(node, "holdout is shown as black")
+def holdout(n: NodeCall):
+    n.approximated("holdout is shown as black")
     return lobe(BLACK)
 
 
-def _normal(evaluator, node, frames):
-    socket = graph.find_input(node, "Normal")
-    return UP if socket is None else tangent_normal(evaluator, socket, frames)
-
-
 SHADERS = {
+    "ShaderNodeMixShader": mix, "ShaderNodeAddShader": add,
     "ShaderNodeBsdfPrincipled": principled, "ShaderNodeBsdfDiffuse": diffuse, "ShaderNodeBsdfTranslucent": scattering,
     "ShaderNodeSubsurfaceScattering": scattering, "ShaderNodeBsdfSheen": scattering, "ShaderNodeBsdfToon": scattering,
     "ShaderNodeBsdfVelvet": scattering, "ShaderNodeBsdfGlossy": glossy, "ShaderNodeBsdfAnisotropic": glossy,

@@ -7,6 +7,9 @@ import numpy as np
 from . import graph
 from .evaluate import Evaluator, Points
 from .image import ImageCache
+from .node_call import NodeCall
+
+NONE = np.zeros(3, np.float32)
 
 
 def has_surface(material) -> bool:
@@ -26,13 +29,13 @@ def has_surface(material) -> bool:
 def volume_coefficients(material, report) -> tuple[np.ndarray, np.ndarray] | None:
     """Scattering and absorption, (3,) f32 RGB each per world unit, or None when there is no Volume shader.
 
-    For a volume object these are the factors of its density grid (spec/scene-input.md 5.6).
+    For a volume object these are the factors of its density grid (docs/scene-input.md 5.6).
     """
     output = _volume_output(material)
     if output is None:
         return None
     evaluator = Evaluator(Points(), ImageCache(report), report, material.name)
-    coefficients = _medium(evaluator, graph.find_input(output, "Volume"), ())
+    coefficients = coefficients_at(NodeCall(evaluator, output), "Volume")
     scattering, absorption = (report.finite(material.name, "its volume", np.float32(c)) for c in coefficients)
     return np.maximum(scattering, 0), np.maximum(absorption, 0)
 
@@ -46,51 +49,57 @@ def _volume_output(material):
     return output
 
 
-def _medium(evaluator, socket, frames):
-    none = np.zeros(3, np.float32), np.zeros(3, np.float32)
-    _, output, frames = graph.source(socket, frames)
-    if output is None:
-        return none
-    node = output.node
-    if node.bl_idname in ("ShaderNodeMixShader", "ShaderNodeAddShader"):
-        first, second = (_medium(evaluator, s, frames) for s in node.inputs[-2:])
-        a, b = 1.0, 1.0
-        if node.bl_idname == "ShaderNodeMixShader":
-            b = np.clip(evaluator.value(node.inputs[0], frames), 0, 1)
-            a = 1 - b
-        return tuple(a * x + b * y for x, y in zip(first, second))
-    if node.bl_idname not in MEDIA:
-        evaluator.approximated(node, f"{node.bl_label} is left out of the volume")
-        return none
-    if np.any(np.abs(evaluator.named(node, frames, "Anisotropy", default=0.0)) > 0):
-        evaluator.approximated(node, "anisotropic scattering is shown as isotropic")
-    return MEDIA[node.bl_idname](evaluator, node, frames)
+def coefficients_at(n: NodeCall, key) -> tuple[np.ndarray, np.ndarray]:
+    """Scattering and absorption that a shader brings to an input of `n`; 0 when nothing is linked."""
+    shader = n.source(key)
+    return (NONE, NONE) if shader is None else SHADERS.get(shader.kind, unknown)(shader)
 
 
-def _principled_volume(evaluator, node, frames):
-    color, density, absorption = (evaluator.named(node, frames, n) for n in ("Color", "Density", "Absorption Color"))
-    glow = evaluator.named(node, frames, "Emission Strength"), evaluator.named(node, frames, "Blackbody Intensity")
-    if any(np.any(g > 0) for g in glow):
-        evaluator.approximated(node, "emission of a volume is left out")
-    return density * color, density * np.maximum(1 - color, 0) * np.maximum(1 - np.sqrt(absorption), 0)
+def unknown(n: NodeCall):
+    n.approximated(f"{n.node.bl_label} is left out of the volume")
+    return NONE, NONE
 
 
-def _scatter(evaluator, node, frames):
-    return evaluator.named(node, frames, "Density") * evaluator.named(node, frames, "Color"), np.zeros(3, np.float32)
+def mix(n: NodeCall):
+    factor, (s1, a1), (s2, a2) = np.clip(n[0], 0, 1), coefficients_at(n, 1), coefficients_at(n, 2)
+    return (1 - factor) * s1 + factor * s2, (1 - factor) * a1 + factor * a2
 
 
-def _absorption(evaluator, node, frames):
-    tint = np.maximum(1 - evaluator.named(node, frames, "Color"), 0)
-    return np.zeros(3, np.float32), evaluator.named(node, frames, "Density") * tint
+def add(n: NodeCall):
+    (s1, a1), (s2, a2) = coefficients_at(n, 0), coefficients_at(n, 1)
+    return s1 + s2, a1 + a2
 
 
-def _coefficients(evaluator, node, frames):
-    if np.any(evaluator.named(node, frames, "Emission Coefficients") > 0):
-        evaluator.approximated(node, "emission of a volume is left out")
-    return tuple(evaluator.named(node, frames, n) for n in ("Scatter Coefficients", "Absorption Coefficients"))
+def principled(n: NodeCall):
+    _report_losses(n, "Emission Strength", "Blackbody Intensity")
+    color, density = n["Color"], n["Density"]
+    return density * color, density * np.maximum(1 - color, 0) * np.maximum(1 - np.sqrt(n["Absorption Color"]), 0)
 
 
-MEDIA = {
-    "ShaderNodeVolumePrincipled": _principled_volume, "ShaderNodeVolumeScatter": _scatter,
-    "ShaderNodeVolumeAbsorption": _absorption, "ShaderNodeVolumeCoefficients": _coefficients,
+def scatter(n: NodeCall):
+    _report_losses(n)
+    return n["Density"] * n["Color"], NONE
+
+
+def absorption(n: NodeCall):
+    return NONE, n["Density"] * np.maximum(1 - n["Color"], 0)
+
+
+def coefficients(n: NodeCall):
+    _report_losses(n, "Emission Coefficients")
+    return n["Scatter Coefficients"], n["Absorption Coefficients"]
+
+
+def _report_losses(n: NodeCall, *glow: str) -> None:
+    """glow: the inputs that make the volume shine."""
+    if np.any(np.abs(n.get("Anisotropy")) > 0):
+        n.approximated("anisotropic scattering is shown as isotropic")
+    if any(np.any(n[name] > 0) for name in glow):
+        n.approximated("emission of a volume is left out")
+
+
+SHADERS = {
+    "ShaderNodeMixShader": mix, "ShaderNodeAddShader": add, "ShaderNodeVolumePrincipled": principled,
+    "ShaderNodeVolumeScatter": scatter, "ShaderNodeVolumeAbsorption": absorption,
+    "ShaderNodeVolumeCoefficients": coefficients,
 }

@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
+from dataclasses import replace
+
 import numpy as np
 import torch
 
-from renderformer_v2.model.guided import guidance
 from renderformer_v2.model.guided import guides as guides_module
-from renderformer_v2.model.guided.guidance import OUTPUT_CHANNELS, Guidance, decode_image, decode_light
-from renderformer_v2.model.guided.guides import ALPHA, FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
+from renderformer_v2.model.guided.guidance import Guidance
+from renderformer_v2.model.guided.guides import FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
+from renderformer_v2.model.guided.light import OUTPUTS, decode_image, decode_light
 from renderformer_v2.model.guided.light_prior import LightPrior
+from renderformer_v2.model.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
+
+PATCH = rf2_small().patch_size
 
 
 def tensors(width=64, height=64):
     scene = floor_scene()
-    return guide_tensors(scene, *floor_view(width, height), LightPrior(scene))
+    return guide_tensors(scene, *floor_view(width, height), LightPrior(scene), PATCH)
 
 
 def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
     guides = tensors(128, 64)
     positions = guides.positions.view(8, 16, 3)
-    assert guides.features.shape == (1, FEATURES, 64, 128)
+    assert guides.features.shape == (1, len(FEATURES), 64, 128)
     torch.testing.assert_close(positions[4, 8, 2], torch.tensor(0.0), atol=1e-5, rtol=0)
     camera = torch.tensor([0.0, 0.0, 3.0])
     torch.testing.assert_close((positions[0, 0] - camera).norm(), torch.tensor(UNSEEN_DISTANCE))
@@ -26,7 +31,7 @@ def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
 
 def test_the_prior_is_the_only_light_of_an_undecided_decoder():
     guides = tensors()
-    visible, dark = torch.full((1, 9, 64, 64), 30.0), torch.full((1, OUTPUT_CHANNELS - 9, 64, 64), -30.0)
+    visible, dark = torch.full((1, 9, 64, 64), 30.0), torch.full((1, len(OUTPUTS) - 9, 64, 64), -30.0)
     image = decode_light(torch.cat([visible, dark], 1), guides)["image"]
     torch.testing.assert_close(image, 1.2 * (guides.prior * guides.colors).sum(1), atol=1e-5, rtol=1e-4)
     assert image.amax() > 0.01
@@ -36,8 +41,8 @@ def test_the_prior_is_the_only_light_of_an_undecided_decoder():
 
 def test_no_light_where_nothing_is_hit():
     guides = tensors(128, 64)
-    image = decode_light(torch.full((1, OUTPUT_CHANNELS, 64, 128), 3.0), guides)["image"]
-    empty = guides.features[:, ALPHA] == 0
+    image = decode_light(torch.full((1, len(OUTPUTS), 64, 128), 3.0), guides)["image"]
+    empty = guides.features[:, FEATURES.index("alpha")] == 0
     assert empty.any() and (~empty).any()
     assert image.permute(1, 0, 2, 3)[:, empty].abs().amax() == 0
 
@@ -53,13 +58,13 @@ def test_roughness_comes_from_the_texel_that_is_hit():
 
 @torch.no_grad()
 def test_bands_of_a_large_picture_change_nothing(monkeypatch):
-    whole, encoder = tensors(128, 64), Guidance(12, 1e-6)
+    whole, encoder = tensors(128, 64), Guidance(replace(rf2_small(), latent_dim=12))
+    tokens = encoder.bundles(whole.features)
     monkeypatch.setattr(guides_module, "BAND_PIXELS", 24 * 128)
     guides = tensors(128, 64)
     for name in ("features", "colors", "prior", "positions"):
         torch.testing.assert_close(getattr(guides, name), getattr(whole, name))
-    raw = torch.randn(1, OUTPUT_CHANNELS, 64, 128, generator=torch.Generator().manual_seed(0))
-    tokens, image = encoder.bundles(guides), decode_light(raw, guides)["image"]
-    monkeypatch.setattr(guidance, "BAND_PIXELS", 24 * 128)
-    torch.testing.assert_close(encoder.bundles(guides), tokens)
+    raw = torch.randn(1, len(OUTPUTS), 64, 128, generator=torch.Generator().manual_seed(0))
+    image = decode_light(raw, guides)["image"]
+    torch.testing.assert_close(encoder.bundles(guides.features), tokens)
     assert torch.equal(decode_image(raw, guides), image)

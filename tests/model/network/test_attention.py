@@ -4,10 +4,9 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from renderformer_v2.model.network import attention
-from renderformer_v2.model.network import memory as progress
-from renderformer_v2.model.network.attention import KeysValues, attend_to_all
-from renderformer_v2.model.network.memory import Progress
+from renderformer_v2.model import progress
+from renderformer_v2.model.network import memory, softmax
+from renderformer_v2.model.network.softmax import KeysValues, attend_to_all
 from tools.parity.self_check import window_sink_attention
 
 SIZES = [(1, 0, 2), (9, 9, 2), (12, 3, 2), (40, 0, 3), (300, 7, 1), (513, 0, 256), (600, 20, 256), (700, 30, 8),
@@ -42,7 +41,7 @@ def test_window_sink_attention_equals_a_dense_mask(length, sink, half, dtype, to
 @torch.no_grad()
 def test_large_scores_neither_overflow_nor_vanish(scale, monkeypatch):
     taken = []
-    monkeypatch.setattr(attention, "below_maximum", lambda *x, real=attention.below_maximum:
+    monkeypatch.setattr(softmax, "below_maximum", lambda *x, real=softmax.below_maximum:
                         taken.append(1) or real(*x))
     q, k, v = sequence(1200, seed=1, scale=scale)
     actual = window_sink_attention(q, k, v, 100, 64)
@@ -62,7 +61,7 @@ def test_no_score_matrix_of_the_whole_sequence_is_made(monkeypatch):
     monkeypatch.setattr(torch, "bmm", watch)
     q = torch.randn(20000, 1, 4)
     window_sink_attention(q, q, q, 100, 64)
-    assert 0 < largest <= progress.CHUNK ** 2
+    assert 0 < largest <= memory.CHUNK ** 2
 
 
 @torch.no_grad()
@@ -74,8 +73,8 @@ def test_progress_may_cancel_inside_a_layer():
         if fraction > 0.5:
             raise Cancelled
     q = torch.randn(3000, 1, 4)
-    with pytest.raises(Cancelled):
-        window_sink_attention(q, q, q, 10, 64, Progress(callback))
+    with pytest.raises(Cancelled), progress.reporting(callback):
+        window_sink_attention(q, q, q, 10, 64)
 
 
 @torch.no_grad()
@@ -83,7 +82,8 @@ def test_blocks_give_the_same_as_one_and_poll_in_order():
     q, k, v = (x.transpose(0, 1) for x in sequence(1700, seed=0, heads=5, width=8))
     seen, cut = [], [(a, min(a + 300, 1700)) for a in range(0, 1700, 300)]
     keys = KeysValues([(k[:, a:b].contiguous(), v[:, a:b].contiguous()) for a, b in cut])
-    actual = attend_to_all(q[:, :70], keys, Progress(lambda text, fraction: seen.append(fraction)))
+    with progress.reporting(lambda text, fraction: seen.append(fraction)):
+        actual = attend_to_all(q[:, :70], keys)
     expected = F.scaled_dot_product_attention(q[None, :, :70], k[None], v[None])[0]
     torch.testing.assert_close(actual, expected, atol=1e-6, rtol=1e-5)
     assert len(seen) == len(cut) and seen == sorted(seen) and seen[-1] < 1

@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Decoding in bands gives the pixels of decoding at once."""
-from dataclasses import replace
-
 import pytest
 import torch
 
+from renderformer_v2.model import progress
 from renderformer_v2.model.network import decoder
 from renderformer_v2.model.network.decoder import DPTDecoder
-from renderformer_v2.model.network.memory import Progress
 from renderformer_v2.model.precision import in_precision
 from tools.parity.cases import with_recipe_weights
 
@@ -19,7 +17,7 @@ def features(views: int, grid: tuple[int, int], channels: int = 5):
 
 
 def built(config) -> DPTDecoder:
-    return with_recipe_weights(DPTDecoder(replace(config, decoder_extra_channels=5)))
+    return with_recipe_weights(DPTDecoder(config, extra_channels=5))
 
 
 @torch.no_grad()
@@ -47,14 +45,15 @@ def test_bands_agree_in_bfloat16(tiny_config, monkeypatch):
 def test_a_band_can_be_cancelled_and_progress_rises(tiny_config, monkeypatch):
     network, (levels, extra), seen = built(tiny_config), features(1, (16, 8)), []
     monkeypatch.setattr(decoder, "BAND_PIXELS", 16 * 64)
-    network(levels, extra, Progress(lambda text, fraction: seen.append(fraction)))
+    with progress.reporting(lambda text, fraction: seen.append(fraction)):
+        network(levels, extra)
     assert seen == sorted(seen) and seen[0] == 0 and 0.8 < seen[-1] <= 1
 
     def cancel(text, fraction):
         if fraction > 0.5:
             raise InterruptedError
-    with pytest.raises(InterruptedError):
-        network(levels, extra, Progress(cancel))
+    with pytest.raises(InterruptedError), progress.reporting(cancel):
+        network(levels, extra)
 
 
 def test_gradients_are_never_tiled(tiny_config, monkeypatch):

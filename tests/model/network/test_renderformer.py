@@ -5,16 +5,18 @@ from dataclasses import replace
 import pytest
 import torch
 
-from renderformer_v2.model.network import decoder, renderformer, swin
-from renderformer_v2.model.network import memory as progress
-from renderformer_v2.model.network.config import rf2_200m, rf2_small
+from renderformer_v2.model import progress
+from renderformer_v2.model.checkpoint import new_network
+from renderformer_v2.model.network import decoder, memory, renderformer, swin
+from renderformer_v2.model.network.inputs import ViewInputs
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.precision import in_precision
+from renderformer_v2.model.presets import rf2_200m, rf2_small
 
 
 def meta(config) -> RenderFormer:
     with torch.device("meta"):
-        return RenderFormer(config)
+        return new_network(config)
 
 
 def test_published_preset_has_the_published_size():
@@ -24,7 +26,7 @@ def test_published_preset_has_the_published_size():
 
 def test_guidance_adds_to_the_published_keys_and_takes_none_away():
     small = rf2_small()
-    paper = replace(small, guided=False, tile_encoder_channels=0, env_encoder=False, decoder_extra_channels=0)
+    paper = replace(small, guidance=None)
     assert set(meta(paper).state_dict()) < set(meta(small).state_dict())
     assert not any("guid" in key or "tile_encoder" in key for key in meta(paper).state_dict())
 
@@ -34,7 +36,7 @@ def test_order_of_the_triangles_does_not_matter(tiny_network, tiny_inputs, rays)
     order = torch.randperm(len(tiny_inputs.light), generator=torch.Generator().manual_seed(3))
     shuffled = replace(tiny_inputs, **{name: getattr(tiny_inputs, name)[order]
                                        for name in ("triangles", "normals", "texture_index", "light")})
-    torch.testing.assert_close(tiny_network(shuffled, *rays), tiny_network(tiny_inputs, *rays), atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(tiny_network(shuffled, rays), tiny_network(tiny_inputs, rays), atol=1e-5, rtol=1e-5)
 
 
 @torch.no_grad()
@@ -42,21 +44,21 @@ def test_moving_scene_and_camera_together_changes_nothing(tiny_network, tiny_inp
     shift = torch.tensor([0.5, -0.25, 1.0])
     volumes = replace(tiny_inputs.volumes, position=tiny_inputs.volumes.position + shift)
     moved = replace(tiny_inputs, triangles=tiny_inputs.triangles + shift, volumes=volumes)
-    image = tiny_network(tiny_inputs, *rays)
-    torch.testing.assert_close(tiny_network(moved, rays[0] + shift, rays[1]), image, atol=1e-4, rtol=1e-4)
-    assert not torch.allclose(tiny_network(moved, *rays), image, atol=1e-4)
+    image = tiny_network(tiny_inputs, rays)
+    torch.testing.assert_close(tiny_network(moved, replace(rays, origin=rays.origin + shift)), image, atol=1e-4, rtol=1e-4)
+    assert not torch.allclose(tiny_network(moved, rays), image, atol=1e-4)
 
 
 @torch.no_grad()
 def test_views_are_independent_and_a_context_is_reusable(tiny_network, tiny_inputs, rays):
-    both = tiny_network(tiny_inputs, *rays)
+    both = tiny_network(tiny_inputs, rays)
     context = tiny_network.encode_scene(tiny_inputs)
     for i in range(2):
-        one = tiny_network.render_view(context, rays[0][i:i + 1], rays[1][i:i + 1])
+        one = tiny_network.render_view(context, ViewInputs(rays.origin[i:i + 1], rays.directions[i:i + 1]))
         torch.testing.assert_close(one[0], both[i], atol=1e-5, rtol=1e-5)
     assert len(context.keys_values) == 4
     lean = tiny_network.encode_scene(tiny_inputs, keep_keys_values=False)
-    torch.testing.assert_close(tiny_network.render_view(lean, *rays), both)
+    torch.testing.assert_close(tiny_network.render_view(lean, rays), both)
     assert not lean.keys_values
 
 
@@ -64,18 +66,18 @@ def test_views_are_independent_and_a_context_is_reusable(tiny_network, tiny_inpu
 def test_a_view_in_bands_is_the_same_view(tiny_network, tiny_inputs, monkeypatch):
     context = tiny_network.encode_scene(tiny_inputs)
     directions = torch.nn.functional.normalize(torch.randn(2, 192, 128, 3), dim=-1)
-    view = torch.zeros(2, 3), directions
-    expected = tiny_network.render_view(context, *view)
+    view = ViewInputs(torch.zeros(2, 3), directions)
+    expected = tiny_network.render_view(context, view)
     for module, name, small in ((swin, "TOKENS", 1), (swin, "WINDOWS", 3), (decoder, "BAND_PIXELS", 2 * 128 * 40),
-                                (progress, "CHUNK", 100)):
+                                (memory, "CHUNK", 100)):
         monkeypatch.setattr(module, name, small)
-    torch.testing.assert_close(tiny_network.render_view(context, *view), expected, atol=1e-6, rtol=1e-5)
+    torch.testing.assert_close(tiny_network.render_view(context, view), expected, atol=1e-6, rtol=1e-5)
 
 
 @torch.no_grad()
 def test_what_stage_two_keeps_of_a_scene_is_bounded(tiny_network, tiny_inputs, rays, monkeypatch):
     small = tiny_network.encode_scene(tiny_inputs)
-    tiny_network.render_view(small, *rays)
+    tiny_network.render_view(small, rays)
     kept = sum(keys.bytes for keys in small.keys_values.values())
     assert kept == tiny_network.keys_values_bytes(len(small.tokens))
     monkeypatch.setattr(renderformer, "KEYS_VALUES_BYTES", kept - 1)
@@ -89,28 +91,12 @@ def test_a_scene_of_lights_only_and_an_empty_scene_run(tiny_network, tiny_inputs
     assert context.sink == len(context.tokens)
     rows = {name: getattr(tiny_inputs, name)[:0] for name in ("triangles", "normals", "texture_index", "light")}
     empty = replace(tiny_inputs, volumes=None, **rows)
-    assert tiny_network(empty, *rays).isfinite().all()
+    assert tiny_network(empty, rays).isfinite().all()
 
 
 def test_odd_sizes_are_refused_with_the_numbers(tiny_network, tiny_inputs):
     with pytest.raises(ValueError, match="72 x 64"):
-        tiny_network(tiny_inputs, torch.zeros(1, 3), torch.ones(1, 64, 72, 3))
-
-
-@torch.no_grad()
-def test_hooks_for_guidance(tiny_config, tiny_inputs, rays):
-    torch.manual_seed(0)
-    network = RenderFormer(replace(tiny_config, decoder_extra_channels=5)).eval()
-    plain = network.encode_scene(tiny_inputs)
-    beams = network.encode_scene(tiny_inputs, light_embedding=torch.ones(2, 48))
-    assert not torch.equal(plain.tokens, beams.tokens)
-    extra = torch.randn(2, 5, 64, 64)
-    image = network.render_view(plain, *rays, extra=extra)
-    same = network.render_view(plain, *rays, extra=extra, ray_embedding=torch.zeros(2, 64, 48),
-                               ray_position=rays[0][:, None].expand(2, 64, 3))
-    assert torch.equal(image, same)
-    other = network.render_view(plain, *rays, extra=extra, ray_position=torch.randn(2, 64, 3), raw=True)
-    assert other.shape == (2, 3, 64, 64) and not torch.allclose(other, image)
+        tiny_network(tiny_inputs, ViewInputs(torch.zeros(1, 3), torch.ones(1, 64, 72, 3)))
 
 
 @torch.no_grad()
@@ -119,15 +105,15 @@ def test_bfloat16_weights_give_nearly_the_same_picture(tiny_config, tiny_network
     half.load_state_dict(tiny_network.state_dict())
     half = in_precision(half, torch.bfloat16).eval()
     assert half.transformer.rope_emb.freqs.dtype == torch.float32
-    expected = tiny_network(tiny_inputs, *rays)
-    error = (half(tiny_inputs, *rays) - expected).pow(2).mean().sqrt() / expected.abs().max()
+    expected = tiny_network(tiny_inputs, rays)
+    error = (half(tiny_inputs, rays) - expected).pow(2).mean().sqrt() / expected.abs().max()
     assert error < 10 ** (-40 / 20)
 
 
 def test_gradients_reach_every_parameter(tiny_config, tiny_inputs, rays):
     torch.manual_seed(0)
     network = RenderFormer(tiny_config)
-    network(tiny_inputs, *rays).square().mean().backward()
+    network(tiny_inputs, rays).square().mean().backward()
     silent = [name for name, p in network.named_parameters()
               if p.requires_grad and (p.grad is None or not p.grad.any())]
     assert silent == []
@@ -135,8 +121,8 @@ def test_gradients_reach_every_parameter(tiny_config, tiny_inputs, rays):
 
 def test_progress_names_the_stages_and_never_goes_back(tiny_network, tiny_inputs, rays):
     seen = []
-    with torch.no_grad():
-        tiny_network(tiny_inputs, *rays, progress=lambda text, fraction: seen.append((text, fraction)))
+    with torch.no_grad(), progress.reporting(lambda *said: seen.append(said)):
+        tiny_network(tiny_inputs, rays)
     assert {"Stage 1, layer 2/2", "Stage 2, layer 4/4", "Decoding the image"} <= {text for text, _ in seen}
     fractions = [fraction for _, fraction in seen]
     assert fractions == sorted(fractions) and 0 <= fractions[0] and fractions[-1] <= 1

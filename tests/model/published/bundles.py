@@ -9,10 +9,16 @@ import yaml
 from safetensors.torch import save_file
 
 from renderformer_v2.model.material.mappers import MAPPERS
-from renderformer_v2.model.network.config import ModelConfig, rf2_200m
+from renderformer_v2.model.network.config import ModelConfig
+from renderformer_v2.model.presets import rf2_200m
+from renderformer_v2.model.published.model_config import FIXED, OWN
 from tools.parity.cases import recipe_network, with_recipe_weights
 
-OWN = {"guided", "embed_norm_eps", "dense", "tile_encoder_channels", "env_encoder", "decoder_extra_channels"}
+
+def published_mapping(config: ModelConfig) -> dict:
+    """`model_config` as a published config.yaml has it."""
+    own = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(config).items() if k not in OWN}
+    return own | {name: position for name, (position, _) in FIXED.items()} | {"use_flex_attention": True}
 
 
 def tiny_published_config() -> ModelConfig:
@@ -32,9 +38,8 @@ def tiny_vae() -> torch.nn.Module:
 def write_bundle(folder: Path, config: ModelConfig) -> Path:
     config = replace(config, texture_channels=80, envmap_latent_channels=16)
     network = recipe_network(config)
-    model_config = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(config).items() if k not in OWN}
     (folder / "transformer_512").mkdir(parents=True)
-    (folder / "transformer_512" / "config.yaml").write_text(yaml.safe_dump({"model_config": model_config}))
+    (folder / "transformer_512" / "config.yaml").write_text(yaml.safe_dump({"model_config": published_mapping(config)}))
     save_file({k: v.contiguous() for k, v in network.state_dict().items()},
               folder / "transformer_512" / "model.safetensors")
     for name, mapper in MAPPERS.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The research code's scene file: what is written, and what a reader must put up with (spec/scene-input.md 8)."""
+"""The research code's scene file: what is written, and what a reader must put up with (docs/scene-input.md 8)."""
 import json
 from dataclasses import replace
 
@@ -99,7 +99,7 @@ def test_row_of_zeros_is_no_volume(stored):
 
 
 def test_negative_light_is_stored_light(stored):
-    """The network's input clamps it (spec/network.md 2, spec/scene-input.md 7.4)."""
+    """The network's input clamps it (docs/network.md 2, docs/scene-input.md 7.4)."""
     found = read_h5(edited(stored, light_strength=np.full((N, 3), -1.0), env_map=np.full((3, 256, 512), -1.0)))
     assert (found.light_strength == -1).all() and (found.environment == -1).all()
 

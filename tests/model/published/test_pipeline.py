@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model import progress
 from renderformer_v2.model.camera import square_view
 from renderformer_v2.model.errors import CheckpointError, RenderCancelled, SceneError
 from renderformer_v2.model.material.appearance import Appearance
@@ -81,7 +82,7 @@ def test_constant_materials_equal_direct_encoding_and_are_encoded_once(renderer,
     images = ImageEncoder(published_bundle / "vae")
     monkeypatch.setattr(pipeline.encoder, "images", images)
     encoded, encode = [], images._encode
-    monkeypatch.setattr(images, "_encode", lambda batch, poll: encoded.append(len(batch)) or encode(batch, poll))
+    monkeypatch.setattr(images, "_encode", lambda batch: encoded.append(len(batch)) or encode(batch))
     scene = floor_scene()
     processed = pipeline.encoder.process(scene)
     assert processed.texture.shape == (2, 80, 4, 4) and processed.texture.dtype == np.float16
@@ -113,31 +114,34 @@ def test_textures_report_progress_and_can_be_cancelled(renderer):
         if text.startswith("Encoding textures 64/"):
             raise RenderCancelled()
 
-    with pytest.raises(RenderCancelled):
-        renderer.render(scene, *floor_view(), progress=cancel)
+    with pytest.raises(RenderCancelled), progress.reporting(cancel):
+        renderer.encode(scene)
     assert "Encoding textures 0/101" in steps
 
 
-def test_picture_is_finite_empty_where_nothing_is_seen_and_stage_one_is_kept(renderer):
+def test_picture_is_finite_empty_where_nothing_is_seen_and_again_the_same(renderer):
     scene, (view, guides) = floor_scene(), floor_view(50, 37)
     guides.hit_triangle[5, 5] = len(scene) - 1
     guides.alpha[5, 5] = 1
     guides.emission[5, 5] = 7
     fractions = []
-    picture = renderer.render(scene, view, guides, progress=lambda text, fraction: fractions.append(fraction))
+    with progress.reporting(lambda text, fraction: fractions.append(fraction)):
+        with progress.part(0.0, 0.5):
+            encoded = renderer.encode(scene)
+        with progress.part(0.5, 1.0):
+            picture = encoded.view(view, guides)
     assert picture.shape == (37, 50, 3) and np.isfinite(picture).all() and picture.min() >= 0 and picture.max() > 0
     assert not picture[guides.alpha == 0].any() and not picture[5, 5].any()
-    assert fractions == sorted(fractions) and renderer.tokens > len(scene)
-    steps = []
-    again = renderer.render(scene, view, guides, progress=lambda text, fraction: steps.append(text))
-    assert not any("Encoding" in text or text.startswith("Stage 1") for text in steps)
-    np.testing.assert_array_equal(picture, again)
+    assert fractions == sorted(fractions) and encoded.tokens > len(scene)
+    np.testing.assert_array_equal(picture, encoded.view(view, guides))
 
 
 def test_a_border_is_rendered_by_the_network_of_the_whole_picture(renderer):
-    part = replace(floor_view()[0], picture_size=4096)
-    assert renderer.pipeline.variant(part) == "transformer_2048"
-    assert renderer.pipeline.variant(replace(part, picture_size=0)) == "transformer_512"
+    view, guides = floor_view()
+    assert renderer.pipeline.variant(replace(view, picture_size=4096).longer_side) == "transformer_2048"
+    assert renderer.pipeline.variant(view.longer_side) == "transformer_512"
+    with pytest.raises(ValueError, match="transformer_2048"):
+        renderer.encode(floor_scene()).view(replace(view, picture_size=4096), guides)
 
 
 def test_exported_scene_renders_the_same_picture(renderer, tmp_path):
@@ -145,7 +149,7 @@ def test_exported_scene_renders_the_same_picture(renderer, tmp_path):
     scene.environment = np.full((256, 512, 3), 0.5, np.float32)
     write_h5(tmp_path / "scene.h5", renderer.pipeline.process(scene, [view]))
     image = renderer.pipeline.render_processed(read_h5(tmp_path / "scene.h5"), 64)[0]
-    expected = renderer.render(scene, view, guides) * Normalization.of(scene).exposure
+    expected = renderer.encode(scene).view(view, guides) * Normalization.of(scene).exposure
     np.testing.assert_allclose(image[guides.alpha > 0], expected[guides.alpha > 0], rtol=5e-3, atol=5e-3)
     assert image.std() > 1e-3
 

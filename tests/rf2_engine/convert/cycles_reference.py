@@ -60,12 +60,12 @@ def irradiance(point, normal):
     return math.pi * seen_flat_on(white, 0.02, frame=frame).mean(axis=(0, 1))
 
 
-def seen_flat_on(shader, side, uv=None, frame=Matrix()):
+def seen_flat_on(shader, side, uv=None, frame=None):
     """(H, W, 3) picture, row 0 at the bottom, of the middle half of a square plane of this side wearing `shader`.
 
     uv: (4, 2) at its corners, counter-clockwise from the lower left.
     """
-    scene, half = bpy.context.scene, side / 2
+    scene, half, frame = bpy.context.scene, side / 2, frame or Matrix()
     mesh = bpy.data.meshes.new("Plane")
     mesh.from_pydata([(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [], [(0, 1, 2, 3)])
     if uv is not None:

@@ -33,7 +33,7 @@ def test_mirrored_mesh_keeps_uv_at_its_corners(add_mesh, report):
 
 
 def test_material_slots_of_mesh_and_object(converted, add_mesh, add_material):
-    red, green, blue = (add_material(n, c) for n, c in zip("rgb", np.eye(3)))
+    red, green, blue = (add_material(n, c) for n, c in zip("rgb", np.eye(3), strict=True))
     obj = add_mesh("two", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (5, 0, 0), (6, 0, 0), (5, 1, 0)], [(0, 1, 2), (3, 4, 5)],
                    [red, green])
     obj.data.polygons[1].material_index = 1

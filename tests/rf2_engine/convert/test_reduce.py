@@ -26,7 +26,7 @@ def test_simplified_mesh_keeps_uv_and_material_borders(report):
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=60, y_subdivisions=60)
     obj = bpy.context.object
     obj.data.polygons.foreach_set("material_index", np.repeat([0, 1], 1800))
-    mesh = reduce.simplify(meshes.read_mesh(obj.data, "grid", report), 300, lambda: None)
+    mesh = reduce.simplify(meshes.read_mesh(obj.data, "grid", report), 300)
     np.testing.assert_allclose(mesh.uv["UVMap"], (mesh.corners[..., :2] + 1) / 2, atol=1e-4)
     above = mesh.corners.mean(axis=1)[:, 1] > 0
     np.testing.assert_array_equal(above, mesh.slot)
@@ -35,7 +35,7 @@ def test_simplified_mesh_keeps_uv_and_material_borders(report):
 
 def test_cylinder_keeps_its_hard_edges(report):
     bpy.ops.mesh.primitive_cylinder_add(vertices=400)
-    mesh = reduce.simplify(meshes.read_mesh(bpy.context.object.data, "cylinder", report), 200, lambda: None)
+    mesh = reduce.simplify(meshes.read_mesh(bpy.context.object.data, "cylinder", report), 200)
     vertical = np.abs(mesh.normals[..., 2])
     cap = np.abs(meshes.face_normals(mesh.corners)[:, 2]) > 0.7
     assert vertical[cap].min() > 0.99 and vertical[~cap].max() < 0.01

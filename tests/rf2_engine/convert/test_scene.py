@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 
 
@@ -92,12 +93,13 @@ def test_progress_names_the_object_count_and_can_cancel(converted, add_mesh):
     for i in range(3):
         add_mesh(f"m{i}")
     calls = []
-    converted(progress=lambda text, fraction: calls.append((text, fraction)))
+    with progress.reporting(lambda text, fraction: calls.append((text, fraction))):
+        converted()
     assert any(text.startswith("Converting 2/") for text, _ in calls)
     fractions = [fraction for _, fraction in calls]
     assert fractions == sorted(fractions) and 0 <= fractions[0] and fractions[-1] <= 1
 
     def cancel(text, fraction):
         raise RenderCancelled
-    with pytest.raises(RenderCancelled):
-        converted(progress=cancel)
+    with pytest.raises(RenderCancelled), progress.reporting(cancel):
+        converted()

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Direction and energy of the environment map, against Cycles and the numbers of spec/scene-input.md 7 and 13."""
+"""Direction and energy of the environment map, against Cycles and the numbers of docs/scene-input.md 7 and 13."""
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model.geometry import latlong_directions, rotation_matrix
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.texture import rotation_matrix
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert_world, directions
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert_world
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, world
 
@@ -19,7 +19,7 @@ def gathered(environment, normal):
     """(3,) irradiance of a facet in the open: the map summed over the hemisphere of its normal."""
     theta = np.pi * (np.arange(256) + 0.5) / 256
     solid_angle = np.sin(theta) * (np.pi / 256) * (2 * np.pi / 512)
-    cosine = np.maximum(directions(np.arange(256), 256, 512) @ (np.asarray(normal) / np.linalg.norm(normal)), 0)
+    cosine = np.maximum(latlong_directions(np.arange(256), 256, 512) @ (np.asarray(normal) / np.linalg.norm(normal)), 0)
     return np.einsum("rwk,rw,r->k", environment.astype(np.float64), cosine, solid_angle)
 
 
@@ -35,7 +35,7 @@ def image_world(image, rotation=(0, 0, 0), strength=1.0):
 
 
 def test_directions_and_rotation_match_the_specification():
-    d = directions(np.arange(256), 256, 512)
+    d = latlong_directions(np.arange(256), 256, 512)
     np.testing.assert_allclose(d[128, 256], (0.999962, -0.006136, -0.006136), atol=1e-6)
     np.testing.assert_allclose(d[128, 128], (0.006136, 0.999962, -0.006136), atol=1e-6)
     np.testing.assert_allclose(d[0, 0], (-0.006136, 0.000038, 0.999981), atol=1e-6)

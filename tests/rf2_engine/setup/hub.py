@@ -61,7 +61,7 @@ class _Handler(BaseHTTPRequestHandler):
         if hub.token and hub.gate in path and self.headers["Authorization"] != f"Bearer {hub.token}":
             return self._answer(401, b"{}")
         for repository, files in hub.files.items():
-            if path == f"/api/models/{repository}":
+            if path in (f"/api/models/{repository}", f"/api/models/{repository}/revision/{REVISION}"):
                 return self._answer(200, _listing(repository, files, hub.claimed))
             name = path.removeprefix(f"/{repository}/resolve/{REVISION}/")
             if name in files:

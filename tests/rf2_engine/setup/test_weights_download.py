@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Getting the published weights from a local server: what goes over the wire, and what lies on disk afterwards."""
+import hashlib
 import re
 import shutil
 import sys
@@ -14,13 +15,13 @@ from bl_ext.user_default.renderformer_v2.model.published.image_encoder import fi
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
     preferences,
     published_weights,
+    redraw,
     weights_download,
-    weights_operators,
 )
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup.weights_download import Download
 
 from ..conftest import PACKAGE
-from .hub import BUNDLE, LARGE, Hub
+from .hub import BUNDLE, LARGE, REVISION, VAE, Hub
 
 WANTED = 16  # files: 14 of the bundle, 2 of the VAE
 
@@ -136,6 +137,36 @@ def test_goes_on_where_an_earlier_download_broke_off(hub, tmp_path):
     assert download.state == "done" and hub.ranges()[-1] == f"bytes={kept}-" and kept > 0
     assert (tmp_path / "renderformer-v2" / LARGE).read_bytes() == hub.files[BUNDLE][LARGE]
     assert len(files(tmp_path)) == WANTED
+
+
+@pytest.fixture
+def pinned(hub, monkeypatch):
+    """The bundle's entry of REPOSITORIES, of a known revision and with the hash of LARGE."""
+    entry = published_weights.REPOSITORIES[0]
+    monkeypatch.setitem(entry, "revision", REVISION)
+    monkeypatch.setitem(entry, "sha256", {LARGE: hashlib.sha256(hub.files[BUNDLE][LARGE]).hexdigest()})
+    return entry
+
+
+def test_a_pinned_revision_is_asked_for(hub, pinned, tmp_path):
+    assert finished(Download(tmp_path)).state == "done"
+    listings = {path for path, _, _ in hub.requests if path.startswith("/api/models/")}
+    assert listings == {f"/api/models/{BUNDLE}/revision/{REVISION}", f"/api/models/{VAE}"}
+    pinned["revision"] = "6" * 40
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and f"{BUNDLE} was not found" in download.error
+
+
+@pytest.mark.parametrize("sha256, message", [
+    ({LARGE: "0" * 64}, f"{LARGE} is not the file that this add-on knows"),
+    ({"transformer_512/lost.safetensors": "0" * 64}, "does not hold the expected files"),
+    ({"transformer_512/config.yaml": "0" * 64}, "config.yaml arrived damaged"),
+], ids=["another hash", "a file that is not there", "another content"])
+def test_a_file_that_has_not_the_known_hash_is_refused(hub, pinned, tmp_path, sha256, message):
+    pinned["sha256"] = sha256
+    download = finished(Download(tmp_path))
+    assert download.state == "failed" and message in download.error
+    assert not (tmp_path / "renderformer-v2" / "transformer_512" / "config.yaml").exists()
 
 
 def test_cancelling_is_quick_and_leaves_no_unfinished_file_under_its_name(hub, tmp_path):
@@ -272,7 +303,7 @@ def test_without_online_access_nothing_is_asked(hub, online):
     with pytest.raises(RuntimeError, match="Allow Online Access"):
         bpy.ops.renderformer_v2.download_weights()
     with pytest.raises(RuntimeError, match="Allow Online Access"):
-        bpy.ops.renderformer_v2.install_runtime()
+        bpy.ops.renderformer_v2.install_packages()
     assert not hub.requests and weights_download.current is None
 
 
@@ -287,11 +318,11 @@ def test_the_token_is_not_stored_in_the_preferences(online):
 
 def test_the_progress_goes_on_after_opening_a_file(online, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
-    weights_operators.keep_redrawing()
+    redraw.keep_redrawing()
     for load in (bpy.ops.wm.read_homefile, lambda: bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))):
         load()
-        assert bpy.app.timers.is_registered(weights_operators.redraw)
-    bpy.app.timers.unregister(weights_operators.redraw)
+        assert bpy.app.timers.is_registered(redraw.redraw)
+    bpy.app.timers.unregister(redraw.redraw)
 
 
 def test_a_folder_of_the_user_comes_before_the_download(online, tmp_path):

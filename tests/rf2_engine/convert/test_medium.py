@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Participating media as cells (spec/scene-input.md 5 and 13)."""
+"""Participating media as cells (docs/scene-input.md 5 and 13)."""
 import bpy
 import numpy as np
 import pytest

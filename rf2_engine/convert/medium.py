@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Volume objects and meshes with a volume shader as occupied cells (spec/scene-input.md 5, mostly 5.3-5.6)."""
+"""Volume objects and meshes with a volume shader as occupied cells (docs/scene-input.md 5, mostly 5.3-5.6)."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -9,9 +9,10 @@ import numpy as np
 
 from mathutils.bvhtree import BVHTree
 
+from ...model.geometry import euler_angles
 from ...model.scene import Volumes
 
-MAX_CELLS = 1024          # what the published networks were trained with (spec/scene-input.md 2.4)
+MAX_CELLS = 1024          # what the published networks were trained with (docs/scene-input.md 2.4)
 CELLS = 8                 # cells per axis of a box
 VOXELS = 4                # voxels per axis of a cell
 OCCUPIED = 0.5            # a cell whose densest voxel is not above this fraction of the box's maximum is dropped
@@ -51,7 +52,7 @@ def box_around(matrix: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.
     return rotation, rotation @ ((low + high) / 2), high - low
 
 
-def tokens(media: list[Medium], report) -> Volumes | None:
+def cells(media: list[Medium], report) -> Volumes | None:
     """All occupied cells, at most `MAX_CELLS`; None if there are none.
 
     Boxes are drawn with fewer, larger cells (the finest first) when they do not fit, and the report says so.
@@ -90,20 +91,11 @@ def _occupied(medium: Medium, per_axis: int) -> Volumes:
     position = medium.points(n)[kept] if n else np.zeros((0, 3))
     count = len(position)
     scale = medium.size * CELLS / max(n, 1)
-    # Coefficients belong to a box whose optical depth does not change with its size (spec/scene-input.md 5.4).
+    # Coefficients belong to a box whose optical depth does not change with its size (docs/scene-input.md 5.4).
     unit = peak * np.sqrt(np.mean(np.square(scale)))
-    rows = (_euler_xyz(medium.rotation), scale, medium.scattering * unit, medium.absorption * unit)
+    rows = (euler_angles(medium.rotation), scale, medium.scattering * unit, medium.absorption * unit)
     return Volumes(blocks[kept].reshape(count, VOXELS ** 3).astype(np.float32), position.astype(np.float32),
                    *(np.tile(row, (count, 1)).astype(np.float32) for row in rows))
-
-
-def _euler_xyz(rotation: np.ndarray) -> np.ndarray:
-    """(3,) radians such that rotation = Rz Ry Rx, y in [-pi/2, pi/2] as in training (spec/scene-input.md 5.2)."""
-    cosine = np.hypot(rotation[0, 0], rotation[1, 0])
-    y = np.arctan2(-rotation[2, 0], cosine)
-    if cosine < 1e-6:  # x and z turn about the same axis
-        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), y, 0.0])
-    return np.array([np.arctan2(rotation[2, 1], rotation[2, 2]), y, np.arctan2(rotation[1, 0], rotation[0, 0])])
 
 
 def mesh_medium(name: str, matrix: np.ndarray, corners: np.ndarray, scattering, absorption) -> Medium:
@@ -123,7 +115,7 @@ def mesh_medium(name: str, matrix: np.ndarray, corners: np.ndarray, scattering, 
             for j, y in enumerate(centres):
                 # A hair off the centre, so that no ray runs along the edges of a regular mesh.
                 crossings = _crossings(tree, x + 1.3e-4, y + 2.7e-4)
-                for enter, leave in zip(crossings[::2], crossings[1::2]):
+                for enter, leave in zip(crossings[::2], crossings[1::2], strict=False):
                     filled[i, j, (centres > enter) & (centres < leave)] = 1
         return filled
 

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First hits from the token triangles alone: guides for any camera, without a session of Cycles."""
+from __future__ import annotations
+
+import numpy as np
+
+from .geometry import latlong_uv
+from .scene import BASE_COLOR, IOR, METALLIC, TILE_SIZE, TRANSMISSION, Guides, RenderScene, View
+
+NOTHING_HIT = 1e10  # depth there, as Blender has it
+
+
+def shown(scene: RenderScene) -> np.ndarray:
+    """(N,) bool: the triangles that a camera sees. Lamps with a beam are not shown; of others a scene does not know."""
+    return ~(scene.is_light & scene.beam_axis.any(axis=1))
+
+
+def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: np.ndarray,
+                   weights: np.ndarray) -> Guides:
+    """Guides of one view from what its rays hit: one sample per pixel, materials as the token's tile has them.
+
+    rays (H, W, 3) unit, world; triangle (H, W) i32, -1 = nothing; weights (H, W, 2) of its corners 0 and 1. Colours
+    leave out how reflection grows towards grazing angles; normals face the viewer.
+    """
+    hit = triangle >= 0
+    row = np.maximum(triangle, 0)
+    corner_weights = np.concatenate([weights, 1 - weights.sum(-1, keepdims=True)], axis=-1)[..., None]
+    emission, color = np.zeros((*hit.shape, 3), np.float32), np.zeros((3, *hit.shape, 3), np.float32)
+    position, normal, depth = emission.copy(), emission.copy(), np.full(hit.shape, NOTHING_HIT, np.float32)
+    if hit.any():
+        position[hit] = (scene.triangles[row[hit]] * corner_weights[hit]).sum(-2)
+        normal[hit] = _facing((scene.normals[row[hit]] * corner_weights[hit]).sum(-2), rays[hit])
+        camera = view.camera_to_world
+        depth[hit] = (position[hit] - camera[:3, 3]) @ -camera[:3, 2]
+        emission[hit] = scene.emission[row[hit]]
+        color[:, hit] = _lobe_colors(scene, row[hit], weights[hit])
+    environment = np.zeros_like(emission)
+    if scene.environment is not None:
+        environment[~hit] = _seen_in(scene.environment, rays[~hit])
+    return Guides(position, normal, *color, emission, environment, depth, hit.astype(np.float32),
+                  triangle.astype(np.int32), weights.astype(np.float32))
+
+
+def _facing(normal: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    return np.where((normal * ray).sum(-1, keepdims=True) > 0, -normal, normal)
+
+
+def _lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(3, P, 3) diffuse, glossy and transmission colour at normal incidence; emitters reflect nothing."""
+    x, y = (weights * TILE_SIZE).astype(np.int64).clip(0, TILE_SIZE - 1).T
+    texel = scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)
+    base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION, None]
+    specular = ((texel[:, IOR, None] - 1) / (texel[:, IOR, None] + 1)) ** 2
+    dielectric = 1 - metallic
+    colors = np.stack([base * dielectric * (1 - transmission), base * metallic + specular * dielectric,
+                       base * dielectric * transmission])
+    return colors * ~scene.is_light[row, None]
+
+
+def _seen_in(panorama: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """(P, 3) nearest texels."""
+    u, v = np.moveaxis(latlong_uv(rays), -1, 0)
+    height, width = panorama.shape[:2]
+    return panorama[((1 - v) * height).astype(int).clip(0, height - 1), (u * width).astype(int) % width]

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The guided network: the paper's, told what a closed formula and first hits know (docs/architecture.md)."""
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ..network.config import ModelConfig
+from ..network.decoder import DPTDecoder
+from ..network.inputs import EnvironmentInputs
+from ..network.memory import chunked
+from ..network.renderformer import RenderFormer
+from ..progress import part
+from .encoders import EnvironmentEncoder, TileEncoder
+from .guidance import Guidance
+from .guides import FEATURES
+from .inputs import GuidedInputs, GuidedView
+from .light import OUTPUTS
+
+
+class GuidedRenderFormer(RenderFormer):
+    """Overrides how textures, environment, light tokens, ray tokens and pixels are made; all else is RenderFormer."""
+
+    def __init__(self, config: ModelConfig):
+        super().__init__(config)
+        self.tile_encoder = TileEncoder(config)
+        self.environment_encoder = EnvironmentEncoder(config)
+        self.guidance = Guidance(config)
+        self.view_transformer.out_dpt = DPTDecoder(config, len(FEATURES), len(OUTPUTS))
+
+    def embed_textures(self, tiles: Tensor) -> Tensor:
+        """(T, 13, 2 q, 2 q) material tiles -> (T, D)."""
+        with part(0.0, 0.5):
+            latents = chunked(self.tile_encoder, tiles)
+        with part(0.5, 1.0):
+            return super().embed_textures(latents)
+
+    def embed_environment(self, images: EnvironmentInputs) -> Tensor:
+        """LDR and HDR image -> (64, D) float32."""
+        latents = self.environment_encoder(torch.stack([images.ldr, images.hdr]).float()).float()
+        return super().embed_environment(EnvironmentInputs(*latents, images.strength))
+
+    def embed_triangles(self, inputs: GuidedInputs) -> Tensor:
+        """Light triangles know their beams."""
+        beams = self.guidance.beams(inputs.beam_axis, inputs.beam_cosine)
+        return super().embed_triangles(inputs).index_add(0, inputs.is_light.nonzero()[:, 0], beams.float())
+
+    def embed_rays(self, view: GuidedView) -> Tensor:
+        """Ray bundles know what they hit."""
+        return super().embed_rays(view) + self.guidance.bundles(view.guides.features).float()
+
+    def ray_positions(self, view: GuidedView) -> Tensor:
+        """Ray bundles are where they hit."""
+        return view.guides.positions
+
+    def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
+        """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
+        return self.view_transformer.out_dpt(features, view.guides.features)

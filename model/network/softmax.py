@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exact attention over blocks of keys (docs/network.md 3 and 7).
+
+No function here ever holds a score or mask matrix of the whole sequence. Heads come first: queries, keys and values are
+(heads, length, head width).
+"""
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+
+import torch
+from torch.nn import functional as F
+
+from ..progress import report
+from .memory import room
+
+SAFE_EXPONENT = 60.0  # exp of it, and of its negative, times the longest sequence, is far inside of float32
+
+
+@dataclass
+class Visible:
+    """Keys and values (heads, n, head width) that some queries see; `bias` (queries, n) is 0 or -inf."""
+
+    keys: torch.Tensor
+    values: torch.Tensor
+    bias: torch.Tensor | None = None
+
+
+class KeysValues:
+    """Keys and values of a token sequence: one block where PyTorch's own attention is used, else many.
+
+    Those are contiguous each, because a CPU's matrix products copy other layouts.
+    """
+
+    def __init__(self, blocks: list[tuple[torch.Tensor, torch.Tensor]]):
+        self.blocks = [Visible(*block) for block in blocks]
+        self.ends = list(accumulate(block.keys.shape[1] for block in self.blocks))
+
+    @classmethod
+    def collect(cls, project: Callable, pieces: list[slice]) -> KeysValues:
+        """project(rows) -> keys and values (n, heads, head width), once for each of the pieces of a sequence."""
+        length, blocks, memory = pieces[-1].stop, [], None
+        for rows in pieces:
+            report(rows.start / length)
+            pair = [x.transpose(0, 1) for x in project(rows)]
+            if not fused(pair[0]):
+                memory = memory or [room((length, *x.shape[::2]), x) for x in pair]
+                pair = [place[rows].view(x.shape).copy_(x) for place, x in zip(memory, pair)]
+            blocks.append(pair)
+        return cls(blocks if memory else [[torch.cat(parts, dim=1) for parts in zip(*blocks)]])
+
+    def __len__(self) -> int:
+        return self.ends[-1]
+
+    @property
+    def bytes(self) -> int:
+        return sum(x.numel() * x.itemsize for block in self.blocks for x in (block.keys, block.values))
+
+    @cached_property
+    def longest(self) -> torch.Tensor:
+        """(heads, 1, 1) float32: the largest norm of a key."""
+        return longest_key(self.blocks)
+
+    def before(self, end: int) -> list[Visible]:
+        """Tokens 0..end - 1 in their blocks."""
+        count = bisect_right(self.ends, end)
+        done = self.ends[count - 1] if count else 0
+        return self.blocks[:count] + ([self.rows(done, end)] if end > done else [])
+
+    def rows(self, begin: int, end: int) -> Visible:
+        """Tokens begin..end - 1 as one block."""
+        found = []
+        for i in range(bisect_right(self.ends, begin), bisect_left(self.ends, end) + 1):
+            block, first = self.blocks[i], self.ends[i - 1] if i else 0
+            cut = slice(max(begin - first, 0), end - first)
+            found.append((block.keys[:, cut], block.values[:, cut]))
+        return Visible(*(x[0] if len(x) == 1 else torch.cat(x, dim=1) for x in zip(*found)))
+
+
+def attend(q: torch.Tensor, visible: list[Visible], longest: torch.Tensor | None = None) -> torch.Tensor:
+    """softmax(q k^T / sqrt(width) + bias) v over the keys of all blocks together. (heads, n, width) -> same.
+
+    longest: (heads, 1, 1), at least the norm of every key; computed when not given.
+    """
+    if fused(q):
+        keys, values = (torch.cat(x, dim=1) for x in ([b.keys for b in visible], [b.values for b in visible]))
+        bias = [q.new_zeros(q.shape[1], b.keys.shape[1]) if b.bias is None else b.bias for b in visible]
+        return F.scaled_dot_product_attention(q[None], keys[None], values[None], attn_mask=torch.cat(bias, dim=1))[0]
+    # PyTorch's fused CPU kernel runs bfloat16 at the speed of float32 on processors without AMX; products of blocks
+    # whose scores stay in the cache are three times as fast. Where no score can overflow (Cauchy-Schwarz), no running
+    # maximum is needed.
+    q = q * q.shape[-1] ** -0.5
+    longest = longest_key(visible) if longest is None else longest
+    bounded = bool((largest_norm(q) * longest).max() <= SAFE_EXPONENT)
+    total = weight = top = None
+    for i, block in enumerate(visible):
+        report(i / len(visible))
+        scores = torch.bmm(q, block.keys.transpose(1, 2))
+        if block.bias is not None:
+            scores += block.bias
+        if not bounded:
+            scores, top, shrink = below_maximum(scores, top)
+            if i:
+                total, weight = total * shrink, weight * shrink
+        seen, weights = torch.bmm(scores.exp_(), block.values), scores.sum(dim=-1, keepdim=True)
+        total, weight = (total.add_(seen), weight.add_(weights)) if i else (seen.float(), weights.float())
+    return total.div_(weight).to(q.dtype)
+
+
+def attend_to_all(q: torch.Tensor, keys: KeysValues) -> torch.Tensor:
+    """Every query sees every key. (heads, n, width) -> same."""
+    if fused(q):
+        whole = keys.rows(0, len(keys))
+        return F.scaled_dot_product_attention(q[None], whole.keys[None], whole.values[None])[0]
+    return attend(q, keys.blocks, keys.longest)
+
+
+def fused(q: torch.Tensor) -> bool:
+    """Whether PyTorch's own attention is to be used: where gradients are wanted, and on a GPU."""
+    return torch.is_grad_enabled() or q.device.type != "cpu"
+
+
+def below_maximum(scores: torch.Tensor, top: torch.Tensor | None) -> tuple[torch.Tensor, ...]:
+    """(scores - maximum so far, that maximum, what earlier sums are worth now); `top` is the maximum before."""
+    now = scores.amax(dim=-1, keepdim=True)
+    now = now if top is None else torch.maximum(now, top)
+    return scores.sub_(now), now, None if top is None else (top.float() - now.float()).exp_()
+
+
+def longest_key(visible: list[Visible]) -> torch.Tensor:
+    """(heads, 1, 1) float32: the largest norm of a key."""
+    return torch.stack([largest_norm(block.keys) for block in visible]).amax(dim=0)
+
+
+def largest_norm(x: torch.Tensor) -> torch.Tensor:
+    """(heads, n, width) -> (heads, 1, 1) float32: of a row."""
+    return torch.linalg.vector_norm(x.float(), dim=-1).amax(dim=-1)[:, None, None]

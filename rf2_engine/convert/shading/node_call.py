@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the function of a node is given: the node, the values of its inputs, and where it is evaluated."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import graph
+
+
+@dataclass(frozen=True)
+class NodeCall:
+    """One evaluation of a node. Values are arrays (..., 1) or (..., 3) as in evaluate.py."""
+
+    evaluator: object      # Evaluator
+    node: object           # bpy ShaderNode
+    output: object = None  # bpy NodeSocket whose value is asked for; None for a shader
+    frames: tuple = ()     # group nodes that lead to the node (graph.py)
+
+    @property
+    def kind(self) -> str:
+        return self.node.bl_idname
+
+    @property
+    def points(self):
+        return self.evaluator.points
+
+    @property
+    def images(self):
+        return self.evaluator.images
+
+    def __getitem__(self, key) -> np.ndarray:
+        """`n["Fac", "Factor"]`: value of the first enabled input that has one of these names; `n[0]`: of input 0."""
+        socket = self._input(key)
+        if socket is None:
+            name = key if isinstance(key, str) else " or ".join(key)
+            self.approximated(f'it has no input "{name}" in this version of Blender, 0 is used')
+            return np.zeros(1, np.float32)
+        return self.evaluator.value(socket, self.frames)
+
+    def get(self, key, default=0.0) -> np.ndarray:
+        """Like `n[key]`, but `default` where this version of Blender knows no such input."""
+        socket = self._input(key)
+        return np.atleast_1d(np.float32(default)) if socket is None else self.evaluator.value(socket, self.frames)
+
+    def values(self) -> list[np.ndarray]:
+        """Values of all inputs in their order."""
+        return [self.evaluator.value(socket, self.frames) for socket in self.node.inputs]
+
+    def linked(self, key) -> np.ndarray | None:
+        """Value that a link brings to an input; None if there is none."""
+        socket = self._input(key)
+        if socket is None or graph.source(socket, self.frames)[1] is None:
+            return None
+        return self.evaluator.value(socket, self.frames)
+
+    def source(self, key) -> NodeCall | None:
+        """The node that feeds an input, None if there is none."""
+        socket = self._input(key)
+        _, output, frames = graph.source(socket, self.frames) if socket is not None else (None, None, ())
+        return None if output is None else NodeCall(self.evaluator, output.node, output, frames)
+
+    def approximated(self, message: str) -> None:
+        """Tell the user what of this node is lost."""
+        self.evaluator.report.approximated(self.evaluator.owner, f'node "{self.node.name}": {message}')
+
+    def _input(self, key):
+        if isinstance(key, int):
+            return self.node.inputs[key]
+        return graph.find_input(self.node, *([key] if isinstance(key, str) else key))

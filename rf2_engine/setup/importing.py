@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Importing PyTorch: a process can try it only once, so the first failure is the one that is shown ever after."""
+from __future__ import annotations
+
+import importlib
+import sys
+import threading
+import traceback
+from importlib.util import find_spec
+
+from . import packages, wheels
+
+_lock = threading.Lock()
+_failure = ""
+
+
+class BrokenPackages(packages.MissingPackages):
+    """Packages are there, but cannot be imported; the message says why and what to do."""
+
+
+def failure() -> str:
+    """What the first import that failed said, or ""."""
+    return _failure
+
+
+def import_packages() -> None:
+    """Import what the network needs. Raises BrokenPackages, in every attempt with the message of the first."""
+    global _failure
+    with _lock:
+        for name in packages.NETWORK:
+            if _failure:
+                raise BrokenPackages(_failure)
+            try:
+                importlib.import_module(name)
+            except MemoryError:
+                raise
+            except Exception as error:
+                traceback.print_exc()
+                _failure = _explained(name, error)
+                raise BrokenPackages(_failure) from error
+
+
+def _explained(name: str, error: Exception) -> str:
+    lines = str(error).strip().splitlines() or [""]
+    return (f"{name} cannot be loaded: {type(error).__name__}: {lines[0][:300]}. {_advice(name, str(error))}, "
+            "then start Blender again")
+
+
+def _advice(name: str, text: str) -> str:
+    if sys.platform == "win32" and any(f"WinError {number}]" in text for number in (126, 127, 1114)):
+        return "Install Microsoft's Visual C++ Redistributable (x64)"
+    if not packages.is_elsewhere(name):
+        advice = "Use Preferences > Add-ons > RenderFormer-V2 > Repair Packages"
+    else:
+        where = find_spec(name).origin if name not in sys.modules else "Blender's Python"
+        advice = (f"It is the one in {where}: install it again with {sys.executable} -m pip install --force-reinstall "
+                  f"{wheels.requirement(packages.PACKAGES[name])}")
+    if any(word in text.lower() for word in ("libcu", "cuda", "nvidia", "nccl")):
+        advice += ", update the NVIDIA driver, or choose PyTorch's CPU build in the preferences"
+    return advice

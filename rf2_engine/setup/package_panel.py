@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the panels show of the Python packages: missing, being installed, and the question before that."""
+from __future__ import annotations
+
+import sys
+
+from . import importing, package_install, packages, wheels
+from .display import amount, draw_progress, draw_text, free_space
+
+
+def draw_packages(layout, group: dict[str, str], published: bool = False) -> None:
+    """What is missing of packages.PACKAGES or PUBLISHED, with the button for it; nothing when all is there."""
+    installation = package_install.current
+    if installation and installation.is_running:
+        draw_progress(layout, installation, about="about ")
+        if installation.state == "cancelling":
+            layout.label(text="Tidying up")
+        else:
+            layout.operator("renderformer_v2.cancel_packages", icon="CANCEL")
+        return
+    if installation and installation.state == "failed":
+        draw_text(layout, installation.error)
+    if missing := packages.missing(group):
+        layout.label(text=f"Missing Python packages: {', '.join(missing)}", icon="ERROR")
+        layout.operator("renderformer_v2.install_packages", icon="IMPORT").published = published
+    elif importing.failure():
+        draw_text(layout, importing.failure())
+
+
+def draw_build(layout) -> None:
+    """Linux has two builds of PyTorch to choose from."""
+    preferences = packages.preferences()
+    if sys.platform != "linux":
+        return
+    layout.prop(preferences, "torch_build")
+    if preferences.torch_build == "AUTO":
+        found = "An" if wheels.has_nvidia_driver() else "No"
+        layout.label(text=f"{found} NVIDIA driver was found: the {packages.build()} build", icon="INFO")
+    if packages.build() == "CPU":
+        layout.prop(preferences, "torch_cpu_index")
+
+
+def draw_choices(layout) -> None:
+    """Build of PyTorch, index, repair."""
+    draw_build(layout)
+    layout.prop(packages.preferences(), "package_index")
+    if packages.installed() and not package_install.is_running():
+        if other := packages.other_build():
+            layout.operator("renderformer_v2.install_packages", icon="IMPORT", text=f"Change to the {other} Build")
+        layout.operator("renderformer_v2.repair_packages", icon="FILE_REFRESH")
+
+
+def draw_confirmation(layout, wanted: list[wheels.Wheel], by_content: bool) -> None:
+    """The question before an installation."""
+    target = packages.folder()
+    if by_content:
+        layout.label(text="All files are looked into. What is damaged is downloaded again, at most:")
+    names = sorted(wanted, key=lambda wheel: -wheel.download)
+    draw_text(layout, ", ".join(f"{wheel.name} {wheel.version}" for wheel in names[:6])
+              + (f" and {len(names) - 6} more" if len(names) > 6 else ""), icon="PACKAGE")
+    layout.label(text=f"{amount(sum(wheel.download for wheel in wanted))} to download, about "
+                      f"{amount(sum(wheel.unpacked for wheel in wanted))} on disk")
+    layout.label(text=f"About {amount(wheels.space_needed(wanted))} are needed meanwhile, "
+                      f"{amount(free_space(target))} are free")
+    draw_text(layout, f"They go to {target}", icon="FILE_FOLDER")

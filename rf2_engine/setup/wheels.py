@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The wheels that may be installed on this computer: pinned versions, hashes and sizes (tools/pin_packages.py).
+
+On Linux there are two builds of PyTorch: the package index has the one for CUDA, PyTorch's own index one for the CPU.
+Also used in package_worker.py: standard library only.
+"""
+from __future__ import annotations
+
+import json
+import platform
+import shutil
+import sys
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+PINS = Path(__file__).with_name("wheels.json")
+BUILDS = ("CUDA", "CPU")
+CPU_TORCH = "torch+cpu"  # in PINS; elsewhere its name is torch, as that of the other build
+
+
+class NoWheel(Exception):
+    """A package is not made for this computer; the message says which."""
+
+
+@dataclass(frozen=True)
+class Wheel:
+    name: str                # normalised, as distributions.normalised does
+    version: str
+    sha256: tuple[str, ...]  # of all files that fit, or empty when unknown: on PyTorch's own index
+    download: int            # bytes
+    unpacked: int            # bytes, an estimate on systems where it was not measured
+    index: str = ""          # address of the package index, "" for pip's own
+
+
+@cache
+def pins() -> dict:
+    """{"needs": {distribution: [distributions]}, "wheels": {distribution: {"version", "files": {tag: ...}}}}."""
+    return json.loads(PINS.read_text())
+
+
+def needed(distribution: str, build: str = "CUDA") -> list[Wheel]:
+    """The distribution and all that it needs, but numpy. Raises NoWheel."""
+    if distribution == "torch" and build == "CPU" and sys.platform == "linux":
+        distribution = CPU_TORCH
+    wheels = [_wheel(name) for name in pins()["needs"][distribution]]
+    own = next((wheel for wheel in wheels if wheel and wheel.name == distribution.partition("+")[0]), None)
+    if own is None:
+        raise NoWheel(f"{distribution} is not made for {platform.system()} {platform.machine()} with Python "
+                      f"{platform.python_version()}")
+    return [wheel for wheel in wheels if wheel]
+
+
+def _wheel(name: str) -> Wheel | None:
+    pin = pins()["wheels"][name]
+    files = [file for tag, file in pin["files"].items() if fits(tag)]
+    if not files:
+        return None  # needed on other systems
+    hashes = tuple(file["sha256"] for file in files if file["sha256"])
+    return Wheel(name.partition("+")[0], pin["version"], hashes, files[0]["download"], files[0]["unpacked"])
+
+
+def fits(tag: str) -> bool:
+    """Whether a wheel with this tag is for this Python and system; pip knows better, but is not asked for sizes."""
+    python, abi, system = tag.split("-")
+    if not (python == abi == f"cp3{sys.version_info.minor}" or abi == "none"
+            or abi == "abi3" and int(python.removeprefix("cp3")) <= sys.version_info.minor):
+        return False
+    machine = {"amd64": "x86_64"}.get(platform.machine().lower(), platform.machine().lower())
+    if system == "any":
+        return True
+    if sys.platform == "win32":
+        return system == {"x86_64": "win_amd64"}.get(machine, f"win_{machine}")
+    if sys.platform == "darwin":
+        return system.startswith("macosx") and system.endswith((machine, "universal2"))
+    return system.startswith("manylinux") and system.endswith(machine)
+
+
+def space_needed(wanted: list[Wheel]) -> int:
+    """Bytes of free disk to install these: one at a time lies there packed and unpacked."""
+    return sum(wheel.unpacked for wheel in wanted) + max((wheel.download for wheel in wanted), default=0)
+
+
+def has_nvidia_driver() -> bool:
+    return Path("/proc/driver/nvidia").exists() or shutil.which("nvidia-smi") is not None
+
+
+def build(choice: str) -> str:
+    """The build of PyTorch that AUTO, CUDA or CPU means here; systems other than Linux have but one."""
+    if choice == "AUTO":
+        return "CUDA" if sys.platform != "linux" or has_nvidia_driver() else "CPU"
+    return choice
+
+
+def requirement(distribution: str) -> str:
+    """"torch==2.15.0", for a user's own pip."""
+    pin = pins()["wheels"].get(distribution)
+    return f"{distribution}=={pin['version']}" if pin else distribution

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A program of ours that works beside Blender: it is told what to do, reports how far it is, and can be ended."""
+from __future__ import annotations
+
+import json
+import subprocess
+import threading
+import time
+
+
+class WorkerProcess:
+    """state, total, present (bytes), text, error, status are written by a thread that reads the program's messages.
+
+    The program reads one line of JSON from its standard input, which stays open as long as it is wanted, and writes
+    lines of JSON: {"total", "present", "text"}, or at the end {"error", "status"}.
+    """
+
+    RUNNING: tuple[str, ...] = ()  # states
+
+    def __init__(self):
+        self.state = self.text = self.error = ""
+        self.total = self.present = 0
+        self.status: int | None = None
+
+    @property
+    def is_running(self) -> bool:
+        return self.state in self.RUNNING
+
+    @property
+    def silent_seconds(self) -> float:
+        """Since the last message."""
+        return time.monotonic() - self._heard
+
+    def cancel(self) -> None:
+        """End the process now."""
+        if self.is_running:
+            self._cancelled = True
+            self._process.kill()
+            self._reader.join()
+        self.state = "cancelled"
+
+    def wait(self, seconds: float | None = None) -> None:
+        """Until it has ended; for scripts, which have no window that could freeze."""
+        self._reader.join(seconds)
+
+    def _start(self, state: str, afterwards: str, command: list[str], request: dict, environment=None) -> None:
+        """Raises OSError when no process can be started."""
+        self._cancelled, self._heard = False, time.monotonic()
+        self._process = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                         encoding="utf-8", creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0))
+        self.state = state
+        self._reader = threading.Thread(target=self._read, args=(request, afterwards), daemon=True)
+        self._reader.start()
+
+    def _read(self, request: dict, afterwards: str) -> None:
+        try:  # through a pipe: command lines and environments can be seen by others
+            self._process.stdin.write(json.dumps(request) + "\n")
+            self._process.stdin.flush()
+        except (OSError, ValueError):
+            pass  # it ended before it listened, which its exit code tells
+        for line in self._process.stdout:
+            message = json.loads(line)
+            self._heard = time.monotonic()
+            self.error, self.status = message.get("error", ""), message.get("status")
+            if not self.error:
+                self.total, self.present, self.text = (message[key] for key in ("total", "present", "text"))
+        self._process.stdout.close()
+        code = self._process.wait()
+        self._close_input()
+        if self._cancelled:
+            self.state = "cancelled"
+        elif code:
+            self.error = self.error or f"The program ended with code {code}: see the console"
+            self.state = "failed"
+        else:
+            self.state = afterwards
+
+    def _close_input(self) -> None:
+        try:
+            self._process.stdin.close()
+        except OSError:
+            pass  # it no longer listens

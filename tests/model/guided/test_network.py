@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Guidance changes light tokens, ray tokens and pixels, and nothing else."""
+from dataclasses import replace
+
+import pytest
+import torch
+
+from renderformer_v2.model.checkpoint import load_material_mapper, load_network
+from renderformer_v2.model.guided.inputs import guided_inputs, guided_view
+from renderformer_v2.model.guided.light import OUTPUTS
+from renderformer_v2.model.guided.light_prior import LightPrior
+from renderformer_v2.model.network.renderformer import RenderFormer
+from renderformer_v2.model.presets import BUNDLED, weights_folder
+from tests.model.samples import floor_scene, floor_view
+
+
+@pytest.fixture(scope="module")
+def network():
+    return load_network(weights_folder(BUNDLED))
+
+
+@pytest.fixture
+def inputs(network):
+    return guided_inputs(floor_scene(), network.config, load_material_mapper())
+
+
+@pytest.fixture
+def view(network):
+    scene = floor_scene()
+    return guided_view(scene, *floor_view(), LightPrior(scene), network.config)
+
+
+@torch.no_grad()
+def test_a_beam_changes_the_light_tokens_alone(network, inputs):
+    plain = network.embed_triangles(inputs)
+    axis = torch.tensor([[0.0, 0.0, -1.0]])
+    beamed = network.embed_triangles(replace(inputs, beam_axis=axis, beam_cosine=torch.tensor([[0.5, 0.9]])))
+    changed = (plain != beamed).any(dim=-1)
+    assert torch.equal(changed, inputs.is_light) and changed.any()
+
+
+@torch.no_grad()
+def test_ray_tokens_are_where_they_hit_and_know_what(network, view):
+    assert torch.equal(network.ray_positions(view), view.guides.positions)
+    paper = RenderFormer.embed_rays(network, view)
+    torch.testing.assert_close(network.embed_rays(view) - paper, network.guidance.bundles(view.guides.features))
+
+
+@torch.no_grad()
+def test_pixels_are_channels_of_light(network, inputs, view):
+    raw = network.render_view(network.encode_scene(inputs), view)
+    assert raw.shape == (1, len(OUTPUTS), 64, 64) and raw.isfinite().all()
+
+
+def test_inputs_without_a_mapper_hold_the_parameters(network):
+    parameters = guided_inputs(floor_scene(), network.config).texture
+    assert parameters.shape == (1, 11, 8, 8)
+    torch.testing.assert_close(parameters[0, :3, 0, 0], torch.tensor([0.8, 0.5, 0.2]), atol=1e-3, rtol=0)

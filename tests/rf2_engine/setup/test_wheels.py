@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pinned wheels: one list for every system that Blender runs on, and no numpy."""
+import platform
+import re
+import sys
+from collections import namedtuple
+
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages, wheels
+
+from tools.extension import ROOT
+
+Version = namedtuple("Version", "major minor")
+SYSTEMS = [("linux", "x86_64"), ("linux", "aarch64"), ("darwin", "arm64"), ("win32", "AMD64")]
+
+
+@pytest.fixture
+def on(monkeypatch):
+    def become(system: str, machine: str, minor: int) -> None:
+        monkeypatch.setattr(sys, "platform", system)
+        monkeypatch.setattr(platform, "machine", lambda: machine)
+        monkeypatch.setattr(sys, "version_info", Version(3, minor))
+    return become
+
+
+@pytest.mark.parametrize("system, machine", SYSTEMS)
+@pytest.mark.parametrize("minor", [11, 13])
+def test_everything_is_there_with_hashes_for_this_system(on, system, machine, minor):
+    on(system, machine, minor)
+    for distribution in (packages.PACKAGES | packages.PUBLISHED).values():
+        found = {wheel.name: wheel for wheel in wheels.needed(distribution)}
+        assert distribution in found and all(re.fullmatch("[0-9a-f]{64}", value) for wheel in found.values()
+                                             for value in wheel.sha256 or [""])
+        assert "numpy" not in found
+    torch = {wheel.name for wheel in wheels.needed("torch")}
+    assert ("nvidia-cudnn-cu13" in torch) == (system == "linux") and "jinja2" in torch
+
+
+@pytest.mark.parametrize("system, machine", SYSTEMS)
+def test_the_cpu_build_is_another_one_on_linux_only(on, system, machine):
+    on(system, machine, 11)
+    cuda, cpu = wheels.needed("torch"), wheels.needed("torch", "CPU")
+    assert (cuda != cpu) == (system == "linux")
+    if system == "linux":
+        assert {wheel.name for wheel in cpu if not wheel.sha256} == {"torch"}
+        assert wheels.space_needed(cpu) < 1.5e9 < 5e9 < wheels.space_needed(cuda)
+
+
+def test_a_system_without_a_wheel_is_named(on):
+    on("darwin", "x86_64", 11)
+    with pytest.raises(wheels.NoWheel, match="torch is not made for"):
+        wheels.needed("torch")
+
+
+@pytest.mark.parametrize("system, driver, expected",
+                         [("linux", True, "CUDA"), ("linux", False, "CPU"), ("win32", False, "CUDA")])
+def test_automatic_is_cuda_where_a_driver_is_found(on, monkeypatch, system, driver, expected):
+    on(system, "x86_64", 11)
+    monkeypatch.setattr(wheels, "has_nvidia_driver", lambda: driver)
+    assert wheels.build("AUTO") == expected
+    assert wheels.build("CUDA") == "CUDA" and wheels.build("CPU") == "CPU"
+
+
+def test_the_versions_are_those_that_the_tests_run_with():
+    tested = dict(line.lower().replace("_", "-").split("==") for line in
+                  (ROOT / "requirements.txt").read_text().splitlines() if "==" in line and line[0] != "#")
+    for distribution in (packages.PACKAGES | packages.PUBLISHED).values():
+        version = wheels.pins()["wheels"][distribution]["version"]
+        assert tested.get(distribution, version) == version

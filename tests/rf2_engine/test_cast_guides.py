@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First hits without Cycles agree with those that Cycles gives."""
+import bpy
+import numpy as np
+
+from bl_ext.user_default.renderformer_v2.rf2_engine import render
+from bl_ext.user_default.renderformer_v2.rf2_engine.guides import cast_guides, make_guides
+
+from .f12 import cube, material, sun
+
+
+def test_rays_through_the_tokens_find_what_cycles_finds(scene, monkeypatch):
+    seen = {}
+
+    def spy(passes, converted, view):
+        seen.update(scene=converted, view=view, guides=make_guides(passes, converted, view))
+        return seen["guides"]
+
+    monkeypatch.setattr(render, "make_guides", spy)
+    cube(scene, of=material("Red", (0.8, 0.1, 0.1)))
+    sun(scene)
+    bpy.ops.render.render(scene=scene.name)
+    cycles, cast = seen["guides"], cast_guides(seen["scene"], seen["view"])
+
+    covered = (cycles.alpha > 0.5) & (cast.alpha > 0.5)
+    assert covered.any() and ((cycles.alpha > 0.5) == (cast.alpha > 0.5)).mean() > 0.97  # one sample at silhouettes
+    for name, tolerance in (("position", 0.02), ("normal", 0.02), ("depth", 0.02), ("diffuse_color", 0.02)):
+        difference = np.abs(getattr(cycles, name) - getattr(cast, name))[covered]
+        assert np.median(difference) < tolerance / 10 and difference.mean() < tolerance, name
+    empty = (cycles.alpha < 0.01) & (cast.alpha == 0)
+    np.testing.assert_allclose(cast.environment[empty], cycles.environment[empty], atol=1e-3)
+    assert (cast.hit_triangle[covered] == cycles.hit_triangle[covered]).mean() > 0.97
+
+
+def test_a_lamp_is_not_seen_and_an_empty_scene_is_empty(scene, monkeypatch):
+    seen = {}
+    monkeypatch.setattr(render, "make_guides", lambda passes, converted, view: seen.update(
+        scene=converted, view=view) or make_guides(passes, converted, view))
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
+    lamp.location, lamp.rotation_euler = (0, -2, 0), (1.5707963, 0, 3.1415927)
+    lamp.data.size = 5
+    scene.collection.objects.link(lamp)
+    bpy.ops.render.render(scene=scene.name)
+    assert seen["scene"].is_light.any()
+    guides = cast_guides(seen["scene"], seen["view"])
+    assert not guides.alpha.any() and (guides.hit_triangle == -1).all() and guides.environment.min() > 0

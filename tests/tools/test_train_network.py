@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`python -m tools.train.network` says what is wrong with its data, and goes on after a kill."""
+import json
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tests.model.samples import floor_scene, floor_view
+from tools.datagen.shards import save_sample
+from tools.train import losses
+from tools.train.config import Stage
+from tools.train.errors import TrainingError
+from tools.train.loader import SampleStream, stream
+from tools.train.samples import LOBES
+
+ROOT = Path(__file__).parents[2]
+ANY = Stage(1)
+
+
+def write(folder: Path, seed: int) -> None:
+    view, guides = floor_view()
+    light = np.full((64, 64, 3), 0.1 * seed, np.float32)
+    reference = {f"{lobe}_{part}": light for lobe in LOBES for part in ("direct", "indirect")}
+    reference["combined"] = np.concatenate([guides.diffuse_color * light, guides.alpha[..., None]], -1)
+    folder.mkdir(exist_ok=True)
+    save_sample(folder / f"scene_{seed:08d}.npz", replace(floor_scene()), [view], [guides], [reference])
+
+
+def mapper(parameters: torch.Tensor) -> torch.Tensor:
+    return torch.zeros(*parameters.shape[:-1], 9)
+
+
+def order(folder: Path, seed: tuple[int, int]) -> list[float]:
+    """What the first two epochs show, by the brightness of the pictures."""
+    (folder / "cache").mkdir(exist_ok=True)
+    samples = iter(SampleStream(folder, folder / "cache", mapper, ANY, seed, 0.0))
+    return [round(float(next(samples).direct.mean()), 3) for _ in range(12)]
+
+
+def test_every_start_has_an_order_of_its_own_and_always_the_same(tmp_path):
+    for seed in range(1, 7):
+        write(tmp_path / "data", seed)
+    orders = [order(tmp_path / "data", seed) for seed in ((0, 0), (0, 1), (1, 0), (0, 0))]
+    assert orders[0] == orders[3] and len({tuple(o) for o in orders}) == 3
+    assert len(set(orders[0][:6])) == len(set(orders[0][6:])) == 6
+
+
+@pytest.mark.parametrize("count, stage, message", [
+    (None, ANY, "there is no folder .*data: check --data"),
+    (0, ANY, "data holds no samples .*make some with python -m tools.datagen"),
+    (2, Stage(1, max_triangles=1), "none of the 2 samples of .*max_triangles=1.*make more of them"),
+])
+def test_data_that_gives_nothing_is_an_error_and_no_endless_wait(tmp_path, count, stage, message):
+    for seed in range(1, (count or 0) + 1):
+        write(tmp_path / "data", seed)
+    if count == 0:
+        (tmp_path / "data").mkdir()
+    with pytest.raises(TrainingError, match=message):
+        next(stream(tmp_path / "data", tmp_path / "cache", mapper, stage, (0, 0), 0.0))
+
+
+def test_a_folder_that_is_just_being_filled_is_waited_for(tmp_path):
+    (tmp_path / "data").mkdir()
+    threading.Timer(0.5, write, (tmp_path / "data", 1)).start()
+    assert next(stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 60.0)).image.shape == (1, 3, 64, 64)
+
+
+def test_the_perceptual_network_is_on_the_device_of_the_pictures(tmp_path, monkeypatch):
+    """The `lpips` package is not among the requirements; this has its interface."""
+    (tmp_path / "checkpoints").mkdir()
+    (tmp_path / "checkpoints" / "alexnet-owt-7be5be79.pth").touch()
+    monkeypatch.setattr(torch.hub, "get_dir", lambda: str(tmp_path))
+
+    class LPIPS(torch.nn.Conv2d):
+        def __init__(self, net):
+            super().__init__(3, 1, 3)
+
+        def forward(self, a, b, normalize):
+            return super().forward(a - b)
+
+    monkeypatch.setitem(sys.modules, "lpips", type(sys)("lpips"))
+    sys.modules["lpips"].LPIPS = LPIPS
+    device = torch.device("meta")
+    picture = torch.zeros(1, 3, 8, 8, device=device)
+    assert losses.perceptual_term(device)(picture, picture).device == device
+
+
+def command(folder: Path, minutes: float) -> list[str]:
+    return [sys.executable, "-m", "tools.train.network", "--data", str(folder / "data"), "--out", str(folder / "run"),
+            "--minutes", str(minutes), "--save-every", "0", "--wait", "0", "--device", "cpu"]
+
+
+def test_a_mistyped_folder_is_one_sentence(tmp_path):
+    done = subprocess.run(command(tmp_path, 1), cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2 and "there is no folder" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_killed_run_is_resumed_where_it_was(tmp_path):
+    for seed in (1, 2):
+        write(tmp_path / "data", seed)
+    state, text = tmp_path / "run" / "state.safetensors", tmp_path / "run" / "log.jsonl"
+    running = subprocess.Popen(command(tmp_path, 5), cwd=ROOT, stdout=subprocess.DEVNULL)
+    begin = time.monotonic()
+    while not (tmp_path / "run" / "state.previous.safetensors").is_file():
+        assert running.poll() is None and time.monotonic() - begin < 180
+        time.sleep(0.1)
+    running.kill()
+    running.wait()
+    text.write_text('{"step": 1}\n{"st')
+    done = subprocess.run(command(tmp_path, 0.05), cwd=ROOT, capture_output=True, text=True, timeout=180)
+    assert done.returncode == 0, done.stderr
+    reached = int(done.stdout.split(" parameters, step ")[1].split()[0])
+    assert reached >= 1 and state.is_file() and (tmp_path / "run" / "weights" / "model.safetensors").is_file()
+    assert json.loads(text.read_text().splitlines()[0]) == {"step": 1} and text.read_text().endswith('{"st\n')

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which file of the cache belongs to which sample, and whether it still says what would be made today."""
+from __future__ import annotations
+
+import functools
+import hashlib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+# The code between a file of tools.datagen and a prepared sample: if any of it changes, all are prepared again.
+SOURCES = ("model/camera.py", "model/color.py", "model/environment.py", "model/fields.py", "model/geometry.py",
+           "model/guided/*.py", "model/inputs.py", "model/network/inputs.py", "model/normalize.py", "model/scene.py",
+           "tools/datagen/shards.py", "tools/train/samples.py")
+
+
+def stored_path(path: Path, cache: Path) -> Path:
+    """The one file that the cache holds for the sample at `path`, whatever is in it."""
+    return cache / f"{path.stem}-{_digest(str(path.resolve()))}.safetensors"
+
+
+def key(path: Path) -> str:
+    """Changes with the sample's file and with the code that prepares it. Raises OSError if there is no such file."""
+    status = path.stat()
+    return f"{status.st_size}-{status.st_mtime_ns}-{code_version()}"
+
+
+@functools.cache
+def code_version() -> str:
+    return _digest("".join(file.read_text(encoding="utf-8") for pattern in SOURCES
+                           for file in sorted(ROOT.glob(pattern))))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
