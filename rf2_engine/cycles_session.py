@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles run inside our own engine: exact first hits for any material graph, and path-traced references.
+"""Cycles run inside our own engine: the passes of a final render, with exact first hits for any material graph.
 
 Cycles computes the passes that our render result has and honours render border, resolution percentage, view layer,
 overrides and Esc by itself. It frees the evaluated scene when it ends (unless Persistent Data is on), so everything
 else must be taken from the depsgraph before `render_passes`, and one session per render is the rule.
 """
 from __future__ import annotations
+
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
@@ -50,13 +52,13 @@ def require() -> None:
 
 
 def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int,
-                  lighting: bool, denoise: bool = False) -> dict[str, np.ndarray]:
-    """Run one Cycles session for the view layer of `depsgraph` and return its passes.
+                  lighting: bool, denoise: bool = False, threads: int = 0) -> dict[str, np.ndarray]:
+    """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render.
 
-    `engine` is the RenderEngine inside whose `render` this is called. With `lighting` False there are no bounces and
-    the result holds first-hit data only. With `lighting` True the scene's own bounces are used and the result also
-    holds "combined" (denoised by OpenImageDenoise if `denoise`) and the direct and indirect light passes (never
-    denoised).
+    `engine` is the RenderEngine inside whose `render` this is called; `threads` 0 leaves them to Blender's setting.
+    With `lighting` False there are no bounces and the result holds first-hit data only. With `lighting` True the
+    scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise if `denoise`) and
+    the direct and indirect light passes (never denoised).
 
     Returns {key of passes.PASSES: (H, W, C) f32}, row 0 on top, for the render border only; plus "alpha" (H, W, 1),
     coverage. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
@@ -67,37 +69,23 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     Raises RenderCancelled after Esc, SceneError when Cycles is switched off or stops with an error.
     """
     require()
-    import cycles.engine as cycles_engine
-
-    scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+    view_layer = depsgraph.view_layer_eval
     layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, lighting)
     for p in wanted:
         if p.source == "lighting":
             engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
-    kept = scene.render.use_persistent_data
-    saved = _override(scene, _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": lighting and denoise})
-    if not lighting:
-        saved += _override(scene, _FIRST_HITS_ONLY) + _override(view_layer, {"use_motion_blur": False})
-        if scene.camera and scene.camera.type == "CAMERA":  # the network knows a pinhole camera
-            saved += _override(scene.camera.data, {"dof.use_dof": False})
-        if world := compat.world(depsgraph):
-            saved += _override(world, _WORLD_UNLIT)
-        for evaluated in depsgraph.objects:
-            saved += _override(evaluated, _UNLIT)
-    engine.session = None
-    cycles_engine.create(engine, bpy.data)
-    try:
+    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": lighting and denoise}
+    if threads:
+        settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
+    with _overrides(depsgraph) as override, _session(engine) as cycles_engine:
+        override(depsgraph.scene_eval, settings)
+        if not lighting:
+            _leave_out_light(depsgraph, override)
         cycles_engine.reset(engine, bpy.data, depsgraph)
         cycles_engine.render(engine, depsgraph)
         cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         found = {} if engine.test_break() else _read(engine.get_result(), layer_name, wanted)
-    finally:
-        cycles_engine.free(engine)
-        engine.session = None
-        if kept:  # otherwise the evaluated scene is gone by now, and touching it crashes
-            for owner, name, value in reversed(saved):
-                setattr(owner, name, value)
     if engine.test_break():
         raise RenderCancelled()
     missing = [p.blender_name for p in wanted if p.key not in found]
@@ -123,16 +111,50 @@ def _read(result: bpy.types.RenderResult, layer_name: str, wanted: list[pass_tab
     return found
 
 
-def _override(data: bpy.types.ID | bpy.types.ViewLayer, settings: dict[str, object]) -> list[tuple]:
-    """Set properties of evaluated data, given by dotted path; returns (owner, name, old value) of each.
+@contextmanager
+def _session(engine: bpy.types.RenderEngine):
+    """Cycles' own functions, with a session of `engine` inside."""
+    import cycles.engine as cycles_engine
+    engine.session = None
+    cycles_engine.create(engine, bpy.data)
+    try:
+        yield cycles_engine
+    finally:
+        cycles_engine.free(engine)
+        engine.session = None
+
+
+@contextmanager
+def _overrides(depsgraph: bpy.types.Depsgraph):
+    """A function that sets properties of evaluated data, given by dotted path; they are put back in the end.
 
     The user's scene never sees it: it is the evaluated copy that Cycles reads.
     """
     saved = []
-    for path, value in settings.items():
-        parent, _, name = path.rpartition(".")
-        owner = data.path_resolve(parent) if parent else data
-        if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
-            saved.append((owner, name, getattr(owner, name)))
-            setattr(owner, name, value)
-    return saved
+    kept = depsgraph.scene_eval.render.use_persistent_data
+
+    def override(data: bpy.types.ID | bpy.types.ViewLayer, settings: dict[str, object]) -> None:
+        for path, value in settings.items():
+            parent, _, name = path.rpartition(".")
+            owner = data.path_resolve(parent) if parent else data
+            if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
+                saved.append((owner, name, getattr(owner, name)))
+                setattr(owner, name, value)
+    try:
+        yield override
+    finally:
+        if kept:  # otherwise the evaluated scene is gone after a render, and touching it crashes
+            for owner, name, value in reversed(saved):
+                setattr(owner, name, value)
+
+
+def _leave_out_light(depsgraph: bpy.types.Depsgraph, override) -> None:
+    scene = depsgraph.scene_eval
+    override(scene, _FIRST_HITS_ONLY)
+    override(depsgraph.view_layer_eval, {"use_motion_blur": False})
+    if scene.camera and scene.camera.type == "CAMERA":  # the network knows a pinhole camera
+        override(scene.camera.data, {"dof.use_dof": False})
+    if world := compat.world(depsgraph):
+        override(world, _WORLD_UNLIT)
+    for evaluated in depsgraph.objects:
+        override(evaluated, _UNLIT)

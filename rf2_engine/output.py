@@ -2,6 +2,8 @@
 """From the network's radiance to Blender's render result."""
 from __future__ import annotations
 
+from contextlib import contextmanager
+
 import bpy
 import numpy as np
 
@@ -29,6 +31,20 @@ def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarr
         if names.get(p.name) in passes:
             p.rect.foreach_set(np.ascontiguousarray(passes[names[p.name]][::-1], np.float32).ravel())
     engine.end_result(result)
+
+
+@contextmanager
+def stand_in(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray], combined: np.ndarray):
+    """Show `combined` (H, W, 4) while the picture is made inside; it is taken back when that ends without one.
+
+    The other passes stay: they are what they will be.
+    """
+    write(engine, layer, passes | {"combined": combined})
+    try:
+        yield
+    except BaseException:
+        write(engine, layer, passes | {"combined": np.zeros_like(combined)})
+        raise
 
 
 def write_error(engine: bpy.types.RenderEngine, layer: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import model_cache, passes, render
+from . import model_cache, passes, statistics
 from .engine import RenderFormerEngine
 from .setup import package_panel, packages, published_weights
 
@@ -47,6 +47,10 @@ class RENDERFORMER_PT_settings(_Panel):
             _draw_published(layout)
         column.prop(settings, "device")
         column.prop(settings, "precision")
+        column.prop(settings, "threads_mode")
+        threads = column.row()
+        threads.active = settings.threads_mode == "FIXED"
+        threads.prop(settings, "threads")
         column = layout.column()
         column.prop(settings, "token_budget")
         column.prop(settings, "max_edge")
@@ -72,18 +76,25 @@ class RENDERFORMER_PT_report(_Panel):
 
     def draw(self, context):
         column = self.layout.column(align=True)
-        last = render.last_statistics
-        if not last:
-            column.label(text="Nothing rendered yet")
-            return
-        if "error" in last:
-            column.label(text=last["error"], icon="ERROR")
-            return
-        column.label(text=f"{last['triangles']} triangles, {last['tokens']} tokens")
-        for stage, seconds in last["seconds"].items():
-            column.label(text=f"{stage}: {seconds:.2f} s")
-        for line in last["report"]:
-            column.label(text=line, icon="INFO")
+        if not statistics.last_frame:
+            column.label(text="Nothing was rendered to the end")
+        for i, layer in enumerate(statistics.last_frame):
+            if len(statistics.last_frame) > 1:
+                if i:
+                    column.separator()
+                column.label(text=layer.layer, icon="RENDERLAYERS")
+            _draw_statistics(column, layer)
+
+
+def _draw_statistics(column, layer: statistics.LayerStatistics) -> None:
+    if layer.error:
+        column.label(text=layer.error, icon="ERROR")
+        return
+    column.label(text=f"{layer.triangles} triangles, {layer.tokens} tokens")
+    for stage, seconds in layer.seconds.items():
+        column.label(text=f"{stage}: {seconds:.2f} s")
+    for line in layer.report:
+        column.label(text=line, icon="INFO")
 
 
 class RENDERFORMER_PT_passes(_Panel):

@@ -1,17 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything the add-on registers, in order, and taken back in the reverse order."""
-from . import engine, model_cache, panels, settings
+from . import engine, model_cache, panels, running, settings, statistics
 from .setup import package_operators, preferences, weights_operators
 
-MODULES = (settings, preferences, engine, package_operators, weights_operators, panels)
+MODULES = (running, statistics, settings, preferences, engine, package_operators, weights_operators, panels)
 
 
 def register() -> None:
+    if running.forget_afterwards():
+        return  # disabled and enabled again while a render went on: nothing was taken back
     for module in MODULES:
         module.register()
 
 
 def unregister() -> None:
+    """Take everything back once no render of ours is under way: at once as a rule, else when it has ended."""
+    if running.stop():
+        _take_back()
+    else:
+        running.afterwards(_take_back)
+
+
+def _take_back() -> None:
     for module in reversed(MODULES):
         module.unregister()
     model_cache.free()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
@@ -57,6 +58,16 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         description="Samples per pixel for edges, textures and alpha; they hold no lighting",
     )
 
+    threads_mode: EnumProperty(
+        name="Threads Mode",
+        items=(
+            ("AUTO", "Automatic", "As many threads as Blender's own setting says, by default one for each core", 0),
+            ("FIXED", "Fixed", "The number of threads below, to leave cores to other programs", 1),
+        ),
+    )
+    threads: IntProperty(name="Threads", default=1, min=1, max=1024,
+                         description="Processor threads of the first hits and of the network")
+
     def weights(self) -> str:
         """The bundled preset's name or an absolute folder, as model.renderer.Renderer takes it.
 
@@ -70,6 +81,30 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
             raise CheckpointError("Weights is set to Folder, and none is chosen: choose one in Render Properties > "
                                   "RenderFormer-V2")
         return os.path.expanduser(bpy.path.abspath(self.weights_folder))
+
+
+@dataclass(frozen=True)
+class FrameSettings:
+    """What was chosen for one frame, keyframes included; it outlives the evaluated scene that it was read from."""
+
+    weights: str
+    device: str
+    precision: str
+    token_budget: int
+    max_edge: float
+    guide_samples: int
+    threads: int  # 0: all
+    film_transparent: bool
+    exposure: float
+
+    @classmethod
+    def of(cls, scene: bpy.types.Scene) -> FrameSettings:
+        """Of an evaluated scene. Raises CheckpointError as RenderFormerSettings.weights does."""
+        ours, blenders = scene.renderformer_v2, scene.render
+        holder = ours if ours.threads_mode == "FIXED" else blenders
+        return cls(ours.weights(), ours.device, ours.precision, ours.token_budget, ours.max_edge, ours.guide_samples,
+                   holder.threads if holder.threads_mode == "FIXED" else 0,
+                   blenders.film_transparent, scene.cycles.film_exposure)
 
 
 def register() -> None:

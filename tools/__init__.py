@@ -2,8 +2,12 @@
 """Command lines over the two packages.
 
 They import the add-on as the package `renderformer_v2`, as Blender does under another name, so that every class of it
-exists once in a process.
+exists once in a process. PyTorch is imported after them, so this is where its threads are told how to wait.
 """
 from .extension import load
 
 load()
+
+from renderformer_v2.model.threads import sleep_while_waiting  # noqa: E402
+
+sleep_while_waiting()

@@ -20,6 +20,7 @@ import numpy as np
 from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.renderer import Renderer
+from renderformer_v2.model.threads import team
 from tools.datagen.shards import load_sample, sample_paths
 from tools.metrics import compare
 
@@ -38,12 +39,13 @@ def evaluate_sample(path: Path, renderer: Renderer) -> tuple[dict[str, float], n
     return _scores(pictures, references, triangles=len(scene), seconds=seconds)
 
 
-def evaluate_blend(path: Path, weights: str, output: Path) -> tuple[dict[str, float], np.ndarray]:
+def evaluate_blend(path: Path, weights: str, output: Path, threads: int) -> tuple[dict[str, float], np.ndarray]:
     """The same for a .blend file. Raises RuntimeError with the engine's message if it cannot be rendered."""
     pictures, statistics = {}, {}
     for engine, options in (("renderformer", ["--weights", weights]), ("cycles", [])):
         exr = output / f"{path.stem}.{engine}.exr"
-        command = [sys.executable, "-m", "tools.render", path.resolve(), "-o", exr.resolve(), "--engine", engine]
+        command = [sys.executable, "-m", "tools.render", path.resolve(), "-o", exr.resolve(), "--engine", engine,
+                   *(["--threads", threads] if threads else [])]
         done = subprocess.run([*map(str, command), *options], cwd=ROOT, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"{path}: {done.stderr.strip()}")
@@ -78,6 +80,7 @@ def main() -> int:
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="REPORT_DIR")
     parser.add_argument("--weights", default=BUNDLED, help="a preset with weights, or a folder")
     parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
+    parser.add_argument("--threads", type=int, default=0, help="processor threads (default: all)")
     options = parser.parse_args()
     paths = [*sample_paths(options.scenes), *sorted(options.scenes.glob("*.blend"))][: options.limit]
     if not paths:
@@ -90,10 +93,11 @@ def main() -> int:
     renderer, scenes = None, {}
     for path in paths:
         if path.suffix == ".blend":
-            scenes[path.stem], sheet = evaluate_blend(path, options.weights, options.output)
+            scenes[path.stem], sheet = evaluate_blend(path, options.weights, options.output, options.threads)
         else:
             renderer = renderer or Renderer(options.weights)
-            scenes[path.stem], sheet = evaluate_sample(path, renderer)
+            with team(options.threads):
+                scenes[path.stem], sheet = evaluate_sample(path, renderer)
         imsave(options.output / f"{path.stem}.png", (sheet * 255 + 0.5).astype(np.uint8), check_contrast=False)
     mean = {key: float(np.mean([s[key] for s in scenes.values()])) for key in ("psnr", "ssim", "flip")}
     report = {"weights": options.weights, "scenes": scenes, "mean": mean}

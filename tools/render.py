@@ -2,14 +2,14 @@
 """Render a .blend file as F12 would, or an H5 scene; or write the H5 scene of a .blend file.
 
     python -m tools.render SCENE.blend -o OUT.exr [--engine cycles] [--samples N] [--resolution WxH]
-                           [--weights rf2_small|DIR] [--verbose]
+                           [--weights rf2_small|DIR] [--threads N] [--verbose]
     python -m tools.render SCENE.blend --export-h5 SCENE.h5 --weights DIR
     python -m tools.render SCENE.h5 -o OUT.exr --weights DIR [--resolution RxR]
 
 The H5 scenes are those of the research code; DIR is then the published bundle. Several cameras make OUT_000.exr, ....
 Writes a multilayer EXR, or a PNG, by suffix (-o may be repeated) and prints one line of JSON: seconds by stage, tokens,
-triangles, and what was approximated or skipped. An error is one line on stderr and exit status 1; wrong arguments are
-explained with exit status 2.
+triangles, and what was approximated or skipped; of several view layers the sums, and each under "layers". An error is
+one line on stderr and exit status 1; wrong arguments are explained with exit status 2.
 """
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ import time
 import traceback
 from pathlib import Path
 
+from renderformer_v2.model import threads
 from renderformer_v2.model.errors import CheckpointError, SceneError
 from renderformer_v2.model.presets import BUNDLED
 
@@ -56,6 +57,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--samples", type=_count, help="guide samples, or Cycles' samples (default: the file's)")
     parser.add_argument("--resolution", type=_resolution, help="WxH in pixels (default: the file's)")
     parser.add_argument("--weights", type=_weights, help=f"{BUNDLED}, or a folder with weights (default: the file's)")
+    parser.add_argument("--threads", type=_count, help="processor threads (default: the file's)")
     parser.add_argument("--verbose", action="store_true", help="Blender's own output on stderr")
     arguments = parser.parse_args()
     if bool(arguments.output) == bool(arguments.export_h5):
@@ -103,7 +105,8 @@ def _run(arguments: argparse.Namespace) -> dict:
         _prepare(path)
     if is_h5:
         from . import h5_scene
-        return h5_scene.render(arguments.scene, arguments.weights, arguments.output, arguments.resolution)
+        with threads.team(arguments.threads or 0):
+            return h5_scene.render(arguments.scene, arguments.weights, arguments.output, arguments.resolution)
     import bpy
     extension.load().register()
     bpy.ops.wm.open_mainfile(filepath=str(arguments.scene.resolve()))
@@ -139,12 +142,24 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
 
     statistics = {"scene": str(arguments.scene), "engine": scene.render.engine, "seconds": {"total": round(seconds, 3)},
                   "tokens": None, "triangles": None, "report": [], "output": list(map(str, arguments.output))}
-    from renderformer_v2.rf2_engine import render
+    from renderformer_v2.rf2_engine.statistics import last_frame
     # Without the engine there are none: Cycles rendered, or compositor or sequencer made the picture alone.
-    if last := render.last_statistics:
-        statistics["seconds"] = {k: round(v, 3) for k, v in last["seconds"].items()} | statistics["seconds"]
-        statistics |= {key: last[key] for key in ("tokens", "triangles", "size", "weights", "report")}
+    if last_frame:
+        layers = [_of_layer(layer) for layer in last_frame]
+        stages = dict.fromkeys(stage for layer in layers for stage in layer["seconds"])
+        statistics["seconds"] = {stage: round(sum(layer["seconds"].get(stage, 0.0) for layer in layers), 3)
+                                 for stage in stages} | statistics["seconds"]
+        statistics |= {key: sum(layer[key] for layer in layers) for key in ("tokens", "triangles")}
+        statistics |= {key: layers[-1][key] for key in ("size", "weights")}
+        statistics["report"] = [line for layer in layers for line in layer["report"]]
+        if len(layers) > 1:
+            statistics["layers"] = layers
     return statistics
+
+
+def _of_layer(layer) -> dict:
+    return {key: value for key, value in vars(layer).items() if key != "error"} | {
+        "seconds": {stage: round(seconds, 3) for stage, seconds in layer.seconds.items()}}
 
 
 def _apply(arguments: argparse.Namespace, scene) -> None:
@@ -153,6 +168,9 @@ def _apply(arguments: argparse.Namespace, scene) -> None:
     if arguments.samples:
         owner, name = (scene.cycles, "samples") if cycles else (scene.renderformer_v2, "guide_samples")
         setattr(owner, name, arguments.samples)
+    if arguments.threads:
+        scene.render.threads_mode, scene.render.threads = "FIXED", arguments.threads
+        scene.renderformer_v2.threads_mode = "AUTO"  # Blender's
     if arguments.resolution:
         scene.render.resolution_x, scene.render.resolution_y = arguments.resolution
         scene.render.resolution_percentage = 100

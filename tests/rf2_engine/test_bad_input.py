@@ -8,8 +8,9 @@ import pytest
 
 import addon_utils
 from bl_ext.user_default.renderformer_v2.model import checkpoint, presets
-from bl_ext.user_default.renderformer_v2.rf2_engine import model_cache, render
+from bl_ext.user_default.renderformer_v2.rf2_engine import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages
+from bl_ext.user_default.renderformer_v2.rf2_engine.statistics import last_frame
 
 from .f12 import cube, mesh_object, press_f12, sun
 
@@ -70,7 +71,7 @@ def test_vertices_that_are_not_finite_are_reported_by_name(scene, tmp_path):
     mesh_object(scene, "Broken", [(0, 0, 0), (1, 0, NAN), (0, 1, 0), (2, 0, 2)], [(0, 1, 2), (0, 2, 3)])
     picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
     assert np.isfinite(picture).all()
-    assert any("Broken" in line for line in render.last_statistics["report"])
+    assert any("Broken" in line for line in last_frame[0].report)
 
 
 def set_input(name, value):
@@ -106,7 +107,7 @@ def test_values_that_are_not_finite_are_reported_by_name(scene, tmp_path, change
     change(cube(scene), sun(scene))
     picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
     assert np.isfinite(picture).all() and picture[..., :3].max() > 0
-    assert any(line.startswith(f"refused {name}: ") for line in render.last_statistics["report"])
+    assert any(line.startswith(f"refused {name}: ") for line in last_frame[0].report)
 
 
 @pytest.mark.parametrize("strength, energy", [(3e-7, 3), (1e30, 3), (0, 1e-12)])
@@ -127,7 +128,7 @@ def test_endless_chain_of_nodes_is_cut_and_reported(scene, tmp_path):
         last = node.outputs[0]
     tree.links.new(last, tree.nodes["Principled BSDF"].inputs["Roughness"])
     press_f12(scene, tmp_path)
-    assert any("Cube" in line and "chain of nodes" in line for line in render.last_statistics["report"])
+    assert any("Cube" in line and "chain of nodes" in line for line in last_frame[0].report)
 
 
 def test_cycles_switched_off_is_said(scene, tmp_path):
@@ -144,7 +145,7 @@ def test_failed_render_replaces_the_statistics_of_the_last(scene, tmp_path):
     press_f12(scene, tmp_path)
     scene.renderformer_v2.weights_source = "FOLDER"
     expect_error(scene, tmp_path, "none is chosen")
-    assert "none is chosen" in render.last_statistics["error"]
+    assert "none is chosen" in last_frame[0].error
 
 
 def test_zero_area_triangles_do_no_harm(scene, tmp_path):
@@ -164,7 +165,7 @@ def test_missing_texture_is_reported_by_name(scene, tmp_path):
     tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
     picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
     assert np.isfinite(picture).all()
-    assert any("lost" in line.lower() for line in render.last_statistics["report"])
+    assert any("lost" in line.lower() for line in last_frame[0].report)
 
 
 @pytest.mark.parametrize("files", [

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine import cycles_session, passes, render
+from bl_ext.user_default.renderformer_v2.rf2_engine import cycles_session, passes, statistics
 from bl_ext.user_default.renderformer_v2.rf2_engine.status import Status
 
 from .f12 import cube, material, press_f12, sun
@@ -35,9 +35,9 @@ def test_renders_a_lit_cube_and_writes_every_pass(scene, tmp_path):
 def test_reports_stages_tokens_and_triangles(scene, tmp_path):
     cube(scene)
     press_f12(scene, tmp_path)
-    last = render.last_statistics
-    assert last["triangles"] >= 12 and last["tokens"] >= last["triangles"] and last["size"] == (50, 37)
-    assert {"Converting the scene", "First hits", "Network"} <= set(last["seconds"])
+    (last,) = statistics.last_frame
+    assert last.triangles >= 12 and last.tokens >= last.triangles and last.size == (50, 37)
+    assert {"Converting the scene", "First hits", "Network"} <= set(last.seconds)
 
 
 def test_opaque_film_shows_the_world_and_transparent_film_does_not(scene, tmp_path):
@@ -170,7 +170,7 @@ def test_esc_ends_the_render_at_once_and_writes_no_picture(scene, tmp_path, monk
     """Nobody can press Esc without a window, so the answer to 'was it pressed?' is given here."""
     cube(scene)
     press_f12(scene, tmp_path)
-    polls, before = [], render.last_statistics
+    polls = []
 
     def pressed(status):
         polls.append(time.perf_counter())
@@ -178,17 +178,33 @@ def test_esc_ends_the_render_at_once_and_writes_no_picture(scene, tmp_path, monk
     monkeypatch.setattr(Status, "esc_pressed", pressed)
     bpy.ops.render.render(scene=scene.name)
     assert time.perf_counter() - polls[polls_before_esc] < 0.5
-    assert render.last_statistics is before
+    assert not statistics.last_frame
 
 
-def test_while_the_network_works_the_frame_shows_unlit_colours_and_all_passes(scene, tmp_path, monkeypatch):
+def test_while_the_network_works_the_frame_shows_unlit_colours(scene, tmp_path, monkeypatch):
     cube(scene, of=material("Copper", color=(0.8, 0.4, 0.2)))
+    sun(scene)
+    seen = []
+
+    def look(status):
+        if status._shown[0] == "Network" and not seen:
+            layer = status.engine.get_result().layers["ViewLayer"]
+            pixels = np.array(next(p for p in layer.passes if p.name == "Combined").rect)
+            seen.append(pixels.reshape(37, 50, 4)[15:22, 20:30, :3].mean(axis=(0, 1)))
+        return False
+    monkeypatch.setattr(Status, "esc_pressed", look)
+    press_f12(scene, tmp_path)
+    (unlit,) = seen
+    assert np.allclose(unlit / unlit[0], (1, 0.5, 0.25), atol=0.05) and unlit[0] > 0.8  # base colour and specular
+
+
+def test_esc_takes_the_unlit_colours_back_and_leaves_the_other_passes(scene, tmp_path, monkeypatch):
+    cube(scene)
     sun(scene)
     finished = press_f12(scene, tmp_path)
     monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0] == "Network")
     cancelled = press_f12(scene, tmp_path)
-    seen = cancelled["ViewLayer.Combined"][15:22, 20:30, :3].mean(axis=(0, 1))
-    assert np.allclose(seen / seen[0], (1, 0.5, 0.25), atol=0.05) and seen[0] > 0.8  # base colour and specular
+    assert (cancelled["ViewLayer.Combined"] == 0).all()
     assert all(np.array_equal(cancelled[name], finished[name]) for name in finished if name != "ViewLayer.Combined")
 
 
@@ -209,3 +225,17 @@ def test_first_hits_are_taken_without_light_and_the_scene_keeps_it(scene, tmp_pa
     scene.render.engine = "CYCLES"
     lit = press_f12(scene, tmp_path)["ViewLayer.Combined"]
     assert lit[15:22, 20:30, :3].min() > 0.01 and lamp.visible_diffuse
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+def test_a_failure_while_cycles_is_prepared_leaves_no_override_behind(scene, tmp_path, monkeypatch, persistent):
+    cube(scene)
+    sun(scene)
+    scene.render.use_persistent_data = persistent
+    whole = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    with monkeypatch.context() as broken:
+        broken.setitem(cycles_session._UNLIT, "visible_shadow", "no such value")
+        with pytest.raises(RuntimeError, match="no such value|expected"):
+            bpy.ops.render.render(scene=scene.name)
+    again = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert (again[..., 3] == 1).all() and np.allclose(again, whole, atol=1e-5)

@@ -48,10 +48,10 @@ def rf2_small(point: dict) -> dict:
     settings.token_budget, settings.max_edge, settings.precision = point["triangles"], 1.0, point["precision"]
     total = _render(scene)
     from renderformer_v2.model.presets import rf2_small as preset
-    from renderformer_v2.rf2_engine.render import last_statistics as last
-    seconds = last["seconds"]
-    return {"seconds": total - seconds.get("Loading the network", 0.0), "real_triangles": last["triangles"],
-            "tokens": last["tokens"]} | _efficiency(preset(), last["triangles"], point, seconds["Network"])
+    from renderformer_v2.rf2_engine.statistics import last_frame
+    (last,) = last_frame
+    return {"seconds": total - last.seconds.get("Loading the network", 0.0), "real_triangles": last.triangles,
+            "tokens": last.tokens} | _efficiency(preset(), last.triangles, point, last.seconds["Network"])
 
 
 def rf2_200m(point: dict) -> dict:

@@ -18,6 +18,7 @@ from renderformer_v2.model.checkpoint import load_material_mapper, new_network, 
 from renderformer_v2.model.guided.light import decode_light
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import PRESETS
+from renderformer_v2.model.threads import team
 
 from .config import TrainConfig
 from .errors import TrainingError
@@ -97,11 +98,13 @@ def main() -> int:
     parser.add_argument("--wait", type=float, default=5.0, help="minutes, for samples where there are none of use yet")
     parser.add_argument("--save-every", type=float, default=180.0, help="seconds")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    parser.add_argument("--threads", type=int, default=0, help="processor threads (default: all)")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     options.cache = options.cache or options.data.parent / "cache"
     try:
-        train(options, TrainConfig.load(options.config))
+        with team(options.threads):
+            train(options, TrainConfig.load(options.config))
     except TrainingError as error:
         print(error, file=sys.stderr)
         return 2

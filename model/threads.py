@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The threads that PyTorch computes with on the CPU: how many, and that they sleep while they wait for each other.
+
+By default a waiting OpenMP thread spins for some milliseconds. As soon as another program wants the processor, it spins
+on the core that the thread it waits for needs, and work that takes 2 s takes 20.
+"""
+from __future__ import annotations
+
+import os
+import threading
+from contextlib import contextmanager, nullcontext
+
+# For GNU's and LLVM's library, and for Intel's.
+_SLEEP = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
+_CHOSEN_BY_USER = (*_SLEEP, "GOMP_SPINCOUNT")
+_GRAIN = 1 << 15  # elements of a tensor that PyTorch does not share between threads
+
+_ours = False
+
+
+def sleep_while_waiting() -> None:
+    """Make waiting threads sleep, unless the environment says how they wait. To be called before PyTorch is imported.
+
+    It holds for OpenMP libraries that are loaded from now on, which PyTorch's own package brings; for the others there
+    is `team`.
+    """
+    global _ours
+    if not any(name in os.environ for name in _CHOSEN_BY_USER):
+        os.environ.update(_SLEEP)
+        _ours = True
+
+
+@contextmanager
+def team(count: int = 0):
+    """Inside, this thread computes with `count` threads, or with as many as PyTorch chose for 0.
+
+    They sleep while they wait even if the OpenMP library was there before `sleep_while_waiting`, as in a Blender that
+    shares the system's.
+    """
+    import torch
+    before = torch.get_num_threads()
+    if count:
+        torch.set_num_threads(count)
+    try:
+        with _crowd(count or before) if _ours else nullcontext():
+            yield
+    finally:
+        if count:
+            torch.set_num_threads(before)
+
+
+@contextmanager
+def _crowd(count: int):
+    """Inside, GNU's library has more threads than the machine has cores, if only sleeping ones.
+
+    That makes it wait without spinning (its "throttled" spin count), and nothing else does once it is loaded.
+    """
+    teams = ((os.cpu_count() or 1) - 1) // (count - 1) if count > 1 else 0  # each adds count - 1, as ours does
+    started, done = threading.Semaphore(0), threading.Event()
+    members = [threading.Thread(target=_idle_team, args=(count, started, done), daemon=True) for _ in range(teams)]
+    try:
+        for member in members:
+            member.start()
+            started.acquire()
+        yield
+    finally:
+        done.set()
+        for member in members:
+            member.join()
+
+
+def _idle_team(count: int, started: threading.Semaphore, done: threading.Event) -> None:
+    """A thread whose team of `count` threads has worked once and waits for more until `done`."""
+    import torch
+    try:
+        torch.zeros(count * _GRAIN, dtype=torch.uint8).add_(1)
+    finally:
+        started.release()
+    done.wait()

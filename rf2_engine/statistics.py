@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the view layers of the last frame were made of, how long they took, and what went wrong."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import bpy
+from bpy.app.handlers import persistent
+
+
+@dataclass(frozen=True)
+class LayerStatistics:
+    """One view layer; with an `error` the rest is empty."""
+
+    layer: str
+    error: str = ""
+    size: tuple[int, int] = (0, 0)  # width, height in pixels, of the render border
+    triangles: int = 0
+    tokens: int = 0
+    weights: str = ""
+    seconds: dict[str, float] = field(default_factory=dict)  # by stage
+    report: list[str] = field(default_factory=list)  # what was approximated or left out
+
+
+# The view layers of the last frame that were finished or failed, in the order in which they were rendered.
+last_frame: list[LayerStatistics] = []
+
+
+@persistent
+def _begin_frame(*_):
+    last_frame.clear()
+
+
+def register() -> None:
+    bpy.app.handlers.render_pre.append(_begin_frame)
+
+
+def unregister() -> None:
+    if _begin_frame in bpy.app.handlers.render_pre:
+        bpy.app.handlers.render_pre.remove(_begin_frame)
+    last_frame.clear()

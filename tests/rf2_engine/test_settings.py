@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What F12 makes of the settings: keyframes, threads, and folders beside the .blend file."""
+import shutil
+from pathlib import Path
+
+import bpy
+import pytest
+
+from bl_ext.user_default.renderformer_v2.model import presets
+from bl_ext.user_default.renderformer_v2.rf2_engine import render, statistics
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
+
+from .f12 import cube, press_f12
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+def test_keyframed_settings_are_those_of_each_frame(scene, tmp_path, monkeypatch, persistent):
+    cube(scene)
+    settings = scene.renderformer_v2
+    for frame, budget, samples in ((1, 300, 2), (2, 500, 5)):
+        settings.token_budget, settings.guide_samples = budget, samples
+        settings.keyframe_insert("token_budget", frame=frame)
+        settings.keyframe_insert("guide_samples", frame=frame)
+    settings.max_edge = 0.02  # fills any budget
+    used, triangles = [], []
+
+    def first_hits(*arguments, real=render.cycles_session.render_passes, **options):
+        used.append(options["samples"])
+        return real(*arguments, **options)
+    monkeypatch.setattr(render.cycles_session, "render_passes", first_hits)
+    keep = lambda *_: triangles.append(statistics.last_frame[0].triangles)  # noqa: E731
+    bpy.app.handlers.render_post.append(keep)
+    scene.frame_start, scene.frame_end, scene.render.filepath = 1, 2, str(tmp_path / "frame_")
+    scene.render.use_persistent_data = persistent
+    bpy.ops.render.render(animation=True, scene=scene.name)
+    bpy.app.handlers.render_post.remove(keep)
+    assert used == [2, 5]
+    assert triangles[0] <= 300 < triangles[1] <= 500
+
+
+def test_a_weights_folder_is_relative_to_the_blend_file(scene, tmp_path):
+    cube(scene)
+    shutil.copytree(presets.weights_folder(presets.BUNDLED), tmp_path / "network")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scene = bpy.context.scene
+    scene.renderformer_v2.weights_source, scene.renderformer_v2.weights_folder = "FOLDER", "//network"
+    press_f12(scene, tmp_path)
+    assert Path(statistics.last_frame[0].weights) == tmp_path / "network"
+
+
+@pytest.mark.parametrize("ours, blenders, expected", [
+    (("AUTO", 3), ("AUTO", 5), 0), (("AUTO", 3), ("FIXED", 5), 5), (("FIXED", 3), ("FIXED", 5), 3),
+    (("FIXED", 3), ("AUTO", 5), 3),
+])
+def test_threads_are_ours_or_else_blenders(scene, ours, blenders, expected):
+    scene.renderformer_v2.threads_mode, scene.renderformer_v2.threads = ours
+    scene.render.threads_mode = "FIXED"
+    scene.render.threads = blenders[1]
+    scene.render.threads_mode = blenders[0]
+    assert FrameSettings.of(scene).threads == expected
+
+
+def test_the_network_computes_with_as_many_threads_as_the_setting_says(scene, tmp_path, monkeypatch):
+    import torch
+    cube(scene)
+    press_f12(scene, tmp_path)
+    before, seen = torch.get_num_threads(), []
+
+    def encoded(*arguments, real=render.model_cache.encoded):
+        seen.append(torch.get_num_threads())
+        return real(*arguments)
+    monkeypatch.setattr(render.model_cache, "encoded", encoded)
+    scene.renderformer_v2.threads_mode, scene.renderformer_v2.threads = "FIXED", before + 1
+    press_f12(scene, tmp_path)
+    scene.renderformer_v2.threads_mode = "AUTO"
+    press_f12(scene, tmp_path)
+    assert seen == [before + 1, before] and torch.get_num_threads() == before
+    assert scene.render.threads_mode == "AUTO"

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Last Render shows: every view layer of the last frame, with its own numbers, report or error."""
+import bpy
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine import panels, statistics
+
+from .f12 import cube, press_f12, sun
+
+
+class Drawn:
+    """Takes what a panel draws."""
+
+    def __init__(self):
+        self.texts = []
+
+    def label(self, text, icon=""):
+        self.texts.append(text)
+
+    def separator(self):
+        self.texts.append("")
+
+    def column(self, align=False):
+        return self
+
+
+@pytest.fixture
+def layers(scene):
+    """The view layers "Full" and "Bare", which lacks the cube."""
+    sun(scene)
+    inside = bpy.data.collections.new("Inside")
+    scene.collection.children.link(inside)
+    added = cube(scene)
+    scene.collection.objects.unlink(added)
+    inside.objects.link(added)
+    scene.view_layers[0].name = "Full"
+    bare = scene.view_layers.new("Bare")
+    bare.layer_collection.children["Inside"].exclude = True
+    return scene
+
+
+def drawn() -> list[str]:
+    panel = type("Panel", (), {"layout": Drawn()})()
+    panels.RENDERFORMER_PT_report.draw(panel, bpy.context)
+    return panel.layout.texts
+
+
+def test_every_view_layer_keeps_its_numbers(layers, tmp_path):
+    press_f12(layers, tmp_path)
+    press_f12(layers, tmp_path)
+    full, bare = statistics.last_frame
+    assert (full.layer, bare.layer) == ("Full", "Bare") and full.triangles > bare.triangles
+    texts = drawn()
+    assert texts.index("Full") < texts.index("Bare")
+    assert {f"{layer.triangles} triangles, {layer.tokens} tokens" for layer in (full, bare)} <= set(texts)
+
+
+def test_one_view_layer_needs_no_name(layers, tmp_path):
+    layers.view_layers["Bare"].use = False
+    press_f12(layers, tmp_path)
+    assert "Full" not in drawn() and any("triangles" in text for text in drawn())
+
+
+def test_an_error_in_one_view_layer_stays_beside_the_others(layers, tmp_path):
+    layers.view_layers["Full"].world_override = broken = bpy.data.worlds.new("Broken")
+    broken.use_nodes = True
+    broken.node_tree.nodes["Background"].inputs["Strength"].default_value = float("nan")
+    press_f12(layers, tmp_path, may_fail=True)
+    full, bare = statistics.last_frame
+    assert any("Broken" in line for line in full.report) and not any("Broken" in line for line in bare.report)
+    assert any("Broken" in text for text in drawn())
