@@ -48,9 +48,13 @@ class Normalization:
         return replace(view, camera_to_world=camera)
 
     def guides(self, guides: Guides) -> Guides:
-        """Positions in network units; emission and environment stay in world radiance, they bypass the network."""
+        """Positions in network units, traced light in network exposure.
+
+        Emission and environment stay in world radiance: they bypass the network.
+        """
         hit = (guides.alpha > 0)[..., None]
-        return replace(guides, position=np.where(hit, self.points(guides.position), 0).astype(np.float32))
+        traced = None if guides.traced is None else guides.traced * np.float32(self.exposure)
+        return replace(guides, position=np.where(hit, self.points(guides.position), 0).astype(np.float32), traced=traced)
 
 
 def _fit(scene: RenderScene) -> tuple[np.ndarray, float]:

@@ -12,20 +12,21 @@ A pipeline is one of the two ways from a normalised scene to a picture, guided/p
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
 from .camera import padded_view, place_in
+from .checkpoint import explained
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
 from .normalize import Normalization
 from .precision import choose_device, choose_precision
 from .presets import BUNDLED, weights_folder
 from .progress import report
-from .published.bundle import is_bundle
+from .published.bundle_files import is_bundle
 from .published.pipeline import PublishedPipeline
 from .scene import Guides, RenderScene, View
 
@@ -40,7 +41,9 @@ class Renderer:
         """
         self.device = choose_device(device)
         self.dtype = choose_precision(precision, self.device)
-        pipeline = PublishedPipeline if is_bundle(weights_folder(weights)) else GuidedPipeline
+        with explained():
+            published = is_bundle(weights_folder(weights))
+        pipeline = PublishedPipeline if published else GuidedPipeline
         self.pipeline = pipeline(weights, self.device, self.dtype)
 
     def encode(self, scene: RenderScene, picture_size: int = 512) -> EncodedScene:
@@ -98,6 +101,5 @@ def padded(view: View, guides: Guides, granularity: int) -> tuple[View, Guides]:
         return view, guides
     rows, columns = place_in(larger, view)
     margins = [(rows.start, larger.height - rows.stop), (columns.start, larger.width - columns.stop)]
-    arrays = {f.name: getattr(guides, f.name) for f in fields(Guides)}
     return larger, Guides(**{name: np.pad(array, margins + [(0, 0)] * (array.ndim - 2), mode="edge")
-                             for name, array in arrays.items()})
+                             for name, array in guides.arrays().items()})

@@ -90,7 +90,7 @@ class View:
 
 @dataclass
 class Guides:
-    """First-hit data of one view; row 0 is the top of the picture. No lighting in here.
+    """First-hit data of one view, and the light that was traced; row 0 is the top of the picture.
 
     Colours and alpha are means over the samples of a pixel, so colours are premultiplied by coverage (a pixel half
     covered by a white wall holds 0.5). Position, depth and the triangle belong to the pixel's centre, or to the nearest
@@ -108,12 +108,18 @@ class Guides:
     alpha: np.ndarray               # (H, W) f32, coverage in [0, 1]
     hit_triangle: np.ndarray        # (H, W) i32, token triangle behind the pixel centre; -1 = none
     hit_barycentric: np.ndarray     # (H, W, 2) f32, weights of corners 0 and 1 of that triangle
+    traced: np.ndarray | None = None  # (H, W, 3) f32, radiance of direct light and of what smooth mirrors and glass show,
+    #                                   without a diffuse or volume bounce, premultiplied; None = nothing was traced
 
     def __post_init__(self) -> None:
         h, w = self.depth.shape
-        for f in fields(self):
-            if getattr(self, f.name).shape[:2] != (h, w):
-                raise ValueError(f"guide {f.name} has shape {getattr(self, f.name).shape}, expected ({h}, {w}, ...)")
+        for name, value in self.arrays().items():
+            if value.shape[:2] != (h, w):
+                raise ValueError(f"guide {name} has shape {value.shape}, expected ({h}, {w}, ...)")
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """By name, those that are there."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) is not None}
 
 
 @dataclass

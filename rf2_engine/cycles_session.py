@@ -8,6 +8,7 @@ else must be taken from the depsgraph before `render_passes`, and one session pe
 from __future__ import annotations
 
 from contextlib import contextmanager
+from enum import Enum, auto
 
 import bpy
 import numpy as np
@@ -38,6 +39,20 @@ _FIRST_HITS_ONLY = {
     "cycles.use_fast_gi": False,
     "cycles.use_light_tree": False,  # a sixth of the time, for light that nobody looks at
 }
+# Light that is cheap and exact to trace: direct light with shadows, and what smooth mirrors and glass show. All that has
+# bounced diffusely or in a volume is the network's work.
+_TRACED = {
+    "cycles.diffuse_bounces": 0,
+    "cycles.volume_bounces": 0,
+    "cycles.caustics_reflective": False,
+    "cycles.caustics_refractive": False,
+    "cycles.use_fast_gi": False,
+    "cycles.use_guiding": False,
+    "cycles.denoiser": "OPENIMAGEDENOISE",
+    "cycles.denoising_input_passes": "RGB_ALBEDO_NORMAL",
+    "cycles.denoising_prefilter": "NONE",  # of first hits, which have hardly any noise
+    "cycles.denoising_quality": "BALANCED",
+}
 # Only camera rays see anything: none is cast towards a light, and what costs a third of the time is left out.
 _UNLIT = {f"visible_{ray}": False for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")} | {
     "is_shadow_catcher": False}  # they would be black and half transparent: there is no shadow to catch
@@ -51,14 +66,23 @@ def require() -> None:
                          "enable 'Cycles Render Engine' in Preferences > Add-ons")
 
 
-def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int,
-                  lighting: bool, denoise: bool = False, threads: int = 0) -> dict[str, np.ndarray]:
+class Light(Enum):
+    """What a session computes beside the first hits."""
+
+    NONE = auto()
+    TRACED = auto()  # no diffuse and no volume bounce, denoised
+    ALL = auto()     # the reference
+
+
+def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
+                  denoise: bool = False, threads: int = 0) -> dict[str, np.ndarray]:
     """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render.
 
     `engine` is the RenderEngine inside whose `render` this is called; `threads` 0 leaves them to Blender's setting.
-    With `lighting` False there are no bounces and the result holds first-hit data only. With `lighting` True the
-    scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise if `denoise`) and
-    the direct and indirect light passes (never denoised).
+    With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
+    holds "traced" (H, W, 3), the denoised radiance of direct light and of what smooth mirrors and glass show, without
+    emitters seen directly. With Light.ALL the scene's own bounces are used and the result also holds "combined"
+    (denoised by OpenImageDenoise if `denoise`) and the direct and indirect light passes (never denoised).
 
     Returns {key of passes.PASSES: (H, W, C) f32}, row 0 on top, for the render border only; plus "alpha" (H, W, 1),
     coverage. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
@@ -70,18 +94,22 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     """
     require()
     view_layer = depsgraph.view_layer_eval
-    layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, lighting)
+    layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, light is Light.ALL)
     for p in wanted:
         if p.source == "lighting":
             engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
-    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": lighting and denoise}
+    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise or light is Light.TRACED}
     if threads:
         settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
     with _overrides(depsgraph) as override, _session(engine) as cycles_engine:
         override(depsgraph.scene_eval, settings)
-        if not lighting:
+        if light is not Light.ALL:
+            _as_a_pinhole(depsgraph, override)
+        if light is Light.NONE:
             _leave_out_light(depsgraph, override)
+        elif light is Light.TRACED:
+            override(depsgraph.scene_eval, _TRACED)
         cycles_engine.reset(engine, bpy.data, depsgraph)
         cycles_engine.render(engine, depsgraph)
         cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
@@ -94,7 +122,9 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
 
     combined = found["combined"]
     found["alpha"] = combined[..., 3:].copy()
-    if not lighting:
+    if light is Light.TRACED:
+        found["traced"] = (combined[..., :3] - found["emission"]).clip(0)
+    if light is not Light.ALL:
         del found["combined"]
     return found
 
@@ -148,12 +178,16 @@ def _overrides(depsgraph: bpy.types.Depsgraph):
                 setattr(owner, name, value)
 
 
-def _leave_out_light(depsgraph: bpy.types.Depsgraph, override) -> None:
+def _as_a_pinhole(depsgraph: bpy.types.Depsgraph, override) -> None:
+    """The network knows no other camera, and no shutter."""
     scene = depsgraph.scene_eval
-    override(scene, _FIRST_HITS_ONLY)
     override(depsgraph.view_layer_eval, {"use_motion_blur": False})
-    if scene.camera and scene.camera.type == "CAMERA":  # the network knows a pinhole camera
+    if scene.camera and scene.camera.type == "CAMERA":
         override(scene.camera.data, {"dof.use_dof": False})
+
+
+def _leave_out_light(depsgraph: bpy.types.Depsgraph, override) -> None:
+    override(depsgraph.scene_eval, _FIRST_HITS_ONLY)
     if world := compat.world(depsgraph):
         override(world, _WORLD_UNLIT)
     for evaluated in depsgraph.objects:

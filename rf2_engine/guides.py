@@ -75,7 +75,8 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
         diffuse_color=passes["diffuse_color"], glossy_color=passes["glossy_color"],
         transmission_color=passes["transmission_color"], emission=passes["emission"],
         environment=passes["environment"], depth=passes["depth"][..., 0], alpha=alpha,
-        hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source])
+        hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source],
+        traced=passes.get("traced"))
 
 
 def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen: np.ndarray,

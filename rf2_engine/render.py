@@ -50,8 +50,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                               _border(engine, depsgraph.scene_eval.render), report)
         scene = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report)
     with status.stage("First hits", 0.1, 0.2):
-        passes = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples, lighting=False,
-                                              threads=settings.threads)
+        passes = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
+                                              light=settings.light, threads=settings.threads)
         guides = make_guides(passes, scene, view)
 
     def combined(radiance: np.ndarray) -> np.ndarray:

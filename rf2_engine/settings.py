@@ -9,7 +9,9 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..model.errors import CheckpointError
-from ..model.presets import BUNDLED
+from ..model.presets import BUNDLED, weights_folder
+from ..model.published.bundle_files import is_bundle
+from . import cycles_session
 from .setup import published_weights
 
 
@@ -58,6 +60,14 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         description="Samples per pixel for edges, textures and alpha; they hold no lighting",
     )
 
+    light: EnumProperty(
+        name="Light",
+        items=(
+            ("TRACED", "Traced Hints", "Cycles traces direct light and what smooth mirrors and glass show, with the guide "
+                                       "samples; the network adds all light that has bounced. Bundled network only", 0),
+            ("NETWORK", "Network Alone", "No ray is cast towards a light: all light is the network's", 1),
+        ),
+    )
     threads_mode: EnumProperty(
         name="Threads Mode",
         items=(
@@ -93,6 +103,7 @@ class FrameSettings:
     token_budget: int
     max_edge: float
     guide_samples: int
+    light: cycles_session.Light
     threads: int  # 0: all
     film_transparent: bool
     exposure: float
@@ -103,8 +114,18 @@ class FrameSettings:
         ours, blenders = scene.renderformer_v2, scene.render
         holder = ours if ours.threads_mode == "FIXED" else blenders
         return cls(ours.weights(), ours.device, ours.precision, ours.token_budget, ours.max_edge, ours.guide_samples,
+                   _light(ours),
                    holder.threads if holder.threads_mode == "FIXED" else 0,
                    blenders.film_transparent, scene.cycles.film_exposure)
+
+
+def _light(ours: RenderFormerSettings) -> cycles_session.Light:
+    """The published network is never guided."""
+    try:
+        published = is_bundle(weights_folder(ours.weights()))
+    except OSError:
+        published = False  # the loader will explain it
+    return cycles_session.Light.NONE if published or ours.light == "NETWORK" else cycles_session.Light.TRACED
 
 
 def register() -> None:

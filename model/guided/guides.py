@@ -2,7 +2,7 @@
 """Guides of a view as tensors: what the guided preset knows about every pixel before the transformer runs."""
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -72,7 +72,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, row
     """Some rows of the picture, whole bundles: features (C, h, W), light (9, h, W), positions (R, 3)."""
     device = prior.radiance.device
     tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
-    guides = Guides(**{field.name: getattr(guides, field.name)[rows] for field in fields(Guides)})
+    guides = Guides(**{name: array[rows] for name, array in guides.arrays().items()})
     h, w = guides.alpha.shape
     origin, rays = map(tensor, view_rays_at(view, np.arange(w) + 0.5, rows.start + np.arange(h)[:, None] + 0.5))
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)

@@ -11,7 +11,7 @@ from ..material.autoencoder import MaterialAutoencoder
 from ..material.mappers import MAPPERS, Mapper
 from ..network.config import ModelConfig
 from ..network.renderformer import RenderFormer
-from .bundle_files import COMPONENTS, INDEX, TRANSFORMER
+from .bundle_files import INDEX, TRANSFORMER
 from .model_config import model_config
 
 LARGE_RESOLUTION = 2048  # pixels from which the second transformer is used
@@ -19,12 +19,6 @@ SECTIONS = {"model_config", "dataset_config", "trainer_config"}
 # Trainer switches that change what the network is fed or returns; this implementation has the released position.
 RELEASED_TRAINER = {"turn_to_cam_coord": False, "learn_ldr": False, "emission_area_encoding": False,
                     "clamped_hdr": False}
-
-
-@explained()
-def is_bundle(folder: str | Path) -> bool:
-    """Whether the folder is a published bundle, or what a partial download left of it."""
-    return any((Path(folder) / name).exists() for name in (INDEX, *COMPONENTS))
 
 
 @dataclass

@@ -2,6 +2,8 @@
 """What the published bundle consists of (docs/scene-input.md 12); known without importing PyTorch."""
 from __future__ import annotations
 
+from pathlib import Path
+
 INDEX = "model_index.json"
 CONFIG = ("config.json",)
 TRANSFORMER = ("config.yaml", "config.yml", "model_config.json")
@@ -9,3 +11,8 @@ COMPONENTS = {  # folder: names of which one describes it
     "transformer_512": TRANSFORMER, "transformer_2048": TRANSFORMER, "material_autoencoder": CONFIG,
     "diffspec_mapper": CONFIG, "metallic_mapper": CONFIG, "metallic_transmission_mapper": CONFIG,
 }
+
+
+def is_bundle(folder: str | Path) -> bool:
+    """Whether the folder is a published bundle, or what a partial download left of it. Raises OSError."""
+    return any((Path(folder) / name).exists() for name in (INDEX, *COMPONENTS))

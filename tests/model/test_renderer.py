@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rendering with the bundled weights."""
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_progress_rises_and_can_cancel(renderer):
 def part_of(view, guides, x, y, width, height):
     """A rectangle of a picture, as a render border gives it."""
     part = replace(view, width=width, height=height, principal=view.principal - np.float32((x, y)), corner=(x, y))
-    return part, Guides(**{f.name: getattr(guides, f.name)[y:y + height, x:x + width] for f in fields(Guides)})
+    return part, Guides(**{name: array[y:y + height, x:x + width] for name, array in guides.arrays().items()})
 
 
 def test_padding_keeps_the_windows_of_the_picture_and_repeats_its_edge():

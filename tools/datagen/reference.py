@@ -17,11 +17,13 @@ from renderformer_v2.rf2_engine import passes as pass_table  # noqa: E402
 from renderformer_v2.rf2_engine.convert.camera import convert_camera  # noqa: E402
 from renderformer_v2.rf2_engine.convert.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
+from renderformer_v2.rf2_engine.cycles_session import Light  # noqa: E402
 from renderformer_v2.rf2_engine.guides import make_guides  # noqa: E402
 
 from .cameras import Setup  # noqa: E402
 
 MAX_EDGE = 0.25  # of the scene's longest side
+HINT_SAMPLES = 8  # of traced light, as F12's default
 LIGHTING = ("combined", "diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "transmission_direct",
             "transmission_indirect", "volume_direct", "volume_indirect")
 
@@ -64,7 +66,10 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     if sample.scene is None:
         sample.scene = convert(depsgraph, token_budget=sample.token_budget, max_edge=MAX_EDGE, report=sample.report)
     converted = time.perf_counter()
-    found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, lighting=True, denoise=True)
+    found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, light=Light.ALL, denoise=True)
+    depsgraph.scene_eval.cycles.seed += 1  # noise that hints and reference share would be a hint too many
+    found["traced"] = cycles_session.render_passes(engine, depsgraph, samples=HINT_SAMPLES, light=Light.TRACED)["traced"]
+    depsgraph.scene_eval.cycles.seed -= 1
     rendered = time.perf_counter()
     sample.guides.append(make_guides(found, sample.scene, view))
     sample.views.append(view)

@@ -54,8 +54,8 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
         arrays |= {f"volumes.{f.name}": getattr(scene.volumes, f.name) for f in fields(Volumes)}
     for f in fields(View):
         arrays[f"view.{f.name}"] = np.stack([np.asarray(getattr(v, f.name)) for v in views])
-    for f in fields(Guides):
-        arrays[f"guides.{f.name}"] = np.stack([_packed_guide(f.name, getattr(g, f.name)) for g in guides])
+    for name in guides[0].arrays():
+        arrays[f"guides.{name}"] = np.stack([_packed_guide(name, g.arrays()[name]) for g in guides])
     for name in passes[0]:
         arrays[f"passes.{name}"] = np.stack([half(p[name]) for p in passes])
     save_arrays(path, arrays)
