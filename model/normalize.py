@@ -54,7 +54,8 @@ class Normalization:
         """
         hit = (guides.alpha > 0)[..., None]
         traced = None if guides.traced is None else guides.traced * np.float32(self.exposure)
-        return replace(guides, position=np.where(hit, self.points(guides.position), 0).astype(np.float32), traced=traced)
+        position = np.where(hit, self.points(guides.position), 0).astype(np.float32)
+        return replace(guides, position=position, traced=traced)
 
 
 def _fit(scene: RenderScene) -> tuple[np.ndarray, float]:

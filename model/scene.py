@@ -108,8 +108,9 @@ class Guides:
     alpha: np.ndarray               # (H, W) f32, coverage in [0, 1]
     hit_triangle: np.ndarray        # (H, W) i32, token triangle behind the pixel centre; -1 = none
     hit_barycentric: np.ndarray     # (H, W, 2) f32, weights of corners 0 and 1 of that triangle
-    traced: np.ndarray | None = None  # (H, W, 3) f32, radiance of direct light and of what smooth mirrors and glass show,
-    #                                   without a diffuse or volume bounce, premultiplied; None = nothing was traced
+    # (H, W, 3) f32, radiance of direct light and of what smooth mirrors and glass show, without a diffuse or volume
+    # bounce, premultiplied; None = nothing was traced
+    traced: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         h, w = self.depth.shape

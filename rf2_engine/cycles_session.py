@@ -39,8 +39,8 @@ _FIRST_HITS_ONLY = {
     "cycles.use_fast_gi": False,
     "cycles.use_light_tree": False,  # a sixth of the time, for light that nobody looks at
 }
-# Light that is cheap and exact to trace: direct light with shadows, and what smooth mirrors and glass show. All that has
-# bounced diffusely or in a volume is the network's work.
+# Light that is cheap and exact to trace: direct light with shadows, and what smooth mirrors and glass show. All that
+# has bounced diffusely or in a volume is the network's work.
 _TRACED = {
     "cycles.diffuse_bounces": 0,
     "cycles.volume_bounces": 0,

@@ -63,8 +63,8 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     light: EnumProperty(
         name="Light",
         items=(
-            ("TRACED", "Traced Hints", "Cycles traces direct light and what smooth mirrors and glass show, with the guide "
-                                       "samples; the network adds all light that has bounced. Bundled network only", 0),
+            ("TRACED", "Traced Hints", "Cycles traces direct light and what smooth mirrors and glass show, with the "
+             "guide samples; the network adds all light that has bounced. Bundled network only", 0),
             ("NETWORK", "Network Alone", "No ray is cast towards a light: all light is the network's", 1),
         ),
     )

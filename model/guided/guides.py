@@ -16,6 +16,8 @@ from ..network.memory import like
 from ..progress import part
 from ..scene import ROUGHNESS, TILE_SIZE, Guides, RenderScene, View
 from .light_prior import LightPrior
+from .probes import gathered
+from .radiosity import Radiosity
 
 FEATURES = Channels(
     1,
@@ -26,6 +28,9 @@ FEATURES = Channels(
     alpha=1,                  # coverage
     light=(9, COLOR),         # log10(1 + prior) of the lobes
     mirrored=(3, DIRECTION),  # the ray, mirrored
+    bounced=(3, COLOR),       # log10(1 + radiosity)
+    traced=(3, COLOR),        # log10(1 + traced light)
+    hinted=1,                 # 1 if light was traced
 )
 BAND_PIXELS = 1 << 17     # computed at once: guides of a large picture are gigabytes
 OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
@@ -44,9 +49,12 @@ class GuideTensors(TensorGroup):
     colors: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # [lobe, rgb], premultiplied by coverage
     prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # unshadowed radiance of a white lobe
     positions: Tensor = array("V", "R", 3, behaves=POINT)            # mean first hit of every bundle
+    bounced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})    # radiosity: radiance of a white diffuse surface
+    traced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # radiance; 0 if nothing was traced
 
 
-def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, patch: int) -> GuideTensors:
+def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
+                  patch: int) -> GuideTensors:
     """Tensors of one view (V = 1) on the prior's device, for ray bundles of `patch` pixels along a side.
 
     Scene, view, guides and prior are all normalised; H and W are multiples of `patch`.
@@ -54,22 +62,36 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     h, w = guides.alpha.shape
     rows = _rows(w, patch)
     features = light = None
-    bundles = []
+    bundles, bounced, traced = [], [], []
     for begin in range(0, h, rows):
         pixels = slice(begin, begin + rows)
         with part(begin / h, (begin + rows) / h):
-            band, arriving, positions = _band(scene, view, guides, prior, pixels, patch)
+            band = _band(scene, view, guides, prior, radiosity, pixels, patch)
         if features is None:
-            features, light = like(band, h, 1), like(arriving, h, 1)
-        features[:, pixels], light[:, pixels] = band, arriving
-        bundles.append(positions)
+            features, light = like(band.features, h, 1), like(band.light, h, 1)
+        features[:, pixels], light[:, pixels] = band.features, band.light
+        bundles.append(band.positions)
+        bounced.append(band.bounced)
+        traced.append(band.traced)
     lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
-    return GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light), torch.cat(bundles)[None])
+    whole = lambda bands: torch.cat(bands).permute(2, 0, 1)[None]  # noqa: E731
+    return GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light), torch.cat(bundles)[None],
+                        whole(bounced), whole(traced))
 
 
-def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rows: slice,
-          patch: int) -> tuple[Tensor, Tensor, Tensor]:
-    """Some rows of the picture, whole bundles: features (C, h, W), light (9, h, W), positions (R, 3)."""
+@dataclass
+class _Band:
+    """Some rows of the picture, whole bundles."""
+
+    features: Tensor   # (C, h, W)
+    light: Tensor      # (9, h, W)
+    positions: Tensor  # (R, 3)
+    bounced: Tensor    # (h, W, 3)
+    traced: Tensor     # (h, W, 3)
+
+
+def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity, rows: slice,
+          patch: int) -> _Band:
     device = prior.radiance.device
     tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
     guides = Guides(**{name: array[rows] for name, array in guides.arrays().items()})
@@ -80,12 +102,20 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, row
     roughness = tensor(hit_roughness(scene, guides))
     light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1))
     light = light.reshape(h, w, 9) * (alpha > 0)
+    bounced = gathered(radiosity, position, normal, alpha > 0)
+    hinted = torch.full_like(alpha, guides.traced is not None)
+    traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
     bundles = bundle_positions(position, alpha, rays, origin, patch)
     offset = (position - bundles.repeat_interleave(patch, 0).repeat_interleave(patch, 1)) * OFFSET_SCALE * (alpha > 0)
     mirrored = rays - 2 * (rays * normal).sum(-1, keepdim=True) * normal
-    features = torch.cat([offset, normal, colors, roughness[..., None], alpha, torch.log10(1 + light), mirrored], -1)
-    return features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3)
+    features = torch.cat([offset, normal, colors, roughness[..., None], alpha, _log(light), mirrored, _log(bounced),
+                          _log(traced), hinted], -1)
+    return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3), bounced, traced)
+
+
+def _log(radiance: Tensor) -> Tensor:
+    return torch.log10(1 + radiance)
 
 
 def bundle_positions(position: Tensor, alpha: Tensor, rays: Tensor, origin: Tensor, patch: int) -> Tensor:

@@ -18,6 +18,7 @@ from ..scene import Guides, RenderScene, View
 from .encoders import panorama_size, tile_side
 from .guides import GuideTensors, guide_tensors
 from .light_prior import LightPrior
+from .radiosity import Radiosity
 
 
 @dataclass(kw_only=True)
@@ -52,11 +53,12 @@ def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None) -> Guide
         beam_axis=torch.from_numpy(scene.beam_axis[shines]), beam_cosine=torch.from_numpy(scene.beam_cosine[shines]))
 
 
-def guided_view(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, config: ModelConfig) -> GuidedView:
+def guided_view(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
+                config: ModelConfig) -> GuidedView:
     """Rays and guides of one view, all normalised, on the prior's device."""
     rays = view_inputs(view).to(prior.radiance.device)
     return GuidedView(rays.origin, rays.directions,
-                      guides=guide_tensors(scene, view, guides, prior, config.patch_size))
+                      guides=guide_tensors(scene, view, guides, prior, radiosity, config.patch_size))
 
 
 def _environment(radiance: np.ndarray | None, size: tuple[int, int]) -> EnvironmentInputs:

@@ -13,29 +13,42 @@ from .guides import FEATURES, GuideTensors, band_rows
 LOBES = ("diffuse", "glossy", "transmission")
 OUTPUTS = Channels(1, visibility=9, indirect=9, rest=3)  # RGB of each lobe, and what no lobe explains
 MAX_VISIBILITY = 1.2       # the prior's glossy lobe is approximate: leave room above 1
-VISIBLE, DARK = 1.5, -4.0  # offsets that start the decoder near "everything visible, nothing indirect"
+VISIBLE, DARK = 1.5, -6.0  # offsets that start the decoder near "everything visible, nothing indirect"
+BOUNCED = 0.45             # of the radiosity, which is unshadowed: where the decoder starts
 
 
 def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
     """Decoder channels (V, len(OUTPUTS), H, W) to radiance (V, 3, H, W) in network exposure.
 
+    Where light was traced, it stands for all direct light; else the prior times its visibility does.
     Keys: `image` (sum of all, without directly seen emitters and world), `direct` and `indirect` (V, 3, 3, H, W), the
     light of each lobe before its colour, and `rest` (volumes and whatever no lobe explains).
     """
     v, _, h, w = raw.shape
     raw = raw.float()
     visibility = MAX_VISIBILITY * torch.sigmoid(raw[:, OUTPUTS["visibility"]] + VISIBLE).reshape(v, 3, 3, h, w)
-    indirect = F.softplus(raw[:, OUTPUTS["indirect"]] + DARK).reshape(v, 3, 3, h, w)
+    start = torch.cat([_softplus_inverse(BOUNCED * guides.bounced), torch.full_like(raw[:, :6], DARK)], dim=1)
+    indirect = F.softplus(raw[:, OUTPUTS["indirect"]] + start).reshape(v, 3, 3, h, w)
     rest = F.softplus(raw[:, OUTPUTS["rest"]] + DARK) * guides.features[:, FEATURES["alpha"]]
     direct = guides.prior * visibility
-    return {"image": ((direct + indirect) * guides.colors).sum(1) + rest, "direct": direct, "indirect": indirect,
+    hinted = guides.features[:, FEATURES["hinted"]]
+    arriving = hinted * guides.traced + (1 - hinted) * (direct * guides.colors).sum(1)
+    return {"image": arriving + (indirect * guides.colors).sum(1) + rest, "direct": direct, "indirect": indirect,
             "rest": rest}
+
+
+def _softplus_inverse(y: Tensor) -> Tensor:
+    y = y.clamp_min(2e-3)  # about softplus of DARK
+    return y + torch.log(-torch.expm1(-y))
 
 
 def decode_image(raw: Tensor, guides: GuideTensors) -> Tensor:
     """`image` of `decode_light`, in bands of bounded memory."""
     bands, rows = [], band_rows(raw)
-    for band in zip(*(x.split(rows, dim=-2) for x in (raw, guides.features, guides.colors, guides.prior))):
+    pictures = (guides.features, guides.colors, guides.prior, guides.bounced, guides.traced)
+    for band in zip(*(x.split(rows, dim=-2) for x in (raw, *pictures)), strict=True):
         report(len(bands) * rows / raw.shape[2])
-        bands.append(decode_light(band[0], GuideTensors(*band[1:], guides.positions))["image"])
+        features, colors, prior, bounced, traced = band[1:]
+        some = GuideTensors(features, colors, prior, guides.positions, bounced, traced)
+        bands.append(decode_light(band[0], some)["image"])
     return torch.cat(bands, dim=2)

@@ -16,6 +16,7 @@ from ..scene import Guides, RenderScene, View
 from .inputs import guided_inputs, guided_view
 from .light import decode_image
 from .light_prior import LightPrior
+from .radiosity import Radiosity
 
 
 @dataclass
@@ -25,6 +26,7 @@ class GuidedContext:
     scene: RenderScene
     context: SceneContext
     prior: LightPrior
+    radiosity: Radiosity
 
 
 class GuidedPipeline:
@@ -40,11 +42,16 @@ class GuidedPipeline:
 
     def encode(self, scene: RenderScene, variant: str) -> GuidedContext:
         inputs = guided_inputs(scene, self.network.config, self.mapper).to(self.device)
-        return GuidedContext(scene, self.network.encode_scene(inputs), LightPrior(scene, self.device))
+        prior = LightPrior(scene, self.device)
+        with part(0.0, 0.1, "Bounced light"):
+            radiosity = Radiosity(scene, prior)
+        with part(0.1, 1.0):
+            return GuidedContext(scene, self.network.encode_scene(inputs), prior, radiosity)
 
     def image(self, encoded: GuidedContext, view: View, guides: Guides) -> torch.Tensor:
         with part(0.0, 0.1, "Light prior"):
-            inputs = guided_view(encoded.scene, view, guides, encoded.prior, self.network.config)
+            inputs = guided_view(encoded.scene, view, guides, encoded.prior, encoded.radiosity,
+                                 self.network.config)
         with part(0.1, 0.95):
             raw = self.network.render_view(encoded.context, inputs)
         with part(0.95, 1.0, "Decoding the light"):

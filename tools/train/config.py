@@ -17,6 +17,7 @@ class Stage:
     max_triangles: int = 10**9
     volumes: bool = True         # scenes with participating media
     transmission: bool = True    # scenes with glass
+    unhinted: float = 0.2        # share of samples whose traced light is withheld, for "Network Alone"
 
 
 @dataclass(frozen=True)

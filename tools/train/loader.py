@@ -41,7 +41,7 @@ class SampleStream(IterableDataset):
                 sample = cached_sample(paths[i], self.cache)
                 if admitted(sample, self.stage):
                     useful += 1
-                    yield with_latents(augment(sample, generator), self.mapper)
+                    yield with_latents(augment(sample, generator, self.stage.unhinted), self.mapper)
             if not useful and not self._grows(len(paths)):
                 yield TrainingError(self._problem(len(paths)))
                 return

@@ -15,6 +15,7 @@ from pathlib import Path
 import torch
 
 from renderformer_v2.model.checkpoint import load_material_mapper, new_network, save_network
+from renderformer_v2.model.guided.guides import FEATURES
 from renderformer_v2.model.guided.light import decode_light
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import PRESETS
@@ -26,18 +27,22 @@ from .loader import stream
 from .log import Log
 from .losses import image_loss, lobe_loss, perceptual_term
 from .samples import TrainingSample
+from .start import start_from
 from .state import TrainingState
 
 LOG_EVERY = 50  # steps
+DIFFUSE_ALONE = torch.tensor([1.0, 0.0, 0.0]).view(1, 3, 1, 1, 1)
 
 
 def sample_loss(model: GuidedRenderFormer, sample: TrainingSample, perceptual) -> dict[str, torch.Tensor]:
     """Losses of all views of one scene."""
     guides = sample.view.guides
     light = decode_light(model.render_view(model.encode_scene(sample.inputs), sample.view), guides)
+    # Traced hints hold the specular lobes' indirect light in part; diffuse light that has bounced they never hold.
+    unknown = guides.colors * torch.where(guides.features[:, FEATURES["hinted"], None] > 0, DIFFUSE_ALONE.to(guides.colors), 1.0)
     losses = {"image": image_loss(light["image"], sample.image, perceptual),
               "direct": lobe_loss(light["direct"], sample.direct, guides.colors),
-              "indirect": lobe_loss(light["indirect"], sample.indirect, guides.colors)}
+              "indirect": lobe_loss(light["indirect"], sample.indirect, unknown)}
     return losses | {"total": sum(losses.values())}
 
 
@@ -48,6 +53,8 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     model = new_network(PRESETS[config.preset]()).to(device).train()
     model.transformer.rope_emb.requires_grad_(False)
     model.view_transformer.transformer.rope_emb.requires_grad_(False)
+    if options.start:
+        start_from(model, options.start)
     state = TrainingState(model, config.learning_rate, config.weight_decay, config.average_decay)
     saved = options.out / "state.safetensors"
     options.out.mkdir(parents=True, exist_ok=True)
@@ -92,6 +99,7 @@ def main() -> int:
     parser.add_argument("--data", type=Path, required=True, help="folder of samples, may still be growing")
     parser.add_argument("--cache", type=Path, help="prepared samples (default: DATA/../cache)")
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--start", type=Path, metavar="WEIGHTS_DIR", help="begin with these weights: fine-tuning")
     parser.add_argument("--config", type=Path, default=Path(__file__).with_name("small.json"))
     parser.add_argument("--minutes", type=float, required=True)
     parser.add_argument("--cooldown", type=float, default=0.0, help="minutes at the end with a falling learning rate")

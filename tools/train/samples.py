@@ -18,6 +18,7 @@ from renderformer_v2.model.guided.guides import GuideTensors
 from renderformer_v2.model.guided.inputs import GuidedInputs, GuidedView, guided_inputs, guided_view
 from renderformer_v2.model.guided.light import LOBES
 from renderformer_v2.model.guided.light_prior import LightPrior
+from renderformer_v2.model.guided.radiosity import Radiosity
 from renderformer_v2.model.inputs import material_tiles
 from renderformer_v2.model.network.inputs import EnvironmentInputs, TensorGroup, VolumeInputs, stacked
 from renderformer_v2.model.normalize import Normalization
@@ -51,9 +52,11 @@ def build_sample(path: Path) -> TrainingSample:
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
     prior = LightPrior(normalized)
+    radiosity = Radiosity(normalized, prior)
     inputs, targets = [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):
-        inputs.append(guided_view(normalized, normalization.view(view), normalization.guides(guide), prior, CONFIG))
+        inputs.append(guided_view(normalized, normalization.view(view), normalization.guides(guide), prior,
+                                  radiosity, CONFIG))
         surface = reference["combined"][..., :3] - guide.emission
         targets.append([surface.clip(0), *(np.stack([reference[f"{lobe}_{part}"] for lobe in LOBES])
                                            for part in ("direct", "indirect"))])

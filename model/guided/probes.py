@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Smooth light at every pixel from what is gathered at every GRID-th one."""
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from .radiosity import Radiosity
+
+GRID = 4          # pixels between two probes, which stand in the middle of their cells
+NEAR = 0.05       # network units off a pixel's plane at which a probe counts 1/e
+FACING = 8        # exponent of the cosine between the normals of pixel and probe
+LEAST = 1e-5      # weight that keeps the sum above zero
+
+
+def gathered(radiosity: Radiosity, position: Tensor, normal: Tensor, covered: Tensor) -> Tensor:
+    """Radiance leaving a white diffuse surface, (h, w, 3), at position and normal (h, w, 3); 0 if not covered (h, w, 1).
+
+    Each pixel takes the mean of the four nearest probes, weighted by how far they are off its plane and turned away.
+    """
+    h, w = position.shape[:2]
+    place = [(torch.arange(GRID // 2, side, GRID, device=position.device) if side > GRID // 2
+              else torch.zeros(1, dtype=torch.long, device=position.device)) for side in (h, w)]
+    rows, columns = torch.meshgrid(*place, indexing="ij")
+    x, n, valid = (a[rows, columns] for a in (position, normal, covered))
+    light = radiosity(x.reshape(-1, 3), n.reshape(-1, 3)).view_as(x)
+    total = weights = 0.0
+    for down in (0, 1):
+        for right in (0, 1):
+            i, y = _neighbour(h, len(place[0]), down, position.device)
+            j, z = _neighbour(w, len(place[1]), right, position.device)
+            i, j = i[:, None].expand(h, w), j[None].expand(h, w)
+            off = ((x[i, j] - position) * normal).sum(-1, keepdim=True) / NEAR
+            facing = (n[i, j] * normal).sum(-1, keepdim=True).clamp_min(0) ** FACING
+            weight = (y[:, None] * z[None])[..., None] * ((-off.square()).exp() * facing + LEAST) * valid[i, j]
+            total, weights = total + weight * light[i, j], weights + weight
+    return total / torch.clamp(weights, min=LEAST ** 2) * covered
+
+
+def _neighbour(side: int, count: int, further: int, device) -> tuple[Tensor, Tensor]:
+    """Index of the probe before or behind each pixel along an axis, and its linear weight."""
+    at = ((torch.arange(side, device=device) - GRID // 2) / GRID).clamp(0, count - 1)
+    low = at.floor().long().clamp(max=max(count - 2, 0))
+    share = at - low
+    return (low + further).clamp(max=count - 1), share if further else 1 - share
