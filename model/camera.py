@@ -12,7 +12,7 @@ ROWS = 64  # computed at once in float64
 
 
 def padded_view(view: View, granularity: int) -> View:
-    """The rectangle extended to the whole picture's grid of so many pixels: its windows are then those of the picture."""
+    """The rectangle extended to the whole picture's grid of so many pixels: its windows are those of the picture."""
     x, y = view.corner
     left, above = x % granularity, y % granularity
     width, height = left + view.width, above + view.height

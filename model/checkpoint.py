@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Weights on disk: strict loading of safetensors, and this project's own format (config.json + model.safetensors).
 
-Every function that reads raises CheckpointError with the path and what to do. The published bundle is in `published/bundle.py`.
+Every function that reads raises CheckpointError with the path and what to do. published/bundle.py reads the published
+bundle.
 """
 from __future__ import annotations
 

@@ -10,11 +10,6 @@ from .scene import BASE_COLOR, IOR, METALLIC, TILE_SIZE, TRANSMISSION, Guides, R
 NOTHING_HIT = 1e10  # depth there, as Blender has it
 
 
-def shown(scene: RenderScene) -> np.ndarray:
-    """(N,) bool: the triangles that a camera sees. Lamps with a beam are not shown; of others a scene does not know."""
-    return ~(scene.is_light & scene.beam_axis.any(axis=1))
-
-
 def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: np.ndarray,
                    weights: np.ndarray) -> Guides:
     """Guides of one view from what its rays hit: one sample per pixel, materials as the token's tile has them.

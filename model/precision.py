@@ -43,7 +43,7 @@ def in_precision(model: nn.Module, dtype: torch.dtype) -> nn.Module:
     return model
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _bfloat16_gains(device: torch.device) -> bool:
     seconds = {dtype: _product_seconds(device, dtype) for dtype in (torch.float32, torch.bfloat16)}
     return seconds[torch.bfloat16] < 0.8 * seconds[torch.float32]

@@ -54,7 +54,7 @@ class Volumes:
     position: np.ndarray = array("M", 3, behaves=POINT)        # centre of the cell
     rotation: np.ndarray = array("M", 3, behaves=EULER)        # of the whole volume box
     scale: np.ndarray = array("M", 3, behaves=LENGTH)          # side lengths of the whole volume box
-    scattering: np.ndarray = array("M", 3, behaves=COLOR)      # coefficient multipliers, per box (docs/scene-input.md 5.4)
+    scattering: np.ndarray = array("M", 3, behaves=COLOR)      # multipliers, per box (docs/scene-input.md 5.4)
     absorption: np.ndarray = array("M", 3, behaves=COLOR)
 
     def __len__(self) -> int:
@@ -127,7 +127,7 @@ class RenderScene:
     normals: np.ndarray = rows("N", 3, 3, behaves=DIRECTION)   # unit shading normal per corner
     emission: np.ndarray = rows("N", 3, behaves={COLOR: -1, RADIANCE: -1})  # radiance >= 0; > 0 makes it a light
     beam_axis: np.ndarray = rows("N", 3, behaves=DIRECTION)    # of a light's beam; 0 = radiates everywhere
-    # Cosines (outer, inner): emission is scaled by smoothstep(outer, inner, cos(angle to the axis)); ignored without one
+    # Cosines (outer, inner): emission is scaled by smoothstep(outer, inner, cos(angle to axis)); ignored without one
     beam_cosine: np.ndarray = rows("N", 2)
     tile_index: np.ndarray = rows("N", dtype=np.int32)         # row of `tiles`
     # BSDF parameters on the barycentric grid of docs/scene-input.md 4.2
@@ -135,6 +135,7 @@ class RenderScene:
     environment: np.ndarray | None = array(  # radiance, rotation and strength applied
         *ENVIRONMENT_SHAPE, behaves={COLOR: -1, RADIANCE: -1, PANORAMA: 1}, default="none")
     volumes: Volumes | None = None
+    seen: np.ndarray | None = array("N", dtype=bool, default="none")  # by cameras, lamps are not; None = all
 
     def __len__(self) -> int:
         return len(self.triangles)
@@ -143,6 +144,11 @@ class RenderScene:
     def is_light(self) -> np.ndarray:
         """(N,) bool."""
         return (self.emission > 0).any(axis=1)
+
+    @property
+    def is_seen(self) -> np.ndarray:
+        """(N,) bool: triangles that a camera sees."""
+        return np.ones(len(self), bool) if self.seen is None else self.seen
 
     def validate(self) -> None:
         """Check shapes, dtypes and finiteness.
@@ -157,8 +163,9 @@ class RenderScene:
 
     def appended(self, other: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `other` behind its own."""
-        moved = replace(other, tile_index=other.tile_index + np.int32(len(self.tiles)))
-        return replace(self, **{name: np.concatenate([getattr(self, name), getattr(moved, name)])
+        moved = replace(other, tile_index=other.tile_index + np.int32(len(self.tiles)), seen=other.is_seen)
+        before = replace(self, seen=self.is_seen)
+        return replace(self, **{name: np.concatenate([getattr(before, name), getattr(moved, name)])
                                 for name, layout in layouts(self).items() if layout.shape[0] in ("N", "T")})
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from ..model.camera import view_rays, view_rays_at
-from ..model.first_hits import guides_of_hits, shown
+from ..model.first_hits import guides_of_hits
 from ..model.geometry import barycentric
 from ..model.progress import report
 from ..model.scene import Guides, RenderScene, View
@@ -30,7 +30,7 @@ def cast_guides(scene: RenderScene, view: View) -> Guides:
 
     For whoever has no passes of Cycles, such as a viewport: no anti-aliasing, and nothing that is not in a token.
     """
-    seen = np.flatnonzero(shown(scene))
+    seen = np.flatnonzero(scene.is_seen)
     triangle = np.full(view.width * view.height, -1, np.int32)
     weights = np.zeros((view.width * view.height, 2), np.float32)
     rays = view_rays(view)[1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The loaded network and the last scene after stage 1, kept between renders: Blender makes an engine for every frame."""
+"""The loaded network and the last scene after stage 1, kept between renders, for Blender makes an engine a frame."""
 from __future__ import annotations
 
 import gc

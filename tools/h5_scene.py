@@ -92,7 +92,8 @@ def export(scene, weights: str | None, path: Path) -> dict:
         write_h5(path, PublishedPipeline(weights, "cpu", None).process(converted, [view]))
     except (errors.CheckpointError, errors.SceneError) as error:
         raise RuntimeError(str(error)) from error
-    return {"scene": scene.name, "seconds": {"total": round(time.perf_counter() - begin, 3)}, "triangles": len(converted),
+    seconds = {"total": round(time.perf_counter() - begin, 3)}
+    return {"scene": scene.name, "seconds": seconds, "triangles": len(converted),
             "report": report.lines(), "output": [str(path)]}
 
 

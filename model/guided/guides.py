@@ -59,7 +59,8 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
         pixels = slice(begin, begin + rows)
         with part(begin / h, (begin + rows) / h):
             band, arriving, positions = _band(scene, view, guides, prior, pixels, patch)
-        features, light = (like(x, h, 1) for x in (band, arriving)) if features is None else (features, light)
+        if features is None:
+            features, light = like(band, h, 1), like(arriving, h, 1)
         features[:, pixels], light[:, pixels] = band, arriving
         bundles.append(positions)
     lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
@@ -88,7 +89,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, row
 
 
 def bundle_positions(position: Tensor, alpha: Tensor, rays: Tensor, origin: Tensor, patch: int) -> Tensor:
-    """(H / patch, W / patch, 3) mean first hit of each bundle; a fixed distance along its mean ray where it hits nothing."""
+    """(H / patch, W / patch, 3) mean first hit of each bundle; some way along its mean ray where it hits nothing."""
     weight = (alpha > 0).float()
     pooled = F.avg_pool2d(torch.cat([position * weight, weight, rays], -1).permute(2, 0, 1)[None], patch)[0]
     hit, share, ray = pooled.permute(1, 2, 0).split([3, 1, 3], -1)

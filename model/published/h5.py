@@ -8,15 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
+from ..color import half
 from ..environment import rotate_environment
 from ..errors import SceneError
+from ..geometry import area_vectors
 from ..scene import Volumes
 from .h5_datasets import Datasets, load_h5py, opened
 from .processed_scene import RAW_CHANNELS, ProcessedScene
 
 VOLUMES = {"density": "volume_density", "position": "volume_position", "rotation": "volume_rotation",
            "scale": "volume_scale", "scattering": "volume_scattering_scale", "absorption": "volume_absorption_scale"}
-HALF_MAX = 65504.0
 RIGID = 1e-3  # how far a camera's axes may be from unit length and right angles
 
 
@@ -29,7 +30,6 @@ def write_h5(path: str | Path, scene: ProcessedScene) -> None:
                           (not len(scene.fov), "at least one camera"), (scene.is_raw, "encoded textures")):
         if lacking:
             raise SceneError(f"{path}: an H5 scene needs {what}")
-    half = lambda x: np.clip(x, -HALF_MAX, HALF_MAX).astype(np.float16)  # noqa: E731
     arrays = {
         "triangles": np.float32(scene.triangles), "vn": np.float32(scene.normals),
         "texture": half(scene.texture)[scene.texture_index], "light_strength": half(scene.light_strength),
@@ -71,8 +71,7 @@ def _scene(data: Datasets) -> ProcessedScene:
         raise data.error("volume_data", "holds unprocessed volumes", "convert the file with the research code first")
     triangles = data.read("triangles", ("N", 3, 3))
     n = len(triangles)
-    edges = triangles[:, 1:].astype(np.float64) - triangles[:, :1]
-    if not np.cross(edges[:, 0], edges[:, 1]).any():
+    if not area_vectors(triangles.astype(np.float64)).any():
         raise data.error("triangles", f"has {n} rows, none with an area", "the corners of a triangle must differ")
     texture = _texture(data, n)
     if "light_strength" not in data and texture.shape[1] in RAW_CHANNELS:

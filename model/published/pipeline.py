@@ -118,4 +118,5 @@ class PublishedPipeline:
         return network, network.encode_scene(inputs.to(self.device))
 
     def _view(self, encoded: PublishedContext, view: View) -> torch.Tensor:
-        return to_radiance(encoded.network.render_view(encoded.context, view_inputs(view).to(self.device)))[0].clamp(min=0)
+        log_image = encoded.network.render_view(encoded.context, view_inputs(view).to(self.device))
+        return to_radiance(log_image)[0].clamp(min=0)

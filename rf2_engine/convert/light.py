@@ -18,6 +18,7 @@ from .lamp_power import ball_power, lamp_strength, normalized
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
 SUN_ANGLE = math.radians(3)   # least diameter of a sun
 SUN_DISTANCE = 50             # scene radii
+LEAST_SPREAD = math.radians(2)  # of an area lamp: narrower beams are lost in the precision of their cosines
 CELL = 0.35                   # scene radii: wanted side of one cell of an area lamp
 TILES = np.stack([constant_tile((1, 1, 1), roughness=1, ior=1), constant_tile((0, 0, 0), roughness=1, ior=1)])
 EMITTING, BLACK = 0, 1        # rows of TILES
@@ -71,11 +72,15 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
     """
     strength = lamp_strength(light, name, report)
     if strength is None:
-        return _flat_scene(np.zeros((0, 3, 3)), np.zeros(3))
+        return DARK
     matrix = np.asarray(matrix_world, np.float64)
+    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    if not all(scale[axis] for axis in NEEDED_AXES[light.type]):
+        report.skipped(name, "a lamp scaled to nothing gives no light: reset its scale")
+        return DARK
     return CONVERTERS[light.type](PlacedLamp(
-        light, strength, name, report, matrix[:3, 3], _rotation(matrix), np.linalg.norm(matrix[:3, :3], axis=0),
-        np.asarray(center, np.float64), max(radius, 1e-6), detail))
+        light, strength, name, report, matrix[:3, 3], _rotation(matrix), scale, np.asarray(center, np.float64),
+        max(radius, 1e-6), detail))
 
 
 def _area(lamp: PlacedLamp) -> RenderScene:
@@ -85,15 +90,19 @@ def _area(lamp: PlacedLamp) -> RenderScene:
     size = np.array([light.size, second]) * lamp.scale[:2]
     if size.min() == 0:
         lamp.report.skipped(lamp.name, "an area lamp of size 0 gives no light")
-        return _flat_scene(np.zeros((0, 3, 3)), np.zeros(3))
+        return DARK
     if light.shape in ("DISK", "ELLIPSE"):
         front = back = proxies.disk(*size, lamp.detail.disk_corners)
     else:
         cells = np.clip(np.ceil(size / (CELL * lamp.scene_radius)), 1, lamp.detail.most_cells).astype(int)
         front, back = proxies.rectangle(*size, *cells), proxies.rectangle(*size)
-    if light.spread < math.pi - 0.01:
-        lamp.approximated(f"a spread of {math.degrees(light.spread):.0f} degrees falls off a little differently")
-    gain, cosines = spread_beam(light.spread)
+    spread = max(light.spread, LEAST_SPREAD)
+    if light.spread < LEAST_SPREAD:
+        was, now = math.degrees(light.spread), math.degrees(LEAST_SPREAD)
+        lamp.approximated(f"its spread is {now:.0f} instead of {was:.2g} degrees")
+    elif spread < math.pi - 0.01:
+        lamp.approximated(f"a spread of {math.degrees(spread):.0f} degrees falls off a little differently")
+    gain, cosines = spread_beam(spread)
     radiance = gain * lamp.strength / (math.pi * (proxies.area(front) if normalized(light) else 1))
     behind = back[:, ::-1] + [0, 0, 0.01 * size.min()]
     return _flat_scene(lamp.placed(front), radiance, lamp.beam_axis, cosines).appended(_black(lamp.placed(behind)))
@@ -142,10 +151,14 @@ def _sun(lamp: PlacedLamp) -> RenderScene:
 
 def _rotation(matrix: np.ndarray) -> np.ndarray:
     """(3, 3) orthonormal and right-handed: the lamp's +Z kept, scale, shear and mirror removed."""
-    z = matrix[:3, 2] / max(np.linalg.norm(matrix[:3, 2]), 1e-12)
-    x = matrix[:3, 0] - z * (matrix[:3, 0] @ z)
-    x = x / max(np.linalg.norm(x), 1e-12)
+    x, z = _unit(matrix[:3, 0]), _unit(matrix[:3, 2])
+    x = x - z * (x @ z)
+    x = _unit(x if np.linalg.norm(x) > 1e-6 else np.cross(z, np.eye(3)[np.abs(z).argmin()]))
     return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / (np.linalg.norm(vector) or 1)
 
 
 def _black(triangles) -> RenderScene:
@@ -163,7 +176,9 @@ def _flat_scene(triangles, radiance, axis=(0, 0, 0), cosines=(0, 0), tile: int =
     return RenderScene(
         triangles=triangles.astype(np.float32), normals=flat.astype(np.float32), emission=each(radiance, 3),
         beam_axis=each(axis, 3), beam_cosine=each(cosines, 2), tile_index=np.full(n, tile, np.int32),
-        tiles=TILES.copy())
+        tiles=TILES.copy(), seen=np.zeros(n, bool))
 
 
+DARK = _flat_scene(np.zeros((0, 3, 3)), np.zeros(3))
+NEEDED_AXES = {"AREA": (0, 1, 2), "POINT": (), "SPOT": (0, 1, 2), "SUN": (2,)}  # at scale 0 Cycles shows no light
 CONVERTERS = {"AREA": _area, "POINT": _point, "SPOT": _spot, "SUN": _sun}

@@ -14,7 +14,7 @@ from .shading.node_call import NodeCall
 from .shading.surface import closure_at
 
 MAX_SUPERSAMPLING = 4  # rays per texel and axis; larger images are reduced first
-BAND_ROWS = 32        # texel rows evaluated at once
+BAND_ROWS = 16        # texel rows evaluated at once
 VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmission", "scatter": "Volume Scatter"}
 
 
@@ -34,8 +34,9 @@ def convert_world(world, report) -> np.ndarray | None:
     images = ImageCache(report, MAX_SUPERSAMPLING * ENVIRONMENT_SHAPE[1])
     fineness, bands = _supersampling(world.node_tree), []
     for row in range(0, ENVIRONMENT_SHAPE[0], BAND_ROWS):
-        progress.report(row / ENVIRONMENT_SHAPE[0])
-        bands.append(_band(output, row, fineness, images, report, world.name))
+        with progress.part(row / ENVIRONMENT_SHAPE[0], (row + BAND_ROWS) / ENVIRONMENT_SHAPE[0]):
+            progress.report()
+            bands.append(_band(output, row, fineness, images, report, world.name))
     return _none_if_black(np.concatenate(bands))
 
 

@@ -16,18 +16,10 @@ def draw_text(layout, text: str, icon: str = "ERROR") -> None:
         column.label(text=line, icon="BLANK1" if number else icon)
 
 
-def draw_progress(layout, process: WorkerProcess, about: str = "") -> None:
-    layout.progress(factor=process.present / max(process.total, 1), text=progress_text(process, about))
-
-
-def progress_text(process: WorkerProcess, about: str = "") -> str:
-    """"12 %, 210.3 MB of 1.75 GB  transformer_512/model.safetensors", and for how long nothing has come."""
-    text = process.text
-    if process.total:
-        text = (f"{about}{100 * process.present // process.total} %, {amount(process.present)} of "
-                f"{amount(process.total)}  {text}")
+def draw_progress(layout, process: WorkerProcess, text: str) -> None:
     silent = process.silent_seconds
-    return text if silent < 5 else f"{text} (no data for {silent:.0f} s)"
+    layout.progress(factor=process.present / max(process.total, 1),
+                    text=text if silent < 5 else f"{text} (no data for {silent:.0f} s)")
 
 
 def amount(size: int) -> str:

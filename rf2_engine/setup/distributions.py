@@ -25,6 +25,11 @@ class Entry:
     size: int    # bytes, or -1 (RECORD itself)
 
 
+def long(folder: Path) -> Path:
+    """The same folder, where Windows allows paths in it to be longer than 260 characters."""
+    return Path(f"\\\\?\\{folder.absolute()}") if os.name == "nt" and not str(folder).startswith("\\\\") else folder
+
+
 def normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
@@ -37,12 +42,17 @@ def infos(folder: Path) -> dict[str, list[Path]]:
     return found
 
 
+def is_data(path: str) -> bool:
+    """Whether it is in a wheel's NAME-VERSION.data: programs and manuals."""
+    return path.partition("/")[0].endswith(".data")
+
+
 def entries(info: Path) -> list[Entry]:
-    """What RECORD lists inside the folder, without compiled Python and command-line programs; [] when unreadable."""
+    """What RECORD lists inside the folder, without compiled Python, programs and manuals; [] when unreadable."""
     try:
         rows = list(csv.reader((info / "RECORD").read_text(encoding="utf-8").splitlines()))
         return [Entry(path, sha256.removeprefix("sha256="), int(size or -1)) for path, sha256, size in rows
-                if not path.startswith(("..", "/")) and not path.endswith(".pyc")]
+                if not path.startswith(("..", "/")) and not path.endswith(".pyc") and not is_data(path)]
     except (OSError, ValueError, csv.Error):
         return []
 
@@ -61,6 +71,7 @@ def sizes(folder: Path) -> dict[str, int]:
 
 def intact(folder: Path, by_content: bool = False) -> dict[str, str]:
     """{distribution: version} of all whose every file is there in its size, and `by_content` has its hash too."""
+    folder = long(folder)
     if not folder.is_dir():
         return {}
     there, found = sizes(folder), {}

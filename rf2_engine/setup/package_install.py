@@ -26,6 +26,7 @@ class Installation(WorkerProcess):
         no hashes are known. Raises OSError when no process can be started.
         """
         super().__init__()
+        self.was_loaded = any(wheel.name in sys.modules for wheel in wanted)  # and stays what it was
         request = {"target": str(target), "by_content": by_content, "wheels": [
             dataclasses.asdict(wheel) | {"index": index if wheel.sha256 else cpu_index} for wheel in wanted]}
         self._start("installing", "done", [sys.executable, "-I", str(WORKER)], request)

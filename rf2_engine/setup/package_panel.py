@@ -12,7 +12,8 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
     """What is missing of packages.PACKAGES or PUBLISHED, with the button for it; nothing when all is there."""
     installation = package_install.current
     if installation and installation.is_running:
-        draw_progress(layout, installation, about="about ")
+        percent = 100 * installation.present // max(installation.total, 1)  # unpacked sizes are estimates
+        draw_progress(layout, installation, f"about {percent} %  {installation.text}")
         if installation.state == "cancelling":
             layout.label(text="Tidying up")
         else:
@@ -25,6 +26,8 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
         layout.operator("renderformer_v2.install_packages", icon="IMPORT").published = published
     elif importing.failure():
         draw_text(layout, importing.failure())
+    elif installation and installation.state == "done" and installation.was_loaded:
+        layout.label(text="Start Blender again to use the new packages", icon="INFO")
 
 
 def draw_build(layout) -> None:

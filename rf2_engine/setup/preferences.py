@@ -100,8 +100,16 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
         layout.label(text=f"{amount(left)} to download{have}, {amount(free_space(download.target))} free on the disk")
         layout.operator("renderformer_v2.fetch_weights", text=f"Download {amount(left)}", icon="IMPORT")
     else:
-        draw_progress(layout, download)
+        draw_progress(layout, download, progress_text(download))
     layout.operator("renderformer_v2.cancel_download", icon="CANCEL")
+
+
+def progress_text(download: weights_download.Download) -> str:
+    """"12 %, 210.3 MB of 1.75 GB  transformer_512/model.safetensors"."""
+    if not download.total:
+        return download.text
+    return (f"{100 * download.present // download.total} %, {amount(download.present)} of {amount(download.total)}  "
+            f"{download.text}")
 
 
 def register() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderformer_v2.model.network.config import rf2_200m
+from renderformer_v2.model.presets import rf2_200m
 from tools.benchmark import load
 from tools.benchmark.flops import decoder_flops_per_ray, forward_flops, stage1_flops, visible_pairs
 from tools.benchmark.report import extrapolated, stage1_ratio

@@ -16,9 +16,9 @@ ROOT = Path(__file__).parents[2]
 SEEDS = (8, 9)  # of the mixed profile: full and simple
 
 
-def generate(folder: Path) -> str:
-    command = [sys.executable, "-m", "tools.datagen", folder, "--first-seed", SEEDS[0], "--scenes", len(SEEDS),
-               "--views", 2, "--resolution", 32, "--samples", 16, "--profile", "mixed"]
+def generate(folder: Path, seeds=SEEDS, profile: str = "mixed") -> str:
+    command = [sys.executable, "-m", "tools.datagen", folder, "--first-seed", seeds[0], "--scenes", len(seeds),
+               "--views", 2, "--resolution", 32, "--samples", 16, "--profile", profile]
     done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -88,7 +88,7 @@ def test_a_killed_write_leaves_no_sample(tmp_path):
 
 
 def test_no_number_of_threads_means_every_core():
-    program = ("import bpy, sys; from tools.datagen import reference; reference.prepare(32, 0); "
+    program = ("import bpy, sys; from tools.datagen import reference; reference.prepare(0); "
                "sys.stderr.write(f'threads={bpy.context.scene.render.threads}'); "
                "from tools.extension import leave; leave(0)")
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120)
@@ -99,3 +99,10 @@ def test_a_process_that_is_killed_is_a_failure(monkeypatch):
     monkeypatch.setattr(subprocess, "Popen", lambda command, spawn=subprocess.Popen: spawn(
         [sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"]))
     assert share_out(2, 1) == 1
+
+
+def test_a_wide_scene_keeps_to_its_own_budget(tmp_path):
+    generate(tmp_path, seeds=(3,), profile="wide")
+    scene, views, _, passes = load_sample(sample_path(tmp_path, 3))
+    scene.validate()
+    assert 100 < len(scene) <= 16384 and {view.width for view in views} == {32} and len(passes) == 2

@@ -88,10 +88,11 @@ def _random_inputs(triangles: int, config):
     """The scene's geometry with random texture and environment latents, which cost what real ones cost."""
     import torch
 
+    from renderformer_v2.model.geometry import area_vectors
     from renderformer_v2.model.network.embed import ENVIRONMENT_GRID
     from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, encode_light
     corners, lamp = ring.triangle_corners(triangles)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = area_vectors(corners)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     sides = [count * config.envmap_latent_patch_size for count in ENVIRONMENT_GRID]
     panorama = torch.randn(2, config.envmap_latent_channels, *sides)

@@ -3,7 +3,7 @@
 
 One file per seed; seeds whose file is there are skipped, so a killed run goes on where it was. A seed always gives the
 same scene. --profile simple has no textures, glass or volumes and at most four lights; mixed makes every third seed
-(those that 3 divides) simple and the others full.
+(those that 3 divides) simple and the others full. What wide holds is said in wide.py.
 """
 from __future__ import annotations
 
@@ -24,19 +24,23 @@ DARKEST, BRIGHTEST = 0.03, 1.5  # mean of a view's median over covered pixels
 ATTEMPTS = 8
 
 
-def generate(out: Path, seeds: range, *, profile: str, views: int, resolution: int, samples: int, threads: int) -> int:
-    """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed."""
+def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int, threads: int,
+             resolution: int | None = None) -> int:
+    """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed.
+
+    resolution: pixels, in place of the scenes' own.
+    """
     from . import reference
 
     out.mkdir(parents=True, exist_ok=True)
-    reference.prepare(resolution, threads)
+    reference.prepare(threads)
     made, failed, start = 0, 0, time.time()
     for seed in seeds:
         path = sample_path(out, seed)
         if path.exists():
             continue
         try:
-            sample, attempt = make(seed, profile, views, samples)
+            sample, attempt = make(seed, profile, views, samples, resolution)
         except Exception:  # one odd scene must not end a run of days
             print(f"seed {seed} failed:", traceback.format_exc(), sep="\n")
             failed += 1
@@ -49,7 +53,7 @@ def generate(out: Path, seeds: range, *, profile: str, views: int, resolution: i
     return failed
 
 
-def make(seed: int, profile: str, views: int, samples: int):
+def make(seed: int, profile: str, views: int, samples: int, resolution: int | None):
     """The first well exposed reference.Sample of a seed, or its last one, and the number of attempts before it."""
     from . import reference, scene_generator
 
@@ -57,7 +61,10 @@ def make(seed: int, profile: str, views: int, samples: int):
         profile = "full" if seed % 3 else "simple"
     for attempt in range(ATTEMPTS):
         last = attempt == ATTEMPTS - 1
-        sample = reference.make_sample(scene_generator.build_scene((seed, attempt), profile, views), samples,
+        setup = scene_generator.build_scene((seed, attempt), profile, views)
+        if resolution:
+            setup = setup._replace(resolution=resolution)
+        sample = reference.make_sample(setup, samples,
                                        lambda passes, last=last: last or well_exposed(passes["combined"]))
         if sample is not None:
             return sample, attempt
@@ -75,9 +82,9 @@ def main() -> int:
     parser.add_argument("--scenes", type=int, required=True)
     parser.add_argument("--first-seed", type=int, required=True)
     parser.add_argument("--views", type=int, default=2)
-    parser.add_argument("--resolution", type=int, default=128)
+    parser.add_argument("--resolution", type=int, help="of all pictures (default 128; wide: 128 to 512 by chance)")
     parser.add_argument("--samples", type=int, default=32, help="of the reference, before OpenImageDenoise")
-    parser.add_argument("--profile", choices=("simple", "full", "mixed"), default="full")
+    parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide"), default="full")
     parser.add_argument("--processes", type=int, default=0, help="each takes every n-th seed; 0 = one per core")
     parser.add_argument("--threads", type=int, default=0, help="of each process; 0 = an equal share of the cores")
     parser.add_argument("--part", type=int, default=0, help=argparse.SUPPRESS)
@@ -89,8 +96,8 @@ def main() -> int:
     silence_blender()
     first = args.first_seed + max(args.part - 1, 0)
     seeds = range(first, args.first_seed + args.scenes, processes)
-    failed = generate(args.out, seeds, profile=args.profile, views=args.views, resolution=args.resolution,
-                      samples=args.samples, threads=args.threads)
+    failed = generate(args.out, seeds, profile=args.profile, views=args.views, samples=args.samples,
+                      threads=args.threads, resolution=args.resolution)
     return 1 if failed else 0
 
 

@@ -2,6 +2,8 @@
 """Cameras outside or inside the room, kept only when they see something (docs/scene-input.md 1.2)."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import bpy
 import numpy as np
 
@@ -16,6 +18,14 @@ LEAST_OBJECTS = 0.07
 NEAREST = 0.12
 
 
+class Setup(NamedTuple):
+    """The cameras of the open file, and how they are to be rendered."""
+
+    cameras: list[bpy.types.Object]
+    token_budget: int = 3072  # most triangles of the RenderScene
+    resolution: int = 128     # pixels, both sides
+
+
 def build_cameras(rng: np.random.Generator, room: Room, count: int) -> list[bpy.types.Object] | None:
     """`count` cameras, or None when the room has no good view. The depsgraph must be up to date."""
     inside = room.kind == "closed_box" or (room.kind != "floor" and rng.uniform() < 0.2)
@@ -28,13 +38,17 @@ def build_cameras(rng: np.random.Generator, room: Room, count: int) -> list[bpy.
                 break
         else:
             return None
-        data = bpy.data.cameras.new(f"camera {i}")
-        data.angle, data.clip_start = fov, 0.001
-        camera = bpy.data.objects.new(f"camera {i}", data)
-        camera.matrix_world = pose
-        bpy.context.scene.collection.objects.link(camera)
-        cameras.append(camera)
+        cameras.append(add_camera(f"camera {i}", pose, fov))
     return cameras
+
+
+def add_camera(name: str, pose: Matrix, fov: float) -> bpy.types.Object:
+    data = bpy.data.cameras.new(name)
+    data.angle, data.clip_start = fov, 0.001
+    camera = bpy.data.objects.new(name, data)
+    camera.matrix_world = pose
+    bpy.context.scene.collection.objects.link(camera)
+    return camera
 
 
 def outside_pose(rng: np.random.Generator, room: Room) -> Matrix:
@@ -67,7 +81,7 @@ def look_at(rng: np.random.Generator, position: np.ndarray, target: np.ndarray) 
     return Matrix(pose.tolist())
 
 
-def sees_enough(pose: Matrix, fov: float) -> bool:
+def sees_enough(pose: Matrix, fov: float, least_covered: float = LEAST_COVERED) -> bool:
     """Casts GRID x GRID rays: enough must hit something, some of them an object, none of them something very near."""
     scene, depsgraph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
     eye, turn, reach = pose.translation, pose.to_3x3(), np.tan(fov / 2)
@@ -79,4 +93,4 @@ def sees_enough(pose: Matrix, fov: float) -> bool:
                 return False
             covered += hit
             objects += hit and what.name.startswith("object")
-    return covered >= LEAST_COVERED * GRID**2 and objects >= LEAST_OBJECTS * GRID**2
+    return covered >= least_covered * GRID**2 and objects >= LEAST_OBJECTS * GRID**2

@@ -25,29 +25,38 @@ def load_environment(name: str) -> bpy.types.Image:
 
 def build_world(rng: np.random.Generator, kind: str, radiance: float) -> None:
     """Give the scene a world of `kind` "hdri", "constant" or "none" with about this mean radiance."""
-    world = bpy.data.worlds.new("world")
-    world.use_nodes = True
-    world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", IMPORTANCE_MAP
-    background = world.node_tree.nodes["Background"]
+    world, background = new_world()
     background.inputs["Strength"].default_value = radiance if kind != "none" else 0.0
     if kind == "constant":
         color = rng.uniform(0.3, 1.0, 3)
         background.inputs["Color"].default_value = (*(color / color.mean()), 1.0)
     elif kind == "hdri":
         add_hdri(rng, world, background, radiance)
-    bpy.context.scene.world = world
+
+
+def new_world() -> tuple[bpy.types.World, bpy.types.ShaderNode]:
+    """The scene's world, with a map for importance sampling of a fixed size, and its Background node."""
+    world = bpy.context.scene.world = bpy.data.worlds.new("world")
+    world.use_nodes = True
+    world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", IMPORTANCE_MAP
+    return world, world.node_tree.nodes["Background"]
 
 
 def add_hdri(rng: np.random.Generator, world: bpy.types.World, background: bpy.types.ShaderNode,
              radiance: float) -> None:
     """A studio light, its channels permuted against colour bias, turned about Z and by chance about all axes."""
-    nodes, links = world.node_tree.nodes, world.node_tree.links
     image, scale = permuted_environment(str(rng.choice(STUDIO_LIGHTS)), str(rng.choice(ORDERS)))
     background.inputs["Strength"].default_value = radiance * scale
+    tilt = rng.uniform(-np.pi, np.pi, 2) if rng.uniform() < 0.2 else (0.0, 0.0)
+    link_panorama(world, background, image, (*tilt, rng.uniform(-np.pi, np.pi)))
+
+
+def link_panorama(world: bpy.types.World, background: bpy.types.ShaderNode, image: bpy.types.Image, rotation) -> None:
+    """`image`, turned by XYZ angles in radians, as the colour of the world."""
+    nodes, links = world.node_tree.nodes, world.node_tree.links
     coordinates, mapping, texture = (nodes.new(f"ShaderNode{n}") for n in ("TexCoord", "Mapping", "TexEnvironment"))
     mapping.vector_type, texture.image = "POINT", image
-    tilt = rng.uniform(-np.pi, np.pi, 2) if rng.uniform() < 0.2 else (0.0, 0.0)
-    mapping.inputs["Rotation"].default_value = (*tilt, rng.uniform(-np.pi, np.pi))
+    mapping.inputs["Rotation"].default_value = rotation
     links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
     links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
     links.new(texture.outputs["Color"], background.inputs["Color"])

@@ -83,11 +83,16 @@ def emitter(rng: np.random.Generator, name: str, kind: str, room: Room, position
         faces = [(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)]
     points = points - points.mean(axis=0)
     area = sum(np.linalg.norm(np.cross(points[b] - points[a], points[c] - points[a])) / 2 for a, b, c in faces)
-    projected = area / 2 if kind == "triangle" else area / 4  # mean over directions
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(points, [], faces)
-    strength = share * max(np.linalg.norm(position), 0.3) ** 2 / projected
+    strength = radiance(share, position, area, closed=kind == "mesh")
     mesh.materials.append(emissive_material(light_color(rng), strength))
     light = bpy.data.objects.new(name, mesh)
     light.rotation_euler = rng.uniform(-np.pi, np.pi, 3)
     return light
+
+
+def radiance(share: float, position: np.ndarray, area: float, *, closed: bool) -> float:
+    """W/(m^2 sr) of both sides of a surface that brings the irradiance `share` to the origin, whatever way it turns."""
+    projected = area / 4 if closed else area / 2  # mean over directions
+    return share * max(np.linalg.norm(position), 0.3) ** 2 / projected

@@ -22,9 +22,9 @@ CHANCES = {  # profile and use -> chance of each class
 }
 
 
-def build_material(rng: np.random.Generator, profile: str, use: str) -> bpy.types.Material:
-    """A random material for `use` "object" or "room"."""
-    kind = str(rng.choice(CLASSES, p=CHANCES[profile, use]))
+def build_material(rng: np.random.Generator, profile: str, use: str, kind: str | None = None) -> bpy.types.Material:
+    """A random material for `use` "object" or "room", of one of CLASSES or of any of them."""
+    kind = kind or str(rng.choice(CLASSES, p=CHANCES[profile, use]))
     material = bpy.data.materials.new(kind)
     material.use_nodes = True
     shader = material.node_tree.nodes["Principled BSDF"]

@@ -8,9 +8,29 @@ import numpy as np
 SMOOTH_ANGLE = np.radians(30.0)
 
 
+def box(name: str, low: np.ndarray, high: np.ndarray) -> bpy.types.Mesh:
+    """A closed box between two corners, its faces outwards."""
+    mesh = bpy.data.meshes.new(name)
+    corners = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)])
+    mesh.from_pydata(low + corners * (high - low), [], [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3),
+                                                        (0, 4, 6, 2), (1, 3, 7, 5)])
+    return mesh
+
+
 def evaluated_mesh(source: bpy.types.Object) -> bpy.types.Mesh:
     depsgraph = bpy.context.evaluated_depsgraph_get()
     return bpy.data.meshes.new_from_object(source.evaluated_get(depsgraph), depsgraph=depsgraph)
+
+
+def subdivided(rng: np.random.Generator, mesh: bpy.types.Mesh, levels: int) -> bpy.types.Mesh:
+    """About 4^levels times the faces, rounded or of the same shape."""
+    source = bpy.data.objects.new("subdivided", mesh)
+    bpy.context.scene.collection.objects.link(source)
+    modifier = source.modifiers.new("subdivision", "SUBSURF")
+    modifier.levels, modifier.subdivision_type = levels, str(rng.choice(["SIMPLE", "CATMULL_CLARK"]))
+    fine = evaluated_mesh(source)
+    bpy.data.objects.remove(source)
+    return fine
 
 
 def coordinates(mesh: bpy.types.Mesh) -> np.ndarray:

@@ -8,21 +8,27 @@ import numpy as np
 
 from mathutils import Euler
 
-from .mesh import box_uv, coordinates, evaluated_mesh, fit, shading
+from .mesh import box_uv, coordinates, evaluated_mesh, fit, shading, subdivided
 from .templates import Room
 
 SHAPES = ("cube", "uv_sphere", "ico_sphere", "torus", "cone", "cylinder", "monkey", "text")
 DIAMETER = {1: (0.6, 1.0), 2: (0.45, 0.75), 3: (0.4, 0.65), 4: (0.35, 0.55)}  # by object count
+SMALL = 0.2, 0.45  # when there are more
 
 
-def build_objects(rng: np.random.Generator, room: Room, count: int) -> list[bpy.types.Object]:
-    """`count` objects in the room, at most 1800 triangles together; most rest on the floor, few overlap."""
+def build_objects(rng: np.random.Generator, room: Room, count: int, triangle_limit: int = 1800, *,
+                  fill: bool = False) -> list[bpy.types.Object]:
+    """`count` objects in the room, so many triangles together; most rest on the floor, few overlap."""
     spheres: list[tuple[np.ndarray, float]] = []
-    return [place(rng, room, build_object(rng, f"object {i}", 1800 // count), count, spheres) for i in range(count)]
+    return [place(rng, room, build_object(rng, f"object {i}", triangle_limit // count, fill=fill), count, spheres)
+            for i in range(count)]
 
 
-def build_object(rng: np.random.Generator, name: str, triangle_limit: int) -> bpy.types.Object:
-    """A mesh object about the origin whose farthest vertex is 0.5 away; modifiers are applied, UVs are boxes."""
+def build_object(rng: np.random.Generator, name: str, triangle_limit: int, *, fill: bool = False) -> bpy.types.Object:
+    """A mesh object about the origin whose farthest vertex is 0.5 away; modifiers are applied, UVs are boxes.
+
+    With `fill` it is subdivided until it has about as many triangles as it may.
+    """
     shape = str(rng.choice(SHAPES))
     source = text_object(rng) if shape == "text" else bpy.data.objects.new(name, primitive(rng, shape))
     bpy.context.scene.collection.objects.link(source)
@@ -38,6 +44,9 @@ def build_object(rng: np.random.Generator, name: str, triangle_limit: int) -> bp
         source.modifiers.new("budget", "DECIMATE").ratio = triangle_limit / triangles
         mesh = evaluated_mesh(source)
     bpy.data.objects.remove(source)
+    levels = int(np.log(triangle_limit / triangles) / np.log(4)) if fill else 0
+    if levels > 0:
+        mesh = subdivided(rng, mesh, levels)
     fit(rng, mesh)
     box_uv(mesh)
     shading(rng, mesh)
@@ -121,7 +130,7 @@ def add_modifiers(rng: np.random.Generator, source: bpy.types.Object, shape: str
 def place(rng: np.random.Generator, room: Room, result: bpy.types.Object, count: int,
           spheres: list) -> bpy.types.Object:
     """Scale, turn and move an object; `spheres` (centre, radius) of the others are avoided when that is possible."""
-    diameter = rng.uniform(*DIAMETER[count])
+    diameter = rng.uniform(*DIAMETER.get(count, SMALL))
     upright = rng.uniform() < 0.6
     result.rotation_euler = (0, 0, rng.uniform(-np.pi, np.pi)) if upright else rng.uniform(-np.pi, np.pi, 3)
     result.scale = [diameter] * 3

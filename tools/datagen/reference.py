@@ -19,7 +19,8 @@ from renderformer_v2.rf2_engine.convert.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
 from renderformer_v2.rf2_engine.guides import make_guides  # noqa: E402
 
-TOKEN_BUDGET = 3072
+from .cameras import Setup  # noqa: E402
+
 MAX_EDGE = 0.25  # of the scene's longest side
 LIGHTING = ("combined", "diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "transmission_direct",
             "transmission_indirect", "volume_direct", "volume_indirect")
@@ -30,6 +31,7 @@ class Sample:
     """What the engine class below fills in, view by view."""
 
     samples: int
+    token_budget: int
     scene: RenderScene | None = None
     views: list[View] = field(default_factory=list)
     guides: list[Guides] = field(default_factory=list)
@@ -60,7 +62,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     start = time.perf_counter()
     view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)
     if sample.scene is None:
-        sample.scene = convert(depsgraph, token_budget=TOKEN_BUDGET, max_edge=MAX_EDGE, report=sample.report)
+        sample.scene = convert(depsgraph, token_budget=sample.token_budget, max_edge=MAX_EDGE, report=sample.report)
     converted = time.perf_counter()
     found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, lighting=True, denoise=True)
     rendered = time.perf_counter()
@@ -73,13 +75,12 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
         sample.seconds[stage] += seconds
 
 
-def prepare(resolution: int, threads: int) -> None:
+def prepare(threads: int) -> None:
     """Empty file, our engine, Cycles' factory settings but for the number of threads (0 = one per core)."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.utils.register_class(DatagenEngine)
     render = bpy.context.scene.render
     render.engine = DatagenEngine.bl_idname
-    render.resolution_x = render.resolution_y = resolution
     render.resolution_percentage = 100
     render.threads_mode = "FIXED" if threads else "AUTO"
     if threads:  # Blender makes 1 of 0
@@ -87,13 +88,15 @@ def prepare(resolution: int, threads: int) -> None:
     render.use_persistent_data = True
 
 
-def make_sample(cameras: list[bpy.types.Object], samples: int, good) -> Sample | None:
+def make_sample(setup: Setup, samples: int, good) -> Sample | None:
     """Render every camera of the open file; None as soon as `good(passes)` is not true of a view.
 
     Raises what conversion or Cycles raise.
     """
-    DatagenEngine.sample, DatagenEngine.error = Sample(samples), None
-    for camera in cameras:
+    DatagenEngine.sample, DatagenEngine.error = Sample(samples, setup.token_budget), None
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = setup.resolution
+    for camera in setup.cameras:
         bpy.context.scene.camera = camera
         bpy.ops.render.render()
         if DatagenEngine.error is not None:

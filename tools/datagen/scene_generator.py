@@ -5,7 +5,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from .cameras import build_cameras
+from . import wide
+from .cameras import Setup, build_cameras
 from .environments import build_world
 from .lights import build_lights
 from .materials import build_material
@@ -19,16 +20,17 @@ VOLUMES = {"simple": (1.0, 0.0, 0.0), "full": (0.7, 0.18, 0.12)}   # 0, 1, 2
 ATTEMPTS = 20
 
 
-def build_scene(seed: tuple[int, ...], profile: str, views: int) -> list[bpy.types.Object]:
-    """Replace everything in the open file by the scene of `seed` and return its cameras.
+def build_scene(seed: tuple[int, ...], profile: str, views: int) -> Setup:
+    """Replace everything in the open file by the scene of `seed`.
 
     Raises RuntimeError when no attempt gives `views` good views.
     """
     for attempt in range(ATTEMPTS):
         clear()
-        cameras = _build(np.random.default_rng([*seed, attempt]), profile, views)
-        if cameras:
-            return cameras
+        rng = np.random.default_rng([*seed, attempt])
+        setup = wide.build(rng, views) if profile == "wide" else _build(rng, profile, views)
+        if setup is not None:
+            return setup
     raise RuntimeError(f"seed {seed[0]}: no scene with {views} good views in {ATTEMPTS} attempts")
 
 
@@ -40,7 +42,7 @@ def clear() -> None:
     bpy.data.batch_remove(blocks)
 
 
-def _build(rng: np.random.Generator, profile: str, views: int) -> list[bpy.types.Object] | None:
+def _build(rng: np.random.Generator, profile: str, views: int) -> Setup | None:
     room = build_room(rng)
     shared = build_material(rng, profile, "room")
     for surface in room.surfaces:
@@ -54,7 +56,7 @@ def _build(rng: np.random.Generator, profile: str, views: int) -> list[bpy.types
     for i in range(int(rng.choice([0, 1, 2], p=VOLUMES[profile]))):
         build_volume(rng, room, f"volume {i}")
     _illuminate(rng, profile, room)
-    return cameras
+    return Setup(cameras)
 
 
 def _illuminate(rng: np.random.Generator, profile: str, room) -> None:

@@ -30,7 +30,11 @@ class Room:
     @property
     def spread(self) -> float:
         """Largest azimuth of an outside camera from -Y, radians, before a wall hides the scene."""
-        return {0: np.pi, 1: 1.2, 2: 0.7, 3: 0.45, 4: 0.0}[WALLS[self.kind]]
+        return {0: np.pi, 1: 1.2, 2: 0.7, 3: 0.45, 4: 0.0}[self.walls]
+
+    @property
+    def walls(self) -> int:
+        return WALLS[self.kind]
 
 
 def build_room(rng: np.random.Generator) -> Room:

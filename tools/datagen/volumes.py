@@ -5,8 +5,11 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from .mesh import box
 from .objects import build_object
 from .templates import Room
+
+FILLED = 0.98  # of a room by fog: no face of it lies in a wall
 
 
 def build_volume(rng: np.random.Generator, room: Room, name: str) -> bpy.types.Object:
@@ -19,6 +22,35 @@ def build_volume(rng: np.random.Generator, room: Room, name: str) -> bpy.types.O
     volume.location = (*rng.uniform(-reach, reach, 2), room.floor + diameter / 2 + rng.uniform(0, 0.3))
     volume.data.materials.append(volume_material(rng))
     return volume
+
+
+def build_fog(rng: np.random.Generator, room: Room, name: str) -> bpy.types.Object:
+    """Thin haze to dense fog in all of a room, or in a box of 1.5 to 4 around what stands on a ground or floats.
+
+    Its optical depth across is 0.05 to 3.
+    """
+    side, lowest = rng.uniform(1.5, 4.0), room.floor if room.surfaces else -1.0
+    height = side * rng.uniform(0.3, 1.0)
+    if room.walls:
+        side, height = 2 * room.half * FILLED, room.height * FILLED
+    mesh = box(name, np.array([-side / 2, -side / 2, lowest]), np.array([side / 2, side / 2, lowest + height]))
+    mesh.materials.append(fog_material(rng, 0.05 * 60 ** rng.uniform() / side))
+    fog = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(fog)
+    return fog
+
+
+def fog_material(rng: np.random.Generator, density: float) -> bpy.types.Material:
+    """A Principled Volume of pale colour, mostly scattering."""
+    material = bpy.data.materials.new("fog")
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    shader, output = nodes.new("ShaderNodeVolumePrincipled"), nodes.new("ShaderNodeOutputMaterial")
+    shader.inputs["Density"].default_value = density
+    shader.inputs["Color"].default_value = (*(rng.uniform(0.5, 1.0) * rng.uniform(0.85, 1.0, 3)), 1.0)
+    material.node_tree.links.new(shader.outputs[0], output.inputs["Volume"])
+    return material
 
 
 def volume_material(rng: np.random.Generator) -> bpy.types.Material:

@@ -12,6 +12,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from renderformer_v2.model.color import HALF_MAX
 from renderformer_v2.model.fields import COLOR, array
 from renderformer_v2.model.guided.guides import GuideTensors
 from renderformer_v2.model.guided.inputs import GuidedInputs, GuidedView, guided_inputs, guided_view
@@ -90,7 +91,7 @@ def _flatten(part, prefix: str = "") -> dict[str, Tensor]:
         value = getattr(part, f.name)
         if isinstance(value, Tensor):
             half = value.is_floating_point() and f.name not in _EXACT
-            flat[prefix + f.name] = (value.clamp(-6e4, 6e4).half() if half else value).contiguous()
+            flat[prefix + f.name] = (value.clamp(-HALF_MAX, HALF_MAX).half() if half else value).contiguous()
         elif value is not None:
             flat |= _flatten(value, f"{prefix}{f.name}.")
     return flat

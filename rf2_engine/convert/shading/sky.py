@@ -6,10 +6,12 @@ wavelengths are gathered into Rec.709 with the observer of inputs.py. Lengths ar
 """
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
 
+from ....model import progress
 from .inputs import XYZ_TO_REC709, observer
 from .node_call import NodeCall
 
@@ -47,7 +49,7 @@ def sky_texture(n: NodeCall):
     aerosol = getattr(node, "aerosol_density", getattr(node, "dust_density", 1.0))
     amount = np.array([node.air_density, aerosol, node.ozone_density]) if physical else np.ones(3)
     height = EARTH + max(node.altitude if physical else 0.0, 1.0)
-    radiance = _lookup(_table(sun, height, amount), direction, sun) * SCALE.get(node.sky_type, 1.0)
+    radiance = _lookup(_table(tuple(sun), height, tuple(amount)), direction, sun) * SCALE.get(node.sky_type, 1.0)
     if physical and node.sun_disc:
         radiance = radiance + _disc(direction, sun, height, amount, node.sun_size / 2) * node.sun_intensity
     return np.maximum(radiance, 0).astype(np.float32)
@@ -79,8 +81,12 @@ def _transmitted(depth):
     return np.exp(-depth @ np.stack([AIR, 1.11 * AEROSOL, OZONE]))
 
 
-def _table(sun, height, amount) -> np.ndarray:
-    """(ELEVATIONS, AZIMUTHS, 3) radiance from the horizon up and from the sun's azimuth round to the opposite one."""
+@functools.lru_cache(maxsize=8)
+def _table(sun: tuple, height: float, amount: tuple) -> np.ndarray:
+    """(ELEVATIONS, AZIMUTHS, 3) radiance from the horizon up and from the sun's azimuth round to the opposite one.
+
+    sun: unit direction; height: of the camera above the centre of the Earth; amount: of air, aerosol and ozone.
+    """
     elevation = math.pi / 2 * np.linspace(0.02, 1, ELEVATIONS)[:, None] ** 2
     azimuth = np.linspace(0, math.pi, AZIMUTHS)[None]
     cosine = np.cos(elevation) * math.hypot(sun[0], sun[1]) * np.cos(azimuth) + np.sin(elevation) * sun[2]
@@ -92,6 +98,7 @@ def _table(sun, height, amount) -> np.ndarray:
     step = _to_top(height, up) / VIEW_STEPS
     depth, total = np.zeros(cosine.shape + (3,)), np.zeros(cosine.shape + (len(NM),))
     for i in range(VIEW_STEPS):
+        progress.report(0.0, "Computing the sky")
         t = (i + 0.5) * step
         radius = np.sqrt(height ** 2 + t ** 2 + 2 * height * up * t)
         here = _densities(radius - EARTH) * amount

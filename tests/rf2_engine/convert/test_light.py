@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Brightness of every lamp type against Cycles, by integrating the converted triangles numerically."""
+import bpy
 import numpy as np
 import pytest
 
@@ -85,6 +86,28 @@ def test_area_spread_is_close_to_cycles():
         point = (2.5 * np.tan(angle), 0, 0)
         np.testing.assert_allclose(integrated(converted(obj), point, (0, 0, 1)), irradiance(point, (0, 0, 1)),
                                    rtol=tolerance)
+
+
+def test_area_lamp_without_spread_is_a_beam_as_wide_as_the_lamp():
+    empty_cycles_scene()
+    obj = lamp("AREA", Matrix.Translation((0, 0, 10)), energy=100, size=0.5, spread=0.0)
+    for x in (0.0, 1.0):
+        found, expected = integrated(converted(obj), (x, 0, 0), (0, 0, 1), 40), irradiance((x, 0, 0), (0, 0, 1))
+        np.testing.assert_allclose(found, expected, rtol=0.1)
+
+
+@pytest.mark.parametrize("kind, scale", [
+    ("AREA", (0, 0, 0)), ("AREA", (0, 1, 1)), ("AREA", (1, 1, 0)), ("POINT", (0, 0, 0)), ("SPOT", (0, 0, 0)),
+    ("SPOT", (1, 0, 1)), ("SPOT", (1, 1, 0)), ("SUN", (0, 0, 0)), ("SUN", (0, 1, 1)), ("SUN", (1, 1, 0))])
+def test_scale_of_zero_is_as_in_cycles(kind, scale):
+    empty_cycles_scene()
+    obj, report = lamp(kind, Matrix(), energy=100), Report()
+    obj.location, obj.rotation_euler, obj.scale = (0.3, -0.2, 2.5), (0.4, 0.3, 0), scale
+    bpy.context.view_layer.update()
+    point, normal = POINTS[0]
+    expected = irradiance(point, normal)
+    np.testing.assert_allclose(integrated(converted(obj, report), point, normal), expected, rtol=0.05)
+    assert ("skipped", "Lamp") in [entry[:2] for entry in report.entries] or expected.any()
 
 
 @pytest.mark.parametrize("kind", ["AREA", "SUN"])

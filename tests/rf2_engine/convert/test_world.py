@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.model.geometry import latlong_directions, rotation_matrix
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert_world
@@ -112,16 +114,36 @@ def test_black_or_absent_worlds_are_none_and_missing_images_magenta():
     assert "gone.exr" in report.lines()[0] and made.name in report.lines()[0]
 
 
-@pytest.mark.parametrize("elevation", [0.2, 0.9])
-@pytest.mark.parametrize("disc", [False, True])
-def test_single_scattering_sky_is_close_to_cycles(elevation, disc):
-    empty_cycles_scene(samples=128)
+def sky_world(elevation, disc=False):
     made, tree, background = world()
     sky = tree.nodes.new("ShaderNodeTexSky")
     kinds = sky.bl_rna.properties["sky_type"].enum_items.keys()
     sky.sky_type = "NISHITA" if "NISHITA" in kinds else "SINGLE_SCATTERING"
     sky.sun_elevation, sky.sun_rotation, sky.sun_disc = elevation, 0.7, disc
     tree.links.new(sky.outputs[0], background.inputs["Color"])
-    environment = convert_world(made, Report())
+    return made
+
+
+@pytest.mark.parametrize("elevation", [0.2, 0.9])
+@pytest.mark.parametrize("disc", [False, True])
+def test_single_scattering_sky_is_close_to_cycles(elevation, disc):
+    empty_cycles_scene(samples=128)
+    environment = convert_world(sky_world(elevation, disc), Report())
     for normal in ((0, 0, 1), (1, 0.3, 0.2)):
         np.testing.assert_allclose(gathered(environment, normal), irradiance((0, 0, 0), normal), rtol=0.12)
+
+
+def test_sky_is_computed_once_and_can_be_cancelled_meanwhile():
+    empty_cycles_scene()
+    calls = []
+    with progress.reporting(lambda text, fraction: calls.append((text, fraction))):
+        convert_world(sky_world(0.31), Report())
+    fractions = [fraction for _, fraction in calls]
+    assert fractions == sorted(fractions) and len(set(fractions)) >= 8
+    assert 0 < [text for text, _ in calls].count("Computing the sky") < 64
+
+    def cancel(text, fraction):
+        if text == "Computing the sky":
+            raise RenderCancelled
+    with pytest.raises(RenderCancelled), progress.reporting(cancel):
+        convert_world(sky_world(0.32), Report())

@@ -166,7 +166,10 @@ def test_everything_temporary_lies_in_our_folder(index, target, tmp_path, monkey
     elsewhere.mkdir()
     monkeypatch.setenv("TMPDIR", str(elsewhere))
     stalled(index, target)
-    assert list((target / distributions.STAGING).rglob("*.whl")) and not list(elsewhere.iterdir())
+    deadline = time.monotonic() + 10
+    while not (found := list((target / distributions.STAGING).rglob("*.whl"))) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert found and not list(elsewhere.iterdir())
 
 
 def test_a_second_installation_into_the_same_folder_is_refused(index, target):
@@ -282,8 +285,8 @@ def test_a_python_without_pip_uses_the_one_that_comes_with_it(index, target, tmp
 
 
 def test_a_python_without_any_pip_says_so(tmp_path):
-    code = ("import sys; sys.path.append(sys.argv[1]); import package_worker; "
-            "package_worker.find_spec = lambda name: None; package_worker.pip_command()")
+    code = ("import sys; sys.path.append(sys.argv[1]); import pip_download; "
+            "pip_download.find_spec = lambda name: None; pip_download.pip_command()")
     done = subprocess.run([sys.executable, "-c", code, SETUP], capture_output=True, text=True)
     assert "Blender's Python has no pip" in done.stderr
 
