@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Costs by formula, the extrapolation of Cycles, the scene, and a benchmark that goes on where it was."""
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.presets import rf2_200m
+from tools.benchmark import load
 from tools.benchmark.flops import decoder_flops_per_ray, forward_flops, stage1_flops, visible_pairs
 from tools.benchmark.report import extrapolated, stage1_ratio
 from tools.benchmark.ring import LEAST, triangle_corners
@@ -68,3 +70,20 @@ def test_a_point_is_measured_once_and_both_outputs_are_written(tmp_path):
     assert network["flops"] > 1e9 and network["seconds"] > 0 and 0 < network["efficiency"]
     assert (tmp_path / "benchmark.png").read_bytes().startswith(b"\x89PNG")
     assert len((tmp_path / "benchmark.csv").read_text().splitlines()) == 2
+
+
+def test_renders_beside_busy_programs_are_compared_with_those_beside_the_fewest():
+    measured = {0: [{"Network": 1.0, "total": 2.0}, {"Network": 3.0, "total": 9.0}, {"Network": 2.0, "total": 4.0}],
+                2: [{"Network": 4.0, "total": 4.0}]}
+    found = load.summary(measured)
+    assert found["seconds"] == {0: {"Network": 2.0, "total": 4.0}, 2: {"Network": 4.0, "total": 4.0}}
+    assert found["times"][2] == {"Network": 2.0, "total": 1.0}
+
+
+def test_busy_programs_end_with_what_they_disturb():
+    with load.busy(2):
+        list_children = ["ps", "--ppid", str(os.getpid()), "-o", "args"]
+        children = subprocess.run(list_children, capture_output=True, text=True).stdout
+        assert children.count("while 1: pass") == 2
+    children = subprocess.run(["ps", "--ppid", str(os.getpid()), "-o", "args"], capture_output=True, text=True).stdout
+    assert "while 1: pass" not in children
