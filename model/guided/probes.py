@@ -14,7 +14,7 @@ LEAST = 1e-5      # weight that keeps the sum above zero
 
 
 def gathered(radiosity: Radiosity, position: Tensor, normal: Tensor, covered: Tensor) -> Tensor:
-    """Radiance leaving a white diffuse surface, (h, w, 3), at position and normal (h, w, 3); 0 if not covered (h, w, 1).
+    """Radiance leaving a white diffuse surface, (h, w, 3), at position and normal (h, w, 3); 0 if not covered.
 
     Each pixel takes the mean of the four nearest probes, weighted by how far they are off its plane and turned away.
     """

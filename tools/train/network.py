@@ -39,7 +39,8 @@ def sample_loss(model: GuidedRenderFormer, sample: TrainingSample, perceptual) -
     guides = sample.view.guides
     light = decode_light(model.render_view(model.encode_scene(sample.inputs), sample.view), guides)
     # Traced hints hold the specular lobes' indirect light in part; diffuse light that has bounced they never hold.
-    unknown = guides.colors * torch.where(guides.features[:, FEATURES["hinted"], None] > 0, DIFFUSE_ALONE.to(guides.colors), 1.0)
+    hinted = guides.features[:, FEATURES["hinted"], None] > 0
+    unknown = guides.colors * torch.where(hinted, DIFFUSE_ALONE.to(guides.colors), 1.0)
     losses = {"image": image_loss(light["image"], sample.image, perceptual),
               "direct": lobe_loss(light["direct"], sample.direct, guides.colors),
               "indirect": lobe_loss(light["indirect"], sample.indirect, unknown)}

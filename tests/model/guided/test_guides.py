@@ -7,17 +7,23 @@ import torch
 from renderformer_v2.model.guided import guides as guides_module
 from renderformer_v2.model.guided.guidance import Guidance
 from renderformer_v2.model.guided.guides import FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
-from renderformer_v2.model.guided.light import OUTPUTS, decode_image, decode_light
+from renderformer_v2.model.guided.light import BOUNCED, OUTPUTS, decode_image, decode_light
 from renderformer_v2.model.guided.light_prior import LightPrior
+from renderformer_v2.model.guided.radiosity import Radiosity
 from renderformer_v2.model.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
 
 PATCH = rf2_small().patch_size
 
 
-def tensors(width=64, height=64):
+def tensors(width=64, height=64, hinted=False):
     scene = floor_scene()
-    return guide_tensors(scene, *floor_view(width, height), LightPrior(scene), PATCH)
+    view, guides = floor_view(width, height)
+    guides.traced = guides.diffuse_color * 0.5
+    prior = LightPrior(scene)
+    if not hinted:
+        guides.traced = None
+    return guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
 
 
 def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
@@ -37,6 +43,21 @@ def test_the_prior_is_the_only_light_of_an_undecided_decoder():
     assert image.amax() > 0.01
     black = decode_light(torch.cat([-visible, dark], 1), guides)["image"]
     assert black.amax() < 1e-5
+
+
+def test_traced_light_stands_for_all_direct_light():
+    guides, dark = tensors(hinted=True), torch.full((1, len(OUTPUTS), 64, 64), -30.0)
+    image = decode_light(dark, guides)["image"]
+    torch.testing.assert_close(image, guides.traced, atol=1e-5, rtol=1e-4)
+    assert image.amax() > 0.1 and guides.features[:, FEATURES["hinted"]].min() == 1
+
+
+def test_an_undecided_decoder_adds_a_share_of_the_radiosity():
+    guides = tensors(hinted=True)
+    guides.bounced = guides.bounced + 0.5
+    image = decode_light(torch.zeros(1, len(OUTPUTS), 64, 64), guides)["image"]
+    expected = guides.traced + BOUNCED * guides.bounced * guides.colors[:, 0]
+    torch.testing.assert_close(image, expected, atol=2e-2, rtol=0)
 
 
 def test_no_light_where_nothing_is_hit():
@@ -62,7 +83,7 @@ def test_bands_of_a_large_picture_change_nothing(monkeypatch):
     tokens = encoder.bundles(whole.features)
     monkeypatch.setattr(guides_module, "BAND_PIXELS", 24 * 128)
     guides = tensors(128, 64)
-    for name in ("features", "colors", "prior", "positions"):
+    for name in ("features", "colors", "prior", "positions", "bounced", "traced"):
         torch.testing.assert_close(getattr(guides, name), getattr(whole, name))
     raw = torch.randn(1, len(OUTPUTS), 64, 128, generator=torch.Generator().manual_seed(0))
     image = decode_light(raw, guides)["image"]

@@ -9,6 +9,7 @@ from renderformer_v2.model.checkpoint import load_material_mapper, load_network
 from renderformer_v2.model.guided.inputs import guided_inputs, guided_view
 from renderformer_v2.model.guided.light import OUTPUTS
 from renderformer_v2.model.guided.light_prior import LightPrior
+from renderformer_v2.model.guided.radiosity import Radiosity
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.presets import BUNDLED, weights_folder
 from tests.model.samples import floor_scene, floor_view
@@ -27,7 +28,8 @@ def inputs(network):
 @pytest.fixture
 def view(network):
     scene = floor_scene()
-    return guided_view(scene, *floor_view(), LightPrior(scene), network.config)
+    prior = LightPrior(scene)
+    return guided_view(scene, *floor_view(), prior, Radiosity(scene, prior), network.config)
 
 
 @torch.no_grad()
