@@ -50,7 +50,7 @@ _TRACED = {
     "cycles.use_guiding": False,
     "cycles.denoiser": "OPENIMAGEDENOISE",
     "cycles.denoising_input_passes": "RGB_ALBEDO_NORMAL",
-    "cycles.denoising_prefilter": "NONE",  # of first hits, which have hardly any noise
+    "cycles.denoising_prefilter": "FAST",  # glass and rough mirrors leave noise in the guiding passes
     "cycles.denoising_quality": "BALANCED",
 }
 # Only camera rays see anything: none is cast towards a light, and what costs a third of the time is left out.

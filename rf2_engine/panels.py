@@ -54,6 +54,7 @@ class RENDERFORMER_PT_settings(_Panel):
         column = layout.column()
         column.prop(settings, "token_budget")
         column.prop(settings, "max_edge")
+        column.prop(settings, "light")
         column.prop(settings, "guide_samples")
         layout.prop(context.scene.render, "film_transparent", text="Transparent Film")
         if model_cache.is_loaded():
