@@ -61,7 +61,9 @@ def test_what_is_traced_has_not_bounced_diffusely(scene, tmp_path, guides):
     """A floor in the dark beside a wall in the sun: Cycles lights it by one bounce, the hints do not."""
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0
     mesh_object(scene, "Wall", [(-3, 2, -1), (3, 2, -1), (3, 2, 3), (-3, 2, 3)], [(0, 1, 2, 3)], material("Red", RED))
-    mesh_object(scene, "Floor", [(-3, -3, -1), (3, -3, -1), (3, 2, -1), (-3, 2, -1)], [(0, 1, 2, 3)])
+    matt = material("Matt")
+    matt.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0
+    mesh_object(scene, "Floor", [(-3, -3, -1), (3, -3, -1), (3, 2, -1), (-3, 2, -1)], [(0, 1, 2, 3)], matt)
     light(scene, (1.5707963, 0, 0))  # along the floor
     picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
     floor = (guides[-1].normal[..., 2] > 0.9) & (guides[-1].alpha > 0.9)
