@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.presets import BUNDLED
-
-from .metrics import srgb
 
 
 def render(path: Path, weights: str | None, outputs: list[Path], resolution: tuple[int, int] | None) -> dict:
@@ -37,7 +36,7 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
                               f"scene to about [-0.5, 0.5], or get the weights in {weights} again")
     seconds = time.perf_counter() - begin
     written = [_numbered(output, i, len(images)) for output in outputs for i in range(len(images))]
-    for output, image in zip(written, list(images) * len(outputs)):
+    for output, image in zip(written, list(images) * len(outputs), strict=True):
         _save(output, image)
     return {"scene": str(path), "seconds": {"total": round(seconds, 3)}, "triangles": len(scene.triangles),
             "size": (width, height), "weights": weights, "output": list(map(str, written))}
@@ -109,7 +108,7 @@ def _numbered(path: Path, index: int, count: int) -> Path:
 def _save(path: Path, image: np.ndarray) -> None:
     if path.suffix.lower() == ".png":
         from skimage.io import imsave
-        imsave(path, (srgb(image) * 255 + 0.5).astype(np.uint8), check_contrast=False)
+        imsave(path, (linear_to_srgb(image) * 255 + 0.5).astype(np.uint8), check_contrast=False)
         return
     import OpenEXR
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}

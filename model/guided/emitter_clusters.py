@@ -44,7 +44,7 @@ def merged(emitters: Emitters, most: int, center: np.ndarray, radius: float) -> 
     """
     vectors, count = area_vectors(emitters.corners.astype(np.float64)), len(emitters.corners)
     size = np.concatenate([np.linalg.norm(vectors, axis=1), 2 * np.pi * emitters.radii.astype(np.float64) ** 2])
-    power = size * emitters.radiance.mean(axis=1)
+    power = np.maximum(size * emitters.radiance.mean(axis=1), 1e-30)
     kinds = [rows for rows in np.split(np.arange(len(emitters)), [count]) if len(rows)]
     polygons, spheres = [], []
     for rows in clusters(_features(emitters, vectors, center, radius), power, kinds, most):
@@ -85,7 +85,7 @@ def _one_polygon(emitters: Emitters, vectors: np.ndarray, rows: np.ndarray, powe
     _, axes = np.linalg.eigh(vectors.T @ vectors)
     vectors = vectors * np.where(vectors @ axes[:, -1] < 0, -1, 1)[:, None]  # of two opposite sides neither is lost
     total = vectors.sum(axis=0)
-    share = vectors @ total / (total @ total)
+    share = vectors @ total / max(total @ total, 1e-300)
     center = np.average(emitters.corners[rows].mean(axis=1), axis=0, weights=power)
     return triangle(total, center), _light(emitters, rows, power, share @ emitters.radiance[rows])
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mathutils.bvhtree import BVHTree
 
+from ...model import progress
 from ...model.geometry import euler_angles
 from ...model.scene import Volumes
 
@@ -83,6 +84,7 @@ def _occupied(medium: Medium, per_axis: int) -> Volumes:
     The network derives the size of a cell from its box: `CELLS` of them per axis. A coarser grid is therefore the
     middle of a proportionally larger box.
     """
+    progress.report()
     n = per_axis
     density = medium.density(n * VOXELS) if n else np.zeros((0, 0, 0))
     peak = float(density.max(initial=0))

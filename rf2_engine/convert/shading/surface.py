@@ -6,7 +6,7 @@ import numpy as np
 
 from .closure import BLACK, ONE, WHITE, ZERO, Closure, effective_ior, lobe
 from .node_call import NodeCall
-from .texture import tangent_normal
+from .normal_map import tangent_normal
 
 
 def closure_at(n: NodeCall, key) -> Closure:
