@@ -81,9 +81,7 @@ def test_renders_beside_busy_programs_are_compared_with_those_beside_the_fewest(
 
 
 def test_busy_programs_end_with_what_they_disturb():
+    children = ["ps", "--ppid", str(os.getpid()), "-o", "args"]
     with load.busy(2):
-        list_children = ["ps", "--ppid", str(os.getpid()), "-o", "args"]
-        children = subprocess.run(list_children, capture_output=True, text=True).stdout
-        assert children.count("while 1: pass") == 2
-    children = subprocess.run(["ps", "--ppid", str(os.getpid()), "-o", "args"], capture_output=True, text=True).stdout
-    assert "while 1: pass" not in children
+        assert subprocess.run(children, capture_output=True, text=True).stdout.count("while 1: pass") == 2
+    assert "while 1: pass" not in subprocess.run(children, capture_output=True, text=True).stdout

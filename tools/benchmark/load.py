@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """python -m tools.benchmark.load SCENE.blend: seconds of F12 beside busy programs, against an idle machine.
 
-    python -m tools.benchmark.load examples/out/room.blend [--busy 0,1,2] [--repeats N] [--threads N]
-                                                           [--blender COMMAND]
+    python -m tools.benchmark.load SCENE.blend [--busy 0,1,2] [--repeats N] [--threads N] [--blender COMMAND]
 
 Each render is a process of its own, in turn beside 0, 1 and 2 programs that never rest. --blender takes an installed
 Blender with the add-on enabled instead of Blender's Python package. Prints one JSON object: the median seconds of each
