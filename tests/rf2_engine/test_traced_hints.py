@@ -69,7 +69,7 @@ def test_what_is_traced_has_not_bounced_diffusely(scene, tmp_path, guides):
     floor = (guides[-1].normal[..., 2] > 0.9) & (guides[-1].alpha > 0.9)
     assert floor.any() and guides[-1].traced[floor].max() < 0.02  # the sun has a width
     red, green, _ = picture[floor][:, :3].mean(0)
-    assert red > 2 * green and red > 5 * guides[-1].traced[floor].mean()  # the network and its radiosity prior know that light
+    assert red > 2 * green and red > 5 * guides[-1].traced[floor].mean()  # its prior knows that light
 
 
 def test_a_mirror_shows_its_neighbour(scene, tmp_path, guides):
