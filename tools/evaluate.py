@@ -4,7 +4,8 @@
 SCENE_DIR holds samples of `python -m tools.datagen` (the RenderScene that the engine makes, and Cycles references), or
 .blend files, which are rendered by both engines with the settings they hold. Prints one JSON object with PSNR, SSIM and
 FLIP per scene and their means; REPORT_DIR gets the same as report.json and one PNG per scene: each view's picture, then
-its reference.
+its reference. Samples are also set beside what the network adds to (without_network), the network without traced hints
+(network_alone), and Cycles with few samples and OpenImageDenoise (cycles_equal; `tools.datagen --equal N`).
 """
 from __future__ import annotations
 
@@ -13,30 +14,59 @@ import json
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.guided.inputs import guided_view
+from renderformer_v2.model.guided.light import OUTPUTS, decode_image
+from renderformer_v2.model.guided.pipeline import GuidedContext
 from renderformer_v2.model.presets import BUNDLED
-from renderformer_v2.model.renderer import Renderer
+from renderformer_v2.model.renderer import EncodedScene, Renderer
+from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.threads import team
 from tools.datagen.shards import load_sample, sample_paths
 from tools.metrics import compare
 
 ROOT = Path(__file__).parents[1]
+METRICS = ("psnr", "ssim", "flip")
 
 
-def evaluate_sample(path: Path, renderer: Renderer) -> tuple[dict[str, float], np.ndarray]:
-    """Mean metrics over the views of one sample, and its contact sheet (H, W, 3) in [0, 1]."""
+def evaluate_sample(path: Path, renderer: Renderer) -> tuple[dict, np.ndarray]:
+    """Mean metrics over the views of one sample and of what it is set beside, and its contact sheet (H, W, 3)."""
     scene, views, guides, passes = load_sample(path)
     begin = time.perf_counter()
     encoded = renderer.encode(scene)
-    pictures = [encoded.view(view, guide) + guide.emission + guide.environment
-                for view, guide in zip(views, guides, strict=True)]
+    seen = list(zip(views, guides, strict=True))
+    pictures = [encoded.view(view, guide) for view, guide in seen]
     seconds = time.perf_counter() - begin
+    beside = {}
+    if isinstance(encoded.encoded, GuidedContext) and guides[0].traced is not None:
+        beside["without_network"] = [without_network(encoded, view, guide) for view, guide in seen]
+        beside["network_alone"] = [encoded.view(view, replace(guide, traced=None)) for view, guide in seen]
+    if "equal" in passes[0]:
+        beside["cycles_equal"] = [p["equal"][..., :3] - guide.emission for p, guide in zip(passes, guides, strict=True)]
+
+    def shown(surfaces: list[np.ndarray]) -> list[np.ndarray]:
+        return [a + guide.emission + guide.environment for a, guide in zip(surfaces, guides, strict=True)]
+
     references = [p["combined"][..., :3] + guide.environment for p, guide in zip(passes, guides, strict=True)]
-    return _scores(pictures, references, triangles=len(scene), seconds=seconds)
+    scores, sheet = _scores(shown(pictures), references, triangles=len(scene), seconds=seconds)
+    return scores | {"beside": {name: _scores(shown(x), references)[0] for name, x in beside.items()}}, sheet
+
+
+def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
+    """(H, W, 3) radiance of what the guided network adds to: traced light and a share of the radiosity."""
+    frame, context = encoded.normalization, encoded.encoded
+    config = encoded.renderer.pipeline.network.config
+    with torch.inference_mode():
+        inputs = guided_view(context.scene, frame.view(view), frame.guides(guides), context.prior, context.radiosity,
+                             config)
+        raw = torch.zeros(1, len(OUTPUTS), view.height, view.width)
+        return (decode_image(raw, inputs.guides)[0] / frame.exposure).permute(1, 2, 0).numpy()
 
 
 def evaluate_blend(path: Path, weights: str, output: Path, threads: int) -> tuple[dict[str, float], np.ndarray]:
@@ -74,6 +104,14 @@ def _scores(pictures: list[np.ndarray], references: list[np.ndarray], **more) ->
     return mean | {key: round(value, 3) for key, value in more.items()}, np.concatenate(rows, axis=0)
 
 
+def _mean(scores: list[dict]) -> dict:
+    """Of every figure that all scenes have, and the worst PSNR; of what they are set beside likewise."""
+    mean = {key: float(np.mean([s[key] for s in scores])) for key in METRICS}
+    mean["worst_psnr"] = min(s["psnr"] for s in scores)
+    names = set.intersection(*(set(s.get("beside", {})) for s in scores))
+    return mean | {name: _mean([s["beside"][name] for s in scores]) for name in sorted(names)}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.evaluate", description=__doc__)
     parser.add_argument("scenes", type=Path, metavar="SCENE_DIR")
@@ -99,8 +137,7 @@ def main() -> int:
             with team(options.threads):
                 scenes[path.stem], sheet = evaluate_sample(path, renderer)
         imsave(options.output / f"{path.stem}.png", (sheet * 255 + 0.5).astype(np.uint8), check_contrast=False)
-    mean = {key: float(np.mean([s[key] for s in scenes.values()])) for key in ("psnr", "ssim", "flip")}
-    report = {"weights": options.weights, "scenes": scenes, "mean": mean}
+    report = {"weights": options.weights, "scenes": scenes, "mean": _mean(list(scenes.values()))}
     (options.output / "report.json").write_text(json.dumps(report, indent=1))
     print(json.dumps(report))
     return 0

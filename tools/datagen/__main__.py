@@ -25,10 +25,10 @@ ATTEMPTS = 8
 
 
 def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int, threads: int,
-             resolution: int | None = None) -> int:
+             resolution: int | None = None, equal: int = 0) -> int:
     """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed.
 
-    resolution: pixels, in place of the scenes' own.
+    resolution: pixels, in place of the scenes' own. equal: samples of a second picture by Cycles, for comparison.
     """
     from . import reference
 
@@ -40,7 +40,7 @@ def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int,
         if path.exists():
             continue
         try:
-            sample, attempt = make(seed, profile, views, samples, resolution)
+            sample, attempt = make(seed, profile, views, samples, resolution, equal)
         except Exception:  # one odd scene must not end a run of days
             print(f"seed {seed} failed:", traceback.format_exc(), sep="\n")
             failed += 1
@@ -53,7 +53,7 @@ def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int,
     return failed
 
 
-def make(seed: int, profile: str, views: int, samples: int, resolution: int | None):
+def make(seed: int, profile: str, views: int, samples: int, resolution: int | None, equal: int = 0):
     """The first well exposed reference.Sample of a seed, or its last one, and the number of attempts before it."""
     from . import reference, scene_generator
 
@@ -65,7 +65,7 @@ def make(seed: int, profile: str, views: int, samples: int, resolution: int | No
         if resolution:
             setup = setup._replace(resolution=resolution)
         sample = reference.make_sample(setup, samples,
-                                       lambda passes, last=last: last or well_exposed(passes["combined"]))
+                                       lambda passes, last=last: last or well_exposed(passes["combined"]), equal)
         if sample is not None:
             return sample, attempt
 
@@ -84,6 +84,8 @@ def main() -> int:
     parser.add_argument("--views", type=int, default=2)
     parser.add_argument("--resolution", type=int, help="of all pictures (default 128; wide: 128 to 512 by chance)")
     parser.add_argument("--samples", type=int, default=32, help="of the reference, before OpenImageDenoise")
+    parser.add_argument("--equal", type=int, default=0, metavar="N",
+                        help="also store Cycles with N samples and OpenImageDenoise, for tools.evaluate")
     parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide"), default="full")
     parser.add_argument("--processes", type=int, default=0, help="each takes every n-th seed; 0 = one per core")
     parser.add_argument("--threads", type=int, default=0, help="of each process; 0 = an equal share of the cores")
@@ -97,7 +99,7 @@ def main() -> int:
     first = args.first_seed + max(args.part - 1, 0)
     seeds = range(first, args.first_seed + args.scenes, processes)
     failed = generate(args.out, seeds, profile=args.profile, views=args.views, samples=args.samples,
-                      threads=args.threads, resolution=args.resolution)
+                      threads=args.threads, resolution=args.resolution, equal=args.equal)
     return 1 if failed else 0
 
 

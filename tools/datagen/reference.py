@@ -34,6 +34,7 @@ class Sample:
 
     samples: int
     token_budget: int
+    equal: int = 0  # samples of a picture as it would be set beside ours, in the pass "equal"
     scene: RenderScene | None = None
     views: list[View] = field(default_factory=list)
     guides: list[Guides] = field(default_factory=list)
@@ -71,10 +72,13 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     hints = cycles_session.render_passes(engine, depsgraph, samples=HINT_SAMPLES, light=Light.TRACED)
     found["traced"] = hints["traced"]
     depsgraph.scene_eval.cycles.seed -= 1
+    if sample.equal:
+        few = cycles_session.render_passes(engine, depsgraph, samples=sample.equal, light=Light.ALL, denoise=True)
+        found["equal"] = few["combined"]
     rendered = time.perf_counter()
     sample.guides.append(make_guides(found, sample.scene, view))
     sample.views.append(view)
-    sample.passes.append({name: found[name] for name in LIGHTING})
+    sample.passes.append({name: found[name] for name in (*LIGHTING, *(["equal"] if sample.equal else []))})
     guided = time.perf_counter()
     for stage, seconds in zip(sample.seconds, (converted - start, rendered - converted, guided - rendered),
                               strict=True):
@@ -94,12 +98,12 @@ def prepare(threads: int) -> None:
     render.use_persistent_data = True
 
 
-def make_sample(setup: Setup, samples: int, good) -> Sample | None:
+def make_sample(setup: Setup, samples: int, good, equal: int = 0) -> Sample | None:
     """Render every camera of the open file; None as soon as `good(passes)` is not true of a view.
 
     Raises what conversion or Cycles raise.
     """
-    DatagenEngine.sample, DatagenEngine.error = Sample(samples, setup.token_budget), None
+    DatagenEngine.sample, DatagenEngine.error = Sample(samples, setup.token_budget, equal), None
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = setup.resolution
     for camera in setup.cameras:
