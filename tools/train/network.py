@@ -101,7 +101,7 @@ def main() -> int:
     parser.add_argument("--cache", type=Path, help="prepared samples (default: DATA/../cache)")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--start", type=Path, metavar="WEIGHTS_DIR", help="begin with these weights: fine-tuning")
-    parser.add_argument("--config", type=Path, default=Path(__file__).with_name("small.json"))
+    parser.add_argument("--config", type=Path, default=Path(__file__).with_name("rf2_small.json"))
     parser.add_argument("--minutes", type=float, required=True)
     parser.add_argument("--cooldown", type=float, default=0.0, help="minutes at the end with a falling learning rate")
     parser.add_argument("--wait", type=float, default=5.0, help="minutes, for samples where there are none of use yet")
