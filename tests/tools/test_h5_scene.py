@@ -73,7 +73,7 @@ def test_what_is_not_finite_becomes_no_picture(tmp_path, monkeypatch, capfd, siz
 
 
 @pytest.mark.parametrize("name, arguments, message", [
-    ("scene.h5", ["--weights", "small"], "--weights"), ("scene.h5", ["--weights", "WEIGHTS"], "WEIGHTS"),
+    ("scene.h5", ["--weights", "rf2_small"], "--weights"), ("scene.h5", ["--weights", "WEIGHTS"], "WEIGHTS"),
     ("scene.h5", [], "--weights"), ("SCENE.H5", [], "--weights"), ("scene.hdf5", [], "--weights"),
     ("scene.h5", ["--engine", "cycles"], "--engine"), ("scene.h5", ["--samples", "4"], "--samples")])
 def test_what_an_h5_scene_cannot_be_rendered_with_is_refused(tmp_path, monkeypatch, capfd, name, arguments, message):

@@ -25,7 +25,7 @@ def run(*arguments, stdout=subprocess.PIPE) -> subprocess.CompletedProcess:
 @pytest.mark.parametrize("arguments, message", [
     (["--resolution", "0x0"], "--resolution: 0: "), (["--resolution", "64x-1"], "--resolution: -1: "),
     (["--resolution", "64"], "--resolution: 64: expected WIDTHxHEIGHT"), (["--samples", "0"], "--samples: 0: "),
-    (["--weights", ""], "--weights: expected small"), (["-o", "out.jpg"], "-o/--output: out.jpg: the suffix"),
+    (["--weights", ""], "--weights: expected rf2_small"), (["-o", "out.jpg"], "-o/--output: out.jpg: the suffix"),
     (["--export-h5", "scene.blend"], "--export-h5: scene.blend: the suffix must be one of .h5, .hdf5"),
 ])
 def test_wrong_arguments_are_explained(monkeypatch, capsys, arguments, message):
@@ -122,3 +122,24 @@ def test_the_process_ends_whatever_happens_after_blender_was_loaded(scene, save,
     with open("/dev/full", "w") as full:
         done = run(save(), "-o", tmp_path / "out.png", stdout=full)
     assert done.returncode == 1 and "No space left" in done.stderr
+
+
+def test_several_view_layers_are_summed_and_told_apart(scene, save, tmp_path):
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    scene.view_layers[0].name = "First"
+    scene.view_layers.new("Second")
+    done = run(save(), "-o", tmp_path / "out.png", "--threads", "1")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    first, second = found["layers"]
+    assert (first["layer"], second["layer"]) == ("First", "Second") and first["triangles"] >= ring.LEAST - 2
+    assert found["triangles"] == first["triangles"] + second["triangles"] and found["weights"] == first["weights"]
+    assert found["seconds"]["Network"] == pytest.approx(first["seconds"]["Network"] + second["seconds"]["Network"])
+
+
+def test_one_view_layer_is_told_without_its_name(scene, save, tmp_path):
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    done = run(save(), "-o", tmp_path / "out.png")
+    found = json.loads(done.stdout)
+    assert list(found) == ["scene", "engine", "seconds", "tokens", "triangles", "report", "output", "size", "weights"]
+    assert found["size"] == [16, 16] and "Network" in found["seconds"] and found["seconds"]["total"] > 0
