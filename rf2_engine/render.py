@@ -57,9 +57,11 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     def combined(radiance: np.ndarray) -> np.ndarray:
         return output.composite(radiance, guides, settings.film_transparent, settings.exposure)
 
-    unlit = guides.diffuse_color + guides.glossy_color + guides.transmission_color
+    first = guides.traced  # what there is to show until the network is done
+    if first is None:
+        first = guides.diffuse_color + guides.glossy_color + guides.transmission_color
     radiance, tokens = np.zeros((view.height, view.width, 3), np.float32), 0
-    with output.stand_in(engine, layer, passes, combined(unlit)):
+    with output.stand_in(engine, layer, passes, combined(first)):
         if guides.alpha.any() and (len(scene) or scene.volumes):
             with status.stage("Loading the network", 0.2, 0.25):
                 renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)

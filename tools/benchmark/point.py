@@ -46,6 +46,7 @@ def rf2_small(point: dict) -> dict:
     scene.render.engine = "RENDERFORMER_V2"
     settings = scene.renderformer_v2
     settings.token_budget, settings.max_edge, settings.precision = point["triangles"], 1.0, point["precision"]
+    settings.light = "NETWORK"
     total = _render(scene)
     from renderformer_v2.model.presets import rf2_small as preset
     from renderformer_v2.rf2_engine.statistics import last_frame
