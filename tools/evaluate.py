@@ -4,8 +4,9 @@
 SCENE_DIR holds samples of `python -m tools.datagen` (the RenderScene that the engine makes, and Cycles references), or
 .blend files, which are rendered by both engines with the settings they hold. Prints one JSON object with PSNR, SSIM and
 FLIP per scene and their means; REPORT_DIR gets the same as report.json and one PNG per scene: each view's picture, then
-its reference. Samples are also set beside what the network adds to (without_network), the network without traced hints
-(network_alone), and Cycles with few samples and OpenImageDenoise (cycles_equal; `tools.datagen --equal N`).
+its reference. Samples are also set beside the traced light (traced_alone), that and a share of the radiosity,
+which is what the network adds to (without_network), the network without traced hints (network_alone), and Cycles with
+few samples and OpenImageDenoise (cycles_equal; `tools.datagen --equal N`).
 """
 from __future__ import annotations
 
@@ -45,6 +46,7 @@ def evaluate_sample(path: Path, renderer: Renderer) -> tuple[dict, np.ndarray]:
     seconds = time.perf_counter() - begin
     beside = {}
     if isinstance(encoded.encoded, GuidedContext) and guides[0].traced is not None:
+        beside["traced_alone"] = [guide.traced for guide in guides]
         beside["without_network"] = [without_network(encoded, view, guide) for view, guide in seen]
         beside["network_alone"] = [encoded.view(view, replace(guide, traced=None)) for view, guide in seen]
     if "equal" in passes[0]:

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training that begins with the weights of another network."""
+from dataclasses import replace
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from renderformer_v2.model.checkpoint import new_network, save_network
+from renderformer_v2.model.presets import rf2_small
+from tools.train.errors import TrainingError
+from tools.train.start import start_from
+
+TINY = replace(rf2_small(), latent_dim=48, num_layers=1, num_heads=1, dim_feedforward=64, num_register_tokens=2,
+               intra_rope_pe_num_freqs=8, view_transformer_latent_dim=48, view_transformer_ffn_hidden_dim=64,
+               view_transformer_n_heads=1, dpt_features=8, dpt_out_channels=(8, 8, 8, 8))
+KEY = "guidance.bundle_encoder.weight"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    save_network(tmp_path, TINY, new_network(TINY).state_dict())
+    return tmp_path
+
+
+def changed(folder, change):
+    state = load_file(folder / "model.safetensors")
+    change(state)
+    (folder / "model.safetensors").unlink()
+    save_file(state, folder / "model.safetensors")
+    return state
+
+
+def test_the_same_network_is_taken_over(folder):
+    model, stored = new_network(TINY), load_file(folder / "model.safetensors")
+    start_from(model, folder)
+    for name, p in model.named_parameters():
+        assert torch.equal(p, stored[name].float()), name
+
+
+def test_inputs_that_were_not_there_start_at_zero(folder):
+    stored = changed(folder, lambda state: state.update({KEY: state[KEY][:, :100].contiguous()}))
+    model = new_network(TINY)
+    start_from(model, folder)
+    weight = dict(model.named_parameters())[KEY]
+    assert torch.equal(weight[:, :100], stored[KEY].float()) and not weight[:, 100:].any()
+
+
+@pytest.mark.parametrize("change, message", [
+    (lambda state: state.pop(KEY), f"has no {KEY}"),
+    (lambda state: state.update({KEY: torch.zeros(3, 4)}), r"has shape \(3, 4\)"),
+])
+def test_another_network_is_refused(folder, change, message):
+    changed(folder, change)
+    with pytest.raises(TrainingError, match=message):
+        start_from(new_network(TINY), folder)
