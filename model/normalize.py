@@ -78,8 +78,17 @@ def _exposure(scene: RenderScene, center: np.ndarray, scale: float) -> float:
     distance = np.linalg.norm(to_center, axis=1).clip(1e-9)
     # Half the area is what a triangle shows to a random direction: stable when a lamp turns.
     projected = np.linalg.norm(area_vectors(scene.triangles[lights]), axis=1) * scale**2 / 2
-    irradiance = (scene.emission[lights].mean(axis=1) * projected / distance.clip(NEAREST_LIGHT) ** 2).sum()
+    beam = _beam(scene.beam_axis[lights], scene.beam_cosine[lights], to_center / distance[:, None])
+    irradiance = (scene.emission[lights].mean(axis=1) * beam * projected / distance.clip(NEAREST_LIGHT) ** 2).sum()
     if scene.environment is not None:
         rows = np.sin(np.pi * (np.arange(scene.environment.shape[0]) + 0.5) / scene.environment.shape[0])
         irradiance += np.pi * np.average(scene.environment.mean(axis=(1, 2)), weights=rows)
     return CENTRAL_IRRADIANCE / float(irradiance) if irradiance > 1e-12 else 1.0
+
+
+def _beam(axis: np.ndarray, cosine: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(L,) share of its radiance that a light sends along unit directions (L, 3), or over its front if that is more."""
+    outer, inner = cosine[:, 0], np.maximum(cosine[:, 1], cosine[:, 0] + 1e-4)
+    t = (((direction * axis).sum(axis=1) - outer) / (inner - outer)).clip(0, 1)
+    share = (1 - (outer + inner) / 2).clip(0, 1)
+    return np.where(axis.any(axis=1), np.maximum(t * t * (3 - 2 * t), share), 1)

@@ -59,3 +59,22 @@ def test_dark_and_empty_scenes_stay_finite(scene):
     for s in (replace(scene, emission=scene.emission * 0, environment=None), RenderScene()):
         normalization = Normalization.of(s)
         assert np.isfinite([normalization.scale, normalization.exposure, *normalization.center]).all()
+
+
+def test_a_narrow_beam_that_misses_the_scene_does_not_darken_the_rest(scene):
+    """Exposure goes by the light that arrives, not by the peak of a beam that shines elsewhere."""
+    scene.environment = np.ones((256, 512, 3), np.float32)
+    lights = scene.is_light
+    scene.emission[lights] = 1e6
+    beamed = replace(scene, beam_axis=scene.beam_axis.copy(), beam_cosine=scene.beam_cosine.copy())
+    beamed.beam_cosine[lights] = (0.9998, 0.99995)
+    at_centre = Normalization.of(scene).center - scene.triangles[lights].mean(axis=1)
+    at_centre /= np.linalg.norm(at_centre, axis=1, keepdims=True)
+    beamed.beam_axis[lights] = at_centre
+    towards = Normalization.of(beamed).exposure
+    beamed.beam_axis[lights] = -at_centre
+    away = Normalization.of(beamed).exposure
+    assert away > 1000 * towards
+    beamed.beam_cosine[lights] = (0.0, 1e-3)  # an ordinary area lamp
+    beamed.beam_axis[lights] = at_centre
+    assert Normalization.of(beamed).exposure == pytest.approx(Normalization.of(scene).exposure, rel=1e-2)
