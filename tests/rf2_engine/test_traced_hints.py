@@ -85,6 +85,19 @@ def test_a_mirror_shows_its_neighbour(scene, tmp_path, guides):
     assert reflected[0] > 3 * reflected[1] and abs(around[0] - around[1]) < 0.2 * around[0]
 
 
+def test_glass_shows_what_is_behind_it(scene, tmp_path):
+    glass = material("Glass", (1, 1, 1))
+    shader = glass.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Transmission Weight"].default_value, shader.inputs["Roughness"].default_value = 1, 0
+    mesh_object(scene, "Pane", [(-0.8, -1, -0.8), (0.8, -1, -0.8), (0.8, -1, 0.8), (-0.8, -1, 0.8)], [(0, 1, 2, 3)],
+                glass)
+    mesh_object(scene, "Wall", [(-6, 4, -6), (6, 4, -6), (6, 4, 6), (-6, 4, 6)], [(0, 1, 2, 3)], material("Red", RED))
+    light(scene, (1.3, 0, 0))
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    behind, beside = picture[16:21, 22:28, :3].mean((0, 1)), picture[:4, :4, :3].mean((0, 1))
+    assert behind[0] > 4 * behind[1] and behind[0] > 0.5 * beside[0]
+
+
 def test_the_published_network_is_never_guided(scene, tmp_path):
     bundle = tmp_path / "renderformer-v2"
     bundle.mkdir()
