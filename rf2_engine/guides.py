@@ -76,7 +76,7 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
         transmission_color=passes["transmission_color"], emission=passes["emission"],
         environment=passes["environment"], depth=passes["depth"][..., 0], alpha=alpha,
         hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source],
-        traced=passes.get("traced"))
+        traced=passes["traced"] * covered[..., None] if "traced" in passes else None)  # a denoiser spreads a little
 
 
 def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen: np.ndarray,

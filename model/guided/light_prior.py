@@ -43,7 +43,7 @@ class LightPrior:
         """
         parts = []
         for points in zip(*(x.split(CHUNK) for x in (position, normal, outgoing, roughness))):
-            report(len(parts) * CHUNK / len(position))
+            report(len(parts) * CHUNK / max(len(position), 1))
             parts.append(self._chunk(*points))
         return torch.cat(parts) if parts else position.new_zeros(0, 9)
 

@@ -48,7 +48,7 @@ class Radiosity:
             return torch.zeros_like(position)
         parts = []
         for x, n in zip(position.split(CHUNK), normal.split(CHUNK), strict=True):
-            report(len(parts) * CHUNK / len(position))
+            report(len(parts) * CHUNK / max(len(position), 1))
             weight, front = self._form_factors(x, n)
             weight /= weight.sum(1, keepdim=True).clamp_min(1.0)
             back = weight * ~front

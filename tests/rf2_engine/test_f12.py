@@ -184,6 +184,7 @@ def test_esc_ends_the_render_at_once_and_writes_no_picture(scene, tmp_path, monk
 def test_while_the_network_works_the_frame_shows_unlit_colours(scene, tmp_path, monkeypatch):
     cube(scene, of=material("Copper", color=(0.8, 0.4, 0.2)))
     sun(scene)
+    scene.renderformer_v2.light = "NETWORK"  # there is no traced light to show
     seen = []
 
     def look(status):
@@ -212,7 +213,7 @@ def test_esc_takes_the_unlit_colours_back_and_leaves_the_other_passes(scene, tmp
 def test_first_hits_are_taken_without_light_and_the_scene_keeps_it(scene, tmp_path, monkeypatch, persistent):
     cube(scene)
     lamp = sun(scene)
-    scene.render.use_persistent_data = persistent
+    scene.renderformer_v2.light, scene.render.use_persistent_data = "NETWORK", persistent
     taken = []
 
     def read(*arguments, real=cycles_session._read):
@@ -231,7 +232,7 @@ def test_first_hits_are_taken_without_light_and_the_scene_keeps_it(scene, tmp_pa
 def test_a_failure_while_cycles_is_prepared_leaves_no_override_behind(scene, tmp_path, monkeypatch, persistent):
     cube(scene)
     sun(scene)
-    scene.render.use_persistent_data = persistent
+    scene.renderformer_v2.light, scene.render.use_persistent_data = "NETWORK", persistent
     whole = press_f12(scene, tmp_path)["ViewLayer.Combined"]
     with monkeypatch.context() as broken:
         broken.setitem(cycles_session._UNLIT, "visible_shadow", "no such value")
