@@ -27,6 +27,7 @@ from renderformer_v2.model.presets import BUNDLED
 
 from . import extension
 from .arguments import whole_number
+from .picture import write_whole
 
 FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
 H5 = (".h5", ".hdf5")
@@ -182,7 +183,8 @@ def _save(path: Path, scene) -> None:
     set_file_format(settings, FORMATS[path.suffix.lower()])
     if path.suffix.lower() == ".exr":
         settings.color_depth = "32"
-    bpy.data.images["Render Result"].save_render(str(path), scene=scene)
+    result = bpy.data.images["Render Result"]
+    write_whole(path, lambda file: result.save_render(str(file), scene=scene))
 
 
 if __name__ == "__main__":
