@@ -60,7 +60,10 @@ def load_network(folder: Path, name: str = "config.json") -> RenderFormer:
     if {key: description.get(key) for key in FORMAT} != FORMAT:
         raise CheckpointError(f"{folder / name} does not describe a RenderFormer-V2 network of this add-on "
                               "(such a config.json belongs to a RenderFormer-V1 checkpoint, which cannot be used)")
-    return build_network(ModelConfig.from_dict(description.get("model_config", {})), weights_file(folder))
+    model_config = description.get("model_config", {})
+    if not isinstance(model_config, dict):
+        raise CheckpointError(f"{folder / name}: model_config is not a JSON object: download or copy it again")
+    return build_network(ModelConfig.from_dict(model_config), weights_file(folder))
 
 
 def build_network(config: ModelConfig, file: Path) -> RenderFormer:

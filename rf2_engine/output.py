@@ -34,16 +34,16 @@ def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarr
 
 
 @contextmanager
-def stand_in(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray], combined: np.ndarray):
-    """Show `combined` (H, W, 4) while the picture is made inside; it is taken back when that ends without one.
+def unless_stopped(engine: bpy.types.RenderEngine, layer: str):
+    """A dict of passes (as in `write`) to be filled inside; they alone are left when that ends without a picture.
 
-    The other passes stay: they are what they will be.
+    Combined is then empty: whatever Cycles or `write` showed in it meanwhile is taken back.
     """
-    write(engine, layer, passes | {"combined": combined})
+    passes: dict[str, np.ndarray] = {}
     try:
-        yield
+        yield passes
     except BaseException:
-        write(engine, layer, passes | {"combined": np.zeros_like(combined)})
+        write(engine, layer, passes)
         raise
 
 

@@ -49,19 +49,20 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y,
                               _border(engine, depsgraph.scene_eval.render), report)
         scene = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report)
-    with status.stage("First hits", 0.1, 0.2):
-        passes = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
-                                              light=settings.light, threads=settings.threads)
-        guides = make_guides(passes, scene, view)
+    with output.unless_stopped(engine, layer) as passes:
+        with status.stage("First hits", 0.1, 0.2):
+            passes |= cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
+                                                   light=settings.light, threads=settings.threads)
+            guides = make_guides(passes, scene, view)
 
-    def combined(radiance: np.ndarray) -> np.ndarray:
-        return output.composite(radiance, guides, settings.film_transparent, settings.exposure)
+        def combined(radiance: np.ndarray) -> np.ndarray:
+            return output.composite(radiance, guides, settings.film_transparent, settings.exposure)
 
-    first = guides.traced  # what there is to show until the network is done
-    if first is None:
-        first = guides.diffuse_color + guides.glossy_color + guides.transmission_color
-    radiance, tokens = np.zeros((view.height, view.width, 3), np.float32), 0
-    with output.stand_in(engine, layer, passes, combined(first)):
+        first = guides.traced  # what there is to show until the network is done
+        if first is None:
+            first = guides.diffuse_color + guides.glossy_color + guides.transmission_color
+        output.write(engine, layer, passes | {"combined": combined(first)})
+        radiance, tokens = np.zeros((view.height, view.width, 3), np.float32), 0
         if guides.alpha.any() and (len(scene) or scene.volumes):
             with status.stage("Loading the network", 0.2, 0.25):
                 renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)

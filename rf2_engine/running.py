@@ -3,6 +3,7 @@
 
 A render runs in the thread that asked for it in background mode, and in a thread of its own in the window. After
 `RenderEngine.render` has returned Blender still uses the engine, so a render ends where its last handler is called.
+It counts from its first frame on: an animation that fails before that one calls no handler after render_init.
 """
 from __future__ import annotations
 
@@ -16,6 +17,7 @@ from bpy.app.handlers import persistent
 PATIENCE = 5.0   # seconds; Cycles does not look at our wish to stop, and the window stands still meanwhile
 TIDYING = 0.1    # seconds; what Blender itself does after its last handler
 
+_frameless = False      # the render initialized last has begun no frame
 _depth = 0              # renders within renders: a scene strip of the sequencer
 _thread: int | None = None
 _ours = False
@@ -64,8 +66,17 @@ def forget_afterwards() -> bool:
 
 
 @persistent
-def _begin(scene, *_):
-    global _depth, _thread
+def _initialize(*_):
+    global _frameless
+    _frameless = True
+
+
+@persistent
+def _begin_frame(scene, *_):
+    global _frameless, _depth, _thread
+    if not _frameless:
+        return
+    _frameless = False
     if not _depth:
         _thread = threading.get_ident()
         _ended.clear()
@@ -75,8 +86,10 @@ def _begin(scene, *_):
 
 @persistent
 def _end(*_):
-    global _depth, _thread, _ours, _stopping
-    _depth = max(_depth - 1, 0)
+    global _frameless, _depth, _thread, _ours, _stopping
+    if not _frameless:
+        _depth = max(_depth - 1, 0)
+    _frameless = False
     if _depth:
         return
     _thread, _ours, _stopping = None, False, False
@@ -94,7 +107,8 @@ def _look() -> float | None:
     return None
 
 
-_HANDLERS = (("render_init", _begin), ("render_complete", _end), ("render_cancel", _end))
+_HANDLERS = (("render_init", _initialize), ("render_pre", _begin_frame),
+             ("render_complete", _end), ("render_cancel", _end))
 
 
 def register() -> None:

@@ -27,15 +27,20 @@ last_frame: list[LayerStatistics] = []
 
 
 @persistent
-def _begin_frame(*_):
+def _clear(*_):
     last_frame.clear()
 
 
+_EVENTS = ("render_init", "render_pre")  # a render may fail before its first frame
+
+
 def register() -> None:
-    bpy.app.handlers.render_pre.append(_begin_frame)
+    for event in _EVENTS:
+        getattr(bpy.app.handlers, event).append(_clear)
 
 
 def unregister() -> None:
-    if _begin_frame in bpy.app.handlers.render_pre:
-        bpy.app.handlers.render_pre.remove(_begin_frame)
+    for event in _EVENTS:
+        if _clear in getattr(bpy.app.handlers, event):
+            getattr(bpy.app.handlers, event).remove(_clear)
     last_frame.clear()

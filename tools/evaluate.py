@@ -29,6 +29,7 @@ from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.threads import team
+from tools.arguments import whole_number
 from tools.datagen.shards import load_sample, sample_paths
 from tools.metrics import compare
 
@@ -120,7 +121,7 @@ def main() -> int:
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="REPORT_DIR")
     parser.add_argument("--weights", default=BUNDLED, help="a preset with weights, or a folder")
     parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
-    parser.add_argument("--threads", type=int, default=0, help="processor threads (default: all)")
+    parser.add_argument("--threads", type=whole_number(0), default=0, help="processor threads (default: all)")
     options = parser.parse_args()
     paths = [*sample_paths(options.scenes), *sorted(options.scenes.glob("*.blend"))][: options.limit]
     if not paths:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
+import traceback
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
@@ -25,6 +27,22 @@ def load() -> ModuleType:
 
 def leave(code: int) -> NoReturn:
     """End the process at once: the exit handlers of the bpy module can hang after a RenderEngine was registered."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:  # nobody can read what was said
+        code = code or 1
+    finally:
+        os._exit(code)
+
+
+def run(main: Callable[[], int]) -> NoReturn:
+    """End the process with the status of `main`, or with 1 and a traceback when it raises."""
+    try:
+        status = main()
+    except SystemExit:  # of the argument parser; nothing of Blender is registered yet
+        raise
+    except BaseException:  # an interruption too: with Blender loaded, Python would not end by itself
+        traceback.print_exc()
+        status = 1
+    leave(status)

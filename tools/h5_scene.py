@@ -2,6 +2,7 @@
 """`tools.render` for H5 scenes of the research code: render one, or write one from the open .blend file."""
 from __future__ import annotations
 
+import functools
 import time
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import numpy as np
 from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.presets import BUNDLED
+
+from .picture import write_whole
 
 
 def render(path: Path, weights: str | None, outputs: list[Path], resolution: tuple[int, int] | None) -> dict:
@@ -37,7 +40,7 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
     seconds = time.perf_counter() - begin
     written = [_numbered(output, i, len(images)) for output in outputs for i in range(len(images))]
     for output, image in zip(written, list(images) * len(outputs), strict=True):
-        _save(output, image)
+        write_whole(output, functools.partial(_save, image=image))
     return {"scene": str(path), "seconds": {"total": round(seconds, 3)}, "triangles": len(scene.triangles),
             "size": (width, height), "weights": weights, "output": list(map(str, written))}
 

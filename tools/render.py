@@ -19,7 +19,6 @@ import os
 import sys
 import tempfile
 import time
-import traceback
 from pathlib import Path
 
 from renderformer_v2.model import threads
@@ -27,9 +26,12 @@ from renderformer_v2.model.errors import CheckpointError, SceneError
 from renderformer_v2.model.presets import BUNDLED
 
 from . import extension
+from .arguments import whole_number
+from .picture import write_whole
 
 FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
 H5 = (".h5", ".hdf5")
+_count = whole_number(1)
 
 
 def main() -> int:
@@ -72,12 +74,6 @@ def _file(*suffixes: str):
             raise argparse.ArgumentTypeError(f"{text}: the suffix must be one of {', '.join(suffixes)}")
         return path
     return parse
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or not int(text):
-        raise argparse.ArgumentTypeError(f"{text}: expected a whole number from 1")
-    return int(text)
 
 
 def _resolution(text: str) -> tuple[int, int]:
@@ -187,15 +183,9 @@ def _save(path: Path, scene) -> None:
     set_file_format(settings, FORMATS[path.suffix.lower()])
     if path.suffix.lower() == ".exr":
         settings.color_depth = "32"
-    bpy.data.images["Render Result"].save_render(str(path), scene=scene)
+    result = bpy.data.images["Render Result"]
+    write_whole(path, lambda file: result.save_render(str(file), scene=scene))
 
 
 if __name__ == "__main__":
-    try:
-        status = main()
-    except SystemExit:  # of the argument parser; Blender is not loaded yet
-        raise
-    except BaseException:  # an interruption too: with Blender loaded, Python would not end by itself
-        traceback.print_exc()
-        status = 1
-    extension.leave(status)
+    extension.run(main)

@@ -94,6 +94,14 @@ def test_weights_that_are_not_floats_are_refused(saved):
         load_network(saved)
 
 
+@pytest.mark.parametrize("value", [[], None, "tiny"])
+def test_a_configuration_that_is_no_mapping_is_named(saved, value):
+    file = saved / "config.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"model_config": value}))
+    with pytest.raises(CheckpointError, match="config.json: model_config is not a JSON object"):
+        load_network(saved)
+
+
 def test_wrong_choice_of_a_folder_is_explained(bundle, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(CheckpointError, match="empty holds no weights: choose the folder renderformer-v2"):

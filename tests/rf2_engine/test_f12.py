@@ -199,12 +199,15 @@ def test_while_the_network_works_the_frame_shows_unlit_colours(scene, tmp_path, 
     assert np.allclose(unlit / unlit[0], (1, 0.5, 0.25), atol=0.05) and unlit[0] > 0.8  # base colour and specular
 
 
-def test_esc_takes_the_unlit_colours_back_and_leaves_the_other_passes(scene, tmp_path, monkeypatch):
-    cube(scene)
-    sun(scene)
+@pytest.mark.parametrize("stage", ["Finding the triangles that are seen", "Network"])
+def test_esc_leaves_an_empty_combined_and_the_other_passes(scene, tmp_path, monkeypatch, stage):
+    shining = material("Shining")
+    shining.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 2
+    cube(scene, of=shining)
     finished = press_f12(scene, tmp_path)
-    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0] == "Network")
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0] == stage)
     cancelled = press_f12(scene, tmp_path)
+    assert not statistics.last_frame
     assert (cancelled["ViewLayer.Combined"] == 0).all()
     assert all(np.array_equal(cancelled[name], finished[name]) for name in finished if name != "ViewLayer.Combined")
 

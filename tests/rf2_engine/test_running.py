@@ -37,13 +37,27 @@ def disable_in_stage(status):
         disable()
     return False
 
-def renders():
+def renders(animation="animation" in sys.argv):
     try:
-        bpy.ops.render.render(animation="animation" in sys.argv)
+        bpy.ops.render.render(animation=animation)
     except RuntimeError as error:
         print(error)
 
 from renderformer_v2.rf2_engine.status import Status
+from renderformer_v2.rf2_engine.statistics import last_frame
+if sys.argv[1] == "unbegun":
+    scene.render.use_border, scene.render.border_max_x = True, 0
+    for scene.render.engine in sys.argv[3:]:
+        renders(True)
+    scene.render.use_border, scene.render.engine = False, "RENDERFORMER_V2"
+    renders()
+    print("rendered", [layer.tokens > 0 for layer in last_frame])
+    scene.render.use_border = True
+    renders(True)
+    package.unregister()
+    print(f"settings {hasattr(bpy.types.Scene, 'renderformer_v2')}")
+    sys.stdout.flush()
+    os._exit(0)
 if sys.argv[1] == "before":
     bpy.app.handlers.render_pre.append(disable)
 else:
@@ -57,11 +71,17 @@ Status.esc_pressed = lambda status: False
 package.register()
 scene.render.engine = "RENDERFORMER_V2"
 renders()
-from renderformer_v2.rf2_engine.statistics import last_frame
 print("again", [layer.tokens > 0 for layer in last_frame])
 sys.stdout.flush()
 os._exit(0)
 """
+
+
+def run_program(*arguments: str) -> str:
+    done = subprocess.run([sys.executable, "-c", PROGRAM, *arguments], cwd=ROOT, capture_output=True, text=True,
+                          timeout=200)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
 
 
 @pytest.mark.parametrize("arguments", [("before",), ("within",), ("within", "thread"), ("within", "animation"),
@@ -69,10 +89,16 @@ os._exit(0)
                          ids=" ".join)
 def test_disabling_while_it_renders_cancels_and_then_takes_everything_back(tmp_path, arguments):
     stage, *others = arguments
-    done = subprocess.run([sys.executable, "-c", PROGRAM, stage, str(tmp_path / "frame_"), *others], cwd=ROOT,
-                          capture_output=True, text=True, timeout=200)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    assert "disabled while it rendered" in done.stdout
-    assert "frames 1, settings False" in done.stdout
+    output = run_program(stage, str(tmp_path / "frame_"), *others)
+    assert "disabled while it rendered" in output
+    assert "frames 1, settings False" in output
     if "animation" not in others:
-        assert "again [True]" in done.stdout
+        assert "again [True]" in output
+
+
+@pytest.mark.parametrize("engines", [("RENDERFORMER_V2",), ("RENDERFORMER_V2", "CYCLES")], ids=" ".join)
+def test_an_animation_that_fails_before_its_first_frame_is_no_render_under_way(tmp_path, engines):
+    output = run_program("unbegun", str(tmp_path / "frame_"), *engines)
+    assert "Image too small" in output
+    assert "rendered [True]" in output
+    assert "settings False" in output

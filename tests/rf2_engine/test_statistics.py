@@ -69,3 +69,11 @@ def test_an_error_in_one_view_layer_stays_beside_the_others(layers, tmp_path):
     full, bare = statistics.last_frame
     assert any("Broken" in line for line in full.report) and not any("Broken" in line for line in bare.report)
     assert any("Broken" in text for text in drawn())
+
+
+def test_a_render_that_fails_before_its_first_frame_leaves_no_numbers_of_another(layers, tmp_path):
+    press_f12(layers, tmp_path)
+    layers.render.use_border, layers.render.border_max_x = True, 0
+    with pytest.raises(RuntimeError, match="too small"):
+        bpy.ops.render.render(scene=layers.name)
+    assert not statistics.last_frame

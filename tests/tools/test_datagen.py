@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, IOR, TILE_SIZE, TRANSMISSION
-from tools.datagen.__main__ import share_out
+from tools.datagen.__main__ import main, share_out
 from tools.datagen.shards import STORED_TILE, load_sample, sample_path, sample_paths, save_arrays
 
 ROOT = Path(__file__).parents[2]
@@ -106,3 +106,29 @@ def test_a_wide_scene_keeps_to_its_own_budget(tmp_path):
     scene, views, _, passes = load_sample(sample_path(tmp_path, 3))
     scene.validate()
     assert 100 < len(scene) <= 16384 and {view.width for view in views} == {32} and len(passes) == 2
+
+
+@pytest.mark.parametrize("option", ["--scenes", "--views", "--samples", "--resolution", "--processes", "--threads"])
+@pytest.mark.parametrize("value", ["-1", "x"])
+def test_numbers_that_make_no_sense_are_explained(monkeypatch, capsys, tmp_path, option, value):
+    monkeypatch.setattr(sys, "argv", ["datagen", str(tmp_path), "--scenes", "1", "--first-seed", "1", option, value])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert f"{option}: {value}: expected a whole number from" in capsys.readouterr().err
+
+
+def test_a_full_disk_ends_the_run_with_one_line(tmp_path):
+    command = f"ulimit -f 8; exec {sys.executable} -m tools.datagen {tmp_path} --scenes 2 --first-seed 1 " \
+              "--samples 1 --profile simple --resolution 32 --views 1 --processes 1"
+    done = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    said = [line for line in done.stderr.splitlines() if "cannot be written" in line]
+    assert done.returncode == 1 and said == [f"{tmp_path} cannot be written: File too large"]
+    assert "Traceback" not in done.stderr and list(tmp_path.iterdir()) == []
+
+
+def test_a_program_with_blender_ends_when_it_fails():
+    program = ("from tools import extension; from tools.datagen import reference\n"
+               "def main():\n    reference.prepare(0)\n    raise KeyError('odd')\n"
+               "extension.run(main)")
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and "KeyError: 'odd'" in done.stderr

@@ -124,6 +124,19 @@ def test_the_process_ends_whatever_happens_after_blender_was_loaded(scene, save,
     assert done.returncode == 1 and "No space left" in done.stderr
 
 
+@pytest.mark.parametrize("name", ["out.exr", "out.png"])
+def test_a_picture_that_does_not_fit_the_disk_is_said_and_the_old_one_kept(scene, save, tmp_path, name):
+    path, output = save(), tmp_path / "pictures" / name
+    output.parent.mkdir()
+    output.write_bytes(b"yesterday's")
+    limited = ["bash", "-c", 'ulimit -f 1; exec "$@"', "bash",
+               *command(path, "-o", output, "--engine", "cycles", "--samples", "1")]
+    done = subprocess.run(limited, cwd=Path(render.__file__).parents[1], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and done.stdout == "", done.stderr
+    assert done.stderr == f"{output} cannot be written: the file came out incomplete, is the disk full?\n"
+    assert output.read_bytes() == b"yesterday's" and list(output.parent.iterdir()) == [output]
+
+
 def test_several_view_layers_are_summed_and_told_apart(scene, save, tmp_path):
     scene.render.resolution_x = scene.render.resolution_y = 16
     scene.view_layers[0].name = "First"

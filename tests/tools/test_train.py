@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training samples, their symmetries, and resuming; on a scene made without Blender."""
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from renderformer_v2.model.guided.light_prior import LightPrior
 from renderformer_v2.model.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.shards import load_sample, save_sample
-from tools.train import cache_key
+from tools.train import cache_key, config
 from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
@@ -158,10 +160,22 @@ def test_the_curriculum_admits_scenes_by_what_they_hold(stored):
     assert not admitted(glass, Stage(1, transmission=False)) and admitted(glass, Stage(1))
 
 
+def changed(**values) -> str:
+    return json.dumps(json.loads(Path(config.__file__).with_name("rf2_small.json").read_text()) | values)
+
+
 def test_configuration_names_wrong_keys(tmp_path):
     path = tmp_path / "config.json"
     for text, wrong in (('{"preset": "rf2_small", "learning_rat": 1}', "unknown keys learning_rat"),
-                        ('{"preset": "rf2_small"}', "missing keys .*learning_rate"), ("{", "cannot be read")):
+                        ('{"preset": "rf2_small"}', "missing keys .*learning_rate"), ("{", "cannot be read"),
+                        ("[1]", "expected a JSON object, not .1."),
+                        (changed(preset="rf2_smal"), "preset must be one of .*rf2_small, not 'rf2_smal'"),
+                        (changed(preset=[]), "preset must be one of"),
+                        (changed(stages=[]), "stages must be a list"),
+                        (changed(stages=5), "stages must be a list"),
+                        (changed(stages=[{"steps": 1}, {"steps": 2, "glass": 1}]), "stages.1.: unknown keys glass"),
+                        (changed(stages=[{}]), "stages.0.: missing keys steps"),
+                        (changed(stages=[7]), "stages.0.: expected a JSON object, not 7")):
         path.write_text(text)
         with pytest.raises(TrainingError, match=wrong):
             TrainConfig.load(path)

@@ -13,8 +13,9 @@ import pytest
 import torch
 
 from tests.model.samples import floor_scene, floor_view
+from tools import evaluate
 from tools.datagen.shards import save_sample
-from tools.train import losses
+from tools.train import losses, network
 from tools.train.config import Stage
 from tools.train.errors import TrainingError
 from tools.train.loader import SampleStream, stream
@@ -64,6 +65,33 @@ def test_data_that_gives_nothing_is_an_error_and_no_endless_wait(tmp_path, count
         (tmp_path / "data").mkdir()
     with pytest.raises(TrainingError, match=message):
         next(stream(tmp_path / "data", tmp_path / "cache", mapper, stage, (0, 0), 0.0))
+
+
+def test_a_broken_file_is_named_once_and_left_out(tmp_path, capfd):
+    for seed in (1, 3):
+        write(tmp_path / "data", seed)
+    (tmp_path / "data" / "scene_00000002.npz").write_text("junk")
+    samples = stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 0.0)
+    assert len({round(float(next(samples).direct.mean()), 3) for _ in range(8)}) == 2
+    said = capfd.readouterr().out
+    assert said.count("scene_00000002.npz cannot be read") == said.count("\n") == 1
+
+
+def test_nothing_but_broken_files_ends_the_run(tmp_path):
+    (tmp_path / "data").mkdir()
+    for content in ("", "junk"):
+        (tmp_path / "data" / f"scene_0000000{len(content)}.npz").write_text(content)
+    with pytest.raises(TrainingError, match="none of the 2 samples of .*data can be read"):
+        next(stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 0.0))
+
+
+@pytest.mark.parametrize("program, arguments", [
+    (network, ["--data", "data", "--out", "run", "--minutes", "1"]), (evaluate, ["data", "-o", "report"])])
+def test_a_negative_number_of_threads_is_refused(monkeypatch, capsys, program, arguments):
+    monkeypatch.setattr(sys, "argv", ["program", *arguments, "--threads", "-1"])
+    with pytest.raises(SystemExit, match="2"):
+        program.main()
+    assert "--threads: -1: expected a whole number from 0" in capsys.readouterr().err
 
 
 def test_a_folder_that_is_just_being_filled_is_waited_for(tmp_path):

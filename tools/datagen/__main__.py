@@ -17,6 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tools.arguments import whole_number
+
 from .console import silence_blender
 from .shards import sample_path, save_sample
 
@@ -29,6 +31,7 @@ def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int,
     """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed.
 
     resolution: pixels, in place of the scenes' own. equal: samples of a second picture by Cycles, for comparison.
+    Raises OSError when `out` cannot be written.
     """
     from . import reference
 
@@ -79,27 +82,35 @@ def well_exposed(combined: np.ndarray) -> bool:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.datagen", description=__doc__)
     parser.add_argument("out", type=Path, metavar="OUT_DIR")
-    parser.add_argument("--scenes", type=int, required=True)
-    parser.add_argument("--first-seed", type=int, required=True)
-    parser.add_argument("--views", type=int, default=2)
-    parser.add_argument("--resolution", type=int, help="of all pictures (default 128; wide: 128 to 512 by chance)")
-    parser.add_argument("--samples", type=int, default=32, help="of the reference, before OpenImageDenoise")
-    parser.add_argument("--equal", type=int, default=0, metavar="N",
+    parser.add_argument("--scenes", type=whole_number(1), required=True)
+    parser.add_argument("--first-seed", type=whole_number(0), required=True)
+    parser.add_argument("--views", type=whole_number(1), default=2)
+    parser.add_argument("--resolution", type=whole_number(1),
+                        help="of all pictures (default 128; wide: 128 to 512 by chance)")
+    parser.add_argument("--samples", type=whole_number(1), default=32,
+                        help="of the reference, before OpenImageDenoise")
+    parser.add_argument("--equal", type=whole_number(0), default=0, metavar="N",
                         help="also store Cycles with N samples and OpenImageDenoise, for tools.evaluate")
     parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide"), default="full")
-    parser.add_argument("--processes", type=int, default=0, help="each takes every n-th seed; 0 = one per core")
-    parser.add_argument("--threads", type=int, default=0, help="of each process; 0 = an equal share of the cores")
+    parser.add_argument("--processes", type=whole_number(0), default=0,
+                        help="each takes every n-th seed; 0 = one per core")
+    parser.add_argument("--threads", type=whole_number(0), default=0,
+                        help="of each process; 0 = an equal share of the cores")
     parser.add_argument("--part", type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args()
     # One thread each leaves no core idle while a process converts, looks for hits or writes.
-    processes = min(args.processes or os.cpu_count() or 1, max(args.scenes, 1))
+    processes = min(args.processes or os.cpu_count() or 1, args.scenes)
     if processes > 1 and not args.part:
         return share_out(processes, args.threads or -(-(os.cpu_count() or 1) // processes))
     silence_blender()
     first = args.first_seed + max(args.part - 1, 0)
     seeds = range(first, args.first_seed + args.scenes, processes)
-    failed = generate(args.out, seeds, profile=args.profile, views=args.views, samples=args.samples,
-                      threads=args.threads, resolution=args.resolution, equal=args.equal)
+    try:
+        failed = generate(args.out, seeds, profile=args.profile, views=args.views, samples=args.samples,
+                          threads=args.threads, resolution=args.resolution, equal=args.equal)
+    except OSError as error:
+        print(f"{args.out} cannot be written: {error.strerror or error}", file=sys.stderr)
+        return 1
     return 1 if failed else 0
 
 
@@ -111,6 +122,6 @@ def share_out(processes: int, threads: int) -> int:
 
 
 if __name__ == "__main__":
-    from tools.extension import leave
+    from tools.extension import run
 
-    leave(main())
+    run(main)

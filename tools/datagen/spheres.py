@@ -20,7 +20,7 @@ import bpy
 import numpy as np
 
 from renderformer_v2.model.color import half
-from tools.extension import leave
+from tools.extension import run
 
 from .console import silence_blender
 from .environments import load_environment
@@ -106,7 +106,7 @@ def render(path: str) -> np.ndarray:
     return half((pixels[..., :3] * pixels[..., 3:]).clip(0.0))
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("--spheres", type=int, default=3000)
@@ -129,8 +129,8 @@ def main() -> None:
                 images.append(render(os.path.join(folder, "sphere.exr")))
             save_arrays(shard, {"parameters": parameters, "images": np.stack(images)})
             print(f"{shard.name}: {len(images)} spheres, {time.time() - start:.0f} s since the start", flush=True)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
-    leave(0)
+    run(main)

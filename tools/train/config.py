@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
+
+from renderformer_v2.model.presets import PRESETS
 
 from .errors import TrainingError
 
@@ -22,7 +24,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class TrainConfig:
-    preset: str                  # a name of model.config.PRESETS
+    preset: str                  # a name of model.presets.PRESETS
     learning_rate: float
     weight_decay: float
     warmup_steps: int
@@ -33,16 +35,30 @@ class TrainConfig:
 
     @classmethod
     def load(cls, path: Path) -> TrainConfig:
-        """Raises TrainingError naming the file and the keys that are not known or not there."""
+        """Raises TrainingError naming the file and the keys that are not known, not there or of no use."""
         try:
             values = json.loads(path.read_text())
         except (OSError, ValueError) as error:
             raise TrainingError(f"{path} cannot be read ({error}): choose another --config") from error
-        names = {f.name for f in fields(cls)}
-        for wrong, keys in (("unknown", set(values) - names), ("missing", names - set(values))):
-            if keys:
-                raise TrainingError(f"{path}: {wrong} keys {', '.join(sorted(keys))}")
-        return cls(**values | {"stages": tuple(Stage(**s) for s in values["stages"])})
+        config = _filled(cls, values, str(path))
+        if config.preset not in tuple(PRESETS):
+            raise TrainingError(f"{path}: preset must be one of {', '.join(PRESETS)}, not {config.preset!r}")
+        if not isinstance(config.stages, list) or not config.stages:
+            raise TrainingError(f"{path}: stages must be a list of at least one stage")
+        stages = (_filled(Stage, stage, f"{path}, stages[{i}]") for i, stage in enumerate(config.stages))
+        return replace(config, stages=tuple(stages))
 
     def stage(self, step: int) -> Stage:
         return next((s for s in self.stages if step < s.steps), self.stages[-1])
+
+
+def _filled(kind, values, where: str):
+    """A dataclass from a JSON object. Raises TrainingError beginning with `where`."""
+    if not isinstance(values, dict):
+        raise TrainingError(f"{where}: expected a JSON object, not {json.dumps(values)}")
+    names = {f.name for f in fields(kind)}
+    needed = {f.name for f in fields(kind) if f.default is MISSING}
+    for wrong, keys in (("unknown", set(values) - names), ("missing", needed - set(values))):
+        if keys:
+            raise TrainingError(f"{where}: {wrong} keys {', '.join(sorted(keys))}")
+    return kind(**values)

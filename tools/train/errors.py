@@ -5,3 +5,7 @@ from __future__ import annotations
 
 class TrainingError(Exception):
     """The message names the file or setting and the remedy; the command line prints it without a traceback."""
+
+
+class SampleError(TrainingError):
+    """One file of samples cannot be read; the others may do."""

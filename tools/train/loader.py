@@ -14,7 +14,7 @@ from tools.datagen.shards import sample_paths
 
 from .augment import augment
 from .config import Stage
-from .errors import TrainingError
+from .errors import SampleError, TrainingError
 from .samples import TrainingSample, cached_sample, with_latents
 
 LOOK_AGAIN = 1.0  # seconds
@@ -30,7 +30,7 @@ class SampleStream(IterableDataset):
 
     def __init__(self, folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float):
         self.folder, self.cache, self.mapper, self.stage = folder, cache, mapper, stage
-        self.seed, self.patience = seed, patience
+        self.seed, self.patience, self.unreadable = seed, patience, set()
 
     def __iter__(self) -> Iterator[TrainingSample | TrainingError]:
         torch.set_num_threads(1)
@@ -38,13 +38,25 @@ class SampleStream(IterableDataset):
         while True:
             paths, useful = sample_paths(self.folder), 0
             for i in torch.randperm(len(paths), generator=generator).tolist():
-                sample = cached_sample(paths[i], self.cache)
-                if admitted(sample, self.stage):
+                sample = self._sample(paths[i])
+                if sample is not None and admitted(sample, self.stage):
                     useful += 1
                     yield with_latents(augment(sample, generator, self.stage.unhinted), self.mapper)
             if not useful and not self._grows(len(paths)):
                 yield TrainingError(self._problem(len(paths)))
                 return
+
+    def _sample(self, path: Path) -> TrainingSample | None:
+        """None for a file that cannot be read, which is said once."""
+        try:
+            sample = cached_sample(path, self.cache)
+        except SampleError as error:
+            if path not in self.unreadable:
+                print(f"{error} (left out)", flush=True)
+            self.unreadable.add(path)
+            return None
+        self.unreadable.discard(path)
+        return sample
 
     def _grows(self, known: int) -> bool:
         """Wait until the folder holds more than `known` samples; whether it does in time."""
@@ -61,6 +73,9 @@ class SampleStream(IterableDataset):
         if not count:
             return (f"{self.folder} holds no samples (scene_*.npz): check --data, "
                     f"or make some with python -m tools.datagen {self.folder}")
+        if count == len(self.unreadable):
+            return (f"none of the {count} samples of {self.folder} can be read: delete them, "
+                    f"and make them again with python -m tools.datagen {self.folder}")
         return (f"none of the {count} samples of {self.folder} is within the limits of the curriculum's {self.stage}: "
                 "make more of them, or change the stages of --config")
 

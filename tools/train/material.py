@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 import time
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from torch import Tensor, nn
 from renderformer_v2.model.material.autoencoder import MaterialAutoencoder
 from renderformer_v2.model.material.mappers import MetallicTransmissionMapper
 
+from .errors import TrainingError
 from .state import TrainingState
 
 AUTOENCODER = {"image_size": 64, "widths": (32, 64, 128), "residual_blocks": 1, "groups": 8}
@@ -49,11 +51,29 @@ class MapperAndDecoder(nn.Module):
 
 
 def load_spheres(folder: Path) -> tuple[Tensor, Tensor]:
-    """Parameters (n, 7) and pictures (n, 3, 64, 64) in log10(1 + radiance) space, clamped to the decoder's [0, 1]."""
-    shards = [np.load(path) for path in sorted(folder.glob("spheres_*.npz"))]
-    parameters = np.concatenate([s["parameters"] for s in shards])
-    images = np.concatenate([s["images"] for s in shards]).astype(np.float32)
+    """Parameters (n, 7) and pictures (n, 3, 64, 64) in log10(1 + radiance) space, clamped to the decoder's [0, 1].
+
+    Raises TrainingError when the folder has no more spheres than are held out, or one of its files cannot be read.
+    """
+    remedy = f"make more with python -m tools.datagen.spheres {folder}"
+    if not folder.is_dir():
+        raise TrainingError(f"there is no folder {folder}: check SPHERES_DIR, or {remedy}")
+    shards = [_load_shard(path) for path in sorted(folder.glob("spheres_*.npz"))]
+    count = sum(len(images) for _, images in shards)
+    if count <= HELD_OUT:
+        raise TrainingError(f"{folder} holds {count} spheres (spheres_*.npz) and {HELD_OUT} are held out: {remedy}")
+    parameters, images = (np.concatenate(arrays) for arrays in zip(*shards, strict=True))
+    images = images.astype(np.float32)
     return torch.from_numpy(parameters), torch.from_numpy(np.log10(1 + images)).clamp(0, 1).permute(0, 3, 1, 2)
+
+
+def _load_shard(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    try:
+        with np.load(path) as shard:
+            return shard["parameters"], shard["images"]
+    except Exception as error:  # a damaged archive raises whatever the damage leads to
+        raise TrainingError(f"{path} cannot be read ({error}): delete it, and tools.datagen.spheres makes it "
+                            "again") from error
 
 
 def fit(model: nn.Module, loss_of_batch, count: int, path: Path, *, steps: int, batch: int, rate: float) -> None:
@@ -141,17 +161,11 @@ def save(module: nn.Module, folder: Path, config: dict) -> None:
     (folder / "config.json").write_text(json.dumps(config, indent=1) + "\n")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("spheres", type=Path)
-    parser.add_argument("--work", type=Path, required=True, help="folder for the state of a run")
-    parser.add_argument("-o", "--out", type=Path, default=Path("model/weights/material"))
-    parser.add_argument("--mapper-steps", type=int, default=2000, help="of mapper and decoder")
-    parser.add_argument("--encoder-steps", type=int, default=500)
-    args = parser.parse_args()
+def train(args: argparse.Namespace) -> None:
+    """Raises TrainingError when there is too little to train with, or when training has gone wrong."""
+    parameters, images = load_spheres(args.spheres)
     args.work.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(0)
-    parameters, images = load_spheres(args.spheres)
     model, mapper = MaterialAutoencoder(**AUTOENCODER), MetallicTransmissionMapper(**MAPPER)
     train_mapper(mapper, model, parameters[HELD_OUT:], images[HELD_OUT:], args.work, args.mapper_steps)
     train_encoder(mapper, model, parameters[HELD_OUT:], images[HELD_OUT:], args.work, args.encoder_steps)
@@ -160,5 +174,21 @@ def main() -> None:
     save(model, args.out / "material_autoencoder", AUTOENCODER)
 
 
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tools.train.material", description=__doc__.splitlines()[0])
+    parser.add_argument("spheres", type=Path)
+    parser.add_argument("--work", type=Path, required=True, help="folder for the state of a run")
+    parser.add_argument("-o", "--out", type=Path, default=Path("model/weights/material"))
+    parser.add_argument("--mapper-steps", type=int, default=2000, help="of mapper and decoder")
+    parser.add_argument("--encoder-steps", type=int, default=500)
+    args = parser.parse_args()
+    try:
+        train(args)
+    except TrainingError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

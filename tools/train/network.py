@@ -20,6 +20,7 @@ from renderformer_v2.model.guided.light import decode_light
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import PRESETS
 from renderformer_v2.model.threads import team
+from tools.arguments import whole_number
 
 from .config import TrainConfig
 from .errors import TrainingError
@@ -107,7 +108,7 @@ def main() -> int:
     parser.add_argument("--wait", type=float, default=5.0, help="minutes, for samples where there are none of use yet")
     parser.add_argument("--save-every", type=float, default=180.0, help="seconds")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
-    parser.add_argument("--threads", type=int, default=0, help="processor threads (default: all)")
+    parser.add_argument("--threads", type=whole_number(0), default=0, help="processor threads (default: all)")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     options.cache = options.cache or options.data.parent / "cache"

@@ -26,6 +26,7 @@ from renderformer_v2.model.presets import BUNDLED, PRESETS
 from tools.datagen.shards import load_sample
 
 from . import cache_key
+from .errors import SampleError
 
 CONFIG = PRESETS[BUNDLED]()  # whose tile and panorama sizes the samples have
 
@@ -47,8 +48,11 @@ def with_latents(sample: TrainingSample, mapper) -> TrainingSample:
 
 
 def build_sample(path: Path) -> TrainingSample:
-    """From one file of tools.datagen."""
-    scene, views, guides, passes = load_sample(path)
+    """From one file of tools.datagen. Raises SampleError when it cannot be read."""
+    try:
+        scene, views, guides, passes = load_sample(path)
+    except Exception as error:  # a damaged archive raises whatever the damage leads to
+        raise SampleError(f"{path} cannot be read ({error}): delete it, and tools.datagen makes it again") from error
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
     prior = LightPrior(normalized)
