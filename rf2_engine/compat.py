@@ -21,3 +21,9 @@ def set_file_format(settings: bpy.types.ImageFormatSettings, file_format: str) -
     settings.file_format = file_format
     if hasattr(settings, "use_exr_interleave"):
         settings.use_exr_interleave = True
+
+
+def has_openimagedenoise() -> bool:
+    """False in builds of Blender that were made without it."""
+    import _cycles
+    return getattr(_cycles, "with_openimagedenoise", True)

@@ -48,6 +48,9 @@ _TRACED = {
     "cycles.caustics_refractive": False,
     "cycles.use_fast_gi": False,
     "cycles.use_guiding": False,
+}
+_DENOISED = {
+    "cycles.use_denoising": True,
     "cycles.denoiser": "OPENIMAGEDENOISE",
     "cycles.denoising_input_passes": "RGB_ALBEDO_NORMAL",
     "cycles.denoising_prefilter": "FAST",  # glass and rough mirrors leave noise in the guiding passes
@@ -80,9 +83,9 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
 
     `engine` is the RenderEngine inside whose `render` this is called; `threads` 0 leaves them to Blender's setting.
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
-    holds "traced" (H, W, 3), the denoised radiance of direct light and of what smooth mirrors and glass show, without
-    emitters seen directly. With Light.ALL the scene's own bounces are used and the result also holds "combined"
-    (denoised by OpenImageDenoise if `denoise`) and the direct and indirect light passes (never denoised).
+    holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
+    seen directly, denoised where Blender can. With Light.ALL the scene's own bounces are used and the result also holds
+    "combined" (denoised by OpenImageDenoise if `denoise`) and the direct and indirect light passes (never denoised).
 
     Returns {key of passes.PASSES: (H, W, C) f32}, row 0 on top, for the render border only; plus "alpha" (H, W, 1),
     coverage. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
@@ -99,7 +102,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         if p.source == "lighting":
             engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
-    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise or light is Light.TRACED}
+    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise}
     if threads:
         settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
     with _overrides(depsgraph) as override, _session(engine) as cycles_engine:
@@ -109,7 +112,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         if light is Light.NONE:
             _leave_out_light(depsgraph, override)
         elif light is Light.TRACED:
-            override(depsgraph.scene_eval, _TRACED)
+            override(depsgraph.scene_eval, _TRACED | (_DENOISED if compat.has_openimagedenoise() else {}))
         cycles_engine.reset(engine, bpy.data, depsgraph)
         cycles_engine.render(engine, depsgraph)
         cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here

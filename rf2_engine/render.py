@@ -7,10 +7,11 @@ import numpy as np
 
 from ..model import progress, threads
 from ..model.errors import RenderCancelled, SceneError
-from . import cycles_session, failure, model_cache, output, running, statistics
+from . import compat, cycles_session, failure, model_cache, output, running, statistics
 from .convert.camera import convert_camera
 from .convert.report import Report
 from .convert.scene import convert
+from .cycles_session import Light
 from .guides import make_guides
 from .settings import FrameSettings
 from .setup import packages
@@ -43,7 +44,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     threads.sleep_while_waiting()
     model_cache.begin_import()
     settings = FrameSettings.of(depsgraph.scene_eval)
-    _check(depsgraph.scene_eval, report)
+    _check(depsgraph.scene_eval, settings, report)
 
     with status.stage("Converting the scene", 0.0, 0.1):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y,
@@ -77,11 +78,14 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                            weights=settings.weights, seconds=status.seconds, report=report.lines())
 
 
-def _check(scene: bpy.types.Scene, report: Report) -> None:
+def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:
     """Report what the whole picture lacks. Raises SceneError for what cannot be rendered."""
     if scene.render.use_multiview:
         raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '
                          "switch it off in Output Properties")
+    if settings.light is Light.TRACED and not compat.has_openimagedenoise():
+        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise Guide "
+                                        "Samples, or set Light to Network Alone")
     if scene.render.use_motion_blur:
         report.approximated(scene.name, "motion blur is left out")
     if scene.camera and scene.camera.type == "CAMERA" and scene.camera.data.dof.use_dof:

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine import render
+from bl_ext.user_default.renderformer_v2.rf2_engine import compat, render, statistics
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles_session import Light
 from bl_ext.user_default.renderformer_v2.rf2_engine.guides import make_guides
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
@@ -109,6 +109,17 @@ def test_the_published_network_is_never_guided(scene, tmp_path):
     assert FrameSettings.of(scene).light is Light.NONE
     settings.weights_source, settings.light = "BUNDLED", "NETWORK"
     assert FrameSettings.of(scene).light is Light.NONE
+
+
+def test_a_blender_without_a_denoiser_says_so_and_traces_all_the_same(shadowed, tmp_path, guides, monkeypatch):
+    shadowed.renderformer_v2.guide_samples = 2
+    press_f12(shadowed, tmp_path)
+    monkeypatch.setattr(compat, "has_openimagedenoise", lambda: False)
+    press_f12(shadowed, tmp_path)
+    denoised, noisy = (g.traced[5:-5, 5:-5] for g in guides)
+    assert noisy.mean() == pytest.approx(denoised.mean(), rel=0.1)
+    assert not np.array_equal(noisy, denoised)
+    assert any("OpenImageDenoise" in line for line in statistics.last_frame[-1].report)
 
 
 def test_traced_light_leaves_the_scene_as_it_was(scene, tmp_path):
