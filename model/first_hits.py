@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .geometry import latlong_uv
-from .scene import BASE_COLOR, IOR, METALLIC, TILE_SIZE, TRANSMISSION, Guides, RenderScene, View
+from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels
 
 NOTHING_HIT = 1e10  # depth there, as Blender has it
 
@@ -43,7 +43,7 @@ def _facing(normal: np.ndarray, ray: np.ndarray) -> np.ndarray:
 
 def _lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(3, P, 3) diffuse, glossy and transmission colour at normal incidence; emitters reflect nothing."""
-    x, y = (weights * TILE_SIZE).astype(np.int64).clip(0, TILE_SIZE - 1).T
+    x, y = texels(weights)
     texel = scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)
     base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION, None]
     specular = ((texel[:, IOR, None] - 1) / (texel[:, IOR, None] + 1)) ** 2

@@ -185,6 +185,12 @@ def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1
     return tile
 
 
+def texels(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows (...,) i64 of a tile at weights (..., 2) of corners 0 and 1 (docs/scene-input.md 4.2)."""
+    x, y = np.moveaxis((weights * TILE_SIZE).astype(np.int64).clip(0, TILE_SIZE - 1), -1, 0)
+    return x, y
+
+
 def barycentric_grid() -> np.ndarray:
     """(32, 32, 3) f32 corner weights at [row, column]; the third may be negative (docs/scene-input.md 4.2)."""
     centre = (np.arange(TILE_SIZE, dtype=np.float32) + 0.5) / TILE_SIZE

@@ -112,20 +112,20 @@ class FrameSettings:
     def of(cls, scene: bpy.types.Scene) -> FrameSettings:
         """Of an evaluated scene. Raises CheckpointError as RenderFormerSettings.weights does."""
         ours, blenders = scene.renderformer_v2, scene.render
-        holder = ours if ours.threads_mode == "FIXED" else blenders
-        return cls(ours.weights(), ours.device, ours.precision, ours.token_budget, ours.max_edge, ours.guide_samples,
-                   _light(ours),
+        weights, holder = ours.weights(), ours if ours.threads_mode == "FIXED" else blenders
+        return cls(weights, ours.device, ours.precision, ours.token_budget, ours.max_edge, ours.guide_samples,
+                   _light(ours.light, weights),
                    holder.threads if holder.threads_mode == "FIXED" else 0,
                    blenders.film_transparent, scene.cycles.film_exposure)
 
 
-def _light(ours: RenderFormerSettings) -> cycles_session.Light:
+def _light(chosen: str, weights: str) -> cycles_session.Light:
     """The published network is never guided."""
     try:
-        published = is_bundle(weights_folder(ours.weights()))
+        published = is_bundle(weights_folder(weights))
     except OSError:
         published = False  # the loader will explain it
-    return cycles_session.Light.NONE if published or ours.light == "NETWORK" else cycles_session.Light.TRACED
+    return cycles_session.Light.NONE if published or chosen == "NETWORK" else cycles_session.Light.TRACED
 
 
 def register() -> None:

@@ -14,7 +14,7 @@ from ..fields import COLOR, DIRECTION, POINT, Channels, array
 from ..network.inputs import TensorGroup
 from ..network.memory import like
 from ..progress import part
-from ..scene import ROUGHNESS, TILE_SIZE, Guides, RenderScene, View
+from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
 from .light_prior import LightPrior
 from .probes import gathered
 from .radiosity import Radiosity
@@ -142,7 +142,7 @@ def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
     hit = guides.hit_triangle
     if not len(scene.triangles):
         return np.full(hit.shape, UNKNOWN_ROUGHNESS, np.float32)
-    texel = (guides.hit_barycentric * TILE_SIZE).astype(np.int64).clip(0, TILE_SIZE - 1)
+    x, y = texels(guides.hit_barycentric)
     tile = scene.tile_index[np.maximum(hit, 0)]
-    roughness = scene.tiles[tile, ROUGHNESS, texel[..., 1], texel[..., 0]].astype(np.float32)
+    roughness = scene.tiles[tile, ROUGHNESS, y, x].astype(np.float32)
     return np.where(hit >= 0, roughness, np.float32(UNKNOWN_ROUGHNESS))

@@ -3,8 +3,9 @@
 import hashlib
 import json
 import random
-import threading
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
+
+from .local_server import LocalServer
 
 BUNDLE, VAE = "RenderFormer/renderformer-v2", "Qwen/Qwen-Image"
 LARGE = "transformer_512/model.safetensors"  # large enough to break off in the middle
@@ -23,33 +24,20 @@ def _bundle() -> dict[str, bytes]:
     return files | unwanted
 
 
-class Hub(ThreadingHTTPServer):
+class Hub(LocalServer):
     """`requests` is [(path, Range, Authorization)]; see _Handler for what the other attributes do."""
 
-    daemon_threads = True
-
     def __init__(self):
-        super().__init__(("127.0.0.1", 0), _Handler)
         vae = {"vae/config.json": b"{}", "vae/diffusion_pytorch_model.safetensors": b"vae"}
         self.files = {BUNDLE: _bundle(), VAE: vae | {"transformer/config.json": b"{}"}}
         self.requests, self.token, self.gate = [], "", "/"
         self.cut, self.stalls, self.damaged = False, 0, False
         self.portal, self.whole, self.claimed = "", False, 0
-        self.closing = threading.Event()
-        threading.Thread(target=self.serve_forever, args=(0.02,), daemon=True).start()
-
-    @property
-    def endpoint(self) -> str:
-        return f"http://127.0.0.1:{self.server_address[1]}"
+        super().__init__(_Handler)
 
     def ranges(self) -> list[str | None]:
         """The Range headers of all requests for LARGE."""
         return [header for path, header, _ in self.requests if path.endswith(LARGE)]
-
-    def stop(self) -> None:
-        self.closing.set()
-        self.shutdown()
-        self.server_close()
 
 
 class _Handler(BaseHTTPRequestHandler):

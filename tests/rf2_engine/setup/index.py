@@ -5,8 +5,10 @@ import hashlib
 import io
 import threading
 import zipfile
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from urllib.parse import unquote, urlsplit
+
+from .local_server import LocalServer
 
 TAG = "py3-none-any"
 
@@ -29,22 +31,19 @@ def wheel(name: str, version: str = "1.0", payload: int = 200_000) -> bytes:
     return packed.getvalue()
 
 
-class Index(ThreadingHTTPServer):
+class Index(LocalServer):
     """`wheels` is {(name, version): bytes}; `requests` lists the paths that were asked for."""
 
-    daemon_threads = True
-
     def __init__(self, **versions: str):
-        super().__init__(("127.0.0.1", 0), _Handler)
         self.wheels = {(name.replace("_", "-"), version): wheel(name.replace("_", "-"), version)
                        for name, version in versions.items()}
         self.requests, self.stalling = [], ""  # a name: its wheel stops in the middle
-        self.stalled, self.closing = threading.Event(), threading.Event()
-        threading.Thread(target=self.serve_forever, args=(0.02,), daemon=True).start()
+        self.stalled = threading.Event()
+        super().__init__(_Handler)
 
     @property
     def address(self) -> str:
-        return f"http://127.0.0.1:{self.server_address[1]}/simple"
+        return f"{self.endpoint}/simple"
 
     def pins(self) -> dict:
         """As wheels.json, with the hashes of what is served now; every package needs only itself."""
@@ -55,11 +54,6 @@ class Index(ThreadingHTTPServer):
 
     def downloads(self) -> list[str]:
         return [path.rpartition("/")[2].partition("-")[0] for path in self.requests if path.endswith(".whl")]
-
-    def stop(self) -> None:
-        self.closing.set()
-        self.shutdown()
-        self.server_close()
 
 
 class _Handler(BaseHTTPRequestHandler):
