@@ -10,6 +10,15 @@ def area_vectors(corners: np.ndarray) -> np.ndarray:
     return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]) / 2
 
 
+def contracted(points):
+    """(..., 3) array or tensor in which what is farther than 1 from the origin was drawn in, infinity to 2.
+
+    Barron et al. 2022, "Mip-NeRF 360", equation 10.
+    """
+    length = ((points * points).sum(-1)[..., None] ** 0.5).clip(1)
+    return points * ((2 - 1 / length) / length)
+
+
 def barycentric(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(..., 3) f64 weights of the corners of (..., 3, 3) triangles at the projections of (..., 3) points.
 

@@ -16,7 +16,6 @@ from .scene import Guides, RenderScene, View
 
 HALF_EXTENT = 0.5          # of the scene's box, in network units
 CENTRAL_IRRADIANCE = 4.0   # W/m^2 that all lights and the environment together bring to the scene's centre
-EXTENT_PERCENTILE = 2.0    # a few far triangles (a horizon plane) must not shrink everything else to a dot
 NEAREST_LIGHT = 0.5        # network units; an emitter inside the scene must not decide the exposure alone
 
 
@@ -59,17 +58,21 @@ class Normalization:
 
 
 def _fit(scene: RenderScene) -> tuple[np.ndarray, float]:
+    low, high = scene.focus if scene.focus is not None else _bounds(scene)
+    half = float((high - low).max()) / 2
+    scale = HALF_EXTENT / half if half > 1e-9 else 1.0
+    return ((low + high) / 2).astype(np.float32), scale
+
+
+def _bounds(scene: RenderScene) -> tuple[np.ndarray, np.ndarray]:
     corners = scene.triangles[~scene.is_light].reshape(-1, 3)
     if scene.volumes is not None and len(scene.volumes):
         corners = np.concatenate([corners, scene.volumes.position])
     if not len(corners):
         corners = scene.triangles.reshape(-1, 3)
     if not len(corners):
-        return np.zeros(3, np.float32), 1.0
-    low, high = np.percentile(corners, [EXTENT_PERCENTILE, 100 - EXTENT_PERCENTILE], axis=0)
-    half = float(np.max(high - low)) / 2
-    scale = HALF_EXTENT / half if half > 1e-9 else 1.0
-    return ((low + high) / 2).astype(np.float32), scale
+        return np.full(3, -0.5, np.float32), np.full(3, 0.5, np.float32)
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 def _exposure(scene: RenderScene, center: np.ndarray, scale: float) -> float:

@@ -143,6 +143,8 @@ class RenderScene:
         *ENVIRONMENT_SHAPE, behaves={COLOR: -1, RADIANCE: -1, PANORAMA: 1}, default="none")
     volumes: Volumes | None = None
     seen: np.ndarray | None = array("N", dtype=bool, default="none")  # by cameras, lamps are not; None = all
+    # Lowest and highest corner of the box that becomes the network's, what a camera looks at; None = all but lights
+    focus: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
 
     def __len__(self) -> int:
         return len(self.triangles)

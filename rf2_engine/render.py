@@ -7,7 +7,7 @@ import numpy as np
 
 from ..model import progress, threads
 from ..model.errors import RenderCancelled, SceneError
-from . import compat, cycles_session, failure, model_cache, output, running, statistics
+from . import compat, cycles_session, failure, model_cache, output, running, shot, statistics
 from .convert.camera import convert_camera
 from .convert.report import Report
 from .convert.scene import convert
@@ -49,7 +49,9 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     with status.stage("Converting the scene", 0.0, 0.1):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y,
                               _border(engine, depsgraph.scene_eval.render), report)
-        scene = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report)
+        picture = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)  # without its border
+        scene = convert(depsgraph, picture, token_budget=settings.token_budget, max_edge=settings.max_edge,
+                        report=report, steady=shot.steady(depsgraph))
     with output.unless_stopped(engine, layer) as passes:
         with status.stage("First hits", 0.1, 0.2):
             passes |= cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,

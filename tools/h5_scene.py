@@ -74,7 +74,7 @@ def export(scene, weights: str | None, path: Path) -> dict:
                 return  # one view layer is enough
             try:
                 view = convert_camera(depsgraph, self.resolution_x, self.resolution_y, None, report)
-                found.append((convert(depsgraph, token_budget=budget, max_edge=edge, report=report), view))
+                found.append((convert(depsgraph, view, token_budget=budget, max_edge=edge, report=report), view))
             except Exception as error:  # Blender would print it and go on
                 found.append(error)
 

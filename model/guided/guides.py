@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from ..camera import view_rays_at
 from ..fields import COLOR, DIRECTION, POINT, Channels, array
+from ..geometry import contracted
 from ..network.inputs import TensorGroup
 from ..network.memory import like
 from ..progress import part
@@ -106,8 +107,9 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     hinted = torch.full_like(alpha, guides.traced is not None)
     traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
-    bundles = bundle_positions(position, alpha, rays, origin, patch)
-    offset = (position - bundles.repeat_interleave(patch, 0).repeat_interleave(patch, 1)) * OFFSET_SCALE * (alpha > 0)
+    near = contracted(position)
+    bundles = bundle_positions(near, alpha, rays, origin, patch)
+    offset = (near - bundles.repeat_interleave(patch, 0).repeat_interleave(patch, 1)) * OFFSET_SCALE * (alpha > 0)
     mirrored = rays - 2 * (rays * normal).sum(-1, keepdim=True) * normal
     features = torch.cat([offset, normal, colors, roughness[..., None], alpha, _log(light), mirrored, _log(bounced),
                           _log(traced), hinted], -1)
@@ -119,11 +121,14 @@ def _log(radiance: Tensor) -> Tensor:
 
 
 def bundle_positions(position: Tensor, alpha: Tensor, rays: Tensor, origin: Tensor, patch: int) -> Tensor:
-    """(H / patch, W / patch, 3) mean first hit of each bundle; some way along its mean ray where it hits nothing."""
+    """(H / patch, W / patch, 3) mean first hit of each bundle; some way along its mean ray where it hits nothing.
+
+    `position` and the result are in contracted space.
+    """
     weight = (alpha > 0).float()
     pooled = F.avg_pool2d(torch.cat([position * weight, weight, rays], -1).permute(2, 0, 1)[None], patch)[0]
     hit, share, ray = pooled.permute(1, 2, 0).split([3, 1, 3], -1)
-    unseen = origin + UNSEEN_DISTANCE * F.normalize(ray, dim=-1)
+    unseen = contracted(origin + UNSEEN_DISTANCE * F.normalize(ray, dim=-1))
     return torch.where(share > 0, hit / share.clamp_min(1e-6), unseen)
 
 

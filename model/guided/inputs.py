@@ -2,7 +2,7 @@
 """What the guided network is given: the same call for F12 and for training."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -11,10 +11,11 @@ from torch.nn import functional as F
 
 from ..environment import environment_images
 from ..fields import DIRECTION, array
+from ..geometry import contracted
 from ..inputs import material_tiles, nearer_lights, view_inputs, volume_inputs
 from ..network.config import ModelConfig
-from ..network.inputs import EnvironmentInputs, NetworkInputs, ViewInputs, encode_light
-from ..scene import Guides, RenderScene, View
+from ..network.inputs import EnvironmentInputs, NetworkInputs, ViewInputs, VolumeInputs, encode_light
+from ..scene import Guides, RenderScene, View, Volumes
 from .encoders import panorama_size, tile_side
 from .guides import GuideTensors, guide_tensors
 from .light_prior import LightPrior
@@ -46,11 +47,21 @@ def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None) -> Guide
     light = encode_light(torch.from_numpy(scene.emission))
     shines = (light > 0).any(dim=-1).numpy()  # the very faint ones are none for the network
     return GuidedInputs(
-        triangles=torch.from_numpy(nearer_lights(scene)), normals=torch.from_numpy(scene.normals),
+        triangles=torch.from_numpy(_nearer(scene)), normals=torch.from_numpy(scene.normals),
         texture=tiles if mapper is None else material_tiles(tiles, mapper),
         texture_index=torch.from_numpy(scene.tile_index).long(), light=light,
-        environment=_environment(scene.environment, panorama_size(config)), volumes=volume_inputs(scene.volumes),
+        environment=_environment(scene.environment, panorama_size(config)), volumes=_volumes(scene.volumes),
         beam_axis=torch.from_numpy(scene.beam_axis[shines]), beam_cosine=torch.from_numpy(scene.beam_cosine[shines]))
+
+
+def _nearer(scene: RenderScene) -> np.ndarray:
+    """(N, 3, 3) corners in a space without far places: a large ground or a sky dome is like nothing in training."""
+    lights = scene.is_light[:, None, None]
+    return np.where(lights, nearer_lights(scene), contracted(scene.triangles)).astype(np.float32)
+
+
+def _volumes(volumes: Volumes | None) -> VolumeInputs | None:
+    return volume_inputs(volumes and replace(volumes, position=contracted(volumes.position)))
 
 
 def guided_view(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,

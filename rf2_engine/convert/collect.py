@@ -54,16 +54,35 @@ class Collected:
     media: list[Medium] = field(default_factory=list)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest world coordinates (3,) of surfaces and media; a unit cube if there are none."""
-        points = [box.points(2).reshape(-1, 3) for box in self.media]
-        for part in self.parts:
-            low, high = part.mesh.corners.min(axis=(0, 1)), part.mesh.corners.max(axis=(0, 1))
-            corners = low + np.indices((2, 2, 2)).reshape(3, 8).T * (high - low).astype(np.float64)
-            points += [corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in part.matrices]
+        """Lowest and highest world coordinates (3,) of surfaces and media; a unit cube if there are none.
+
+        Surfaces that shine count only where there is nothing else: they may stand far away, as lamps do.
+        """
+        points = [box.corners() for box in self.media]
+        for part in [part for part in self.parts if not part.emits] or ([] if points else self.parts):
+            points += _boxes(part)
         if not points:
             return np.full(3, -0.5), np.full(3, 0.5)
         points = np.concatenate(points)
         return points.min(axis=0), points.max(axis=0)
+
+    def beyond(self, box: np.ndarray) -> list[str]:
+        """Names of the surfaces that reach farther outside a box (2, 3) than it is wide."""
+        low, high = box
+        room = (high - low).max() + 1e-6
+        names = {}
+        for part in self.parts:
+            for corners in _boxes(part):
+                if (corners.min(axis=0) < low - room).any() or (corners.max(axis=0) > high + room).any():
+                    names[part.name] = None
+        return list(names)
+
+
+def _boxes(part: Part) -> list[np.ndarray]:
+    """(8, 3) world corners of the bounding box of each instance."""
+    low, high = part.mesh.corners.min(axis=(0, 1)), part.mesh.corners.max(axis=(0, 1))
+    corners = low + np.indices((2, 2, 2)).reshape(3, 8).T * (high - low).astype(np.float64)
+    return [corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in part.matrices]
 
 
 def collect(depsgraph, images, report) -> Collected:

@@ -31,6 +31,11 @@ class Medium:
     absorption: np.ndarray  # (3,) f64
     density: Callable[[int], np.ndarray]  # r -> (r, r, r) density of the box's voxels, [x, y, z] along the box axes
 
+    def corners(self) -> np.ndarray:
+        """(8, 3) of the box, world, the last axis fastest."""
+        local = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * self.size
+        return local @ self.rotation.T + self.center
+
     def points(self, resolution: int) -> np.ndarray:
         """(r, r, r, 3) world centres of the voxels, [x, y, z]."""
         axis = (np.arange(resolution) + 0.5) / resolution - 0.5

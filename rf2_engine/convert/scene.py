@@ -7,33 +7,43 @@ import functools
 import numpy as np
 
 from ...model import progress
-from ...model.scene import RenderScene
+from ...model.geometry import contracted
+from ...model.normalize import Normalization
+from ...model.scene import RenderScene, View
 from .. import compat
 from . import medium, reduce, subdivide
 from . import mesh as meshes
 from .collect import Collected, LampInstance, Part, collect
+from .focus import find_focus
 from .light import COARSE, FINE, convert_light
 from .material import MaterialTiles
 from .world import convert_world
 
 
-def convert(depsgraph, *, token_budget: int, max_edge: float, report) -> RenderScene:
+def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
+            steady=lambda focus: focus) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
+    view: of the whole picture, whose surroundings become the network's box (focus.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
-    a fraction of the longest side of the scene's bounding box. report: rf2_engine/convert/report.py.
+    a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
+    steady: given the box found here, the one to take.
     Raises SceneError when the scene cannot be converted at all.
     """
     materials = MaterialTiles(report)
     with progress.part(0.0, 0.5):
         found = collect(depsgraph, materials.images, report)
-    low, high = found.bounds()
-    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    lamps = _lamps(found.lamps, token_budget // 2, center, radius, report)
+    focus = steady(np.float32(found.bounds()) if view is None else find_focus(found, view))
+    (low, high), beyond = focus, found.beyond(focus)
+    if beyond:
+        report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
+                            f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}); farther away, such as parts of "
+                            f"{', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}, it sees less")
+    lamps = _lamps(found.lamps, token_budget // 2, (low + high) / 2, float(np.linalg.norm(high - low)) / 2, report)
     budget = token_budget - sum(map(len, lamps))
     with progress.part(0.5, 0.7):
         _simplify(found, budget, report)
-    _subdivide(found, budget, max_edge * float((high - low).max()))
+    _subdivide(found, budget, max_edge, Normalization.of(RenderScene(focus=focus)))
     with progress.part(0.7, 0.9):
         surfaces = _surfaces(found.parts, materials, report)
     scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
@@ -41,6 +51,7 @@ def convert(depsgraph, *, token_budget: int, max_edge: float, report) -> RenderS
         scene.volumes = medium.cells(found.media, report)
     with progress.part(0.95, 1.0, "Converting the world"):
         scene.environment = convert_world(compat.world(depsgraph), report)
+    scene.focus = focus
     scene.validate()
     return scene
 
@@ -99,21 +110,37 @@ def _drop_small_instances(found: Collected, budget: int, report) -> None:
     found.parts = [part for part in found.parts if part.matrices]
 
 
-def _subdivide(found: Collected, budget: int, max_edge: float) -> None:
-    """Split large triangles of all parts together, so that the largest of the whole scene come first."""
+def _subdivide(found: Collected, budget: int, max_edge: float, frame: Normalization) -> None:
+    """Split large triangles of all parts together, so that the largest of the whole scene come first.
+
+    How large they are is measured in the network's box, outside of which space is contracted.
+    """
     parts = found.parts
     if not parts:
         return
     counts = np.array([len(part.mesh) for part in parts])
     copies = np.array([len(part.matrices) for part in parts])
     cost = np.where([part.emits for part in parts], 0, copies)
-    corners = np.concatenate([part.mesh.corners @ max(part.matrices, key=_scale)[:3, :3].T for part in parts])
-    parent, weights = subdivide.subdivide(corners, np.repeat(cost, counts), max_edge, budget - int(counts @ copies))
+    corners = np.concatenate([frame.points(_nearest(part, frame)) for part in parts])
+    parent, weights = subdivide.subdivide(corners, np.repeat(cost, counts), max_edge, budget - int(counts @ copies),
+                                          contracted)
     owner = np.repeat(np.arange(len(parts)), counts)[parent]
     for i, part in enumerate(parts):
         mine = owner == i
         if np.count_nonzero(mine) > counts[i]:
             part.mesh = subdivide.pieces(part.mesh, parent[mine] - counts[:i].sum(), weights[mine])
+
+
+def _nearest(part: Part, frame: Normalization) -> np.ndarray:
+    """(n, 3, 3) world corners of the instance that is largest in the network's contracted space."""
+    middle = part.mesh.corners.mean(axis=(0, 1))
+
+    def size(matrix: np.ndarray) -> float:
+        place = frame.points(matrix[:3, :3] @ middle + matrix[:3, 3])
+        return _scale(matrix) / max(float(place @ place), 1)
+
+    matrix = max(part.matrices, key=size)
+    return part.mesh.corners @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _scale(matrix: np.ndarray) -> float:

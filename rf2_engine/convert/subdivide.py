@@ -10,18 +10,19 @@ from . import mesh as meshes
 from .mesh import TriangleMesh
 
 
-def subdivide(corners: np.ndarray, cost: np.ndarray, max_edge: float, budget: int) -> tuple[np.ndarray, np.ndarray]:
+def subdivide(corners: np.ndarray, cost: np.ndarray, max_edge: float, budget: int,
+              warp=lambda points: points) -> tuple[np.ndarray, np.ndarray]:
     """Bisect the longest edges, largest triangles first, until none is above `max_edge` or `budget` is used up.
 
-    corners: (n, 3, 3) in units of `max_edge`; cost: (n,) int, tokens that one more piece of the triangle takes
-    (0 = must stay whole); budget: tokens that may be added.
+    corners: (n, 3, 3); cost: (n,) int, tokens that one more piece of the triangle takes (0 = must stay whole);
+    budget: tokens that may be added. Edges are measured in units of `max_edge` after `warp` of their ends.
     Returns parent (m,) i64, the triangle each piece came from, and weights (m, 3, 3) f32, [piece, corner, parent
     corner], the barycentric coordinates of its corners; the pieces of a triangle cover it exactly.
     """
     parent = np.arange(len(corners))
     weights = np.tile(np.eye(3, dtype=np.float32), (len(corners), 1, 1))
     while len(parent):
-        size = np.where(cost[parent] > 0, meshes.longest_edges(weights @ corners[parent]), 0)
+        size = np.where(cost[parent] > 0, meshes.longest_edges(warp(weights @ corners[parent])), 0)
         # Only the largest third of the sizes per round, so that a short budget goes to the largest triangles.
         chosen = np.flatnonzero(size > max(max_edge, 0.7 * size.max()))
         chosen = chosen[np.argsort(-size[chosen], kind="stable")]
@@ -29,7 +30,7 @@ def subdivide(corners: np.ndarray, cost: np.ndarray, max_edge: float, budget: in
         if len(chosen) == 0:
             break
         budget -= int(cost[parent[chosen]].sum())
-        first, second = _halves(weights[chosen], corners[parent[chosen]])
+        first, second = _halves(weights[chosen], warp(weights[chosen] @ corners[parent[chosen]]))
         weights[chosen] = first
         weights = np.concatenate([weights, second])
         parent = np.concatenate([parent, parent[chosen]])
@@ -43,8 +44,7 @@ def pieces(mesh: TriangleMesh, parent: np.ndarray, weights: np.ndarray) -> Trian
     return replace(cut, normals=meshes.unit_or(cut.normals, whole.normals))
 
 
-def _halves(weights: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    placed = weights @ corners
+def _halves(weights: np.ndarray, placed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     start = np.linalg.norm(np.roll(placed, -1, axis=1) - placed, axis=2).argmax(axis=1)
     row, end = np.arange(len(weights)), (start + 1) % 3
     middle = (weights[row, start] + weights[row, end]) / 2

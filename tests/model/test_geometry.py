@@ -6,6 +6,7 @@ import pytest
 from renderformer_v2.model.geometry import (
     area_vectors,
     barycentric,
+    contracted,
     euler_angles,
     latlong_directions,
     latlong_uv,
@@ -39,3 +40,8 @@ def test_panorama_texels_know_their_place():
     uv = latlong_uv(latlong_directions(np.arange(8), 8, 16))
     np.testing.assert_allclose(uv[:, 0, 1], 1 - (np.arange(8) + 0.5) / 8, atol=1e-6)
     np.testing.assert_allclose(uv[3, :, 0], (np.arange(16) + 0.5) / 16, atol=1e-6)
+
+
+def test_contraction_keeps_the_near_and_draws_in_the_far():
+    points = np.float32([(0.3, -0.4, 0.5), (0, 4, 0), (0, 0, -1e6)])
+    np.testing.assert_allclose(contracted(points), [(0.3, -0.4, 0.5), (0, 1.75, 0), (0, 0, -2)], atol=1e-5)

@@ -65,7 +65,8 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     start = time.perf_counter()
     view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)
     if sample.scene is None:
-        sample.scene = convert(depsgraph, token_budget=sample.token_budget, max_edge=MAX_EDGE, report=sample.report)
+        sample.scene = convert(depsgraph, view, token_budget=sample.token_budget, max_edge=MAX_EDGE,
+                               report=sample.report)
     converted = time.perf_counter()
     found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, light=Light.ALL, denoise=True)
     depsgraph.scene_eval.cycles.seed += 1  # noise that hints and reference share would be a hint too many

@@ -32,7 +32,19 @@ def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
     assert guides.features.shape == (1, len(FEATURES), 64, 128)
     torch.testing.assert_close(positions[4, 8, 2], torch.tensor(0.0), atol=1e-5, rtol=0)
     camera = torch.tensor([0.0, 0.0, 3.0])
-    torch.testing.assert_close((positions[0, 0] - camera).norm(), torch.tensor(UNSEEN_DISTANCE))
+    drawn_in = positions[0, 0].norm()
+    unseen = positions[0, 0] / drawn_in / (2 - drawn_in)
+    torch.testing.assert_close((unseen - camera).norm(), torch.tensor(UNSEEN_DISTANCE))
+
+
+def test_far_bundles_are_drawn_in():
+    scene = floor_scene()
+    view, guides = floor_view(64, 64)
+    guides.position = guides.position + np.float32((0, 500, 0)) * (guides.alpha[..., None] > 0)
+    prior = LightPrior(scene)
+    far = guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
+    assert 1.9 < far.positions.norm(dim=-1).max() <= 2
+    assert far.features[:, FEATURES["offset"]].abs().max() < 1
 
 
 def test_the_prior_is_the_only_light_of_an_undecided_decoder():

@@ -18,7 +18,7 @@ def converted(scene, report):
     """Function that converts the scene; by default nothing is simplified or subdivided."""
     def run(token_budget=1_000_000, max_edge=1e6):
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        return convert(depsgraph, token_budget=token_budget, max_edge=max_edge, report=report)
+        return convert(depsgraph, None, token_budget=token_budget, max_edge=max_edge, report=report)
     return run
 
 

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The network's box held still over a shot: light flickers in a scene that is fitted anew for every frame.
+
+A shot lasts from the first frame of a render job, for as long as the camera stays the same and looks at about the
+same place.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way
+FARTHEST = 1.0      # between their centres, in sides of the kept one
+
+_boxes: dict[tuple[str, str], np.ndarray] = {}  # by scene and camera
+
+
+def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[np.ndarray], np.ndarray]:
+    """A function that takes the box (2, 3) of this frame and gives the one of its shot."""
+    scene = depsgraph.scene_eval
+    key = scene.name, scene.camera.name if scene.camera else ""
+
+    def settled(box: np.ndarray) -> np.ndarray:
+        if key not in _boxes or _has_left(_boxes[key], box):
+            _boxes[key] = box
+        return _boxes[key]
+
+    return settled
+
+
+def _has_left(kept: np.ndarray, box: np.ndarray) -> bool:
+    size, new = (float((b[1] - b[0]).max()) for b in (kept, box))
+    apart = np.abs(box.sum(axis=0) - kept.sum(axis=0)).max() / 2
+    return not size / LARGEST_ZOOM <= new <= size * LARGEST_ZOOM or apart > FARTHEST * size
+
+
+@persistent
+def _begin(*_):
+    _boxes.clear()
+
+
+def register() -> None:
+    bpy.app.handlers.render_init.append(_begin)
+
+
+def unregister() -> None:
+    _boxes.clear()
+    if _begin in bpy.app.handlers.render_init:  # other add-ons clear these lists
+        bpy.app.handlers.render_init.remove(_begin)

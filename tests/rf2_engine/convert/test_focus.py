@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The network's box: what the camera looks at fills it, whatever else the scene holds."""
+import bpy
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.collect import collect
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.focus import find_focus
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.image import ImageCache
+
+EYE = (7.36, -6.93, 4.96)  # of Blender's default camera, which looks at a cube of 2 m
+
+
+@pytest.fixture
+def focus(scene, report):
+    """Function that gives the box of the default view after a cube was added."""
+    bpy.ops.object.camera_add(location=EYE, rotation=np.radians((63.6, 0, 46.7)))
+    scene.camera = bpy.context.object
+    scene.camera.data.clip_end = 1e6
+    bpy.ops.mesh.primitive_cube_add(size=2)
+
+    def find():
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        return find_focus(collect(depsgraph, ImageCache(report), report), convert_camera(depsgraph, 192, 108, None))
+    return find
+
+
+def side(box: np.ndarray) -> float:
+    return float((box[1] - box[0]).max())
+
+
+def plane(size: float, z: float = -1.0):
+    bpy.ops.mesh.primitive_plane_add(size=size, location=(0, 0, z))
+    return bpy.context.object
+
+
+def dome(radius: float):
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=radius)
+    return bpy.context.object
+
+
+SURROUNDINGS = {
+    "ground of 20 m": lambda: plane(20),
+    "ground of 1 km": lambda: plane(1000),
+    "ground of 10 km": lambda: plane(10_000),
+    "sky dome": lambda: dome(500),
+    "ground and sky dome": lambda: (plane(1000), dome(800)),
+    "far object": lambda: bpy.ops.mesh.primitive_cube_add(size=50, location=(-900, 900, 0)),
+    "far object behind the camera": lambda: bpy.ops.mesh.primitive_cube_add(size=50, location=(900, -900, 0)),
+}
+
+
+def test_a_cube_alone_fills_the_box(focus):
+    np.testing.assert_allclose(focus(), [(-1, -1, -1), (1, 1, 1)], atol=1e-5)
+
+
+@pytest.mark.parametrize("surroundings", SURROUNDINGS)
+def test_surroundings_do_not_shrink_what_is_looked_at(focus, surroundings):
+    SURROUNDINGS[surroundings]()
+    low, high = focus()
+    assert (low < 0.5).all() and (high > -0.5).all(), "the cube is in the box"
+    assert 2 < side((low, high)) < 15
+
+
+def test_subdivision_does_not_change_the_box(focus):
+    ground = plane(50)
+    before = focus()
+    modifier = ground.modifiers.new("fine", "SUBSURF")
+    modifier.subdivision_type, modifier.levels, modifier.render_levels = "SIMPLE", 6, 6
+    np.testing.assert_allclose(focus(), before, atol=0.05 * side(before))
+
+
+def test_a_room_around_the_camera_is_the_box_and_not_the_house(focus):
+    for x in range(-6, 7):
+        bpy.ops.mesh.primitive_cube_add(size=10, location=(10 * x, 40, 0))
+    dome(8.0)
+    assert side(focus()) <= 16.1
+
+
+def test_a_view_of_nothing_takes_all_there_is(focus, scene):
+    scene.camera.rotation_euler = (np.pi, 0, 0)
+    np.testing.assert_allclose(focus(), [(-1, -1, -1), (1, 1, 1)], atol=1e-5)
