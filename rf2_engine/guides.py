@@ -6,6 +6,7 @@ import numpy as np
 
 from mathutils.bvhtree import BVHTree
 
+from ..model import media
 from ..model.camera import view_rays, view_rays_at
 from ..model.first_hits import guides_of_hits
 from ..model.geometry import barycentric
@@ -70,13 +71,14 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
     source = _nearest(seen, covered)
 
     length = np.linalg.norm(passes["normal"], axis=-1, keepdims=True)
-    return Guides(
+    guides = Guides(
         position=position.reshape(-1, 3)[source], normal=passes["normal"] / np.where(length > 0, length, 1),
         diffuse_color=passes["diffuse_color"], glossy_color=passes["glossy_color"],
         transmission_color=passes["transmission_color"], emission=passes["emission"],
         environment=passes["environment"], depth=passes["depth"][..., 0], alpha=alpha,
         hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source],
         traced=passes["traced"] * covered[..., None] if "traced" in passes else None)  # a denoiser spreads a little
+    return media.smoothed(guides, scene.volumes, view)
 
 
 def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen: np.ndarray,
