@@ -48,7 +48,7 @@ class GuideTensors(TensorGroup):
 
     features: Tensor = array("V", len(FEATURES), "H", "W", channels=FEATURES)
     colors: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # [lobe, rgb], premultiplied by coverage
-    prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # unshadowed radiance of a white lobe
+    prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # radiance of a white lobe, lamps unshadowed
     positions: Tensor = array("V", "R", 3, behaves=POINT)            # mean first hit of every bundle
     bounced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})    # radiosity: radiance of a white diffuse surface
     traced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # radiance; 0 if nothing was traced
@@ -101,7 +101,9 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1))
+    sky = gathered(prior.sky, position, normal, alpha > 0)
+    light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
+                  sky.reshape(h * w, 3))
     light = light.reshape(h, w, 9) * (alpha > 0)
     bounced = gathered(radiosity, position, normal, alpha > 0)
     hinted = torch.full_like(alpha, guides.traced is not None)

@@ -14,7 +14,7 @@ LOBES = ("diffuse", "glossy", "transmission")
 OUTPUTS = Channels(1, visibility=9, indirect=9, rest=3)  # RGB of each lobe, and what no lobe explains
 MAX_VISIBILITY = 1.2       # the prior's glossy lobe is approximate: leave room above 1
 VISIBLE, DARK = 1.5, -6.0  # offsets that start the decoder near "everything visible, nothing indirect"
-BOUNCED = 0.45             # of the radiosity, which is unshadowed: where the decoder starts
+BOUNCED = 0.9              # of the radiosity: where the decoder starts
 
 
 def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:

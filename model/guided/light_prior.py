@@ -17,12 +17,14 @@ from ..progress import report
 from ..scene import RenderScene
 from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
+from .shadow_maps import LampShadows
+from .sky import SkyVisibility
 
 CHUNK = 8192  # pixels at a time: bounds memory with many lights, and the time between two polls
 
 
 class LightPrior:
-    """Light arriving at surface points from everything that shines, as if nothing stood between.
+    """Light arriving at surface points from everything that shines, as if nothing stood between unless told.
 
     Built from a RenderScene (any frame and exposure; the result is in the same radiance units).
     """
@@ -33,37 +35,54 @@ class LightPrior:
         self.corners, self.centers, self.radii = as_tensor(e.corners), as_tensor(e.centers), as_tensor(e.radii)
         self.radiance, self.beam_axis, self.beam_cosine = map(as_tensor, (e.radiance, e.beam_axis, e.beam_cosine))
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
+        self.blocking = as_tensor(scene.triangles[~scene.is_light])
+        self.open_sky = None if self.environment is None else SkyVisibility(self.blocking, self.environment)
 
-    def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor) -> Tensor:
+    def sky(self, position: Tensor, normal: Tensor) -> Tensor:
+        """(P, 3) share of the environment's RGB irradiance that arrives at points (P, 3) with unit normals (P, 3)."""
+        return torch.ones_like(position) if self.open_sky is None else self.open_sky(position, normal)
+
+    def lamps(self, position: Tensor, normal: Tensor) -> Tensor:
+        """(P, L) share, 0 or 1, of every emitter's light that arrives at points (P, 3) with unit normals (P, 3)."""
+        origins = torch.cat([self.corners.mean(1), self.centers])
+        return LampShadows(self.blocking, origins)(position, normal).float()
+
+    def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
+                 sky: Tensor | None = None, lamps: Tensor | None = None) -> Tensor:
         """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe.
 
         position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual. The normal is
         taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a silhouette.
+        sky (P, 3), lamps (P, L): shares of the environment's diffuse light and of every emitter's that arrive.
         Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none.
         """
+        everything = torch.ones_like(roughness[:, None])
+        shares = (everything if share is None else share for share in (sky, lamps))
         parts = []
-        for points in zip(*(x.split(CHUNK) for x in (position, normal, outgoing, roughness))):
+        for points in zip(*(x.split(CHUNK) for x in (position, normal, outgoing, roughness, *shares))):
             report(len(parts) * CHUNK / max(len(position), 1))
             parts.append(self._chunk(*points))
         return torch.cat(parts) if parts else position.new_zeros(0, 9)
 
-    def _chunk(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> Tensor:
+    def _chunk(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, sky: Tensor,
+               lamps: Tensor) -> Tensor:
         valid = (n.square().sum(-1, keepdim=True) > 0.25).float()
-        diffuse, glossy = self._emitters(x, n, v, roughness)
+        diffuse, glossy = self._emitters(x, n, v, roughness, lamps)
         transmitted = torch.zeros_like(diffuse)
         if self.environment is not None:
             mirrored = 2 * (n * v).sum(-1, keepdim=True) * n - v
-            diffuse = diffuse + self.environment.irradiance(n) / math.pi
+            diffuse = diffuse + self.environment.irradiance(n) * sky / math.pi
             glossy = glossy + self.environment.filtered(mirrored, roughness)
             transmitted = self.environment.filtered(-v, roughness)
         return torch.cat([diffuse, glossy, transmitted], -1) * valid
 
-    def _emitters(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
+    def _emitters(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor,
+                  lamps: Tensor) -> tuple[Tensor, Tensor]:
         if not len(self.radiance):
             return torch.zeros_like(x), torch.zeros_like(x)
         direction, sine2 = self._vector_form_factors(x)
         beam = smoothstep(self.beam_cosine[:, 0], self.beam_cosine[:, 1], -(direction * self.beam_axis).sum(-1))
-        beam = torch.where(self.beam_axis.square().sum(-1) > 0.25, beam, torch.ones_like(beam))
+        beam = torch.where(self.beam_axis.square().sum(-1) > 0.25, beam, torch.ones_like(beam)) * lamps
         cosine = torch.einsum("plc,pc->pl", direction, n)
         diffuse = sphere_form_factor(cosine, sine2) * beam
         glossy = ggx_lobe(direction, cosine, sine2, n, v, roughness) * beam

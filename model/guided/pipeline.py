@@ -42,8 +42,9 @@ class GuidedPipeline:
 
     def encode(self, scene: RenderScene, variant: str) -> GuidedContext:
         inputs = guided_inputs(scene, self.network.config, self.mapper).to(self.device)
-        prior = LightPrior(scene, self.device)
-        with part(0.0, 0.1, "Bounced light"):
+        with part(0.0, 0.05, "Light prior"):
+            prior = LightPrior(scene, self.device)
+        with part(0.05, 0.1, "Bounced light"):
             radiosity = Radiosity(scene, prior)
         with part(0.1, 1.0):
             return GuidedContext(scene, self.network.encode_scene(inputs), prior, radiosity)

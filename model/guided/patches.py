@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The patches that exchange light: a scene's triangles, the largest split, small ones merged to PATCHES at most."""
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..geometry import area_vectors
+from ..network.ordering import hilbert_order
+from ..scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene
+
+PATCHES = 2048
+AT_ONCE = 64         # triangles that are split before the largest are looked for again
+TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one
+SPECULAR = 0.04      # what a dielectric reflects besides its colour
+
+
+def patches(scene: RenderScene) -> tuple[Tensor, Tensor, Tensor]:
+    """Centroids, area vectors and albedo, (S, 3) f32 each, of all triangles that are no lights."""
+    rows = np.flatnonzero(~scene.is_light)
+    corners, source = _split(scene.triangles[rows])
+    albedo = _albedo(scene)[scene.tile_index[rows]][source]
+    center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
+    return _merged(center, vector, albedo)
+
+
+def _albedo(scene: RenderScene) -> np.ndarray:
+    """(tiles, 3) share of the light that a tile's surface sends on, as if all of it were diffuse."""
+    mean = scene.tiles.astype(np.float32).mean(axis=(2, 3))
+    base, metallic, transmission = mean[:, BASE_COLOR], mean[:, METALLIC, None], mean[:, TRANSMISSION, None]
+    inside = (1 - transmission) + TRANSMITTED * transmission
+    return base * (metallic + (1 - metallic) * inside) + SPECULAR * (1 - metallic)
+
+
+def _split(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(S, 3, 3) corners with the largest triangles quartered, and (S,) rows where they come from.
+
+    Points close to a large patch would see too little of it. There are PATCHES then, or that half as many more than
+    before, which makes room for walls beside fine meshes that are merged afterwards.
+    """
+    source = np.arange(len(corners))
+    wanted = max(PATCHES, len(corners) + PATCHES // 2) if len(corners) else 0
+    while room := (wanted - len(corners)) // 3:
+        order = np.argsort(-np.linalg.norm(area_vectors(corners), axis=1), kind="stable")
+        large, rest = np.split(order, [min(room, AT_ONCE)])
+        middle = (corners[large] + np.roll(corners[large], -1, axis=1)) / 2
+        outer = [np.stack([corners[large, i], middle[:, i], middle[:, i - 1]], axis=1) for i in range(3)]
+        corners = np.concatenate([corners[rest], *outer, middle])
+        source = np.concatenate([source[rest], np.tile(source[large], 4)])
+    return corners, source
+
+
+def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """The same of groups of triangles that face the same way and follow each other along the Hilbert curve."""
+    if len(center) <= PATCHES:
+        return center, vector, albedo
+    axis = vector.abs().argmax(1, keepdim=True)
+    side = (2 * axis + (vector.gather(1, axis) < 0))[:, 0]
+    order = hilbert_order(center)
+    order = order[side[order].argsort(stable=True)]
+    center, vector, albedo = center[order], vector[order], albedo[order]
+    area = vector.norm(dim=-1, keepdim=True)
+    along = area.sqrt().double().cumsum(0)[:, 0]  # by size: a large triangle is a group of its own
+    key = (along / along[-1] * (PATCHES - 1)).long()
+
+    def summed(x: Tensor) -> Tensor:
+        return torch.zeros(PATCHES, x.shape[-1]).index_add_(0, key, x)
+
+    total = summed(area).clamp_min(1e-20)
+    return summed(area * center) / total, summed(vector), summed(area * albedo) / total

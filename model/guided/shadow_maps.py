@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What stands between a light and a point, by shadow maps (Williams 1978, "Casting curved shadows on curved surfaces").
+
+A map keeps, cell by cell, how far from the light the nearest of many points lies that are strewn over the triangles.
+"""
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ..progress import report
+
+SIDE = 128        # cells along a map
+DENSITY = 3.0     # points per cell of a surface that faces a distant light
+POINTS = 1 << 22  # of all maps together, at most
+GOLDEN = (math.sqrt(5) - 1) / 2
+
+
+class ShadowMaps:
+    """One map for each of several lights."""
+
+    def __init__(self, triangles: Tensor, lights: Tensor):
+        """triangles: (T, 3, 3) corners of what casts shadows; lights: (L, 3)."""
+        corners = triangles.reshape(-1, 3)
+        low, high = (corners.amin(0), corners.amax(0)) if len(corners) else corners.new_zeros(2, 3)
+        self.lights, self.center, self.radius = lights, (low + high) / 2, max((high - low).norm().item() / 2, 1e-6)
+        points = surface_points(triangles, (2 * self.radius / SIDE) ** 2 / DENSITY, POINTS // max(len(lights), 1))
+        self.nearest = torch.full((len(lights), SIDE * SIDE), math.inf, device=triangles.device)
+        for k in range(len(lights)):
+            report(k / len(lights))
+            cell, distance = self.project(points[:, None], slice(k, k + 1))
+            self.nearest[k].scatter_reduce_(0, cell[:, 0], distance[:, 0], "amin")
+
+    def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
+        """(P, L) bool, which lights see the points (P, 3) of surfaces with unit normals (P, 3)."""
+        # A cell's width off its surface, a point is not shaded by what else the cell holds of that surface.
+        lifted = position[:, None] + normal[:, None] * self.pitch(position)[..., None]
+        cell, distance = self.project(lifted, slice(None))
+        return distance <= self.nearest.T.gather(0, cell)
+
+    def project(self, points: Tensor, which: slice) -> tuple[Tensor, Tensor]:
+        """Cells and distances (P, L) of points (P, 1 or L, 3) in the maps of some lights."""
+        raise NotImplementedError
+
+    def pitch(self, position: Tensor) -> Tensor:
+        """(P, 1 or L) width of a cell at points (P, 3)."""
+        raise NotImplementedError
+
+
+class DistantShadows(ShadowMaps):
+    """Of lights infinitely far away in unit directions (L, 3)."""
+
+    def project(self, points: Tensor, which: slice) -> tuple[Tensor, Tensor]:
+        towards = self.lights[which]
+        aside = F.normalize(torch.linalg.cross(towards, towards.roll(1, dims=-1)), dim=-1)
+        offset = (points - self.center) / self.radius
+        axes = aside, torch.linalg.cross(towards, aside), towards
+        right, up, height = ((offset @ axis.T).squeeze(1) for axis in axes)
+        return _cell(right, up), -height
+
+    def pitch(self, position: Tensor) -> Tensor:
+        return torch.full_like(position[:, :1], math.sqrt(8) * self.radius / SIDE)  # from corner to corner
+
+
+class LampShadows(ShadowMaps):
+    """Of lights at points (L, 3), which look around in octahedral maps."""
+
+    def project(self, points: Tensor, which: slice) -> tuple[Tensor, Tensor]:
+        offset = points - self.lights[which]
+        x, y, z = (offset / offset.abs().sum(-1, keepdim=True).clamp_min(1e-12)).unbind(-1)
+        right = torch.where(z < 0, torch.copysign(1 - y.abs(), x), x)
+        up = torch.where(z < 0, torch.copysign(1 - x.abs(), y), y)
+        return _cell(right, up), offset.norm(dim=-1)
+
+    def pitch(self, position: Tensor) -> Tensor:
+        return 8 * math.sqrt(3) / SIDE * torch.cdist(position, self.lights)  # the widest cells are this wide
+
+
+def _cell(right: Tensor, up: Tensor) -> Tensor:
+    column, row = (((a + 1) * (SIDE / 2)).long().clamp_(0, SIDE - 1) for a in (right, up))
+    return row * SIDE + column
+
+
+def surface_points(triangles: Tensor, area: float, limit: int) -> Tensor:
+    """(N, 3) points on (T, 3, 3) triangles: one per started `area` of each, or of so much more that N <= limit + T."""
+    a, b, c = triangles.unbind(1)
+    size = torch.linalg.cross(b - a, c - a).norm(dim=-1) / 2
+    count = (size / max(area, size.sum().item() / limit)).ceil().long()
+    row = torch.repeat_interleave(count)
+    k = torch.arange(len(row), device=row.device) - (count.cumsum(0) - count)[row]
+    u, v = ((k + 0.5) / count[row]).sqrt(), (k.double() * GOLDEN % 1).float()  # a Fibonacci lattice
+    return torch.stack([1 - u, u * (1 - v), u * v], dim=1)[:, None].matmul(triangles[row])[:, 0]

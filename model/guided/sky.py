@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much of the environment's light reaches a surface past the scene's triangles."""
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from .environment_prior import EnvironmentPrior
+from .shadow_maps import DistantShadows
+
+DIRECTIONS = 64
+BLUR = 0.5      # roughness that spreads the environment's radiance over a direction's share of the sphere
+CHUNK = 4096    # points at a time
+
+
+class SkyVisibility:
+    """Built from (T, 3, 3) corners of the triangles that stand in the way."""
+
+    def __init__(self, triangles: Tensor, environment: EnvironmentPrior):
+        self.towards = sphere_directions(DIRECTIONS).to(triangles.device)
+        self.radiance = environment.filtered(self.towards, torch.full_like(self.towards[:, 0], BLUR))
+        self.shadows = DistantShadows(triangles, self.towards)
+
+    def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
+        """(P, 3) share of the environment's RGB irradiance that arrives at points (P, 3) with unit normals (P, 3)."""
+        parts = [torch.zeros_like(position[:0])]
+        for x, n in zip(position.split(CHUNK), normal.split(CHUNK), strict=True):
+            cosine = (n @ self.towards.T).clamp_min(0)
+            parts.append((cosine * self.shadows(x, n)) @ self.radiance / (cosine @ self.radiance).clamp_min(1e-12))
+        return torch.cat(parts)
+
+
+def sphere_directions(count: int) -> Tensor:
+    """(count, 3) unit vectors spread evenly: a Fibonacci lattice."""
+    k = torch.arange(count) + 0.5
+    z, phi = 1 - 2 * k / count, math.pi * (3 - math.sqrt(5)) * k
+    flat = (1 - z * z).sqrt()
+    return torch.stack([flat * phi.cos(), flat * phi.sin(), z], dim=-1)
