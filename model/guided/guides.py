@@ -101,9 +101,9 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    sky = gathered(prior.sky, position, normal, alpha > 0)
+    arriving = gathered(prior.arriving, position, normal, alpha > 0)
     light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
-                  sky.reshape(h * w, 3))
+                  arriving.reshape(h * w, 6))
     light = light.reshape(h, w, 9) * (alpha > 0)
     bounced = gathered(radiosity, position, normal, alpha > 0)
     hinted = torch.full_like(alpha, guides.traced is not None)

@@ -13,62 +13,74 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ..geometry import contracted
 from ..progress import report
 from ..scene import RenderScene
 from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
-from .shadow_maps import LampShadows
+from .shadow_maps import DistantShadows, LampShadows
 from .sky import SkyVisibility
 
+DISTANT = 15.0  # network units; an emitter beyond stands for a sun, which looks alike from everywhere
 CHUNK = 8192  # pixels at a time: bounds memory with many lights, and the time between two polls
 
 
 class LightPrior:
     """Light arriving at surface points from everything that shines, as if nothing stood between unless told.
 
-    Built from a RenderScene (any frame and exposure; the result is in the same radiance units).
+    Built from a RenderScene in network units (in any exposure; the result is in the same radiance units).
     """
 
     def __init__(self, scene: RenderScene, device: torch.device | str = "cpu"):
         e = gather_emitters(scene)
         as_tensor = lambda x: torch.as_tensor(x, dtype=torch.float32, device=device)  # noqa: E731
         self.corners, self.centers, self.radii = as_tensor(e.corners), as_tensor(e.centers), as_tensor(e.radii)
+        self.origins = torch.cat([self.corners.mean(1), self.centers])
+        self.distant = self.origins.norm(dim=-1) > DISTANT
         self.radiance, self.beam_axis, self.beam_cosine = map(as_tensor, (e.radiance, e.beam_axis, e.beam_cosine))
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
-        self.blocking = as_tensor(scene.triangles[~scene.is_light])
-        self.open_sky = None if self.environment is None else SkyVisibility(self.blocking, self.environment)
+        blocking = as_tensor(scene.triangles[~scene.is_light])
+        self.sky = None if self.environment is None else SkyVisibility(blocking, self.environment)
+        towards = F.normalize(self.origins[self.distant], dim=-1)
+        self.shadows = LampShadows(blocking, self.origins[~self.distant]), DistantShadows(blocking, towards)
 
-    def sky(self, position: Tensor, normal: Tensor) -> Tensor:
-        """(P, 3) share of the environment's RGB irradiance that arrives at points (P, 3) with unit normals (P, 3)."""
-        return torch.ones_like(position) if self.open_sky is None else self.open_sky(position, normal)
+    def arriving(self, position: Tensor, normal: Tensor) -> Tensor:
+        """Shares of diffuse light that arrive past the scene's triangles: (P, 6), RGB of the sky and of emitters.
 
-    def lamps(self, position: Tensor, normal: Tensor) -> Tensor:
-        """(P, L) share, 0 or 1, of every emitter's light that arrives at points (P, 3) with unit normals (P, 3)."""
-        origins = torch.cat([self.corners.mean(1), self.centers])
-        return LampShadows(self.blocking, origins)(position, normal).float()
+        position, normal (unit): (P, 3).
+        """
+        sky = torch.ones_like(position) if self.sky is None else self.sky(position, normal)
+        parts = [torch.ones_like(position[:0])]
+        for x, n in zip(position.split(CHUNK), normal.split(CHUNK), strict=True):
+            seen = x.new_ones(len(x), len(self.origins))
+            for which, shadows in zip((~self.distant, self.distant), self.shadows, strict=True):
+                seen[:, which] = shadows(x, n).to(x.dtype)
+            direction, sine2, beam = self._beams(x)
+            light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
+            parts.append(((light * seen) @ self.radiance) / (light @ self.radiance).clamp_min(1e-12))
+        return torch.cat([sky, torch.cat(parts)], 1)
 
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
-                 sky: Tensor | None = None, lamps: Tensor | None = None) -> Tensor:
+                 arriving: Tensor | None = None) -> Tensor:
         """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe.
 
         position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual. The normal is
         taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a silhouette.
-        sky (P, 3), lamps (P, L): shares of the environment's diffuse light and of every emitter's that arrive.
+        arriving: (P, 6) as above, for the diffuse lobe; all of the light without it.
         Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none.
         """
-        everything = torch.ones_like(roughness[:, None])
-        shares = (everything if share is None else share for share in (sky, lamps))
+        shares = torch.ones_like(roughness[:, None]).expand(-1, 6) if arriving is None else arriving
         parts = []
-        for points in zip(*(x.split(CHUNK) for x in (position, normal, outgoing, roughness, *shares))):
+        for points in zip(*(x.split(CHUNK) for x in (position, normal, outgoing, roughness, shares))):
             report(len(parts) * CHUNK / max(len(position), 1))
             parts.append(self._chunk(*points))
         return torch.cat(parts) if parts else position.new_zeros(0, 9)
 
-    def _chunk(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, sky: Tensor,
-               lamps: Tensor) -> Tensor:
+    def _chunk(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, arriving: Tensor) -> Tensor:
         valid = (n.square().sum(-1, keepdim=True) > 0.25).float()
-        diffuse, glossy = self._emitters(x, n, v, roughness, lamps)
-        transmitted = torch.zeros_like(diffuse)
+        sky, lamps = arriving.split(3, 1)
+        diffuse, glossy = self._emitters(x, n, v, roughness)
+        diffuse, transmitted = diffuse * lamps, torch.zeros_like(diffuse)
         if self.environment is not None:
             mirrored = 2 * (n * v).sum(-1, keepdim=True) * n - v
             diffuse = diffuse + self.environment.irradiance(n) * sky / math.pi
@@ -76,28 +88,33 @@ class LightPrior:
             transmitted = self.environment.filtered(-v, roughness)
         return torch.cat([diffuse, glossy, transmitted], -1) * valid
 
-    def _emitters(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor,
-                  lamps: Tensor) -> tuple[Tensor, Tensor]:
+    def _emitters(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
         if not len(self.radiance):
             return torch.zeros_like(x), torch.zeros_like(x)
-        direction, sine2 = self._vector_form_factors(x)
-        beam = smoothstep(self.beam_cosine[:, 0], self.beam_cosine[:, 1], -(direction * self.beam_axis).sum(-1))
-        beam = torch.where(self.beam_axis.square().sum(-1) > 0.25, beam, torch.ones_like(beam)) * lamps
+        direction, sine2, beam = self._beams(x)
         cosine = torch.einsum("plc,pc->pl", direction, n)
         diffuse = sphere_form_factor(cosine, sine2) * beam
         glossy = ggx_lobe(direction, cosine, sine2, n, v, roughness) * beam
         return diffuse @ self.radiance, glossy @ self.radiance
 
+    def _beams(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Unit direction (P, L, 3) to every emitter, its squared angular sine and its share of radiance (P, L)."""
+        direction, sine2 = self._vector_form_factors(x)
+        beam = smoothstep(self.beam_cosine[:, 0], self.beam_cosine[:, 1], -(direction * self.beam_axis).sum(-1))
+        return direction, sine2, torch.where(self.beam_axis.square().sum(-1) > 0.25, beam, torch.ones_like(beam))
+
     def _vector_form_factors(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Unit direction (P, L, 3) to every emitter and its squared angular sine (P, L)."""
-        to_corners = F.normalize(self.corners[None] - x[:, None, None], dim=-1)
+        x = torch.where(self.distant[:, None], contracted(x)[:, None], x[:, None])
+        flat = len(self.corners)
+        to_corners = F.normalize(self.corners[None] - x[:, :flat, None], dim=-1)
         following = to_corners.roll(-1, dims=2)
         edge = torch.linalg.cross(to_corners, following)
         sine = edge.square().sum(-1).sqrt()
         angle = torch.atan2(sine, (to_corners * following).sum(-1))
         vector = (edge * (angle / sine.clamp_min(1e-6))[..., None]).sum(2) / (2 * math.pi)
         vector = vector * (vector * to_corners.sum(2)).sum(-1, keepdim=True).sign()
-        to_center = self.centers[None] - x[:, None]
+        to_center = self.centers[None] - x[:, flat:]
         distance2 = to_center.square().sum(-1)
         sphere_sine2 = self.radii**2 / torch.maximum(distance2, self.radii**2)
         length = vector.square().sum(-1).sqrt()

@@ -2,10 +2,10 @@
 """Smooth light at every pixel from what is gathered at every GRID-th one."""
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
-
-from .radiosity import Radiosity
 
 GRID = 4          # pixels between two probes, which stand in the middle of their cells
 NEAR = 0.05       # network units off a pixel's plane at which a probe counts 1/e
@@ -13,8 +13,10 @@ FACING = 8        # exponent of the cosine between the normals of pixel and prob
 LEAST = 1e-5      # weight that keeps the sum above zero
 
 
-def gathered(radiosity: Radiosity, position: Tensor, normal: Tensor, covered: Tensor) -> Tensor:
-    """Radiance leaving a white diffuse surface, (h, w, 3), at position and normal (h, w, 3); 0 if not covered.
+def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal: Tensor, covered: Tensor) -> Tensor:
+    """(h, w, C) of a `light` that knows (P, C) at points and normals (P, 3); position and normal (h, w, 3).
+
+    0 where a pixel is not covered, of which (h, w, 1) tells.
 
     Each pixel takes the mean of the four nearest probes, weighted by how far they are off its plane and turned away.
     """
@@ -23,7 +25,7 @@ def gathered(radiosity: Radiosity, position: Tensor, normal: Tensor, covered: Te
               else torch.zeros(1, dtype=torch.long, device=position.device)) for side in (h, w)]
     rows, columns = torch.meshgrid(*place, indexing="ij")
     x, n, valid = (a[rows, columns] for a in (position, normal, covered))
-    light = radiosity(x.reshape(-1, 3), n.reshape(-1, 3)).view_as(x)
+    found = light(x.reshape(-1, 3), n.reshape(-1, 3)).view(*x.shape[:2], -1)
     total = weights = 0.0
     for down in (0, 1):
         for right in (0, 1):
@@ -33,7 +35,7 @@ def gathered(radiosity: Radiosity, position: Tensor, normal: Tensor, covered: Te
             off = ((x[i, j] - position) * normal).sum(-1, keepdim=True) / NEAR
             facing = (n[i, j] * normal).sum(-1, keepdim=True).clamp_min(0) ** FACING
             weight = (y[:, None] * z[None])[..., None] * ((-off.square()).exp() * facing + LEAST) * valid[i, j]
-            total, weights = total + weight * light[i, j], weights + weight
+            total, weights = total + weight * found[i, j], weights + weight
     return total / torch.clamp(weights, min=LEAST ** 2) * covered
 
 

@@ -34,8 +34,8 @@ class Radiosity:
         facing = F.normalize(self.vector, dim=-1)
         x, n, albedo = torch.cat([self.center] * 2), torch.cat([facing, -facing]), torch.cat([albedo] * 2)
         with part(0.0, 0.5):
-            sky, lamps = prior.sky(x, n), prior.lamps(x, n)
-        first = albedo * prior(x + ABOVE * n, n, n, torch.ones_like(x[:, 0]), sky, lamps)[:, :3]
+            arriving = prior.arriving(x, n)
+        first = albedo * prior(x + ABOVE * n, n, n, torch.ones_like(x[:, 0]), arriving)[:, :3]
         self.leaving = first.view(2, -1, 3)
         for bounce in range(BOUNCES):
             with part(0.5 + bounce / BOUNCES / 2, 0.5 + (bounce + 1) / BOUNCES / 2):

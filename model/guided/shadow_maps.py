@@ -16,6 +16,7 @@ from ..progress import report
 SIDE = 128        # cells along a map
 DENSITY = 3.0     # points per cell of a surface that faces a distant light
 POINTS = 1 << 22  # of all maps together, at most
+NEAR = 2.0        # network units from the centre within which shadows are cast: a map of a large ground is too coarse
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
@@ -23,11 +24,14 @@ class ShadowMaps:
     """One map for each of several lights."""
 
     def __init__(self, triangles: Tensor, lights: Tensor):
-        """triangles: (T, 3, 3) corners of what casts shadows; lights: (L, 3)."""
-        corners = triangles.reshape(-1, 3)
+        """triangles: (T, 3, 3) corners of what casts shadows, network units; lights: (L, 3)."""
+        middle = triangles.mean(1)
+        triangles = triangles[middle.norm(dim=-1) < NEAR + (triangles - middle[:, None]).norm(dim=-1).amax(1)]
+        corners = triangles.reshape(-1, 3).clamp(-NEAR, NEAR)
         low, high = (corners.amin(0), corners.amax(0)) if len(corners) else corners.new_zeros(2, 3)
         self.lights, self.center, self.radius = lights, (low + high) / 2, max((high - low).norm().item() / 2, 1e-6)
         points = surface_points(triangles, (2 * self.radius / SIDE) ** 2 / DENSITY, POINTS // max(len(lights), 1))
+        points = points[(points - self.center).norm(dim=-1) <= self.radius]
         self.nearest = torch.full((len(lights), SIDE * SIDE), math.inf, device=triangles.device)
         for k in range(len(lights)):
             report(k / len(lights))
@@ -59,7 +63,8 @@ class DistantShadows(ShadowMaps):
         offset = (points - self.center) / self.radius
         axes = aside, torch.linalg.cross(towards, aside), towards
         right, up, height = ((offset @ axis.T).squeeze(1) for axis in axes)
-        return _cell(right, up), -height
+        outside = torch.maximum(right.abs(), up.abs()) > 1 + 1e-4
+        return _cell(right, up), torch.where(outside, -math.inf, -height)
 
     def pitch(self, position: Tensor) -> Tensor:
         return torch.full_like(position[:, :1], math.sqrt(8) * self.radius / SIDE)  # from corner to corner

@@ -11,6 +11,7 @@ from renderformer_v2.model.guided.emitters import gather_emitters
 from renderformer_v2.model.guided.environment_prior import EnvironmentPrior, solid_angles
 from renderformer_v2.model.guided.light_prior import LightPrior, sphere_form_factor
 from renderformer_v2.model.scene import RenderScene, constant_tile
+from tests.model.samples import floor_scene
 
 OCTAHEDRON = np.array([[(1, 0, 0), (0, s, 0), (0, 0, t)][:: s * t] for s in (1, -1) for t in (1, -1)]
                       + [[(-1, 0, 0), (0, s, 0), (0, 0, t)][:: -s * t] for s in (1, -1) for t in (1, -1)], np.float32)
@@ -95,3 +96,13 @@ def test_environment_irradiance_and_mirror_reflection():
     looking = torch.tensor(directions[[48, 112, 240], [16, 240, 496]])
     seen = environment.filtered(looking, torch.zeros(3))
     np.testing.assert_allclose(seen, coarse[[48, 112, 240], [16, 240, 496]], atol=1e-3)
+
+
+def test_a_sun_shines_alike_on_near_and_far_ground():
+    sun = floor_scene()
+    sun.triangles[sun.is_light] = (sun.triangles[sun.is_light] - np.float32((0, 0, 2))) * 25 + np.float32((0, 0, 50))
+    points = torch.tensor([[0.0, 0.0, 0.0], [300.0, 0.0, 0.0], [0.0, -5000.0, 0.0]])
+    up = torch.tensor([[0.0, 0.0, 1.0]]).expand(3, 3)
+    light = LightPrior(sun)(points, up, up, torch.ones(3))[:, :3]
+    assert light[0].min() > 0
+    torch.testing.assert_close(light[1:], light[:1].expand(2, 3), rtol=0.02, atol=0)
