@@ -27,7 +27,7 @@ from renderformer_v2.model.presets import BUNDLED
 
 from . import extension
 from .arguments import picture_size, whole_number
-from .scene_file import ENGINES, FORMATS, configure, open_scene, save
+from .scene_file import ENGINES, FORMATS, configure, one_line, open_scene, save
 
 H5 = (".h5", ".hdf5")
 _count = whole_number(1)
@@ -41,8 +41,7 @@ def main() -> int:
         statistics = _run(arguments)
     # Blender raises RuntimeError for whatever the engine reports.
     except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:
-        messages = dict.fromkeys(line.removeprefix("Error: ").strip() for line in str(error).splitlines())
-        print(" ".join(filter(None, messages)), file=sys.stderr)
+        print(one_line(error), file=sys.stderr)
         return 1
     print(json.dumps(statistics), file=answer, flush=True)
     return 0

@@ -58,3 +58,9 @@ def save(path: Path, scene) -> None:
         settings.color_depth = "32"
     result = bpy.data.images["Render Result"]
     write_whole(path, lambda file: result.save_render(str(file), scene=scene))
+
+
+def one_line(error: Exception) -> str:
+    """What an exception says; Blender's say it several times, each time as an error."""
+    messages = dict.fromkeys(line.removeprefix("Error: ").strip() for line in str(error).splitlines())
+    return " ".join(filter(None, messages))
