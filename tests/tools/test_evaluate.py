@@ -66,6 +66,13 @@ def test_blend_files_are_rendered_by_both_engines(tmp_path):
     assert imread(tmp_path / "report" / page.pictures()[0]).shape == (40, 48, 3)
 
 
+def test_a_file_that_cannot_be_rendered_is_named_without_a_traceback(tmp_path):
+    (tmp_path / "broken.blend").write_bytes(b"not a scene")
+    done = subprocess.run([sys.executable, "-m", "tools.evaluate", str(tmp_path), "-o", str(tmp_path / "report")],
+                          cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and "broken.blend" in done.stderr and "Traceback" not in done.stderr
+
+
 KINDS = ["1-ours", "1-reference", "1-equal", "1-difference", "1-flip"]
 
 

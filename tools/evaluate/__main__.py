@@ -16,6 +16,7 @@ import json
 import sys
 from pathlib import Path
 
+from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.threads import team
@@ -43,6 +44,17 @@ def main() -> int:
               file=sys.stderr)
         return 2
     options.output.mkdir(parents=True, exist_ok=True)
+    try:
+        report = evaluate(paths, options)
+    except (CheckpointError, RuntimeError) as error:  # Blender's, of a .blend file
+        print(error, file=sys.stderr)
+        return 1
+    print(json.dumps(report))
+    return 0
+
+
+def evaluate(paths: list[Path], options: argparse.Namespace) -> dict:
+    """Write pictures, report.json and report.html, and return the report. Raises CheckpointError and RuntimeError."""
     renderer, scenes, pictures = None, {}, {}
     for path in paths:
         if path.suffix == ".blend":
@@ -56,8 +68,7 @@ def main() -> int:
     report = {"weights": options.weights, "scenes": scenes, "mean": mean(list(scenes.values()))}
     (options.output / "report.json").write_text(json.dumps(report, indent=1))
     write_page(report, pictures, options.output / "report.html")
-    print(json.dumps(report))
-    return 0
+    return report
 
 
 if __name__ == "__main__":

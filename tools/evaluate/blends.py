@@ -2,6 +2,7 @@
 """.blend files, rendered by both engines."""
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 from tools.exr import read_pass
@@ -11,26 +12,25 @@ from .scores import Evaluation, scores
 
 
 def evaluate_blend(path: Path, weights: str, folder: Path, threads: int) -> Evaluation:
-    """Metrics of one picture against the file's own settings in Cycles; `folder` gets both and Cycles at equal time.
+    """Metrics of one picture against the file's own settings in Cycles; `folder` gets both as multilayer EXR.
 
     Raises RuntimeError with the engine's message if it cannot be rendered.
     """
     common = ["--threads", threads] if threads else []
+    ours, reference = (folder / f"{path.stem}.{engine}.exr" for engine in ("renderformer", "cycles"))
+    engine = render(path, ours, "--weights", weights, *common)
+    cycles, seconds = render(path, reference, "--engine", "cycles", *common), engine["seconds"]["total"]
+    with tempfile.TemporaryDirectory() as scratch:
 
-    def file(name: str) -> Path:
-        return folder / f"{path.stem}.{name}.exr"
+        def few(samples: int) -> float:
+            exr = Path(scratch, f"{samples}.exr")
+            return render(path, exr, "--engine", "cycles", "--samples", samples, *common)["seconds"]["total"]
 
-    def cycles(name: str, *options) -> dict:
-        return render(path, file(name), "--engine", "cycles", *options, *common)
-
-    engine = render(path, file("renderformer"), "--weights", weights, *common)
-    reference, seconds = cycles("cycles"), engine["seconds"]["total"]
-    samples, equal_seconds = samples_in_time(
-        seconds, reference["samples"], lambda n: cycles(f"cycles-{n}", "--samples", n)["seconds"]["total"])
-    files = {"ours": file("renderformer"), "reference": file("cycles"), "equal": file(f"cycles-{samples}")}
-    view = {name: read_pass(exr, "Combined", "RGB") for name, exr in files.items()}
+        samples, equal_seconds = samples_in_time(seconds, cycles["samples"], few)
+        files = {"ours": ours, "reference": reference, "equal": Path(scratch, f"{samples}.exr")}
+        view = {name: read_pass(exr, "Combined", "RGB") for name, exr in files.items()}
     found = scores([view["ours"]], [view["reference"]], triangles=engine["triangles"], seconds=seconds,
-                   cycles_seconds=reference["seconds"]["total"])
+                   cycles_seconds=cycles["seconds"]["total"])
     found["beside"] = {"cycles_equal": scores([view["equal"]], [view["reference"]], samples=samples,
                                               seconds=equal_seconds)}
     return Evaluation(found, [view])
