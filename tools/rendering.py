@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .extension import ROOT
 
-FEW, MANY = 4, 24  # samples that are measured first
+FEW = 4  # samples that are measured first
 
 
 def render(scene: Path, output: Path, *options: object) -> dict:
@@ -25,15 +25,21 @@ def render(scene: Path, output: Path, *options: object) -> dict:
 def samples_in_time(seconds: float, most: int, measure: Callable[[int], float]) -> tuple[int, float]:
     """The number of samples, `most` at most, that takes nearest to `seconds`, and the seconds that it took.
 
-    measure(samples) renders so many and returns the seconds. Two counts are measured, then one on the line through
-    both; the nearest of the three is the answer.
+    measure(samples) renders so many and returns the seconds. FEW are measured, then as many as would fit if the time
+    were in proportion, then as many as fit on the line through both; the nearest of the three is the answer.
     """
-    few, many = min(FEW, most), min(MANY, most)
-    measured = {count: measure(count) for count in dict.fromkeys((few, many))}
-    per_sample = (measured[many] - measured[few]) / max(many - few, 1)
-    wanted = few + (seconds - measured[few]) / per_sample if per_sample > 0 else most
-    count = round(min(max(wanted, 1), most))
-    if count not in measured:
-        measured[count] = measure(count)
-    nearest = min(measured, key=lambda n: abs(measured[n] - seconds))
+    few = min(FEW, most)
+    measured = {few: measure(few)}
+
+    def try_nearest(wanted: float) -> int:
+        count = round(min(max(wanted, 1), most))
+        if count not in measured:
+            measured[count] = measure(count)
+        return count
+
+    other = try_nearest(few * seconds / measured[few])
+    if other != few:
+        per_sample = (measured[other] - measured[few]) / (other - few)
+        try_nearest(few + (seconds - measured[few]) / per_sample if per_sample > 0 else most)
+    nearest = min(measured, key=lambda count: abs(measured[count] - seconds))
     return nearest, measured[nearest]

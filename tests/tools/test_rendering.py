@@ -19,7 +19,7 @@ def clock(fixed: float, per_sample: float):
 def test_samples_are_those_that_take_nearest_to_the_time(seconds, samples):
     measure, asked = clock(1.0, 0.5)
     assert samples_in_time(seconds, 4096, measure) == (samples, 1.0 + 0.5 * samples)
-    assert len(asked) == 3
+    assert len(asked) <= 3
 
 
 @pytest.mark.parametrize("most", [1, 4, 24, 30])
@@ -30,8 +30,8 @@ def test_there_are_never_more_than_allowed_and_nothing_is_rendered_twice(most):
 
 
 def test_a_count_that_was_measured_nearer_wins_over_the_line():
-    times = {4: 2.0, 24: 7.0, 20: 9.0}  # the machine was busy at 20
-    assert samples_in_time(6.0, 256, times.__getitem__) == (24, 7.0)
+    times = {4: 2.0, 12: 5.0, 15: 9.0}  # the machine was busy at 15
+    assert samples_in_time(6.0, 256, times.__getitem__) == (12, 5.0)
 
 
 def test_what_cannot_be_rendered_is_named(tmp_path):

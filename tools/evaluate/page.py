@@ -19,7 +19,7 @@ COLUMNS = {  # of the table: keys of a scene
     "ssim": ("SSIM", "", "{:.4f}"),
     "flip": ("FLIP", "", "{:.4f}"),
     "seconds": ("time", "s", "{:.2f}"),
-    "cycles_seconds": ("Cycles", "s", "{:.2f}"),
+    "cycles_seconds": ("Cycles reference", "s", "{:.2f}"),
     "triangles": ("triangles", "", "{:.0f}"),
 }
 

@@ -10,7 +10,7 @@ from scipy.ndimage import map_coordinates
 from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.scene import View
 
-ROUNDING = 1e-3  # pixels, of positions in float32
+ROUNDING = 0.01  # pixels, of positions in float32
 SAME_SPOT = 0.5  # pixels that two points on a surface may be apart, seen from the camera
 
 
