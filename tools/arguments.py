@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the command lines accept as a number."""
+"""What the command lines accept as numbers."""
 from __future__ import annotations
 
 import argparse
@@ -13,3 +13,12 @@ def whole_number(least: int) -> Callable[[str], int]:
             raise argparse.ArgumentTypeError(f"{text}: expected a whole number from {least}")
         return int(text)
     return parse
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """A `type` of argparse: "640x480", width and height in pixels."""
+    sides = text.lower().split("x")
+    if len(sides) != 2:
+        raise argparse.ArgumentTypeError(f"{text}: expected WIDTHxHEIGHT, such as 640x480")
+    count = whole_number(1)
+    return count(sides[0]), count(sides[1])

@@ -26,10 +26,9 @@ from renderformer_v2.model.errors import CheckpointError, SceneError
 from renderformer_v2.model.presets import BUNDLED
 
 from . import extension
-from .arguments import whole_number
-from .picture import write_whole
+from .arguments import picture_size, whole_number
+from .scene_file import ENGINES, FORMATS, configure, one_line, open_scene, save
 
-FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
 H5 = (".h5", ".hdf5")
 _count = whole_number(1)
 
@@ -42,8 +41,7 @@ def main() -> int:
         statistics = _run(arguments)
     # Blender raises RuntimeError for whatever the engine reports.
     except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:
-        messages = dict.fromkeys(line.removeprefix("Error: ").strip() for line in str(error).splitlines())
-        print(" ".join(filter(None, messages)), file=sys.stderr)
+        print(one_line(error), file=sys.stderr)
         return 1
     print(json.dumps(statistics), file=answer, flush=True)
     return 0
@@ -55,9 +53,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("-o", "--output", type=_file(*FORMATS), action="append", default=[],
                         help="picture: .exr or .png")
     parser.add_argument("--export-h5", type=_file(*H5), metavar="FILE", help="write the scene for the research code")
-    parser.add_argument("--engine", choices=("renderformer", "cycles"), default="renderformer")
+    parser.add_argument("--engine", choices=ENGINES, default="renderformer")
     parser.add_argument("--samples", type=_count, help="guide samples, or Cycles' samples (default: the file's)")
-    parser.add_argument("--resolution", type=_resolution, help="WxH in pixels (default: the file's)")
+    parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
     parser.add_argument("--weights", type=_weights, help=f"{BUNDLED}, or a folder with weights (default: the file's)")
     parser.add_argument("--threads", type=_count, help="processor threads (default: the file's)")
     parser.add_argument("--verbose", action="store_true", help="Blender's own output on stderr")
@@ -74,13 +72,6 @@ def _file(*suffixes: str):
             raise argparse.ArgumentTypeError(f"{text}: the suffix must be one of {', '.join(suffixes)}")
         return path
     return parse
-
-
-def _resolution(text: str) -> tuple[int, int]:
-    sides = text.lower().split("x")
-    if len(sides) != 2:
-        raise argparse.ArgumentTypeError(f"{text}: expected WIDTHxHEIGHT, such as 640x480")
-    return _count(sides[0]), _count(sides[1])
 
 
 def _weights(text: str) -> str:
@@ -103,14 +94,10 @@ def _run(arguments: argparse.Namespace) -> dict:
         from . import h5_scene
         with threads.team(arguments.threads or 0):
             return h5_scene.render(arguments.scene, arguments.weights, arguments.output, arguments.resolution)
-    import bpy
     extension.load().register()
-    bpy.ops.wm.open_mainfile(filepath=str(arguments.scene.resolve()))
-    scene = bpy.context.scene
-    if not any(layer.use for layer in scene.view_layers):
-        raise ValueError(f'no view layer of scene "{scene.name}" is enabled for rendering: '
-                         "switch on Use for Rendering in View Layer Properties")
-    _apply(arguments, scene)
+    scene = open_scene(arguments.scene)
+    configure(scene, arguments.engine, samples=arguments.samples, resolution=arguments.resolution,
+              weights=arguments.weights, threads=arguments.threads)
     if arguments.export_h5:
         from . import h5_scene
         return h5_scene.export(scene, arguments.weights, arguments.export_h5)
@@ -134,10 +121,12 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
     bpy.ops.render.render(scene=scene.name)
     seconds = time.perf_counter() - begin
     for path in arguments.output:
-        _save(path, scene)
+        save(path, scene)
 
     statistics = {"scene": str(arguments.scene), "engine": scene.render.engine, "seconds": {"total": round(seconds, 3)},
                   "tokens": None, "triangles": None, "report": [], "output": list(map(str, arguments.output))}
+    if arguments.engine == "cycles":
+        statistics["samples"] = scene.cycles.samples
     from renderformer_v2.rf2_engine.statistics import last_frame
     # Without the engine there are none: Cycles rendered, or compositor or sequencer made the picture alone.
     if last_frame:
@@ -156,35 +145,6 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
 def _of_layer(layer) -> dict:
     return {key: value for key, value in vars(layer).items() if key != "error"} | {
         "seconds": {stage: round(seconds, 3) for stage, seconds in layer.seconds.items()}}
-
-
-def _apply(arguments: argparse.Namespace, scene) -> None:
-    cycles = arguments.engine == "cycles"
-    scene.render.engine = "CYCLES" if cycles else "RENDERFORMER_V2"
-    if arguments.samples:
-        owner, name = (scene.cycles, "samples") if cycles else (scene.renderformer_v2, "guide_samples")
-        setattr(owner, name, arguments.samples)
-    if arguments.threads:
-        scene.render.threads_mode, scene.render.threads = "FIXED", arguments.threads
-        scene.renderformer_v2.threads_mode = "AUTO"  # Blender's
-    if arguments.resolution:
-        scene.render.resolution_x, scene.render.resolution_y = arguments.resolution
-        scene.render.resolution_percentage = 100
-    if arguments.weights:
-        scene.renderformer_v2.weights_source = "BUNDLED" if arguments.weights == BUNDLED else "FOLDER"
-        scene.renderformer_v2.weights_folder = os.path.abspath(arguments.weights)
-
-
-def _save(path: Path, scene) -> None:
-    import bpy
-
-    from renderformer_v2.rf2_engine.compat import set_file_format
-    settings = scene.render.image_settings
-    set_file_format(settings, FORMATS[path.suffix.lower()])
-    if path.suffix.lower() == ".exr":
-        settings.color_depth = "32"
-    result = bpy.data.images["Render Result"]
-    write_whole(path, lambda file: result.save_render(str(file), scene=scene))
 
 
 if __name__ == "__main__":

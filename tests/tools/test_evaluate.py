@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The evaluation measures what it says, on samples and on .blend files."""
+"""The evaluation measures what it says, on samples and on .blend files, and shows it on one page."""
 import json
 import subprocess
 import sys
+from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
+from skimage.io import imread
 
 from renderformer_v2.model.renderer import Renderer
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.shards import save_sample
+from tools.evaluate.pictures import AMPLIFIED, with_errors
 from tools.metrics import compare, psnr
 
 ROOT = Path(__file__).parents[2]
@@ -51,8 +55,96 @@ def test_a_sample_whose_reference_is_our_own_picture_is_perfect_and_a_darker_one
 
 
 def test_blend_files_are_rendered_by_both_engines(tmp_path):
-    command = [sys.executable, "-c", SCENE, str(tmp_path / "cube.blend")]
+    command = [sys.executable, "-c", SCENE, str(tmp_path / "a cube.blend")]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
-    report = evaluate(tmp_path, tmp_path / "report")
-    assert report["scenes"]["cube"]["psnr"] > 15 and report["scenes"]["cube"]["cycles_seconds"] > 0
-    assert (tmp_path / "report" / "cube.png").is_file()
+    scene = evaluate(tmp_path, tmp_path / "report")["scenes"]["a cube"]
+    assert scene["psnr"] > 15 and scene["cycles_seconds"] > 0
+    equal = scene["beside"]["cycles_equal"]
+    assert 1 <= equal["samples"] <= 4 and equal["seconds"] > 0 and equal["psnr"] > scene["psnr"]
+    page = Page(tmp_path / "report")
+    assert [Path(file).stem for file in page.pictures()] == KINDS
+    assert imread(tmp_path / "report" / page.pictures()[0]).shape == (40, 48, 3)
+
+
+def test_a_file_that_cannot_be_rendered_is_named_without_a_traceback(tmp_path):
+    (tmp_path / "broken.blend").write_bytes(b"not a scene")
+    done = subprocess.run([sys.executable, "-m", "tools.evaluate", str(tmp_path), "-o", str(tmp_path / "report")],
+                          cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and "broken.blend" in done.stderr and "Traceback" not in done.stderr
+
+
+KINDS = ["1-ours", "1-reference", "1-equal", "1-difference", "1-flip"]
+
+
+class Page(HTMLParser):
+    """What a browser is told to show and to fetch."""
+
+    def __init__(self, report: Path):
+        super().__init__()
+        self.tags, self.cells, self.text = [], [], None
+        self.source = (report / "report.html").read_text("utf-8")
+        self.feed(self.source)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag in ("th", "td"):
+            self.cells.append("")
+
+    def handle_data(self, data):
+        if self.cells:
+            self.cells[-1] += data.strip()
+
+    def all(self, tag: str, attribute: str) -> list[str]:
+        return [unquote(found[attribute]) for name, found in self.tags if name == tag and attribute in found]
+
+    def pictures(self) -> list[str]:
+        return self.all("img", "src")
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("samples")
+    command = [sys.executable, "-m", "tools.datagen", str(folder), "--scenes", "2", "--first-seed", "900000", "--views",
+               "2", "--resolution", "32", "--samples", "4", "--equal", "1", "--processes", "1"]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=300)
+    evaluate(folder, folder / "report")
+    return folder / "report"
+
+
+def test_the_page_shows_every_view_of_every_scene_beside_cycles(report):
+    page = Page(report)
+    scenes = json.loads((report / "report.json").read_text())["scenes"]
+    views = [f"pictures/{scene}/{view}{kind[1:]}.png" for scene in scenes for view in (1, 2) for kind in KINDS]
+    assert page.pictures() == views and len(views) == 20
+    assert {file.relative_to(report).as_posix() for file in report.rglob("*.png")} == set(views)
+    assert {imread(report / file).shape for file in views} == {(32, 32, 3)}
+    assert page.all("section", "id") == page.all("tr", "data-scene") == list(scenes)
+    assert {link.removeprefix("#") for link in page.all("a", "href")} == set(scenes)
+
+
+def test_the_page_has_the_figures_of_the_report(report):
+    page, found = Page(report), json.loads((report / "report.json").read_text())
+    assert {"PSNR, dB", "SSIM", "FLIP", "time, s", "triangles", "without the network", "network alone",
+            "traced light alone", "Cycles, equal time"} <= set(page.cells)
+    for of in (found["mean"], *found["scenes"].values()):
+        assert f"{of['psnr']:.2f}" in page.cells and f"{of['flip']:.4f}" in page.cells
+    assert f"{found['mean']['worst_psnr']:.2f}" in page.cells
+    assert f"{found['mean']['cycles_equal']['ssim']:.4f}" in page.cells
+
+
+def test_the_page_needs_nothing_from_elsewhere(report):
+    page = Page(report)
+    assert "//" not in page.source.replace("  // ", "") and "@import" not in page.source
+    assert not {"link", "iframe", "object"} & {tag for tag, _ in page.tags} and not page.all("script", "src")
+
+
+def test_difference_and_flip_show_where_pictures_differ():
+    reference = np.full((32, 32, 3), 0.5, np.float32)
+    ours = reference.copy()
+    ours[8:24, 8:24] += 0.1
+    shown = with_errors({"ours": ours, "reference": reference})
+    assert shown["difference"][16, 16] == pytest.approx(0.1 * AMPLIFIED, abs=1e-4)
+    assert shown["difference"][0, 0] == pytest.approx(0)
+    assert shown["flip"][16, 16].sum() > shown["flip"][0, 0].sum() + 0.3
+    perfect = with_errors({"ours": reference, "reference": reference})
+    assert perfect["flip"] == pytest.approx(np.broadcast_to(perfect["flip"][0, 0], (32, 32, 3)))

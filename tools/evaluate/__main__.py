@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""python -m tools.evaluate SCENE_DIR -o REPORT_DIR: how close the engine is to Cycles.
+
+SCENE_DIR holds samples of `python -m tools.datagen` (the RenderScene that the engine makes, and Cycles references), or
+.blend files, which are rendered by both engines with the settings they hold. Prints one JSON object with PSNR, SSIM and
+FLIP per scene and their means; REPORT_DIR gets the same as report.json, and as report.html, a page with the pictures.
+Samples are also set beside the traced light (traced_alone), that and a share of the radiosity, which is what the
+network adds to (without_network), and the network without traced hints (network_alone); all scenes beside Cycles with
+few samples and OpenImageDenoise (cycles_equal): `tools.datagen --equal N` for samples, as many as take about the
+engine's time for .blend files.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from renderformer_v2.model.errors import CheckpointError
+from renderformer_v2.model.presets import BUNDLED
+from renderformer_v2.model.renderer import Renderer
+from renderformer_v2.model.threads import team
+from tools.arguments import whole_number
+from tools.datagen.shards import sample_paths
+
+from .blends import evaluate_blend
+from .page import write_page
+from .pictures import write_pictures
+from .samples import evaluate_sample
+from .scores import mean
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tools.evaluate", description=__doc__)
+    parser.add_argument("scenes", type=Path, metavar="SCENE_DIR")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="REPORT_DIR")
+    parser.add_argument("--weights", default=BUNDLED, help="a preset with weights, or a folder")
+    parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
+    parser.add_argument("--threads", type=whole_number(0), default=0, help="processor threads (default: all)")
+    options = parser.parse_args()
+    paths = [*sample_paths(options.scenes), *sorted(options.scenes.glob("*.blend"))][: options.limit]
+    if not paths:
+        print(f"no scenes in {options.scenes}: make some with python -m tools.datagen, or put .blend files there",
+              file=sys.stderr)
+        return 2
+    options.output.mkdir(parents=True, exist_ok=True)
+    try:
+        report = evaluate(paths, options)
+    except (CheckpointError, RuntimeError) as error:  # Blender's, of a .blend file
+        print(error, file=sys.stderr)
+        return 1
+    print(json.dumps(report))
+    return 0
+
+
+def evaluate(paths: list[Path], options: argparse.Namespace) -> dict:
+    """Write pictures, report.json and report.html, and return the report. Raises CheckpointError and RuntimeError."""
+    renderer, scenes, pictures = None, {}, {}
+    for path in paths:
+        if path.suffix == ".blend":
+            done = evaluate_blend(path, options.weights, options.output / "renders", options.threads)
+        else:
+            renderer = renderer or Renderer(options.weights)
+            with team(options.threads):
+                done = evaluate_sample(path, renderer)
+        scenes[path.stem] = done.scores
+        pictures[path.stem] = write_pictures(done, options.output, path.stem)
+    report = {"weights": options.weights, "scenes": scenes, "mean": mean(list(scenes.values()))}
+    (options.output / "report.json").write_text(json.dumps(report, indent=1))
+    write_page(report, pictures, options.output / "report.html")
+    return report
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""report.html: the figures and pictures of all scenes on one page, which needs nothing but the files beside it."""
+from __future__ import annotations
+
+from pathlib import Path
+
+from .pictures import AMPLIFIED, TITLES, Picture
+
+TEMPLATE = Path(__file__).with_name("page.html")
+OURS = "RenderFormer-V2"
+BESIDE = {  # keys of a scene's "beside", in the order of the page
+    "without_network": "without the network",
+    "network_alone": "network alone",
+    "traced_alone": "traced light alone",
+    "cycles_equal": "Cycles, equal time",
+}
+COLUMNS = {  # of the table: keys of a scene
+    "psnr": ("PSNR", "dB", "{:.2f}"),
+    "ssim": ("SSIM", "", "{:.4f}"),
+    "flip": ("FLIP", "", "{:.4f}"),
+    "seconds": ("time", "s", "{:.2f}"),
+    "cycles_seconds": ("Cycles reference", "s", "{:.2f}"),
+    "triangles": ("triangles", "", "{:.0f}"),
+}
+
+
+def write_page(report: dict, pictures: dict[str, list[list[Picture]]], path: Path) -> None:
+    """Write the page of a report (report.json), with the pictures of each view by scene."""
+    from jinja2 import Environment
+
+    compact = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)  # no line is left where a block was
+    template = compact.from_string(TEMPLATE.read_text("utf-8"))
+    scenes, mean = report["scenes"], report["mean"]
+    columns = {key: column for key, column in COLUMNS.items() if any(key in s for s in scenes.values())}
+    beside = {key: title for key, title in BESIDE.items() if any(key in s.get("beside", {}) for s in scenes.values())}
+    worst = min(scenes, key=lambda name: scenes[name]["psnr"])
+    path.write_text(template.render(
+        weights=report["weights"], scenes=scenes, mean=mean, worst=worst, columns=columns, beside=beside, ours=OURS,
+        pictures=pictures, titles=TITLES, amplified=AMPLIFIED, magma=_magma()), "utf-8")
+
+
+def _magma(stops: int = 17) -> str:
+    """The colours of the FLIP map from 0 to 1, as the stops of a CSS gradient."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return ", ".join(to_hex(colormaps["magma"](i / (stops - 1))) for i in range(stops))

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Samples of tools.datagen: the network's picture of what is stored, beside what it is made from."""
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from renderformer_v2.model.guided.inputs import guided_view
+from renderformer_v2.model.guided.light import OUTPUTS, decode_image
+from renderformer_v2.model.guided.pipeline import GuidedContext
+from renderformer_v2.model.renderer import EncodedScene, Renderer
+from renderformer_v2.model.scene import Guides, View
+from tools.datagen.shards import load_sample
+
+from .scores import Evaluation, scores
+
+
+def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
+    """Mean metrics over the views of one sample, and of what it is set beside."""
+    scene, views, guides, passes = load_sample(path)
+    begin = time.perf_counter()
+    encoded = renderer.encode(scene)
+    seen = list(zip(views, guides, strict=True))
+    pictures = [encoded.view(view, guide) for view, guide in seen]
+    seconds = time.perf_counter() - begin
+    beside = {}
+    if isinstance(encoded.encoded, GuidedContext) and guides[0].traced is not None:
+        beside["traced_alone"] = [guide.traced for guide in guides]
+        beside["without_network"] = [without_network(encoded, view, guide) for view, guide in seen]
+        beside["network_alone"] = [encoded.view(view, replace(guide, traced=None)) for view, guide in seen]
+    if "equal" in passes[0]:
+        beside["cycles_equal"] = [p["equal"][..., :3] - guide.emission for p, guide in zip(passes, guides, strict=True)]
+
+    def shown(surfaces: list[np.ndarray]) -> list[np.ndarray]:
+        return [a + guide.emission + guide.environment for a, guide in zip(surfaces, guides, strict=True)]
+
+    ours, beside = shown(pictures), {name: shown(surfaces) for name, surfaces in beside.items()}
+    references = [p["combined"][..., :3] + guide.environment for p, guide in zip(passes, guides, strict=True)]
+    found = scores(ours, references, triangles=len(scene), seconds=seconds)
+    found["beside"] = {name: scores(shown, references) for name, shown in beside.items()}
+    columns = {"ours": ours, "reference": references} | (
+        {"equal": beside["cycles_equal"]} if "cycles_equal" in beside else {})
+    return Evaluation(found, [dict(zip(columns, row)) for row in zip(*columns.values())])
+
+
+def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
+    """(H, W, 3) radiance of what the guided network adds to: traced light and a share of the radiosity."""
+    frame, context = encoded.normalization, encoded.encoded
+    config = encoded.renderer.pipeline.network.config
+    with torch.inference_mode():
+        inputs = guided_view(context.scene, frame.view(view), frame.guides(guides), context.prior, context.radiosity,
+                             config)
+        raw = torch.zeros(1, len(OUTPUTS), view.height, view.width)
+        return (decode_image(raw, inputs.guides)[0] / frame.exposure).permute(1, 2, 0).numpy()

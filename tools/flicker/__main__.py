@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much pictures flicker from frame to frame, beside Cycles.
+
+    python -m tools.flicker SCENE.blend -o DIR [--frames 24] [--degrees 1] [--samples 1024] [--resolution WxH]
+                            [--light TRACED|NETWORK] [--guide-samples N] [--weights rf2_small|DIR] [--threads N]
+
+The camera turns about the scene by --degrees a frame; with --degrees 0 the file's own animation is played. Both engines
+render every frame, Cycles with --samples and else as the file says; frames that are in DIR already are not rendered
+again. Every pixel's world position (pass Position) is looked up in the next frame, and where that sees the same spot
+the two colours are compared. Prints one line of JSON: per engine the mean absolute sRGB difference of all pixels that
+are compared ("flicker", of 1), their median, their share of the picture, and the mean of every pair of frames; and
+"ratio", our flicker over that of Cycles, likewise of the medians. Silhouettes and mirrors change with the camera in
+both engines and make most of the mean, and none of the median.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+from renderformer_v2.model.errors import CheckpointError, SceneError
+from tools import extension
+from tools.arguments import picture_size, whole_number
+from tools.scene_file import one_line
+
+
+def main() -> int:
+    arguments = _arguments()
+    answer = os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    extension.load().register()
+    try:
+        if not arguments.scene.is_file():
+            raise FileNotFoundError(f"{arguments.scene}: there is no such file")
+        found = {"renderformer": _measured(arguments, "renderformer", samples=arguments.guide_samples,
+                                           light=arguments.light, weights=arguments.weights),
+                 "cycles": _measured(arguments, "cycles", samples=arguments.samples)}
+    except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:
+        print(one_line(error), file=sys.stderr)
+        return 1
+    print(json.dumps({"scene": str(arguments.scene), "frames": arguments.frames, "degrees": arguments.degrees,
+                      "samples": arguments.samples} | found
+                     | {"ratio": _ratio(found, "flicker"), "median_ratio": _ratio(found, "median")}),
+          file=answer, flush=True)
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    count = whole_number(1)
+    parser = argparse.ArgumentParser(prog="python -m tools.flicker", description=__doc__.splitlines()[0])
+    parser.add_argument("scene", type=Path, help=".blend file")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--frames", type=whole_number(2), default=24)
+    parser.add_argument("--degrees", type=float, default=1.0, help="a frame; 0 plays the file's own animation")
+    parser.add_argument("--samples", type=count, default=1024, help="of Cycles")
+    parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
+    parser.add_argument("--light", choices=("TRACED", "NETWORK"), help="default: the file's")
+    parser.add_argument("--guide-samples", type=count, help="default: the file's")
+    parser.add_argument("--weights", help="rf2_small, or a folder with weights (default: the file's)")
+    parser.add_argument("--threads", type=count, help="processor threads (default: the file's)")
+    return parser.parse_args()
+
+
+def _measured(arguments: argparse.Namespace, engine: str, **settings) -> dict:
+    from .frames import read, rendered
+    from .measure import flicker
+    common = {"resolution": arguments.resolution, "threads": arguments.threads}
+    frames = rendered(arguments.scene, arguments.output.resolve(), engine, arguments.frames, arguments.degrees,
+                      **common, **settings)
+    pairs = [flicker(before, after) for before, after in pairwise(read(*frame) for frame in frames)]
+    mean, median, compared = map(statistics.mean, zip(*pairs))
+    return {"flicker": round(mean, 6), "median": round(median, 6), "compared": round(compared, 4),
+            "pairs": [round(change.mean, 6) for change in pairs], "folder": str(frames[0][1].parent)}
+
+
+def _ratio(found: dict, key: str) -> float | None:
+    """Ours over that of Cycles; None where nothing changes in its pictures."""
+    ours, cycles = (engine[key] for engine in found.values())
+    return round(ours / cycles, 3) if cycles else None
+
+
+if __name__ == "__main__":
+    extension.run(main)

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One picture of a scene three times: this engine, Cycles in the same time, Cycles with many samples.
+
+    python -m tools.triptych SCENE.blend -o OUT.png [--samples 256] [--resolution WxH] [--weights rf2_small|DIR]
+                             [--threads N]
+
+Labelled with the seconds that each render takes on this machine now, so leave it alone meanwhile. Prints them as one
+line of JSON. Cycles renders as the file says, denoising included, but for the number of samples; in the middle they are
+as many as take nearest to this engine's time.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from tools.arguments import picture_size, whole_number
+from tools.picture import write_whole
+from tools.rendering import render, samples_in_time
+
+GAP = 8        # pixels between the pictures
+LINE = 2.2     # height of the label, of that of its letters
+
+
+def main() -> int:
+    arguments = _arguments()
+    options = ["--resolution", "{}x{}".format(*arguments.resolution)] if arguments.resolution else []
+    options += ["--threads", arguments.threads] if arguments.threads else []
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            pictures, labels, seconds = rendered(arguments, Path(folder), options)
+            arguments.output.parent.mkdir(parents=True, exist_ok=True)
+            from skimage.io import imsave
+            write_whole(arguments.output.resolve(), lambda file: imsave(file, side_by_side(pictures, labels)))
+        except (RuntimeError, OSError) as error:
+            print(error, file=sys.stderr)
+            return 1
+    print(json.dumps(seconds | {"output": str(arguments.output)}))
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tools.triptych", description=__doc__.splitlines()[0])
+    parser.add_argument("scene", type=Path, help=".blend file")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.png")
+    parser.add_argument("--samples", type=whole_number(1), default=256, help="of the picture on the right")
+    parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
+    parser.add_argument("--weights", help="rf2_small, or a folder with weights (default: the file's)")
+    parser.add_argument("--threads", type=whole_number(1), help="processor threads (default: the file's)")
+    arguments = parser.parse_args()
+    if arguments.output.suffix.lower() != ".png":
+        parser.error(f"{arguments.output}: the suffix must be .png")
+    return arguments
+
+
+def rendered(arguments: argparse.Namespace, folder: Path, options: list) -> tuple[list[np.ndarray], list[str], dict]:
+    """The three pictures (H, W, 3) u8, what is written below them, and {picture: its samples and seconds}."""
+    from skimage.io import imread
+
+    def cycles(samples: int) -> float:
+        done = render(arguments.scene, folder / f"{samples}.png", "--engine", "cycles", "--samples", samples, *options)
+        return done["seconds"]["total"]
+
+    ours = render(arguments.scene, folder / "ours.png", *options,
+                  *(["--weights", arguments.weights] if arguments.weights else []))
+    seconds = ours["seconds"]["total"]
+    equal, equal_seconds = samples_in_time(seconds, arguments.samples, cycles)
+    many_seconds = cycles(arguments.samples)
+    pictures = [imread(folder / f"{name}.png")[..., :3] for name in ("ours", equal, arguments.samples)]
+    labels = [f"RenderFormer-V2 ({Path(ours['weights']).name}), {seconds:.1f} s"] + [
+        f"Cycles, {n} sample{'s' if n > 1 else ''}, {s:.1f} s"
+        for n, s in ((equal, equal_seconds), (arguments.samples, many_seconds))]
+    return pictures, labels, {"renderformer": {"seconds": seconds},
+                              "cycles_equal": {"samples": equal, "seconds": equal_seconds},
+                              "cycles": {"samples": arguments.samples, "seconds": many_seconds}}
+
+
+def side_by_side(pictures: list[np.ndarray], labels: list[str]) -> np.ndarray:
+    """(H + label, W', 3) u8: pictures of one size, pixel by pixel as they are, each above its label."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    height, width = pictures[0].shape[:2]
+    letters = min(max(width / 30, 7), 20)
+    size = len(pictures) * (width + GAP) - GAP, height + round(letters * LINE)
+    figure = Figure(figsize=(size[0] / 72, size[1] / 72), dpi=72)  # a point is a pixel
+    canvas = FigureCanvasAgg(figure)
+    for i, label in enumerate(labels):
+        figure.text((i * (width + GAP) + width / 2) / size[0], (size[1] - height) / 2 / size[1], label, ha="center",
+                    va="center", fontsize=letters, color="black")
+    canvas.draw()
+    sheet = np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    for i, picture in enumerate(pictures):
+        sheet[:height, i * (width + GAP):][:, :width] = picture
+    return sheet
+
+
+if __name__ == "__main__":
+    sys.exit(main())
