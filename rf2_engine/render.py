@@ -7,7 +7,7 @@ import numpy as np
 
 from ..model import progress, threads
 from ..model.errors import RenderCancelled, SceneError
-from . import compat, cycles_session, failure, model_cache, output, running, statistics
+from . import compat, cycles_run, cycles_session, failure, model_cache, output, reference, running, statistics
 from .convert.camera import convert_camera
 from .convert.report import Report
 from .convert.scene import convert
@@ -25,7 +25,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     running.mark(engine.bl_idname)
     status, report = Status(engine), Report()
     try:
-        with progress.reporting(status):
+        with progress.reporting(status), cycles_run.scene_kept(engine, reference.is_wanted(depsgraph.scene_eval)):
             done = _render_layer(engine, depsgraph, layer, status, report)
     except RenderCancelled:
         if running.is_stopping():  # an error also ends an animation
@@ -34,6 +34,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         _fail(engine, layer, failure.message(error))
     else:
         statistics.last_frame.append(done)
+        statistics.stamp(engine)
         _tell(engine, report)
 
 
@@ -73,9 +74,12 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                 with progress.part(0.5, 1.0):
                     radiance, tokens = encoded.view(view, guides), encoded.tokens
     with status.stage("Writing passes", 1.0, 1.0):
-        output.write(engine, layer, passes | {"combined": combined(radiance)})
+        picture = passes | {"combined": combined(radiance)}
+        output.write(engine, layer, picture)
+    samples = reference.add(engine, depsgraph, picture, settings, status, report) if settings.reference else 0
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
-                           weights=settings.weights, seconds=status.seconds, report=report.lines())
+                           weights=settings.weights, seconds=status.seconds, report=report.lines(),
+                           reference_samples=samples)
 
 
 def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:

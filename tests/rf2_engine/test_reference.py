@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Cycles reference beside our picture: what Cycles itself renders, in passes of the same result."""
+import bpy
+import numpy as np
+import OpenEXR
+import pytest
+
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
+from bl_ext.user_default.renderformer_v2.rf2_engine import compat, cycles_run, passes, statistics
+from bl_ext.user_default.renderformer_v2.rf2_engine.engine import RenderFormerEngine
+from bl_ext.user_default.renderformer_v2.rf2_engine.status import Status
+
+from .f12 import cube, material, press_f12, read_exr, sun
+
+REFERENCE = "ViewLayer.Cycles Reference"
+LIGHT = {p.blender_name for p in passes.REFERENCE[1:]}
+
+
+@pytest.fixture
+def lit(scene):
+    """A cube in the sun, with a reference of 4 samples that is not denoised."""
+    cube(scene, of=material("Red", (0.8, 0.05, 0.05))).rotation_euler = (0.3, 0.2, 0.5)
+    sun(scene)
+    chosen = scene.renderformer_v2.reference
+    chosen.use, chosen.samples, chosen.use_denoising = True, 4, False
+    return scene
+
+
+def by_cycles(scene, tmp_path, samples=4, denoise=False, **more) -> dict[str, np.ndarray]:
+    """What Cycles renders of the scene, by F12 with Cycles chosen."""
+    scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", samples, denoise
+    try:
+        return press_f12(scene, tmp_path, **more)
+    finally:
+        scene.render.engine = RenderFormerEngine.bl_idname
+
+
+@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+@pytest.mark.parametrize("persistent", [False, True])
+def test_the_reference_is_what_cycles_renders_and_our_picture_stays_what_it_was(lit, tmp_path, persistent, light):
+    lit.render.use_persistent_data, lit.renderformer_v2.light = persistent, light
+    found = press_f12(lit, tmp_path)
+    again = press_f12(lit, tmp_path)
+    np.testing.assert_array_equal(found[REFERENCE], by_cycles(lit, tmp_path)["ViewLayer.Combined"])
+    np.testing.assert_array_equal(again[REFERENCE], found[REFERENCE])
+    lit.renderformer_v2.reference.use = False
+    alone = press_f12(lit, tmp_path)
+    assert set(found) == {*alone, REFERENCE}
+    for name in alone:
+        np.testing.assert_allclose(found[name], alone[name], rtol=1e-4, atol=1e-5, err_msg=name)
+
+
+@pytest.mark.parametrize("transparent, exposure, denoise", [(False, 2.0, True), (True, 0.5, False)])
+def test_film_and_denoiser_are_those_of_cycles(lit, tmp_path, transparent, exposure, denoise):
+    lit.render.film_transparent, lit.cycles.film_exposure = transparent, exposure
+    lit.renderformer_v2.reference.use_denoising = denoise
+    found = press_f12(lit, tmp_path)
+    np.testing.assert_array_equal(found[REFERENCE],
+                                  by_cycles(lit, tmp_path, denoise=denoise)["ViewLayer.Combined"])
+    background = found["ViewLayer.Combined"][0, 0]
+    np.testing.assert_allclose(found[REFERENCE][0, 0], background, atol=0.05 if denoise else 1e-5)
+
+
+@pytest.mark.parametrize("crop", [False, True])
+def test_a_border_holds_the_same_part_of_both(lit, tmp_path, crop):
+    settings = lit.render
+    settings.use_border, settings.use_crop_to_border = True, crop
+    settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y = 0.21, 0.83, 0.13, 0.61
+    found = press_f12(lit, tmp_path)
+    reference = by_cycles(lit, tmp_path)["ViewLayer.Combined"]
+    assert found[REFERENCE].shape == found["ViewLayer.Combined"].shape == reference.shape
+    np.testing.assert_array_equal(found[REFERENCE], reference)
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+def test_every_view_layer_has_its_own(lit, tmp_path, persistent):
+    lit.render.use_persistent_data = persistent
+    inside = bpy.data.collections.new("Inside")
+    lit.collection.children.link(inside)
+    inside.objects.link(lit.objects["Cube"])
+    lit.collection.objects.unlink(lit.objects["Cube"])
+    lit.view_layers.new("Without").layer_collection.children["Inside"].exclude = True
+    found, last = press_f12(lit, tmp_path), list(statistics.last_frame)
+    cycles = by_cycles(lit, tmp_path)
+    for layer in ("ViewLayer", "Without"):
+        np.testing.assert_array_equal(found[f"{layer}.Cycles Reference"], cycles[f"{layer}.Combined"])
+    assert [layer.reference_samples for layer in last] == [4, 4]
+    assert not np.array_equal(found[REFERENCE], found["Without.Cycles Reference"])
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+def test_every_frame_of_an_animation_has_its_own(lit, tmp_path, persistent):
+    moving = lit.objects["Cube"]
+    moving.keyframe_insert("location", frame=1)
+    moving.location.x = 0.5
+    moving.keyframe_insert("location", frame=2)
+    lit.frame_start, lit.frame_end, lit.render.use_persistent_data = 1, 2, persistent
+    compat.set_file_format(lit.render.image_settings, "OPEN_EXR_MULTILAYER")
+    lit.render.image_settings.color_depth = "32"
+
+    def frames(name):
+        lit.render.filepath = str(tmp_path / name)
+        bpy.ops.render.render(animation=True, scene=lit.name)
+        return [read_exr(tmp_path / f"{name}{i:04d}.exr") for i in (1, 2)]
+    ours = frames("ours_")
+    lit.render.engine, lit.cycles.samples, lit.cycles.use_denoising = "CYCLES", 4, False
+    theirs = frames("theirs_")
+    for mine, cycles in zip(ours, theirs):
+        np.testing.assert_array_equal(mine[REFERENCE], cycles["ViewLayer.Combined"])
+    assert not np.array_equal(ours[0][REFERENCE], ours[1][REFERENCE])
+
+
+def test_depth_of_field_and_the_light_of_hidden_settings_are_back_for_the_reference(lit, tmp_path):
+    """First hits are seen by a pinhole, and without any light here."""
+    lit.renderformer_v2.light = "NETWORK"
+    lit.camera.data.dof.use_dof, lit.camera.data.dof.focus_distance, lit.camera.data.dof.aperture_fstop = True, 2, 0.2
+    found = press_f12(lit, tmp_path)
+    np.testing.assert_array_equal(found[REFERENCE], by_cycles(lit, tmp_path)["ViewLayer.Combined"])
+    assert lit.camera.data.dof.use_dof and lit.objects["Cube"].visible_shadow
+
+
+def test_light_passes_are_those_of_cycles(lit, tmp_path):
+    lit.renderformer_v2.reference.use_light_passes = True
+    found = press_f12(lit, tmp_path)
+    lit.view_layers[0].use_pass_diffuse_direct = lit.view_layers[0].use_pass_glossy_indirect = True
+    theirs = by_cycles(lit, tmp_path)
+    assert {f"ViewLayer.{name}" for name in LIGHT} <= set(found)
+    for p in passes.PASSES:
+        if p.key in ("diffuse_direct", "glossy_indirect"):
+            np.testing.assert_array_equal(found[f"ViewLayer.Cycles {p.name_5}"], theirs[f"ViewLayer.{p.blender_name}"])
+    assert found["ViewLayer.Cycles Diffuse Direct"].max() > 0.1
+
+
+def test_the_compositor_has_the_sockets_before_the_first_render(scene):
+    layers = compositor_input(scene)
+    chosen, names = scene.renderformer_v2.reference, lambda: {s.name for s in layers.outputs if s.enabled}
+    assert "Cycles Reference" not in names()
+    chosen.use = True
+    assert "Cycles Reference" in names() and not names() & LIGHT
+    chosen.use_light_passes = True
+    assert names() >= LIGHT
+    chosen.use = False
+    assert not names() & (LIGHT | {"Cycles Reference"})
+
+
+def compositor_input(scene):
+    if hasattr(scene, "compositing_node_group"):
+        scene.compositing_node_group = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        return scene.compositing_node_group.nodes.new("CompositorNodeRLayers")
+    scene.use_nodes = True
+    return next(node for node in scene.node_tree.nodes if node.type == "R_LAYERS")
+
+
+def test_without_the_checkbox_cycles_runs_once(lit, tmp_path, monkeypatch):
+    runs = spy(monkeypatch)
+    lit.renderformer_v2.reference.use = False
+    assert REFERENCE not in press_f12(lit, tmp_path)
+    assert len(runs) == 1 and statistics.last_frame[0].reference_samples == 0
+    lit.renderformer_v2.reference.use = True
+    press_f12(lit, tmp_path)
+    assert len(runs) == 3
+
+
+def spy(monkeypatch, instead=None) -> list:
+    """The runs of Cycles to come; `instead` takes the place of what the second one returns."""
+    runs = []
+
+    def read(*arguments, real=cycles_run._read):
+        runs.append(arguments)
+        return instead() if instead and len(runs) == 2 else real(*arguments)
+    monkeypatch.setattr(cycles_run, "_read", read)
+    return runs
+
+
+def test_our_picture_is_on_screen_before_cycles_starts(lit, tmp_path, monkeypatch):
+    shown = []
+
+    def look(status):
+        if status._shown[0].endswith("Cycles Reference") and not shown:
+            shown.append(cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]])["combined"])
+        return False
+    monkeypatch.setattr(Status, "esc_pressed", look)
+    found = press_f12(lit, tmp_path)
+    np.testing.assert_array_equal(shown[0], found["ViewLayer.Combined"])
+
+
+def stop():
+    raise RenderCancelled()
+
+
+def fail():
+    raise MemoryError()
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+@pytest.mark.parametrize("end, reason", [(stop, "stopped"), (fail, "Out of memory")])
+def test_our_picture_stays_when_the_reference_ends_early(lit, tmp_path, monkeypatch, persistent, end, reason):
+    """Cycles has written its own picture over ours by then."""
+    lit.render.use_persistent_data = persistent
+    whole = press_f12(lit, tmp_path)
+    with monkeypatch.context() as broken:
+        spy(broken, instead=end)
+        found = press_f12(lit, tmp_path)
+    np.testing.assert_array_equal(found["ViewLayer.Combined"], whole["ViewLayer.Combined"])
+    assert (found[REFERENCE] == 0).all()
+    (last,) = statistics.last_frame
+    assert any("Cycles Reference" in line and reason in line for line in last.report) and last.reference_samples == 0
+    np.testing.assert_array_equal(press_f12(lit, tmp_path)[REFERENCE], whole[REFERENCE])
+
+
+def test_esc_before_cycles_starts_keeps_our_picture(lit, tmp_path, monkeypatch):
+    whole = press_f12(lit, tmp_path)["ViewLayer.Combined"]
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0].endswith("Cycles Reference"))
+    np.testing.assert_array_equal(press_f12(lit, tmp_path)["ViewLayer.Combined"], whole)
+    assert any("stopped" in line for line in statistics.last_frame[0].report)
+
+
+def test_seconds_and_samples_are_kept_and_in_the_file(lit, tmp_path):
+    press_f12(lit, tmp_path)
+    (last,) = statistics.last_frame
+    assert last.reference_seconds > 0 and last.picture_seconds > 0 and last.reference_samples == 4
+    assert last.picture_seconds + last.reference_seconds == pytest.approx(sum(last.seconds.values()))
+    with OpenEXR.File(str(tmp_path / "picture.exr")) as file:
+        header = dict(file.header())
+    assert header["RenderFormer-V2 seconds"] == f"{last.picture_seconds:.2f}"
+    assert header["Cycles Reference seconds"] == f"{last.reference_seconds:.2f}"
+    assert header["Cycles Reference samples"] == "4"
+
+
+def test_a_time_limit_ends_the_reference(lit, tmp_path):
+    chosen = lit.renderformer_v2.reference
+    chosen.samples, chosen.time_limit = 1 << 20, 0.5
+    lit.cycles.use_adaptive_sampling = False  # a million samples would take minutes
+    assert press_f12(lit, tmp_path)[REFERENCE][15:22, 20:30, :3].min() > 0
+    assert lit.cycles.time_limit == 0
