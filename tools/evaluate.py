@@ -32,6 +32,7 @@ from renderformer_v2.model.threads import team
 from tools.arguments import whole_number
 from tools.datagen.shards import load_sample, sample_paths
 from tools.metrics import compare
+from tools.picture import read_pass
 
 ROOT = Path(__file__).parents[1]
 METRICS = ("psnr", "ssim", "flip")
@@ -91,12 +92,7 @@ def evaluate_blend(path: Path, weights: str, output: Path, threads: int) -> tupl
 
 def read_combined(path: Path) -> np.ndarray:
     """(H, W, 3) f32 Combined of the first view layer of a multilayer EXR."""
-    import OpenEXR
-
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        channels = {name: channel.pixels for name, channel in file.channels().items()}
-    layer = min(name.removesuffix(".R") for name in channels if name.endswith(".Combined.R"))
-    return np.stack([channels[f"{layer}.{c}"] for c in "RGB"], axis=-1).astype(np.float32)
+    return min(read_pass(path, "Combined").items())[1]
 
 
 def _scores(pictures: list[np.ndarray], references: list[np.ndarray], **more) -> tuple[dict[str, float], np.ndarray]:

@@ -1,11 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture files that are written whole or not at all."""
+"""Picture files: written whole or not at all, and read pass by pass."""
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
+
+import numpy as np
+
+
+def prepare(path: Path) -> None:
+    """Make the folder of an output and try it, before the work rather than after. Raises OSError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        raise OSError(f"{path} cannot be written: {error.strerror}") from error
+    if path.is_dir():
+        raise OSError(f"{path} cannot be written: it is a folder")
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
@@ -24,6 +38,18 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
         raise OSError(f"{path} cannot be written: {reason}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def read_pass(path: Path, name: str) -> dict[str, np.ndarray]:
+    """{view layer: (H, W, 3) f32} of the colour pass `name` of a multilayer EXR, row 0 on top."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = {channel: read.pixels for channel, read in file.channels().items()}
+    ending = f".{name}.R"
+    layers = [channel.removesuffix(ending) for channel in channels if channel.endswith(ending)]
+    return {layer: np.stack([channels[f"{layer}.{name}.{c}"] for c in "RGB"], axis=-1).astype(np.float32)
+            for layer in layers}
 
 
 def _read(path: Path) -> None:
