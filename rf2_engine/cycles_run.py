@@ -15,10 +15,10 @@ from . import passes as pass_table
 def scene_kept(engine: bpy.types.RenderEngine, wanted: bool):
     """Inside, if `wanted`, the evaluated scene survives Cycles, which can then run twice in one `engine.render`.
 
-    In background mode Cycles asks Blender to free it as soon as it has its own copy. Blender does not where Persistent
-    Data is on, nor for an engine with a GPU context; that flag is looked at afresh each time, and we need no context.
+    Cycles asks Blender to free it as soon as it has its own copy. Blender does not where Persistent Data is on, nor for
+    an engine with a GPU context; that flag is looked at afresh each time, and we need no context.
     """
-    engine.bl_use_gpu_context = wanted and bpy.app.background
+    engine.bl_use_gpu_context = wanted
     try:
         yield
     finally:
@@ -52,7 +52,7 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     The user's scene never sees it: it is the evaluated copy that Cycles reads.
     """
     saved = []
-    survives = not bpy.app.background or engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
+    survives = engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
 
     def override(data: bpy.types.ID | bpy.types.ViewLayer, settings: dict[str, object]) -> None:
         for path, value in settings.items():

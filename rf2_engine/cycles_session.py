@@ -2,8 +2,8 @@
 """Cycles run inside our own engine: the passes of a final render, with exact first hits for any material graph.
 
 Cycles computes the passes that our render result has and honours render border, resolution percentage, view layer,
-overrides and Esc by itself. In background mode it frees the evaluated scene when it ends (unless Persistent Data is on
-or cycles_run.scene_kept), so everything else must be taken from the depsgraph before `render_passes`.
+overrides and Esc by itself. It frees the evaluated scene when it ends (unless Persistent Data is on, or inside
+cycles_run.scene_kept), so everything else must be taken from the depsgraph before `render_passes`.
 """
 from __future__ import annotations
 

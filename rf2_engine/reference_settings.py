@@ -19,8 +19,7 @@ class ReferenceSettings(bpy.types.PropertyGroup):
     use: BoolProperty(
         name="Cycles Reference", options=set(), update=_update_sockets,
         description="After each picture Cycles renders the same view layer into the pass Cycles Reference. The picture "
-                    "is on screen first, and stays if the reference is stopped with Esc. Needs the memory of Blender's "
-                    "evaluated scene for longer when rendering from the command line",
+                    "is on screen first, and stays if the reference is stopped with Esc",
     )
     samples: IntProperty(name="Samples", default=128, min=1, soft_max=4096, max=1 << 24,
                          description="Samples per pixel of the reference")
