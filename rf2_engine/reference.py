@@ -35,9 +35,9 @@ def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture:
         settings: FrameSettings, status: Status, report: Report) -> int:
     """Render the reference and write it beside `picture`, the passes of our frame, which stay if Cycles is stopped.
 
-    Returns the samples of the reference, 0 when there is none.
-    Must be called inside cycles_run.scene_kept, begun before the first session of this frame. Raises
-    RenderCancelled when the add-on is being disabled; whatever else ends the reference is a line of `report`.
+    Must be called inside cycles_run.scene_kept, begun before the first run of this frame. Returns the samples of the
+    reference, 0 when there is none. Raises RenderCancelled when the add-on is being disabled; whatever else ends the
+    reference is a line of `report`.
     """
     layer, chosen, found = depsgraph.view_layer_eval.name, settings.reference, {}
     try:
@@ -45,11 +45,13 @@ def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture:
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
             found = _render(engine, depsgraph, chosen, settings.threads)
     except RenderCancelled:
+        found = {}  # it may have come after the last sample
         report.skipped(NAME, "it was stopped")
         if running.is_stopping():
             raise
     except Exception as error:
         report.skipped(NAME, failure.message(error))
+        engine.report({"WARNING"}, f"no {NAME}: {report.entries[-1][2]}")
     finally:  # Cycles shows its picture in Combined
         output.write(engine, layer, picture | found)
     if found and chosen.denoise and not compat.has_openimagedenoise():

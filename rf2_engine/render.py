@@ -76,10 +76,11 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     with status.stage("Writing passes", 1.0, 1.0):
         picture = passes | {"combined": combined(radiance)}
         output.write(engine, layer, picture)
-    samples = reference.add(engine, depsgraph, picture, settings, status, report) if settings.reference else 0
+    beside = Report()
+    samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
-                           weights=settings.weights, seconds=status.seconds, report=report.lines(),
-                           reference_samples=samples)
+                           weights=settings.weights, seconds=status.seconds,
+                           report=report.lines() + beside.lines(), reference_samples=samples)
 
 
 def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:

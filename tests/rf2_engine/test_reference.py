@@ -8,6 +8,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat, cycles_run, passes, statistics
 from bl_ext.user_default.renderformer_v2.rf2_engine.engine import RenderFormerEngine
+from bl_ext.user_default.renderformer_v2.rf2_engine.reference_panel import RENDERFORMER_PT_reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.status import Status
 
 from .f12 import cube, material, press_f12, read_exr, sun
@@ -233,3 +234,20 @@ def test_a_time_limit_ends_the_reference(lit, tmp_path):
     lit.cycles.use_adaptive_sampling = False  # a million samples would take minutes
     assert press_f12(lit, tmp_path)[REFERENCE][15:22, 20:30, :3].min() > 0
     assert lit.cycles.time_limit == 0
+
+
+def test_every_setting_has_its_place_in_the_panel(scene):
+    settings, drawn = scene.renderformer_v2.reference, set()
+
+    class Layout:
+        def column(self):
+            return self
+
+        def prop(self, owner, name, **options):
+            assert name in owner.bl_rna.properties
+            drawn.add(name)
+
+    panel = type("Panel", (), {"layout": Layout()})()
+    RENDERFORMER_PT_reference.draw_header(panel, bpy.context)
+    RENDERFORMER_PT_reference.draw(panel, bpy.context)
+    assert drawn >= set(settings.__annotations__) | {"device"}
