@@ -56,17 +56,22 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
 
     def override(data: bpy.types.ID | bpy.types.ViewLayer, settings: dict[str, object]) -> None:
         for path, value in settings.items():
-            parent, _, name = path.rpartition(".")
-            owner = data.path_resolve(parent) if parent else data
+            owner, name = _owner(data, path)
             if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
-                saved.append((owner, name, getattr(owner, name)))
+                saved.append((data, path, getattr(owner, name)))
                 setattr(owner, name, value)
     try:
         yield override
     finally:
         if survives:  # otherwise the evaluated scene is gone after a render, and touching it crashes
-            for owner, name, value in reversed(saved):
+            for data, path, value in reversed(saved):
+                owner, name = _owner(data, path)  # motion blur evaluates the scene anew, which moves what is in it
                 setattr(owner, name, value)
+
+
+def _owner(data: bpy.types.ID | bpy.types.ViewLayer, path: str) -> tuple[bpy.types.bpy_struct, str]:
+    parent, _, name = path.rpartition(".")
+    return data.path_resolve(parent) if parent else data, name
 
 
 @contextmanager

@@ -120,6 +120,27 @@ def test_depth_of_field_and_the_light_of_hidden_settings_are_back_for_the_refere
     assert lit.camera.data.dof.use_dof and lit.objects["Cube"].visible_shadow
 
 
+@pytest.mark.parametrize("persistent", [False, True])
+def test_motion_blur_is_that_of_cycles_though_other_frames_change_the_scene(lit, tmp_path, persistent):
+    lit.render.use_persistent_data, lit.render.use_motion_blur = persistent, True
+    moving = lit.objects["Cube"]
+    for frame in (0, 1, 2):
+        moving.location.x = frame
+        moving.keyframe_insert("location", frame=frame)
+    lit.frame_set(1)
+
+    def change(scene, depsgraph):
+        scene.cycles.blur_glossy, scene.cycles["of no use"] = scene.frame_current, list(range(scene.frame_current))
+    bpy.app.handlers.frame_change_pre.append(change)
+    try:
+        found, cycles = press_f12(lit, tmp_path), by_cycles(lit, tmp_path)
+    finally:
+        bpy.app.handlers.frame_change_pre.remove(change)
+    np.testing.assert_array_equal(found[REFERENCE], cycles["ViewLayer.Combined"])
+    lit.render.use_motion_blur = False
+    assert not np.array_equal(press_f12(lit, tmp_path)[REFERENCE], found[REFERENCE])
+
+
 def test_light_passes_are_those_of_cycles(lit, tmp_path):
     lit.renderformer_v2.reference.use_light_passes = True
     found = press_f12(lit, tmp_path)
