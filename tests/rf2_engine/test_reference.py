@@ -62,6 +62,13 @@ def test_film_and_denoiser_are_those_of_cycles(lit, tmp_path, transparent, expos
     np.testing.assert_allclose(found[REFERENCE][0, 0], background, atol=0.05 if denoise else 1e-5)
 
 
+def test_a_reference_in_tiles_is_whole(lit, tmp_path):
+    lit.cycles.use_auto_tile, lit.cycles.tile_size = True, 16
+    found = press_f12(lit, tmp_path)
+    np.testing.assert_array_equal(found[REFERENCE], by_cycles(lit, tmp_path)["ViewLayer.Combined"])
+    assert found[REFERENCE][..., 3].min() == 1
+
+
 @pytest.mark.parametrize("crop", [False, True])
 def test_a_border_holds_the_same_part_of_both(lit, tmp_path, crop):
     settings = lit.render
