@@ -2,12 +2,11 @@
 """Cycles run inside our own engine: the passes of a final render, with exact first hits for any material graph.
 
 Cycles computes the passes that our render result has and honours render border, resolution percentage, view layer,
-overrides and Esc by itself. It frees the evaluated scene when it ends (unless Persistent Data is on), so everything
-else must be taken from the depsgraph before `render_passes`, and one session per render is the rule.
+overrides and Esc by itself. It frees the evaluated scene when it ends (unless Persistent Data is on, or inside
+cycles_run.scene_kept), so everything else must be taken from the depsgraph before `render_passes`.
 """
 from __future__ import annotations
 
-from contextlib import contextmanager
 from enum import Enum, auto
 
 import bpy
@@ -15,9 +14,10 @@ import numpy as np
 
 import addon_utils
 
-from ..model.errors import RenderCancelled, SceneError
+from ..model.errors import SceneError
 from . import compat
 from . import passes as pass_table
+from .cycles_run import overrides, run
 
 # The film is always transparent: Cycles then gives coverage as alpha, while the Environment pass still holds the
 # world seen directly (measured: Env = world * (1 - alpha) in both film modes), so an opaque film is
@@ -74,7 +74,7 @@ class Light(Enum):
 
     NONE = auto()
     TRACED = auto()  # no diffuse and no volume bounce, denoised
-    ALL = auto()     # the reference
+    ALL = auto()     # the scene's own bounces
 
 
 def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
@@ -105,7 +105,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise}
     if threads:
         settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
-    with _overrides(depsgraph) as override, _session(engine) as cycles_engine:
+    with overrides(engine, depsgraph) as override:
         override(depsgraph.scene_eval, settings)
         if light is not Light.ALL:
             _as_a_pinhole(depsgraph, override)
@@ -113,15 +113,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             _leave_out_light(depsgraph, override)
         elif light is Light.TRACED:
             override(depsgraph.scene_eval, _TRACED | (_DENOISED if compat.has_openimagedenoise() else {}))
-        cycles_engine.reset(engine, bpy.data, depsgraph)
-        cycles_engine.render(engine, depsgraph)
-        cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
-        found = {} if engine.test_break() else _read(engine.get_result(), layer_name, wanted)
-    if engine.test_break():
-        raise RenderCancelled()
-    missing = [p.blender_name for p in wanted if p.key not in found]
-    if missing:
-        raise SceneError(f"Cycles stopped without the passes {', '.join(missing)}: see its message in the console")
+        found = run(engine, depsgraph, layer_name, wanted)
 
     combined = found["combined"]
     found["alpha"] = combined[..., 3:].copy()
@@ -130,55 +122,6 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     if light is not Light.ALL:
         del found["combined"]
     return found
-
-
-def _read(result: bpy.types.RenderResult, layer_name: str, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
-    height, width = result.resolution_y, result.resolution_x
-    keys = {p.blender_name: p.key for p in wanted}
-    found = {}
-    for p in result.layers[layer_name].passes:
-        if p.name in keys and keys[p.name] not in found:
-            pixels = np.empty(height * width * p.channels, np.float32)
-            p.rect.foreach_get(pixels)
-            found[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
-    return found
-
-
-@contextmanager
-def _session(engine: bpy.types.RenderEngine):
-    """Cycles' own functions, with a session of `engine` inside."""
-    import cycles.engine as cycles_engine
-    engine.session = None
-    cycles_engine.create(engine, bpy.data)
-    try:
-        yield cycles_engine
-    finally:
-        cycles_engine.free(engine)
-        engine.session = None
-
-
-@contextmanager
-def _overrides(depsgraph: bpy.types.Depsgraph):
-    """A function that sets properties of evaluated data, given by dotted path; they are put back in the end.
-
-    The user's scene never sees it: it is the evaluated copy that Cycles reads.
-    """
-    saved = []
-    kept = depsgraph.scene_eval.render.use_persistent_data
-
-    def override(data: bpy.types.ID | bpy.types.ViewLayer, settings: dict[str, object]) -> None:
-        for path, value in settings.items():
-            parent, _, name = path.rpartition(".")
-            owner = data.path_resolve(parent) if parent else data
-            if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
-                saved.append((owner, name, getattr(owner, name)))
-                setattr(owner, name, value)
-    try:
-        yield override
-    finally:
-        if kept:  # otherwise the evaluated scene is gone after a render, and touching it crashes
-            for owner, name, value in reversed(saved):
-                setattr(owner, name, value)
 
 
 def _as_a_pinhole(depsgraph: bpy.types.Depsgraph, override) -> None:

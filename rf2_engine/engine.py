@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import passes, render
+from . import passes, reference, render
 
 
 class RenderFormerEngine(bpy.types.RenderEngine):
@@ -20,6 +20,7 @@ class RenderFormerEngine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene, view_layer):
         passes.register(self, scene, view_layer)
+        reference.register_passes(self, scene, view_layer)
 
     def render(self, depsgraph):
         render.render(self, depsgraph)

@@ -24,8 +24,8 @@ def composite(radiance: np.ndarray, guides: Guides, film_transparent: bool, expo
 
 
 def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray]) -> None:
-    """Hand {key of passes.PASSES: (H, W, C), row 0 on top} of one view layer to Blender."""
-    names = {p.blender_name: p.key for p in pass_table.PASSES}
+    """Hand {key of passes.PASSES or REFERENCE: (H, W, C), row 0 on top} of one view layer to Blender."""
+    names = {p.blender_name: p.key for p in (*pass_table.PASSES, *pass_table.REFERENCE)}
     result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer)
     for p in result.layers[0].passes:
         if names.get(p.name) in passes:

@@ -73,6 +73,7 @@ class RENDERFORMER_PT_report(_Panel):
     bl_label = "Last Render"
     bl_context = "render"
     bl_parent_id = "RENDERFORMER_PT_settings"
+    bl_order = 1  # below the panels of other modules
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):

@@ -49,6 +49,13 @@ PASSES = (
     Pass("volume_indirect", "VolumeInd", "Volume Indirect", "RGB", "COLOR", "lighting"),
 )
 
+# What a reference beside our picture adds, under names that are the same in every Blender version.
+REFERENCE = (
+    Pass("cycles_reference", "Cycles Reference", "Cycles Reference", "RGBA", "COLOR", "reference"),
+    *(Pass(f"cycles_{p.key}", f"Cycles {p.name_5}", f"Cycles {p.name_5}", p.channels, p.kind, "reference")
+      for p in PASSES if p.source == "lighting"),
+)
+
 
 def of_view_layer(view_layer: bpy.types.ViewLayer) -> list[Pass]:
     """The passes of a final frame: Combined, the guides, and what the user ticked for this view layer."""

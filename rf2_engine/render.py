@@ -7,7 +7,7 @@ import numpy as np
 
 from ..model import progress, threads
 from ..model.errors import RenderCancelled, SceneError
-from . import compat, cycles_session, failure, model_cache, output, running, shot, statistics
+from . import compat, cycles_run, cycles_session, failure, model_cache, output, reference, running, shot, statistics
 from .convert.camera import convert_camera
 from .convert.report import Report
 from .convert.scene import convert
@@ -25,7 +25,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     running.mark(engine.bl_idname)
     status, report = Status(engine), Report()
     try:
-        with progress.reporting(status):
+        with progress.reporting(status), cycles_run.scene_kept(engine, reference.is_wanted(depsgraph.scene_eval)):
             done = _render_layer(engine, depsgraph, layer, status, report)
     except RenderCancelled:
         if running.is_stopping():  # an error also ends an animation
@@ -34,6 +34,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         _fail(engine, layer, failure.message(error))
     else:
         statistics.last_frame.append(done)
+        statistics.stamp(engine)
         _tell(engine, report)
 
 
@@ -49,8 +50,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     with status.stage("Converting the scene", 0.0, 0.1):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y,
                               _border(engine, depsgraph.scene_eval.render), report)
-        picture = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)  # without its border
-        scene = convert(depsgraph, picture, token_budget=settings.token_budget, max_edge=settings.max_edge,
+        whole = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)  # without its border
+        scene = convert(depsgraph, whole, token_budget=settings.token_budget, max_edge=settings.max_edge,
                         report=report, steady=shot.steady(depsgraph))
     with output.unless_stopped(engine, layer) as passes:
         with status.stage("First hits", 0.1, 0.2):
@@ -75,9 +76,13 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                 with progress.part(0.5, 1.0):
                     radiance, tokens = encoded.view(view, guides), encoded.tokens
     with status.stage("Writing passes", 1.0, 1.0):
-        output.write(engine, layer, passes | {"combined": combined(radiance)})
+        picture = passes | {"combined": combined(radiance)}
+        output.write(engine, layer, picture)
+    beside = Report()
+    samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
-                           weights=settings.weights, seconds=status.seconds, report=report.lines())
+                           weights=settings.weights, seconds=status.seconds,
+                           report=report.lines() + beside.lines(), reference_samples=samples)
 
 
 def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:

@@ -12,6 +12,7 @@ from ..model.errors import CheckpointError
 from ..model.presets import BUNDLED, weights_folder
 from ..model.published.bundle_files import is_bundle
 from . import cycles_session
+from .reference_settings import FrameReference, ReferenceSettings
 from .setup import published_weights
 
 
@@ -77,6 +78,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     )
     threads: IntProperty(name="Threads", default=1, min=1, max=1024,
                          description="Processor threads of the first hits and of the network")
+    reference: PointerProperty(type=ReferenceSettings)
 
     def weights(self) -> str:
         """The bundled preset's name or an absolute folder, as model.renderer.Renderer takes it.
@@ -107,6 +109,7 @@ class FrameSettings:
     threads: int  # 0: all
     film_transparent: bool
     exposure: float
+    reference: FrameReference | None
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> FrameSettings:
@@ -116,7 +119,7 @@ class FrameSettings:
         return cls(weights, ours.device, ours.precision, ours.token_budget, ours.max_edge, ours.guide_samples,
                    _light(ours.light, weights),
                    holder.threads if holder.threads_mode == "FIXED" else 0,
-                   blenders.film_transparent, scene.cycles.film_exposure)
+                   blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
 
 
 def _light(chosen: str, weights: str) -> cycles_session.Light:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the command lines accept as numbers."""
+"""What the command lines accept."""
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
 
 
 def whole_number(least: int) -> Callable[[str], int]:
@@ -12,6 +13,16 @@ def whole_number(least: int) -> Callable[[str], int]:
         if not (text.isascii() and text.isdecimal()) or int(text) < least:
             raise argparse.ArgumentTypeError(f"{text}: expected a whole number from {least}")
         return int(text)
+    return parse
+
+
+def file_with(*suffixes: str):
+    """Parses an absolute path that ends in one of `suffixes`."""
+    def parse(text: str) -> Path:
+        path = Path(text).resolve()
+        if path.suffix.lower() not in suffixes:
+            raise argparse.ArgumentTypeError(f"{text}: the suffix must be one of {', '.join(suffixes)}")
+        return path
     return parse
 
 

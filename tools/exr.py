@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 
 
-def read_pass(path: Path, name: str, channels: str) -> np.ndarray:
-    """(H, W, len(channels)) f32 of a pass of the first view layer, row 0 on top: ("Combined", "RGB"), for example.
+def read_pass(path: Path, name: str, channels: str, layer: str | None = None) -> np.ndarray:
+    """(H, W, len(channels)) f32 of a pass of a view layer (the first), row 0 on top: ("Combined", "RGB"), for example.
 
-    Raises KeyError naming the file when no view layer has the pass.
+    Raises KeyError naming the file when there is no such pass.
     """
     import OpenEXR
 
     with OpenEXR.File(str(path), separate_channels=True) as file:
         found = {key: channel.pixels for key, channel in file.channels().items()}
     ending = f".{name}.{channels[0]}"
-    layers = [key.removesuffix(ending) for key in found if key.endswith(ending)]
+    layers = [key.removesuffix(ending) for key in found if key.endswith(ending) and layer in (None, key[:-len(ending)])]
     if not layers:
         raise KeyError(f"{path} has no pass {name}")
     return np.stack([found[f"{min(layers)}.{name}.{c}"] for c in channels], axis=-1).astype(np.float32)

@@ -1,11 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture files that are written whole or not at all."""
+"""Picture files, written whole or not at all."""
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
+
+
+def prepare(path: Path) -> None:
+    """Make the folder of an output and try it, before the work rather than after. Raises OSError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        raise OSError(f"{path} cannot be written: {error.strerror}") from error
+    if path.is_dir():
+        raise OSError(f"{path} cannot be written: it is a folder")
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:

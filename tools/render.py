@@ -3,10 +3,13 @@
 
     python -m tools.render SCENE.blend -o OUT.exr [--engine cycles] [--samples N] [--resolution WxH]
                            [--weights rf2_small|DIR] [--threads N] [--verbose]
+                           [--beside-cycles [--reference-samples N] [--sheet OUT.png]]
     python -m tools.render SCENE.blend --export-h5 SCENE.h5 --weights DIR
     python -m tools.render SCENE.h5 -o OUT.exr --weights DIR [--resolution RxR]
 
 The H5 scenes are those of the research code; DIR is then the published bundle. Several cameras make OUT_000.exr, ....
+--beside-cycles renders the Cycles reference into the same file, with PSNR, SSIM and FLIP under "comparison"; the sheet
+shows both, their difference and FLIP.
 Writes a multilayer EXR, or a PNG, by suffix (-o may be repeated) and prints one line of JSON: seconds by stage, tokens,
 triangles, and what was approximated or skipped; of several view layers the sums, and each under "layers". An error is
 one line on stderr and exit status 1; wrong arguments are explained with exit status 2.
@@ -17,7 +20,6 @@ import argparse
 import json
 import os
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -26,7 +28,8 @@ from renderformer_v2.model.errors import CheckpointError, SceneError
 from renderformer_v2.model.presets import BUNDLED
 
 from . import extension
-from .arguments import picture_size, whole_number
+from .arguments import file_with, picture_size, whole_number
+from .picture import prepare
 from .scene_file import ENGINES, FORMATS, configure, one_line, open_scene, save
 
 H5 = (".h5", ".hdf5")
@@ -50,28 +53,27 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.render", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path, help=".blend file, or .h5 scene")
-    parser.add_argument("-o", "--output", type=_file(*FORMATS), action="append", default=[],
+    parser.add_argument("-o", "--output", type=file_with(*FORMATS), action="append", default=[],
                         help="picture: .exr or .png")
-    parser.add_argument("--export-h5", type=_file(*H5), metavar="FILE", help="write the scene for the research code")
+    parser.add_argument("--export-h5", type=file_with(*H5), metavar="FILE",
+                        help="write the scene for the research code")
     parser.add_argument("--engine", choices=ENGINES, default="renderformer")
     parser.add_argument("--samples", type=_count, help="guide samples, or Cycles' samples (default: the file's)")
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
     parser.add_argument("--weights", type=_weights, help=f"{BUNDLED}, or a folder with weights (default: the file's)")
     parser.add_argument("--threads", type=_count, help="processor threads (default: the file's)")
+    parser.add_argument("--beside-cycles", action="store_true", help="a Cycles reference of the same scene, compared")
+    parser.add_argument("--reference-samples", type=_count, help="of that reference (default: the file's)")
+    parser.add_argument("--sheet", type=file_with(".png"), help="picture of that comparison")
     parser.add_argument("--verbose", action="store_true", help="Blender's own output on stderr")
     arguments = parser.parse_args()
     if bool(arguments.output) == bool(arguments.export_h5):
         parser.error("one of -o and --export-h5 is needed")
+    if (arguments.sheet or arguments.reference_samples) and not arguments.beside_cycles:
+        parser.error("--sheet and --reference-samples are for --beside-cycles")
+    if arguments.beside_cycles and (arguments.engine == "cycles" or not arguments.output):
+        parser.error("--beside-cycles is for pictures of RenderFormer-V2")
     return arguments
-
-
-def _file(*suffixes: str):
-    def parse(text: str) -> Path:
-        path = Path(text).resolve()
-        if path.suffix.lower() not in suffixes:
-            raise argparse.ArgumentTypeError(f"{text}: the suffix must be one of {', '.join(suffixes)}")
-        return path
-    return parse
 
 
 def _weights(text: str) -> str:
@@ -86,10 +88,12 @@ def _run(arguments: argparse.Namespace) -> dict:
     is_h5 = arguments.scene.suffix.lower() in H5
     if is_h5 and arguments.export_h5:
         raise ValueError(f"{arguments.scene} is an H5 scene already: --export-h5 is for .blend files")
-    if (is_h5 or arguments.export_h5) and (arguments.engine == "cycles" or arguments.samples):
-        raise ValueError("H5 scenes are for the published network alone: leave out --engine cycles and --samples")
-    for path in filter(None, (*arguments.output, arguments.export_h5)):
-        _prepare(path)
+    if (is_h5 or arguments.export_h5) and (
+            arguments.engine == "cycles" or arguments.samples or arguments.beside_cycles):
+        raise ValueError("H5 scenes are for the published network alone: leave out --engine cycles, --samples and "
+                         "--beside-cycles")
+    for path in filter(None, (*arguments.output, arguments.export_h5, arguments.sheet)):
+        prepare(path)
     if is_h5:
         from . import h5_scene
         with threads.team(arguments.threads or 0):
@@ -97,22 +101,12 @@ def _run(arguments: argparse.Namespace) -> dict:
     extension.load().register()
     scene = open_scene(arguments.scene)
     configure(scene, arguments.engine, samples=arguments.samples, resolution=arguments.resolution,
-              weights=arguments.weights, threads=arguments.threads)
+              weights=arguments.weights, threads=arguments.threads, beside=arguments.beside_cycles,
+              reference_samples=arguments.reference_samples)
     if arguments.export_h5:
         from . import h5_scene
         return h5_scene.export(scene, arguments.weights, arguments.export_h5)
     return _render(arguments, scene)
-
-
-def _prepare(path: Path) -> None:
-    """Make the folder of an output and try it, before the work rather than after. Raises OSError."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=path.parent).close()
-    except OSError as error:
-        raise OSError(f"{path} cannot be written: {error.strerror}") from error
-    if path.is_dir():
-        raise OSError(f"{path} cannot be written: it is a folder")
 
 
 def _render(arguments: argparse.Namespace, scene) -> dict:
@@ -139,6 +133,11 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
         statistics["report"] = [line for layer in layers for line in layer["report"]]
         if len(layers) > 1:
             statistics["layers"] = layers
+        if arguments.beside_cycles:
+            from . import beside
+            beside.add(layers, lambda path: save(path, scene), arguments.sheet)
+            if len(layers) == 1:
+                statistics |= {key: layers[0][key] for key in ("reference_samples", "comparison")}
     return statistics
 
 

@@ -25,10 +25,12 @@ def open_scene(path: Path):
 
 
 def configure(scene, engine: str, *, samples: int | None = None, resolution: tuple[int, int] | None = None,
-              weights: str | None = None, threads: int | None = None, light: str | None = None) -> None:
+              weights: str | None = None, threads: int | None = None, light: str | None = None, beside: bool = False,
+              reference_samples: int | None = None) -> None:
     """Choose one of ENGINES and its settings; those that are not given stay as the file has them.
 
     samples: guide samples, or Cycles' samples. weights: BUNDLED, or a folder. light: "TRACED" or "NETWORK".
+    beside: with a Cycles reference, of `reference_samples`.
     """
     scene.render.engine = ENGINES[engine]
     if samples:
@@ -43,6 +45,10 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
     if weights:
         scene.renderformer_v2.weights_source = "BUNDLED" if weights == BUNDLED else "FOLDER"
         scene.renderformer_v2.weights_folder = os.path.abspath(weights)
+    if beside:
+        scene.renderformer_v2.reference.use = True
+        if reference_samples:
+            scene.renderformer_v2.reference.samples = reference_samples
     if light:
         scene.renderformer_v2.light = light
 

@@ -46,3 +46,14 @@ def scene():
     scene.collection.objects.link(camera)
     scene.camera = camera
     return scene
+
+
+@pytest.fixture
+def lit(scene):
+    """A cube in the sun, with a reference of 4 samples that is not denoised."""
+    from .f12 import cube, material, sun
+    cube(scene, of=material("Red", (0.8, 0.05, 0.05))).rotation_euler = (0.3, 0.2, 0.5)
+    sun(scene)
+    chosen = scene.renderformer_v2.reference
+    chosen.use, chosen.samples, chosen.use_denoising = True, 4, False
+    return scene

@@ -18,6 +18,11 @@ def press_f12(scene, tmp_path, may_fail=False) -> dict[str, np.ndarray]:
     compat.set_file_format(scene.render.image_settings, "OPEN_EXR_MULTILAYER")
     scene.render.image_settings.color_depth = "32"
     bpy.data.images["Render Result"].save_render(str(path), scene=scene)
+    return read_exr(path)
+
+
+def read_exr(path) -> dict[str, np.ndarray]:
+    """The passes of a multilayer EXR file, as `press_f12` returns them."""
     with OpenEXR.File(str(path)) as file:
         return _joined({name: channel.pixels for name, channel in file.channels().items()})
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine import cycles_session, passes, statistics
+from bl_ext.user_default.renderformer_v2.rf2_engine import cycles_run, cycles_session, passes, statistics
 from bl_ext.user_default.renderformer_v2.rf2_engine.status import Status
 
 from .f12 import cube, material, press_f12, sun
@@ -219,11 +219,11 @@ def test_first_hits_are_taken_without_light_and_the_scene_keeps_it(scene, tmp_pa
     scene.renderformer_v2.light, scene.render.use_persistent_data = "NETWORK", persistent
     taken = []
 
-    def read(*arguments, real=cycles_session._read):
+    def read(*arguments, real=cycles_run._read):
         found = real(*arguments)
         taken.append(found["combined"])
         return found
-    monkeypatch.setattr(cycles_session, "_read", read)
+    monkeypatch.setattr(cycles_run, "_read", read)
     press_f12(scene, tmp_path)
     assert (taken[0][15:22, 20:30, :3] == 0).all()
     scene.render.engine = "CYCLES"

@@ -11,6 +11,9 @@ from renderformer_v2.model.published.h5 import read_h5
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tools import render
 from tools.benchmark import ring
+from tools.beside import LEAST_WIDTH
+from tools.metrics import compare
+from tools.exr import read_pass
 
 
 def command(*arguments) -> list[str]:
@@ -156,3 +159,34 @@ def test_one_view_layer_is_told_without_its_name(scene, save, tmp_path):
     found = json.loads(done.stdout)
     assert list(found) == ["scene", "engine", "seconds", "tokens", "triangles", "report", "output", "size", "weights"]
     assert found["size"] == [16, 16] and "Network" in found["seconds"] and found["seconds"]["total"] > 0
+
+
+@pytest.mark.parametrize("arguments, message", [
+    (["--sheet", "sheet.png"], "are for --beside-cycles"), (["--reference-samples", "4"], "are for --beside-cycles"),
+    (["--beside-cycles", "--engine", "cycles"], "is for pictures of RenderFormer-V2"),
+    (["--beside-cycles", "--sheet", "sheet.jpg"], "--sheet: sheet.jpg: the suffix must be one of .png"),
+])
+def test_a_comparison_needs_two_engines(monkeypatch, capsys, arguments, message):
+    monkeypatch.setattr(sys, "argv", ["render", "scene.blend", "-o", "out.exr", *arguments])
+    with pytest.raises(SystemExit, match="2"):
+        render.main()
+    assert message in capsys.readouterr().err
+
+
+def test_a_reference_beside_the_picture_is_measured_and_shown_for_each_view_layer(scene, save, tmp_path):
+    from skimage.io import imread
+    scene.render.resolution_x = scene.render.resolution_y = 32
+    scene.view_layers[0].name = "First"
+    scene.view_layers.new("Second")
+    sheet, output = tmp_path / "sheet.png", tmp_path / "out.exr"
+    done = run(save(), "-o", output, "--beside-cycles", "--reference-samples", "4", "--sheet", sheet)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert [layer["layer"] for layer in found["layers"]] == ["First", "Second"]
+    for layer in found["layers"]:
+        assert layer["reference_samples"] == 4 and layer["seconds"]["Cycles Reference"] > 0
+        assert layer["comparison"]["psnr"] > 15 and 0 < layer["comparison"]["flip"] < 0.5
+    for layer in found["layers"]:
+        pair = (read_pass(output, name, "RGB", layer["layer"]) for name in ("Combined", "Cycles Reference"))
+        assert layer["comparison"]["psnr"] == pytest.approx(compare(*pair)["psnr"], abs=0.01)
+    assert imread(sheet).shape[1] > 4 * LEAST_WIDTH

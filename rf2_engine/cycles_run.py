@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One run of Cycles inside our own engine: a session, settings for its time, and the passes that it wrote."""
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from ..model.errors import RenderCancelled, SceneError
+from . import passes as pass_table
+
+
+@contextmanager
+def scene_kept(engine: bpy.types.RenderEngine, wanted: bool):
+    """Inside, if `wanted`, the evaluated scene survives Cycles, which can then run twice in one `engine.render`.
+
+    Cycles asks Blender to free it as soon as it has its own copy. Blender does not where Persistent Data is on, nor for
+    an engine with a GPU context; that flag is looked at afresh each time, and we need no context.
+    """
+    engine.bl_use_gpu_context = wanted
+    try:
+        yield
+    finally:
+        engine.bl_use_gpu_context = False
+
+
+def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
+        wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+    """Render the view layer of `depsgraph`, called `layer`, with its settings as they are.
+
+    Returns {key: (H, W, C) f32} of the `wanted` passes, row 0 on top; the result of `engine` must have them.
+    Raises RenderCancelled after Esc, SceneError when Cycles stops with an error.
+    """
+    with _session(engine) as cycles_engine:
+        cycles_engine.reset(engine, bpy.data, depsgraph)
+        cycles_engine.render(engine, depsgraph)
+        cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
+        found = {} if engine.test_break() else _read(engine.get_result(), layer, wanted)
+    if engine.test_break():
+        raise RenderCancelled()
+    missing = [p.blender_name for p in wanted if p.key not in found]
+    if missing:
+        raise SceneError(f"Cycles stopped without the passes {', '.join(missing)}: see its message in the console")
+    return found
+
+
+@contextmanager
+def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
+    """A function that sets properties of evaluated data, given by dotted path; they are put back in the end.
+
+    The user's scene never sees it: it is the evaluated copy that Cycles reads.
+    """
+    saved = []
+    survives = engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
+
+    def override(data: bpy.types.ID | bpy.types.ViewLayer, settings: dict[str, object]) -> None:
+        for path, value in settings.items():
+            owner, name = _owner(data, path)
+            if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
+                saved.append((data, path, getattr(owner, name)))
+                setattr(owner, name, value)
+    try:
+        yield override
+    finally:
+        if survives:  # otherwise the evaluated scene is gone after a render, and touching it crashes
+            for data, path, value in reversed(saved):
+                owner, name = _owner(data, path)  # motion blur evaluates the scene anew, which moves what is in it
+                setattr(owner, name, value)
+
+
+def _owner(data: bpy.types.ID | bpy.types.ViewLayer, path: str) -> tuple[bpy.types.bpy_struct, str]:
+    parent, _, name = path.rpartition(".")
+    return data.path_resolve(parent) if parent else data, name
+
+
+@contextmanager
+def _session(engine: bpy.types.RenderEngine):
+    """Cycles' own functions, with a session of `engine` inside."""
+    import cycles.engine as cycles_engine
+    engine.session = None
+    cycles_engine.create(engine, bpy.data)
+    try:
+        yield cycles_engine
+    finally:
+        cycles_engine.free(engine)
+        engine.session = None
+
+
+def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+    height, width = result.resolution_y, result.resolution_x
+    keys = {p.blender_name: p.key for p in wanted}
+    found = {}
+    for p in result.layers[layer].passes:
+        if p.name in keys and keys[p.name] not in found:
+            pixels = np.empty(height * width * p.channels, np.float32)
+            p.rect.foreach_get(pixels)
+            found[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
+    return found

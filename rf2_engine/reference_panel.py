@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel Cycles Reference, below ours in Render Properties."""
+from __future__ import annotations
+
+import bpy
+
+
+class RENDERFORMER_PT_reference(bpy.types.Panel):
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    bl_label = "Cycles Reference"
+    bl_parent_id = "RENDERFORMER_PT_settings"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.renderformer_v2.reference, "use", text="")
+
+    def draw(self, context):
+        layout, chosen = self.layout, context.scene.renderformer_v2.reference
+        layout.use_property_split, layout.use_property_decorate = True, False
+        column = layout.column()
+        column.active = chosen.use
+        column.prop(chosen, "samples")
+        column.prop(chosen, "time_limit")
+        column.prop(chosen, "use_denoising")
+        column.prop(chosen, "use_light_passes")
+        if hasattr(context.scene, "cycles"):  # Cycles is an add-on, too
+            column.prop(context.scene.cycles, "device")
+
+
+register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_reference,))

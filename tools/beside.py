@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Our picture and the Cycles reference of the same file: figures, and a sheet to look at."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from renderformer_v2.model.color import linear_to_srgb
+
+from .exr import read_pass
+from .metrics import compare, flip
+from .picture import write_whole
+
+GAIN = 4            # of the difference
+LEAST_WIDTH = 360   # pixels of a picture on the sheet: its title needs them
+DPI = 100
+
+Pair = tuple[np.ndarray, np.ndarray]  # ours, Cycles': (H, W, 3) f32, linear
+
+
+def add(layers: list[dict], save: Callable[[Path], None], sheet: Path | None) -> None:
+    """Give each view layer's statistics its "comparison": PSNR, SSIM and FLIP; write `sheet` unless it is None.
+
+    `save` writes the render result to a file. Raises RuntimeError when there is no reference, OSError naming `sheet`.
+    """
+    for layer in layers:
+        if not layer["reference_samples"]:
+            raise RuntimeError("there is no reference to compare with: " + "; ".join(layer["report"]))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "passes.exr"
+        save(path)
+        pairs = [tuple(read_pass(path, name, "RGB", layer["layer"]) for name in ("Combined", "Cycles Reference"))
+                 for layer in layers]
+    for layer, pair in zip(layers, pairs):
+        layer["comparison"] = {name: round(value, 4) for name, value in compare(*pair).items()}
+    if sheet:
+        write_sheet(sheet, list(zip(pairs, layers)))
+
+
+def write_sheet(path: Path, rows: list[tuple[Pair, dict]]) -> None:
+    """A PNG with ours, Cycles', their difference and FLIP in each row; a row is a pair and its statistics.
+
+    The statistics are those of `tools.render` for one view layer, with "comparison".
+    """
+    import matplotlib
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    height, width = rows[0][0][0].shape[:2]
+    scale = max(1.0, LEAST_WIDTH / width) / DPI
+    figure, axes = pyplot.subplots(len(rows), 4, squeeze=False, layout="constrained", dpi=DPI,
+                                   figsize=(4.4 * width * scale, len(rows) * (height * scale + 0.6)))
+    for row, (pair, statistics) in zip(axes, rows):
+        for axis, (title, picture) in zip(row, _pictures(pair, statistics)):
+            axis.set_title(title, fontsize=10)
+            axis.imshow(picture, interpolation="nearest")
+            axis.set_axis_off()
+    colors = pyplot.cm.ScalarMappable(pyplot.Normalize(0, 1), "magma")
+    figure.colorbar(colors, ax=axes, label="FLIP", fraction=0.02, pad=0.005)
+    try:
+        write_whole(path, figure.savefig)
+    finally:
+        pyplot.close(figure)
+
+
+def _pictures(pair: Pair, statistics: dict) -> list[tuple[str, np.ndarray]]:
+    from matplotlib import colormaps
+
+    ours, reference = map(linear_to_srgb, pair)
+    seconds, found = statistics["seconds"], statistics["comparison"]
+    own = sum(value for stage, value in seconds.items() if stage not in ("Cycles Reference", "total"))
+    return [(f"RenderFormer-V2, {own:.1f} s", ours),
+            (f"Cycles, {statistics['reference_samples']} samples, {seconds['Cycles Reference']:.1f} s", reference),
+            (f"Difference x{GAIN}, PSNR {found['psnr']:.1f} dB", (np.abs(ours - reference) * GAIN).clip(0, 1)),
+            (f"FLIP {found['flip']:.3f}, SSIM {found['ssim']:.3f}", colormaps["magma"](flip(ours, reference))[..., :3])]
