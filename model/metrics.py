@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How close two pictures are, where no library for it can be imported: PSNR and SSIM of display-encoded pictures.
+
+Blender's Python has neither scikit-image nor flip-evaluator; FLIP is in `flip.py`.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from . import progress
+
+WINDOW = 7                       # pixels, the side of SSIM's square window
+C1, C2 = 0.01 ** 2, 0.03 ** 2    # SSIM's constants for values in [0, 1]
+SMALLEST_ERROR = 1e-10           # mean square; equal pictures are 100 dB apart
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    """dB between two pictures (H, W, 3) in [0, 1]."""
+    return float(-10 * np.log10(max(float(np.mean((a - b) ** 2, dtype=np.float64)), SMALLEST_ERROR)))
+
+
+def ssim(a: np.ndarray, b: np.ndarray) -> float:
+    """Structural similarity of two pictures (H, W, 3) in [0, 1]: uniform windows, the mean over channels.
+
+    Raises ValueError for pictures smaller than the window.
+    """
+    if min(a.shape[:2]) < WINDOW:
+        raise ValueError(f"SSIM needs pictures of at least {WINDOW} x {WINDOW} pixels")
+    similarities = []
+    for c in range(a.shape[-1]):
+        progress.report(c / a.shape[-1])
+        similarities.append(_ssim_of_channel(a[..., c], b[..., c]))
+    return float(np.mean(similarities))
+
+
+def _ssim_of_channel(a: np.ndarray, b: np.ndarray) -> float:
+    a, b = a.astype(np.float64), b.astype(np.float64)
+    mean_a, mean_b = _window_means(a), _window_means(b)
+    unbiased = WINDOW ** 2 / (WINDOW ** 2 - 1)
+    variance_a = unbiased * (_window_means(a * a) - mean_a ** 2)
+    variance_b = unbiased * (_window_means(b * b) - mean_b ** 2)
+    covariance = unbiased * (_window_means(a * b) - mean_a * mean_b)
+    luminance = (2 * mean_a * mean_b + C1) / (mean_a ** 2 + mean_b ** 2 + C1)
+    structure = (2 * covariance + C2) / (variance_a + variance_b + C2)
+    return float(np.mean(luminance * structure))
+
+
+def _window_means(x: np.ndarray) -> np.ndarray:
+    """Means over the windows that lie inside: (H, W) -> (H - 6, W - 6)."""
+    for axis in (0, 1):
+        sums = np.insert(np.cumsum(x, axis), 0, 0, axis)
+        last = np.arange(WINDOW, sums.shape[axis])
+        x = sums.take(last, axis) - sums.take(last - WINDOW, axis)
+    return x / WINDOW ** 2

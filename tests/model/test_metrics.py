@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Our PSNR, SSIM and FLIP give the libraries' numbers."""
+import flip_evaluator
+import numpy as np
+import pytest
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+from renderformer_v2.model import flip, metrics, progress
+
+
+def _picture(seed: int, height=90, width=130) -> np.ndarray:
+    """Smooth colours with a bright disc, some noise, and a black and a white corner."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:height, :width] / height
+    picture = 0.5 + 0.4 * np.sin(np.stack([5 * x + seed, 4 * y, 3 * (x + y)], -1))
+    picture[np.hypot(x - 0.7, y - 0.5) < 0.2] = (0.95, 0.8, 0.1)
+    picture += rng.normal(0, 0.02 * (seed + 1), picture.shape)
+    picture[:5, :5], picture[-5:, -5:] = 0, 1
+    return np.clip(picture, 0, 1).astype(np.float32)
+
+
+PAIRS = {"noise": (_picture(0), np.clip(_picture(0) + 0.05 * (_picture(3) - 0.5), 0, 1)),
+         "other picture": (_picture(0), _picture(1)),
+         "opposite colours": (_picture(0), 1 - _picture(0)),
+         "small": (_picture(0, 8, 31), _picture(1, 8, 31))}
+
+
+@pytest.fixture(params=PAIRS)
+def pair(request):
+    return PAIRS[request.param]
+
+
+def test_psnr_is_scikit_images(pair):
+    assert metrics.psnr(*pair) == pytest.approx(peak_signal_noise_ratio(*pair, data_range=1.0), abs=1e-4)
+
+
+def test_ssim_is_scikit_images(pair):
+    assert metrics.ssim(*pair) == pytest.approx(structural_similarity(*pair, channel_axis=2, data_range=1.0), abs=1e-4)
+
+
+def test_flip_is_the_authors(pair):
+    expected, mean, _ = flip_evaluator.evaluate(*pair, "LDR", inputsRGB=True, applyMagma=False)
+    ours = flip.flip_map(*pair)
+    assert ours.mean() == pytest.approx(mean, rel=1e-3)
+    np.testing.assert_allclose(ours, expected[..., 0], atol=1e-2)
+
+
+def test_equal_pictures_are_equal():
+    picture = _picture(0)
+    assert metrics.psnr(picture, picture) == pytest.approx(100)
+    assert metrics.ssim(picture, picture) == pytest.approx(1)
+    assert flip.flip_map(picture, picture).max() == 0
+
+
+def test_too_small_for_ssim_is_said():
+    with pytest.raises(ValueError, match="7 x 7"):
+        metrics.ssim(np.zeros((6, 20, 3)), np.zeros((6, 20, 3)))
+
+
+def test_flip_can_be_cancelled():
+    def stop(text, fraction):
+        raise KeyboardInterrupt
+
+    with progress.reporting(stop), pytest.raises(KeyboardInterrupt):
+        flip.flip_map(_picture(0), _picture(1))
