@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""FLIP of low dynamic range pictures, after Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images".
+"""FLIP of low dynamic range pictures ("A Difference Evaluator for Alternating Images", Andersson et al. 2020).
 
 Numbers and equations are the paper's: sections 4.1 (colour), 4.2 (features) and 4.3 (both together).
 """

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How close two pictures are, where no library for it can be imported: PSNR and SSIM of display-encoded pictures.
-
-Blender's Python has neither scikit-image nor flip-evaluator; FLIP is in `flip.py`.
-"""
+"""How close two pictures are: PSNR, SSIM and FLIP in numpy, because Blender's Python has no library for them."""
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from . import progress
+from .color import linear_to_srgb
+from .flip import flip_map
 
 WINDOW = 7                       # pixels, the side of SSIM's square window
 C1, C2 = 0.01 ** 2, 0.03 ** 2    # SSIM's constants for values in [0, 1]
@@ -52,3 +53,28 @@ def _window_means(x: np.ndarray) -> np.ndarray:
         last = np.arange(WINDOW, sums.shape[axis])
         x = sums.take(last, axis) - sums.take(last - WINDOW, axis)
     return x / WINDOW ** 2
+
+
+@dataclass(frozen=True)
+class Closeness:
+    """How close two pictures are."""
+
+    psnr: float           # dB
+    ssim: float
+    flip: float           # mean of the map
+    flip_map: np.ndarray  # (H, W) f32 in [0, 1], row 0 on top
+
+
+def closeness(a: np.ndarray, b: np.ndarray) -> Closeness:
+    """Of two scene-linear pictures (H, W, 3), b being the reference, after sRGB encoding and clipping.
+
+    Progress is reported, and may cancel. Raises ValueError for pictures of different sizes or too small for SSIM.
+    """
+    if a.shape != b.shape:
+        raise ValueError(f"The pictures have {a.shape[1]} x {a.shape[0]} and {b.shape[1]} x {b.shape[0]} pixels")
+    a, b = linear_to_srgb(a), linear_to_srgb(b)
+    with progress.part(0.0, 0.4):
+        similarity = ssim(a, b)
+    with progress.part(0.4, 1.0):
+        seen = flip_map(b, a)
+    return Closeness(psnr(a, b), similarity, float(seen.mean()), seen)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Our PSNR, SSIM and FLIP give the libraries' numbers."""
 import flip_evaluator
+import matplotlib
 import numpy as np
 import pytest
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from renderformer_v2.model import flip, metrics, progress
+from renderformer_v2.model import color, flip, magma, metrics, progress
 
 
 def _picture(seed: int, height=90, width=130) -> np.ndarray:
@@ -63,3 +64,21 @@ def test_flip_can_be_cancelled():
 
     with progress.reporting(stop), pytest.raises(KeyboardInterrupt):
         flip.flip_map(_picture(0), _picture(1))
+
+
+def test_closeness_is_that_of_srgb_encoded_pictures():
+    a, b = _picture(0), _picture(1)
+    close = metrics.closeness(color.srgb_to_linear(a), color.srgb_to_linear(b) + np.where(b == 1, 9, 0))
+    assert close.psnr == pytest.approx(metrics.psnr(a, b), abs=1e-3)
+    assert close.ssim == pytest.approx(metrics.ssim(a, b), abs=1e-4)
+    assert close.flip == pytest.approx(flip.flip_map(b, a).mean(), rel=1e-3)
+
+
+def test_pictures_of_different_sizes_are_refused():
+    with pytest.raises(ValueError, match="20 x 9 and 30 x 8"):
+        metrics.closeness(np.zeros((9, 20, 3)), np.zeros((8, 30, 3)))
+
+
+def test_magma_is_matplotlibs():
+    values = np.linspace(0, 1, 256)
+    np.testing.assert_allclose(magma.magma(values), matplotlib.colormaps["magma"](values)[:, :3], atol=2.5 / 255)
