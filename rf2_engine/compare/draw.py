@@ -9,10 +9,9 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ...model.color import srgb_to_linear
 from ...model.magma import magma
 from . import comparison, overlay, shader
-
-GAP = 0.02  # between pictures side by side, of their width
 
 _shader = None
 _textures: dict[str, object] = {}
@@ -47,7 +46,7 @@ def _after_image() -> None:
     with _scene_linear.bind():
         if chosen.mode == "SIDE":
             shader.draw(_shader, textures["a"])
-            shader.draw(_shader, textures["b"], shift=1 + GAP)
+            shader.draw(_shader, textures["b"], shift=1 + overlay.GAP)
         elif chosen.mode == "SPLIT":
             shader.draw(_shader, textures["a"], part=(0, 0, chosen.split, 1))
             shader.draw(_shader, textures["b"], part=(chosen.split, 0, 1, 1))
@@ -77,7 +76,7 @@ def _current_textures() -> dict[str, object]:
             _textures.update(a=shader.texture(comparison.a.pixels), b=shader.texture(comparison.b.pixels))
         _textures.pop("flip", None)
         if measured:
-            colors = magma(measured.flip_map)
+            colors = srgb_to_linear(magma(measured.flip_map))  # as the buffer over the image wants them
             _textures["flip"] = shader.texture(np.pad(colors, ((0, 0), (0, 0), (0, 1)), constant_values=1))
         _of = now
     return _textures

@@ -11,35 +11,44 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 SHADE = (0.0, 0.0, 0.0, 0.6)
 SIZE = 13            # of text, in pixels at an interface scale of 1
 SCALE_WIDTH = 200
+GAP = 0.02           # between pictures side by side, of their width
 
 
 def draw(context) -> None:
     """In pixels of the region."""
     chosen, unit = comparison.settings(), context.preferences.system.ui_scale
-    view, (a, b) = context.region.view2d, (comparison.a.name, comparison.b.name)
-    left, top = view.view_to_region(0, 1, clip=False)
-    right, bottom = view.view_to_region(1, 0, clip=False)
-    line = top + 8 * unit
+    a, b = f"A: {comparison.a.name}", f"B: {comparison.b.name}"
+    left, bottom, right, top = _place(context)
+    line = min(top + 8 * unit, context.region.height - 48 * unit)  # below the header, however large the picture is
     if chosen.mode == "SIDE":
-        _text(f"A: {a}", left, line, unit)
-        _text(f"B: {b}", view.view_to_region(1.02, 1, clip=False)[0], line, unit)
+        _text(a, left, line, unit)
+        _text(b, context.region.view2d.view_to_region(1 + GAP, 1, clip=False)[0], line, unit)
     elif chosen.mode == "SPLIT":
         draw_split(context, 1)
-        _text(f"A: {a}", left, line, unit)
-        _text(f"B: {b}", right, line, unit, from_right=True)
+        _text(a, left, line, unit)
+        overlaps = _width(a, unit) + _width(b, unit) + 16 * unit > right - left
+        _text(b, left if overlaps else right - _width(b, unit), line + overlaps * 2 * SIZE * unit, unit)
     elif chosen.mode == "BLINK":
-        _text(f"B: {b}" if comparison.blink else f"A: {a}", left, line, unit)
+        _text(b if comparison.blink else a, left, line, unit)
     elif chosen.mode == "DIFFERENCE":
-        _text(f"|A - B| x {chosen.gain:g}    A: {a}    B: {b}", left, line, unit)
+        _text(f"|A - B| x {chosen.gain:g}    {a}    {b}", left, line, unit)
     else:
-        _flip(left, right, bottom, line, unit)
+        _flip(f"{a}    {b}", left, right, max(bottom, 64 * unit), line, unit)
 
 
-def _flip(left, right, bottom, line, unit) -> None:
+def _place(context) -> tuple[float, float, float, float]:
+    """Left, bottom, right and top of what is seen of the picture, in pixels of the region."""
+    view, sidebar = context.region.view2d, [r for r in context.area.regions if r.type == "UI" and r.width > 1]
+    left, bottom = view.view_to_region(0, 0, clip=False)
+    right, top = view.view_to_region(1, 1, clip=False)
+    visible = context.region.width - sum(region.width for region in sidebar)
+    return max(left, 32), bottom, min(right, visible), top
+
+
+def _flip(names, left, right, bottom, line, unit) -> None:
     measured = comparison.measurement
     if measured and measured.closeness:
-        _text(f"FLIP {measured.closeness.flip:.4f}    A: {comparison.a.name}    B: {comparison.b.name}",
-              left, line, unit)
+        _text(f"FLIP {measured.closeness.flip:.4f}    {names}", left, line, unit)
         draw_scale(right, bottom - 24 * unit, unit)
     else:
         _text(measured and measured.error or "FLIP is being measured", left, line, unit)
@@ -72,8 +81,7 @@ def draw_scale(right: float, y: float, unit: float) -> None:
     batch_for_shader(smooth, "TRI_STRIP", {"pos": corners, "color": colors}).draw(smooth)
     for value in (0.0, 0.5, 1.0):
         text = f"{value:g}"
-        blf.size(0, SIZE * unit)
-        _text(text, left + value * SCALE_WIDTH * unit - blf.dimensions(0, text)[0] / 2, y - 16 * unit, unit)
+        _text(text, left + value * SCALE_WIDTH * unit - _width(text, unit) / 2, y - 16 * unit, unit)
 
 
 def _box(left, bottom, right, top, color) -> None:
@@ -89,11 +97,13 @@ def _box(left, bottom, right, top, color) -> None:
     gpu.state.blend_set("NONE")
 
 
-def _text(text: str, x: float, y: float, unit: float, from_right: bool = False) -> None:
+def _width(text: str, unit: float) -> float:
     blf.size(0, SIZE * unit)
-    width, _ = blf.dimensions(0, text)
-    x -= width if from_right else 0
-    _box(x - 4 * unit, y - 4 * unit, x + width + 4 * unit, y + SIZE * unit, SHADE)
+    return blf.dimensions(0, text)[0]
+
+
+def _text(text: str, x: float, y: float, unit: float) -> None:
+    _box(x - 4 * unit, y - 4 * unit, x + _width(text, unit) + 4 * unit, y + SIZE * unit, SHADE)
     blf.position(0, x, y, 0)
     blf.color(0, *WHITE)
     blf.draw(0, text)
