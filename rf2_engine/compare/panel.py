@@ -23,7 +23,7 @@ class RENDERFORMER_PT_compare(bpy.types.Panel):
         for name, side in (("A", settings.a), ("B", settings.b)):
             _draw_side(layout.column(heading=name), side)
         row = layout.row()
-        row.operator("renderformer_v2.compare_swap", text="Swap", icon="FILE_REFRESH")
+        row.operator("renderformer_v2.compare_swap", text="Swap", icon="ARROW_LEFTRIGHT")
         row.operator("renderformer_v2.compare_refresh", icon="FILE_REFRESH")
         layout.prop(settings, "mode")
         extra = {"SPLIT": "split", "BLINK": "interval", "DIFFERENCE": "gain"}.get(settings.mode)

@@ -10,7 +10,7 @@ VERTEX = """
 void main()
 {
   place = mix(part.xy, part.zw, corner);
-  gl_Position = projection * vec4(place + vec2(shift, 0.0), 0.0, 1.0);
+  gl_Position = projection * vec4(place + vec2(shift, 0.0), 0.0, 1.0) + vec4(half_pixel, 0.0, 0.0);
 }
 """
 
@@ -53,6 +53,7 @@ def create():
     info.push_constant("MAT4", "projection")
     info.push_constant("VEC4", "part")
     info.push_constant("VEC4", "area")
+    info.push_constant("VEC2", "half_pixel")
     info.push_constant("FLOAT", "shift")
     info.push_constant("FLOAT", "gain")
     info.sampler(0, "FLOAT_2D", "picture")
@@ -84,6 +85,8 @@ def draw(shader, picture, other=None, part=(0, 0, 1, 1), area=(0, 0, 1, 1), shif
     batch = batch_for_shader(shader, "TRI_STRIP", {"corner": [(0, 0), (1, 0), (0, 1), (1, 1)]})
     shader.bind()
     shader.uniform_float("projection", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix())
+    _, _, width, height = gpu.state.viewport_get()
+    shader.uniform_float("half_pixel", (1 / width, 1 / height))  # Blender samples its image at corners of pixels
     shader.uniform_float("part", part)
     shader.uniform_float("area", area)
     shader.uniform_float("shift", shift)
