@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compare in the Image Editor: any two passes, slots or loaded pictures, of any render engine."""
-from . import comparison, draw, export, gizmo, operators, panel, settings
+from . import draw, events, export, gizmo, operators, panel, settings
 
-MODULES = (settings, comparison, operators, export, gizmo, draw, panel)
+MODULES = (settings, events, operators, export, gizmo, draw, panel)
 
 
 def register() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...model.color import srgb_to_linear
 from ...model.magma import magma
-from . import comparison, overlay, shader
+from . import comparison, events, overlay, shader
 
 _shader = None
 _textures: dict[str, object] = {}
@@ -38,7 +38,7 @@ def _before_image() -> None:
 def _after_image() -> None:
     import gpu
     if comparison.settings().show:
-        comparison.look_again()
+        events.look_again()
     if not is_drawn(bpy.context):
         return
     chosen, textures = comparison.settings(), _current_textures()
@@ -53,7 +53,7 @@ def _after_image() -> None:
         elif chosen.mode == "DIFFERENCE":
             shader.draw(_shader, textures["a"], textures["b"], gain=chosen.gain)
         else:
-            shader.draw(_shader, textures["b" if chosen.mode == "BLINK" and comparison.blink else "a"])
+            shader.draw(_shader, textures["b" if chosen.mode == "BLINK" and events.blink else "a"])
     if chosen.mode == "FLIP" and "flip" in textures:  # its colours are a scale, not light
         area = comparison.measurement.box.area
         shader.draw(_shader, textures["flip"], part=area, area=area)

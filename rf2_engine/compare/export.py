@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ...model import flip
 from . import comparison, sheet
-from .measuring import Box, Measurement
+from .measuring import Measurement
 
 
 class RENDERFORMER_OT_compare_export(bpy.types.Operator, ExportHelper):
@@ -34,7 +34,7 @@ class RENDERFORMER_OT_compare_export(bpy.types.Operator, ExportHelper):
     def execute(self, context):
         a, b, measured = comparison.a, comparison.b, comparison.measurement
         if measured is None or measured.closeness is None:
-            measured = Measurement(a, b, Box(context.scene, comparison.settings().region, a.pixels.shape[:2]))
+            measured = comparison.new_measurement()
             measured.run()
         if measured.closeness is None:
             self.report({"ERROR"}, measured.error)

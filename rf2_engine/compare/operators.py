@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import comparison
+from . import comparison, events
 
 
 class RENDERFORMER_OT_compare(bpy.types.Operator):
@@ -51,7 +51,7 @@ class RENDERFORMER_OT_compare_refresh(bpy.types.Operator):
         return comparison.settings().show
 
     def execute(self, context):
-        comparison.read()
+        events.read()
         if comparison.message:
             self.report({"WARNING"}, comparison.message)
         return {"FINISHED"}
@@ -63,7 +63,8 @@ class RENDERFORMER_OT_compare_cancel(bpy.types.Operator):
     bl_label = "Cancel"
 
     def execute(self, context):
-        comparison.stop_measuring()
+        if comparison.measurement:
+            comparison.measurement.cancel()
         return {"FINISHED"}
 
 

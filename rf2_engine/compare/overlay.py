@@ -5,7 +5,7 @@ from __future__ import annotations
 import blf
 
 from ...model.magma import STOPS
-from . import comparison
+from . import comparison, events
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 SHADE = (0.0, 0.0, 0.0, 0.6)
@@ -29,7 +29,7 @@ def draw(context) -> None:
         overlaps = _width(a, unit) + _width(b, unit) + 16 * unit > right - left
         _text(b, left if overlaps else right - _width(b, unit), line + overlaps * 2 * SIZE * unit, unit)
     elif chosen.mode == "BLINK":
-        _text(b if comparison.blink else a, left, line, unit)
+        _text(b if events.blink else a, left, line, unit)
     elif chosen.mode == "DIFFERENCE":
         _text(f"|A - B| x {chosen.gain:g}    {a}    {b}", left, line, unit)
     else:

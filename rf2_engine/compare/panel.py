@@ -14,6 +14,10 @@ class RENDERFORMER_PT_compare(bpy.types.Panel):
     bl_region_type = "UI"
     bl_category = "Compare"
 
+    @classmethod
+    def poll(cls, context):
+        return _is_image_editor(context)
+
     def draw_header(self, context):
         self.layout.prop(comparison.settings(), "show", text="")
 
@@ -98,8 +102,13 @@ class RENDERFORMER_MT_compare(bpy.types.Menu):
         layout.operator("renderformer_v2.compare_export")
 
 
+def _is_image_editor(context) -> bool:
+    return context.area.ui_type == "IMAGE_EDITOR"  # and no UV Editor, which is the same kind of space
+
+
 def _menu(self, context):
-    self.layout.menu("RENDERFORMER_MT_compare")
+    if _is_image_editor(context):
+        self.layout.menu("RENDERFORMER_MT_compare")
 
 
 _register, _unregister = bpy.utils.register_classes_factory(

@@ -5,19 +5,19 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from . import comparison
+from . import comparison, events
 
 
 def _read_again(settings, context):
-    comparison.read_soon()
+    events.read_soon()
 
 
 def _redraw(settings, context):
-    comparison.redraw()
+    events.redraw()
 
 
 def _switch(settings, context):
-    comparison.switch(settings.show)
+    events.switch(settings.show)
 
 
 def _layers(side, context, text):

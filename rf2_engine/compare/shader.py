@@ -31,8 +31,8 @@ vec4 seen(sampler2D image, vec2 texels, int box)
 void main()
 {
   vec2 texels = (place - area.xy) / (area.zw - area.xy) * vec2(textureSize(picture, 0));
-  vec2 step = fwidth(texels);
-  int box = clamp(int(round(max(step.x, step.y))), 1, LARGEST_BOX);
+  vec2 across = fwidth(texels);
+  int box = clamp(int(round(max(across.x, across.y))), 1, LARGEST_BOX);
   color = seen(picture, texels, box);
   if (gain >= 0.0) {
     color = vec4(abs(color.rgb - seen(other, texels, box).rgb) * gain, 1.0);

@@ -39,9 +39,10 @@ def write(path: Path, scene: bpy.types.Scene, a: Picture, b: Picture, closeness:
     for i, (tile, text) in enumerate(zip((*np.split(shown, 3, 1), flip), texts)):
         left, top = MARGIN + i % 2 * (width + MARGIN), band + i // 2 * (height + band)
         sheet[top:top + height, left:left + width] = tile
-        labels.append((text, left, top - band // 3))
+        labels.append((_fitting(text, size, width), left, top - band // 3))
     bottom = sheet.shape[0] - MARGIN
-    labels.append((f"PSNR {closeness.psnr:.2f} dB    SSIM {closeness.ssim:.4f}", MARGIN, bottom - size // 4))
+    numbers = f"PSNR {closeness.psnr:.2f} dB    SSIM {closeness.ssim:.4f}"
+    labels.append((_fitting(numbers, size, width), MARGIN, bottom - size // 4))
     labels += _scale(sheet, MARGIN + width + MARGIN, bottom, width, size)
     _save(path, sheet)
     _write_texts(path, labels, size, sheet.shape[0])
@@ -49,6 +50,16 @@ def write(path: Path, scene: bpy.types.Scene, a: Picture, b: Picture, closeness:
 
 def _described(side: str, picture: Picture) -> str:
     return f"{side}: {picture.name}" + ("" if picture.seconds is None else f"    {picture.seconds:.2f} s")
+
+
+def _fitting(text: str, size: int, width: int) -> str:
+    """Shortened until it is at most `width` pixels wide."""
+    blf.size(0, size)
+    if blf.dimensions(0, text)[0] <= width:
+        return text
+    while text and blf.dimensions(0, text + "...")[0] > width:
+        text = text[:-1]
+    return text.rstrip() + "..."
 
 
 def _scale(sheet: np.ndarray, left: int, bottom: int, width: int, size: int) -> list[tuple[str, int, int]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import addon_utils
-from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, measuring, sources
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison
 
 from tools import metrics as with_libraries
 
@@ -15,9 +15,8 @@ PACKAGE = "bl_ext.user_default.renderformer_v2"
 
 
 def _measured():
-    comparison.read(measure=False)
-    measurement = measuring.Measurement(comparison.a, comparison.b, measuring.Box(
-        bpy.context.scene, comparison.settings().region, comparison.a.pixels.shape[:2]))
+    comparison.read()
+    measurement = comparison.new_measurement()
     measurement.run()
     return measurement
 
@@ -49,9 +48,8 @@ def test_a_region_too_small_is_said(settings, two_slots):
 
 
 def test_measuring_can_be_cancelled(settings):
-    comparison.read(measure=False)
-    measurement = measuring.Measurement(comparison.a, comparison.b, measuring.Box(
-        bpy.context.scene, "WHOLE", (37, 50)))
+    comparison.read()
+    measurement = comparison.new_measurement()
     measurement.cancel()
     measurement.run()
     assert measurement.closeness is None and "cancelled" in measurement.error
@@ -59,33 +57,27 @@ def test_measuring_can_be_cancelled(settings):
 
 def test_equal_sides_ask_for_another(settings):
     settings.b.slot = 1
-    comparison.read(measure=False)
+    comparison.read()
     assert comparison.a is None and "same picture" in comparison.message
 
 
-def test_the_reference_is_chosen_when_it_is_there(settings, two_slots, monkeypatch):
-    settings.b.slot = 1
-    saved = sources.Reader._saved
-
-    def with_reference(self, image, slot):
-        file = saved(self, image, slot)
-        file.passes["ViewLayer", comparison.REFERENCE] = file.passes["ViewLayer", "Combined"]
-        return file
-
-    monkeypatch.setattr(sources.Reader, "_saved", with_reference)
-    comparison.read(measure=False)
-    assert settings.b.pass_name == "Cycles Reference" and comparison.b.name == "Slot 1, Cycles Reference"
+def test_the_reference_is_chosen_when_it_is_there(settings, two_slots):
+    two_slots.view_layers[0].aovs.add().name = comparison.REFERENCE  # a pass of that name in any engine's result
+    bpy.ops.render.render()
+    settings.a.kind = settings.b.kind = "SHOWN"
+    comparison.read()
+    assert settings.b.pass_name == "Cycles Reference" and comparison.b.name == "Slot 2, Cycles Reference"
 
 
 def test_pictures_of_different_sizes_are_named(settings):
     bpy.data.images.new("Small", 20, 10)
     settings.b.kind, settings.b.image = "IMAGE", "Small"
-    comparison.read(measure=False)
+    comparison.read()
     assert "A has 50 x 37 pixels, B 20 x 10" in comparison.message
 
 
 def test_passes_that_were_read_are_suggested(settings):
-    comparison.read(measure=False)
+    comparison.read()
     assert {("ViewLayer", "Combined"), ("ViewLayer", "Depth")} <= set(comparison.known_passes(settings.a))
 
 
@@ -130,7 +122,7 @@ def test_sides_are_swapped(settings):
 
 
 def test_another_file_begins_without(settings):
-    comparison.read(measure=False)
+    comparison.read()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     addon_utils.enable(PACKAGE)
     assert comparison.a is None and not comparison.settings().show
