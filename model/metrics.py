@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How close two pictures are: PSNR, SSIM and FLIP in numpy, because Blender's Python has no library for them."""
+"""How close two pictures are: PSNR, SSIM and FLIP in numpy, because Blender's Python has no library for them.
+
+LPIPS, which needs its own network, is there where its package is.
+"""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -9,6 +12,7 @@ import numpy as np
 from . import progress
 from .color import linear_to_srgb
 from .flip import flip_map
+from .perceptual import lpips
 
 WINDOW = 7                       # pixels, the side of SSIM's square window
 C1, C2 = 0.01 ** 2, 0.03 ** 2    # SSIM's constants for values in [0, 1]
@@ -62,6 +66,7 @@ class Closeness:
     psnr: float           # dB
     ssim: float
     flip: float           # mean of the map
+    lpips: float | None   # None where its package is not there
     flip_map: np.ndarray  # (H, W) f32 in [0, 1], row 0 on top
 
 
@@ -77,4 +82,5 @@ def closeness(a: np.ndarray, b: np.ndarray) -> Closeness:
         similarity = ssim(a, b)
     with progress.part(0.4, 1.0):
         seen = flip_map(b, a)
-    return Closeness(psnr(a, b), similarity, float(seen.mean()), seen)
+    progress.report(1.0)
+    return Closeness(psnr(a, b), similarity, float(seen.mean()), lpips(a, b), seen)

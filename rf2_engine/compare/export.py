@@ -58,7 +58,7 @@ def numbers(a, b, measured: Measurement) -> dict:
         "b": {"name": b.name, "seconds": b.seconds},
         "width": a.pixels.shape[1], "height": a.pixels.shape[0],
         "region": dict(zip(("left", "bottom", "right", "top"), measured.box.area)),
-        "psnr": close.psnr, "ssim": close.ssim, "flip": close.flip,
+        "psnr": close.psnr, "ssim": close.ssim, "flip": close.flip, "lpips": close.lpips,
         "pixels_per_degree": flip.PIXELS_PER_DEGREE,
         "measured": "clipped to [0, 1] and sRGB-encoded, without the view transform",
     }

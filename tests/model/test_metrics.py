@@ -4,9 +4,10 @@ import flip_evaluator
 import matplotlib
 import numpy as np
 import pytest
+import torch
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from renderformer_v2.model import color, flip, magma, metrics, progress
+from renderformer_v2.model import color, flip, magma, metrics, perceptual, progress
 
 
 def _picture(seed: int, height=90, width=130) -> np.ndarray:
@@ -72,6 +73,18 @@ def test_closeness_is_that_of_srgb_encoded_pictures():
     assert close.psnr == pytest.approx(metrics.psnr(a, b), abs=1e-3)
     assert close.ssim == pytest.approx(metrics.ssim(a, b), abs=1e-4)
     assert close.flip == pytest.approx(flip.flip_map(b, a).mean(), rel=1e-3)
+
+
+def test_lpips_is_its_packages_where_that_is_there(tmp_path, monkeypatch):
+    monkeypatch.setenv("TORCH_HOME", str(tmp_path))  # nothing was downloaded
+    assert perceptual.lpips(_picture(0), _picture(1)) is None
+    package, torchvision = pytest.importorskip("lpips"), pytest.importorskip("torchvision")
+    (tmp_path / "hub/checkpoints").mkdir(parents=True)
+    file = torchvision.models.AlexNet_Weights.IMAGENET1K_V1.url.rsplit("/")[-1]
+    torch.save(torchvision.models.alexnet().state_dict(), tmp_path / "hub/checkpoints" / file)
+    a, b = (torch.tensor(_picture(seed)).permute(2, 0, 1)[None] * 2 - 1 for seed in (0, 1))
+    expected = package.LPIPS(net="alex", verbose=False)(a, b)
+    assert perceptual.lpips(_picture(0), _picture(1)) == pytest.approx(expected.item(), rel=1e-4)
 
 
 def test_pictures_of_different_sizes_are_refused():
