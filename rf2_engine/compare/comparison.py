@@ -17,7 +17,7 @@ generation = 0      # counts what was read
 is_reading = False
 
 _known: dict[tuple, list[tuple[str, str]]] = {}  # (layer, pass) by sources.key
-_read_keys: tuple = ()
+_read_keys: tuple | None = None
 
 
 def settings():
@@ -82,8 +82,14 @@ def _tell_apart(chosen, reader: sources.Reader) -> None:
         chosen.b.pass_name = REFERENCE
 
 
+def outdate() -> None:
+    """What was read has changed."""
+    global _read_keys
+    _read_keys = None
+
+
 def is_outdated() -> bool:
-    """Whether another slot is shown than was read."""
+    """Whether that happened, or another slot is shown than was read."""
     return _keys() != _read_keys
 
 

@@ -6,6 +6,8 @@ exposure and display are then Blender's own. Only the handler before the image f
 """
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
 import numpy as np
 
@@ -42,18 +44,19 @@ def _after_image() -> None:
     if not is_drawn(bpy.context):
         return
     chosen, textures = comparison.settings(), _current_textures()
+    show = partial(shader.draw, _shader, opaque=bpy.context.space_data.display_channels == "COLOR")
     gpu.state.blend_set("NONE")
     with _scene_linear.bind():
         if chosen.mode == "SIDE":
-            shader.draw(_shader, textures["a"])
-            shader.draw(_shader, textures["b"], shift=1 + overlay.GAP)
+            show(textures["a"])
+            show(textures["b"], shift=1 + overlay.GAP)
         elif chosen.mode == "SPLIT":
-            shader.draw(_shader, textures["a"], part=(0, 0, chosen.split, 1))
-            shader.draw(_shader, textures["b"], part=(chosen.split, 0, 1, 1))
+            show(textures["a"], part=(0, 0, chosen.split, 1))
+            show(textures["b"], part=(chosen.split, 0, 1, 1))
         elif chosen.mode == "DIFFERENCE":
-            shader.draw(_shader, textures["a"], textures["b"], gain=chosen.gain)
+            show(textures["a"], textures["b"], gain=chosen.gain)
         else:
-            shader.draw(_shader, textures["b" if chosen.mode == "BLINK" and events.blink else "a"])
+            show(textures["b" if chosen.mode == "BLINK" and events.blink else "a"])
     if chosen.mode == "FLIP" and "flip" in textures:  # its colours are a scale, not light
         area = comparison.measurement.box.area
         shader.draw(_shader, textures["flip"], part=area, area=area)

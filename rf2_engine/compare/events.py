@@ -29,6 +29,7 @@ def read_soon() -> None:
 
 
 def look_again() -> None:
+    """Whenever an Image Editor is drawn."""
     if comparison.is_outdated():
         read_soon()
 
@@ -81,7 +82,7 @@ def _call(action, seconds: float) -> None:
 
 @persistent
 def _rendered(*_):
-    read_soon()
+    comparison.outdate()  # and nothing more: this may be the thread of the render. The editor is drawn again anyway
 
 
 @persistent

@@ -37,6 +37,7 @@ void main()
   if (gain >= 0.0) {
     color = vec4(abs(color.rgb - seen(other, texels, box).rgb) * gain, 1.0);
   }
+  color.a = max(color.a, opaque);
 }
 """
 
@@ -56,6 +57,7 @@ def create():
     info.push_constant("VEC2", "half_pixel")
     info.push_constant("FLOAT", "shift")
     info.push_constant("FLOAT", "gain")
+    info.push_constant("FLOAT", "opaque")
     info.sampler(0, "FLOAT_2D", "picture")
     info.sampler(1, "FLOAT_2D", "other")
     info.define("LARGEST_BOX", str(LARGEST_BOX))
@@ -74,10 +76,12 @@ def texture(pixels: np.ndarray):
                                 data=gpu.types.Buffer("FLOAT", values.size, values))
 
 
-def draw(shader, picture, other=None, part=(0, 0, 1, 1), area=(0, 0, 1, 1), shift=0.0, gain=-1.0) -> None:
+def draw(shader, picture, other=None, *, part=(0, 0, 1, 1), area=(0, 0, 1, 1), shift=0.0, gain=-1.0,
+         opaque=False) -> None:
     """Draw `part` of the image's unit square, moved right by `shift`, with a texture that fills `area` of it.
 
-    Parts and areas are left, bottom, right, top. With a `gain` of 0 or more it is the difference from `other`.
+    Parts and areas are left, bottom, right, top. With a `gain` of 0 or more it is the difference from `other`; `opaque`
+    leaves its alpha out.
     """
     import gpu
     from gpu_extras.batch import batch_for_shader
@@ -91,6 +95,7 @@ def draw(shader, picture, other=None, part=(0, 0, 1, 1), area=(0, 0, 1, 1), shif
     shader.uniform_float("area", area)
     shader.uniform_float("shift", shift)
     shader.uniform_float("gain", gain)
+    shader.uniform_float("opaque", float(opaque))
     shader.uniform_sampler("picture", picture)
     shader.uniform_sampler("other", other or picture)
     batch.draw(shader)

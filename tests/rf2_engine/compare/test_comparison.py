@@ -69,6 +69,18 @@ def test_the_reference_is_chosen_when_it_is_there(settings, two_slots):
     assert settings.b.pass_name == "Cycles Reference" and comparison.b.name == "Slot 2, Cycles Reference"
 
 
+def test_another_render_or_slot_outdates_what_was_read(settings):
+    settings.b.kind = "SHOWN"
+    comparison.read()
+    assert not comparison.is_outdated()
+    bpy.data.images["Render Result"].render_slots.active_index = 2
+    assert comparison.is_outdated()
+    bpy.data.images["Render Result"].render_slots.active_index = 1
+    assert not comparison.is_outdated()
+    bpy.ops.render.render()
+    assert comparison.is_outdated()
+
+
 def test_pictures_of_different_sizes_are_named(settings):
     bpy.data.images.new("Small", 20, 10)
     settings.b.kind, settings.b.image = "IMAGE", "Small"
