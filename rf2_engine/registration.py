@@ -1,10 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything the add-on registers, in order, and taken back in the reverse order."""
-from . import engine, model_cache, panels, reference_panel, reference_settings, running, settings, shot, statistics
+from . import (
+    compare,
+    engine,
+    model_cache,
+    panels,
+    reference_panel,
+    reference_settings,
+    running,
+    settings,
+    shot,
+    statistics,
+)
 from .setup import package_operators, preferences, weights_operators
 
 MODULES = (running, shot, statistics, reference_settings, settings, preferences, engine, package_operators,
-           weights_operators, panels, reference_panel)
+           weights_operators, panels, reference_panel, compare)
 
 
 def register() -> None:

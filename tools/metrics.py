@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderformer_v2.model.color import linear_to_srgb
-
-
-def psnr(a: np.ndarray, b: np.ndarray) -> float:
-    """dB between two images in [0, 1]."""
-    return float(-10 * np.log10(max(float(np.mean((a - b) ** 2)), 1e-10)))
+from renderformer_v2.model.metrics import psnr
 
 
 def flip(a: np.ndarray, b: np.ndarray) -> np.ndarray:

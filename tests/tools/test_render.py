@@ -12,8 +12,8 @@ from tests.model.published.bundles import tiny_published_config, write_bundle
 from tools import render
 from tools.benchmark import ring
 from tools.beside import LEAST_WIDTH
-from tools.metrics import compare
 from tools.exr import read_pass
+from tools.metrics import compare
 
 
 def command(*arguments) -> list[str]:

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Export Comparison: a sheet as PNG, and beside it the numbers as JSON."""
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import bpy
+from bpy_extras.io_utils import ExportHelper
+
+from ...model import flip
+from . import comparison, sheet
+from .measuring import Measurement
+
+
+class RENDERFORMER_OT_compare_export(bpy.types.Operator, ExportHelper):
+    """Write A, B, their difference and the FLIP map as one PNG, and the metrics as JSON beside it"""
+    bl_idname = "renderformer_v2.compare_export"
+    bl_label = "Export Comparison"
+
+    filename_ext = ".png"
+    filter_glob: bpy.props.StringProperty(default="*.png", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        if comparison.a is None:
+            cls.poll_message_set("Switch Compare on and choose two pictures first")
+            return False
+        if comparison.measurement and comparison.measurement.is_running:
+            cls.poll_message_set("Wait until the pictures are measured")
+            return False
+        return True
+
+    def execute(self, context):
+        a, b, measured = comparison.a, comparison.b, comparison.measurement
+        if measured is None or measured.closeness is None:
+            measured = comparison.new_measurement()
+            measured.run()
+        if measured.closeness is None:
+            self.report({"ERROR"}, measured.error)
+            return {"CANCELLED"}
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".png")
+        try:
+            sheet.write(path, context.scene, a, b, measured.closeness, measured.box, comparison.settings().gain)
+            path.with_suffix(".json").write_text(json.dumps(numbers(a, b, measured), indent=2) + "\n")
+        except (OSError, RuntimeError) as error:
+            self.report({"ERROR"}, f"The comparison cannot be written to {path}: {error}")
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Wrote {path.name} and {path.with_suffix('.json').name}")
+        return {"FINISHED"}
+
+
+def numbers(a, b, measured: Measurement) -> dict:
+    """What the JSON file holds."""
+    close = measured.closeness
+    return {
+        "a": {"name": a.name, "seconds": a.seconds},
+        "b": {"name": b.name, "seconds": b.seconds},
+        "width": a.pixels.shape[1], "height": a.pixels.shape[0],
+        "region": dict(zip(("left", "bottom", "right", "top"), measured.box.area)),
+        "psnr": close.psnr, "ssim": close.ssim, "flip": close.flip, "lpips": close.lpips,
+        "pixels_per_degree": flip.PIXELS_PER_DEGREE,
+        "measured": "clipped to [0, 1] and sRGB-encoded, without the view transform",
+    }
+
+
+register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_OT_compare_export,))

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Metrics on a thread of their own, because they take seconds; what is drawn does not wait for them."""
+from __future__ import annotations
+
+import threading
+
+import bpy
+import numpy as np
+
+from ...model import metrics, progress
+from ...model.errors import RenderCancelled
+from .sources import Picture
+
+
+class Box:
+    """The part of a picture that is measured: pixels from the left and from the top."""
+
+    def __init__(self, scene: bpy.types.Scene, region: str, size: tuple[int, int]):
+        """Of pictures with (height, width); `region` is CompareSettings.region."""
+        render, (self.height, self.width) = scene.render, size
+        left, right, bottom, top = (
+            (0.0, 1.0, 0.0, 1.0) if region == "WHOLE" else
+            (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y))
+        self.left, self.right = round(left * self.width), round(right * self.width)
+        self.top, self.bottom = round((1 - top) * self.height), round((1 - bottom) * self.height)
+
+    def cut(self, pixels: np.ndarray) -> np.ndarray:
+        """(H, W, 4) -> the colours of the part."""
+        return pixels[self.top:self.bottom, self.left:self.right, :3]
+
+    @property
+    def area(self) -> tuple[float, float, float, float]:
+        """Left, bottom, right, top from 0 to 1, upwards."""
+        return (self.left / self.width, 1 - self.bottom / self.height,
+                self.right / self.width, 1 - self.top / self.height)
+
+
+class Measurement:
+    """Of two pictures; `closeness` is there when it has ended, unless there is an `error` or it was cancelled."""
+
+    def __init__(self, a: Picture, b: Picture, box: Box):
+        self.closeness: metrics.Closeness | None = None
+        self.error, self.fraction, self.box = "", 0.0, box
+        self._cancelled = False
+        self._pixels = box.cut(a.pixels), box.cut(b.pixels)
+        self._thread = threading.Thread(target=self.run, daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def cancel(self) -> None:
+        self._cancelled = True
+
+    @property
+    def is_running(self) -> bool:
+        return self._thread.is_alive()
+
+    def run(self) -> None:
+        """Measure in the calling thread."""
+        try:
+            with progress.reporting(self._listen):
+                self.closeness = metrics.closeness(*self._pixels)
+        except RenderCancelled:
+            self.error = "Measuring was cancelled"
+        except ValueError as error:  # too small
+            self.error = str(error)
+        except MemoryError:
+            self.error = "Not enough memory to measure: choose a smaller render region"
+
+    def _listen(self, text: str, fraction: float) -> None:
+        self.fraction = fraction
+        if self._cancelled:
+            raise RenderCancelled

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is written and drawn beside the compared pictures: names, the line of the split, the scale of FLIP."""
+from __future__ import annotations
+
+import blf
+
+from ...model.magma import STOPS
+from . import comparison, events
+
+WHITE = (1.0, 1.0, 1.0, 1.0)
+SHADE = (0.0, 0.0, 0.0, 0.6)
+SIZE = 13            # of text, in pixels at an interface scale of 1
+SCALE_WIDTH = 200
+GAP = 0.02           # between pictures side by side, of their width
+
+
+def draw(context) -> None:
+    """In pixels of the region."""
+    chosen, unit = comparison.settings(), context.preferences.system.ui_scale
+    a, b = f"A: {comparison.a.name}", f"B: {comparison.b.name}"
+    left, bottom, right, top = _place(context)
+    line = min(top + 8 * unit, context.region.height - 48 * unit)  # below the header, however large the picture is
+    if chosen.mode == "SIDE":
+        _text(a, left, line, unit)
+        _text(b, context.region.view2d.view_to_region(1 + GAP, 1, clip=False)[0], line, unit)
+    elif chosen.mode == "SPLIT":
+        draw_split(context, 1)
+        _text(a, left, line, unit)
+        overlaps = _width(a, unit) + _width(b, unit) + 16 * unit > right - left
+        _text(b, left if overlaps else right - _width(b, unit), line + overlaps * 2 * SIZE * unit, unit)
+    elif chosen.mode == "BLINK":
+        _text(b if events.blink else a, left, line, unit)
+    elif chosen.mode == "DIFFERENCE":
+        _text(f"|A - B| x {chosen.gain:g}    {a}    {b}", left, line, unit)
+    else:
+        _flip(f"{a}    {b}", left, right, max(bottom, 64 * unit), line, unit)
+
+
+def _place(context) -> tuple[float, float, float, float]:
+    """Left, bottom, right and top of what is seen of the picture, in pixels of the region."""
+    view, sidebar = context.region.view2d, [r for r in context.area.regions if r.type == "UI" and r.width > 1]
+    left, bottom = view.view_to_region(0, 0, clip=False)
+    right, top = view.view_to_region(1, 1, clip=False)
+    visible = context.region.width - sum(region.width for region in sidebar)
+    return max(left, 32), bottom, min(right, visible), top
+
+
+def _flip(names, left, right, bottom, line, unit) -> None:
+    measured = comparison.measurement
+    if measured and measured.closeness:
+        _text(f"FLIP {measured.closeness.flip:.4f}    {names}", left, line, unit)
+        draw_scale(right, bottom - 24 * unit, unit)
+    else:
+        _text(measured and measured.error or "FLIP is being measured", left, line, unit)
+
+
+def split_x(context) -> float:
+    """Where the line of the split is, in pixels of the region."""
+    return context.region.view2d.view_to_region(comparison.settings().split, 0, clip=False)[0]
+
+
+def draw_split(context, width: float) -> None:
+    """The line, `width` pixels wide at an interface scale of 1."""
+    x, unit = split_x(context), context.preferences.system.ui_scale
+    _, bottom = context.region.view2d.view_to_region(0, 0, clip=False)
+    _, top = context.region.view2d.view_to_region(0, 1, clip=False)
+    _box(x - (width + 2) / 2 * unit, bottom, x + (width + 2) / 2 * unit, top, SHADE)
+    _box(x - width / 2 * unit, bottom, x + width / 2 * unit, top, WHITE)
+
+
+def draw_scale(right: float, y: float, unit: float) -> None:
+    """FLIP's colours from 0 to 1, their right end at `right`."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    left, height = right - SCALE_WIDTH * unit, 12 * unit
+    places = [left + SCALE_WIDTH * unit * i / (len(STOPS) - 1) for i in range(len(STOPS))]
+    corners = [(x, z) for x in places for z in (y, y + height)]
+    colors = [(*map(float, stop), 1.0) for stop in STOPS for _ in range(2)]
+    smooth = gpu.shader.from_builtin("SMOOTH_COLOR")
+    batch_for_shader(smooth, "TRI_STRIP", {"pos": corners, "color": colors}).draw(smooth)
+    for value in (0.0, 0.5, 1.0):
+        text = f"{value:g}"
+        _text(text, left + value * SCALE_WIDTH * unit - _width(text, unit) / 2, y - 16 * unit, unit)
+
+
+def _box(left, bottom, right, top, color) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    gpu.state.blend_set("ALPHA")
+    uniform = gpu.shader.from_builtin("UNIFORM_COLOR")
+    batch = batch_for_shader(uniform, "TRI_STRIP",
+                             {"pos": [(left, bottom), (right, bottom), (left, top), (right, top)]})
+    uniform.uniform_float("color", color)
+    batch.draw(uniform)
+    gpu.state.blend_set("NONE")
+
+
+def _width(text: str, unit: float) -> float:
+    blf.size(0, SIZE * unit)
+    return blf.dimensions(0, text)[0]
+
+
+def _text(text: str, x: float, y: float, unit: float) -> None:
+    _box(x - 4 * unit, y - 4 * unit, x + _width(text, unit) + 4 * unit, y + SIZE * unit, SHADE)
+    blf.position(0, x, y, 0)
+    blf.color(0, *WHITE)
+    blf.draw(0, text)

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Two pictures are read, measured, exported and forgotten."""
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+import addon_utils
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison
+
+from tools import metrics as with_libraries
+
+PACKAGE = "bl_ext.user_default.renderformer_v2"
+
+
+def _measured():
+    comparison.read()
+    measurement = comparison.new_measurement()
+    measurement.run()
+    return measurement
+
+
+def test_metrics_are_those_of_the_tools(settings):
+    measured = _measured().closeness
+    expected = with_libraries.compare(comparison.a.pixels[..., :3], comparison.b.pixels[..., :3])
+    assert measured.psnr == pytest.approx(expected["psnr"], abs=1e-3)
+    assert measured.ssim == pytest.approx(expected["ssim"], abs=1e-3)
+    assert measured.flip == pytest.approx(expected["flip"], rel=5e-3)
+
+
+def test_only_the_render_region_is_measured(settings, two_slots):
+    two_slots.render.border_min_x, two_slots.render.border_max_x = 0.0, 0.5
+    two_slots.render.border_min_y, two_slots.render.border_max_y = 0.75, 1.0
+    settings.region = "BORDER"
+    measured = _measured()
+    assert measured.closeness.flip_map.shape == (9, 25)
+    assert measured.closeness.psnr == pytest.approx(with_libraries.compare(
+        comparison.a.pixels[:9, :25, :3], comparison.b.pixels[:9, :25, :3])["psnr"], abs=1e-3)
+    assert measured.box.area == pytest.approx((0, 28 / 37, 0.5, 1))
+
+
+def test_a_region_too_small_is_said(settings, two_slots):
+    two_slots.render.border_max_x, two_slots.render.border_min_x = 0.1, 0.0
+    settings.region = "BORDER"
+    measured = _measured()
+    assert measured.closeness is None and "7 x 7" in measured.error
+
+
+def test_measuring_can_be_cancelled(settings):
+    comparison.read()
+    measurement = comparison.new_measurement()
+    measurement.cancel()
+    measurement.run()
+    assert measurement.closeness is None and "cancelled" in measurement.error
+
+
+def test_equal_sides_ask_for_another(settings):
+    settings.b.slot = 1
+    comparison.read()
+    assert comparison.a is None and "same picture" in comparison.message
+
+
+def test_the_reference_is_chosen_when_it_is_there(settings, two_slots):
+    two_slots.view_layers[0].aovs.add().name = comparison.REFERENCE  # a pass of that name in any engine's result
+    bpy.ops.render.render()
+    settings.a.kind = settings.b.kind = "SHOWN"
+    comparison.read()
+    assert settings.b.pass_name == "Cycles Reference" and comparison.b.name == "Slot 2, Cycles Reference"
+
+
+def test_another_render_or_slot_outdates_what_was_read(settings):
+    settings.b.kind = "SHOWN"
+    comparison.read()
+    assert not comparison.is_outdated()
+    bpy.data.images["Render Result"].render_slots.active_index = 2
+    assert comparison.is_outdated()
+    bpy.data.images["Render Result"].render_slots.active_index = 1
+    assert not comparison.is_outdated()
+    bpy.ops.render.render()
+    assert comparison.is_outdated()
+
+
+def test_pictures_of_different_sizes_are_named(settings):
+    bpy.data.images.new("Small", 20, 10)
+    settings.b.kind, settings.b.image = "IMAGE", "Small"
+    comparison.read()
+    assert "A has 50 x 37 pixels, B 20 x 10" in comparison.message
+
+
+def test_passes_that_were_read_are_suggested(settings):
+    comparison.read()
+    assert {("ViewLayer", "Combined"), ("ViewLayer", "Depth")} <= set(comparison.known_passes(settings.a))
+
+
+def test_export_writes_a_sheet_and_numbers(settings, two_slots, tmp_path):
+    two_slots.view_settings.exposure = 1
+    images, before = set(bpy.data.images), two_slots.render.image_settings.file_format
+    measured = _measured()
+    assert bpy.ops.renderformer_v2.compare_export(filepath=str(tmp_path / "sheet.png")) == {"FINISHED"}
+    numbers = json.loads((tmp_path / "sheet.json").read_text())
+    assert numbers["flip"] == measured.closeness.flip and numbers["psnr"] == measured.closeness.psnr
+    assert numbers["a"]["name"] == "Slot 1, Combined" and (numbers["width"], numbers["height"]) == (50, 37)
+    assert set(bpy.data.images) == images and two_slots.render.image_settings.file_format == before
+    sheet = _pixels(tmp_path / "sheet.png")
+
+    two_slots.render.dither_intensity = 0
+    two_slots.render.image_settings.file_format = "PNG"
+    bpy.data.images["Render Result"].save_render(str(tmp_path / "blender.png"), scene=two_slots)  # slot 2 is shown
+    np.testing.assert_allclose(sheet[20:57, 82:132], _pixels(tmp_path / "blender.png"), atol=1.5 / 255)
+
+
+def _pixels(path):
+    image = bpy.data.images.load(str(path))
+    pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], -1)[::-1, :, :3]
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def test_exporting_nothing_is_refused(scene):
+    assert not bpy.ops.renderformer_v2.compare_export.poll()
+
+
+def test_the_header_switches_it_on_in_a_mode_and_off(settings):
+    bpy.ops.renderformer_v2.compare(mode="DIFFERENCE")
+    assert settings.show and settings.mode == "DIFFERENCE"
+    bpy.ops.renderformer_v2.compare()
+    assert not settings.show and comparison.a is None
+
+
+def test_sides_are_swapped(settings):
+    bpy.ops.renderformer_v2.compare_swap()
+    assert (settings.a.slot, settings.b.slot) == (2, 1)
+
+
+def test_another_file_begins_without(settings):
+    comparison.read()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    addon_utils.enable(PACKAGE)
+    assert comparison.a is None and not comparison.settings().show
+
+
+def test_disabling_leaves_nothing_behind(scene):
+    def left():
+        menu = bpy.types.IMAGE_MT_editor_menus
+        return ([f for f in (*bpy.app.handlers.render_complete, *bpy.app.handlers.load_post)
+                 if PACKAGE in f.__module__ and ".compare" in f.__module__],
+                [f for f in getattr(menu.draw, "_draw_funcs", ()) if ".compare" in f.__module__],
+                [name for name in ("RENDERFORMER_PT_compare", "RENDERFORMER_MT_compare", "RENDERFORMER_GGT_split")
+                 if hasattr(bpy.types, name)], hasattr(bpy.types.WindowManager, "renderformer_v2_compare"))
+
+    assert all(left())
+    addon_utils.disable(PACKAGE)
+    try:
+        assert not any(left())
+    finally:
+        addon_utils.enable(PACKAGE)
