@@ -46,7 +46,7 @@ class Radiosity:
         front, back = (F.pad(side, (0, 1), value=1.0) for side in self.leaving)
         parts = [torch.zeros_like(position[:0])]
         for x, n in zip(position.split(CHUNK), normal.split(CHUNK), strict=True):
-            report((len(parts) - 1) * CHUNK / len(position))
+            report((len(parts) - 1) * CHUNK / max(len(position), 1))
             weight = self._form_factors(x + ABOVE * n, n)
             gathered = weight.clamp_min(0) @ (front + back) - weight @ back
             parts.append(gathered[:, :3] / gathered[:, 3:].clamp_min(1.0))

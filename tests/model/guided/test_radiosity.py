@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bounced light in closed form: what is known about it without a renderer."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -88,3 +90,13 @@ def test_pixels_between_probes_get_smooth_light_and_edges_stay(monkeypatch):
     ramp = gathered(lambda x, n: x[:, :1].expand(-1, 3), position * torch.tensor([1.0, 1, 0]), normal, covered | True)
     inner = slice(probes.GRID, -probes.GRID)
     torch.testing.assert_close(ramp[:, inner, 0], position[:, inner, 0], atol=1e-5, rtol=0)
+
+
+def test_a_scene_of_lights_alone_gathers_nothing():
+    scene = floor_scene()
+    lights = scene.is_light
+    alone = replace(scene, **{name: getattr(scene, name)[lights] for name in
+                              ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")})
+    radiosity = Radiosity(alone, LightPrior(alone))
+    points = torch.zeros(3, 3)
+    assert (radiosity(points, torch.eye(3)) == 0).all() and radiosity(points[:0], points[:0]).shape == (0, 3)
