@@ -8,6 +8,7 @@ import numpy as np
 from ..model import progress, threads
 from ..model.errors import RenderCancelled, SceneError
 from . import compat, cycles_session, failure, model_cache, output, running, statistics
+from . import passes as pass_table
 from .convert.camera import convert_camera
 from .convert.report import Report
 from .convert.scene import convert
@@ -44,6 +45,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     threads.sleep_while_waiting()
     model_cache.begin_import()
     settings = FrameSettings.of(depsgraph.scene_eval)
+    lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
     _check(depsgraph.scene_eval, settings, report)
 
     with status.stage("Converting the scene", 0.0, 0.1):
@@ -52,9 +54,10 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         scene = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report)
     with output.unless_stopped(engine, layer) as passes:
         with status.stage("First hits", 0.1, 0.2):
-            passes |= cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
-                                                   light=settings.light, threads=settings.threads)
-            guides = make_guides(passes, scene, view)
+            found = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
+                                                 light=settings.light, threads=settings.threads)
+            passes |= output.first_hits(found, settings.exposure)
+            guides = make_guides(found, scene, view)
 
         def combined(radiance: np.ndarray) -> np.ndarray:
             return output.composite(radiance, guides, settings.film_transparent, settings.exposure)
@@ -63,7 +66,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         if first is None:
             first = guides.diffuse_color + guides.glossy_color + guides.transmission_color
         output.write(engine, layer, passes | {"combined": combined(first)})
-        radiance, tokens = np.zeros((view.height, view.width, 3), np.float32), 0
+        radiance, tokens, light = np.zeros((view.height, view.width, 3), np.float32), 0, {}
         if guides.alpha.any() and (len(scene) or scene.volumes):
             with status.stage("Loading the network", 0.2, 0.25):
                 renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
@@ -71,9 +74,15 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                 with progress.part(0.0, 0.5):
                     encoded = model_cache.encoded(renderer, scene, view.longer_side)
                 with progress.part(0.5, 1.0):
-                    radiance, tokens = encoded.view(view, guides), encoded.tokens
+                    if lit:
+                        lobes = encoded.lobes(view, guides)
+                        light = output.light_passes(guides, lobes, found, bool(scene.volumes), settings.exposure)
+                        radiance = lobes.radiance
+                    else:
+                        radiance = encoded.view(view, guides)
+                tokens = encoded.tokens
     with status.stage("Writing passes", 1.0, 1.0):
-        output.write(engine, layer, passes | {"combined": combined(radiance)})
+        output.write(engine, layer, passes | light | {"combined": combined(radiance)})
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
                            weights=settings.weights, seconds=status.seconds, report=report.lines())
 

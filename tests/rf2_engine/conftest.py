@@ -46,3 +46,11 @@ def scene():
     scene.collection.objects.link(camera)
     scene.camera = camera
     return scene
+
+
+@pytest.fixture
+def still_life(scene):
+    """The scene, with things of which every pass has something to say (still_life.py)."""
+    from .still_life import build  # it imports the extension that is installed above
+    build(scene)
+    return scene
