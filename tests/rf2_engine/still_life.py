@@ -68,3 +68,13 @@ def compositor(scene):
     scene.use_nodes = True
     scene.node_tree.nodes.clear()
     return scene.node_tree
+
+
+def composite_into(scene, socket):
+    """Make the value of `socket` the picture that the graph gives."""
+    tree = socket.node.id_data
+    if bpy.app.version >= (5, 0, 0):
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        tree.links.new(socket, tree.nodes.new("NodeGroupOutput").inputs["Image"])
+    else:
+        tree.links.new(socket, tree.nodes.new("CompositorNodeComposite").inputs["Image"])
