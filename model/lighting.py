@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .bands import bands
 from .color import HALF_MAX
-from .progress import report
 from .scene import Guides
 
 LOBES = ("diffuse", "glossy", "transmission")
@@ -20,13 +20,19 @@ TRACE = 1e-6   # direct light that every lobe has at least, so that all traced l
 RADIUS = 2     # pixels: shares are those of a square around the pixel, for samples are few and noisy
 
 
-@dataclass
+@dataclass(frozen=True)
 class Lobes:
-    """What the guided network makes of one view: f32, world radiance, premultiplied, row 0 on top."""
+    """What a network makes of one view: f32, world radiance, premultiplied, row 0 on top."""
 
-    radiance: np.ndarray  # (H, W, 3), as EncodedScene.view gives it: the sum of all
-    direct: np.ndarray    # (3, H, W, 3) light of LOBES before their colours; not in the picture where it was traced
-    indirect: np.ndarray  # (3, H, W, 3)
+    radiance: np.ndarray                # (H, W, 3), as EncodedScene.view gives it
+    # (3, H, W, 3) light of LOBES before their colours, of guided networks; `direct` is not in the picture where light
+    # was traced
+    direct: np.ndarray | None = None
+    indirect: np.ndarray | None = None
+
+    def rows(self, rows: slice) -> Lobes:
+        """Those of a part of the picture's rows; shared memory."""
+        return Lobes(self.radiance[rows], *(None if x is None else x[:, rows] for x in (self.direct, self.indirect)))
 
 
 def light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
@@ -39,6 +45,14 @@ def light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
     colour can be multiplied with is in "volume_indirect" as well. Without traced light `sampled` is not looked at, all
     is the network's, and "volume_direct" is black.
     """
+    parts = [{name: light[inner] for name, light in _light_passes(
+        guides.rows(outer), lobes.rows(outer), {name: x[outer] for name, x in sampled.items()}, volumes).items()}
+        for outer, inner in bands(*guides.alpha.shape, margin=RADIUS)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
+                  volumes: bool) -> dict[str, np.ndarray]:
     colors = _colors(guides)
     light = {f"{lobe}_indirect": lobes.indirect[i] for i, lobe in enumerate(LOBES)}
     if guides.traced is None:
@@ -71,8 +85,7 @@ def _divided(traced: np.ndarray, colors: dict[str, np.ndarray],
              sampled: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """`traced` (H, W, 3) as light of passes, before their colours, in the proportions of `sampled`."""
     light = {}
-    for i, (name, noisy) in enumerate(sampled.items()):
-        report(i / len(sampled))
+    for name, noisy in sampled.items():
         color = colors.get(name, np.ones_like(noisy))
         light[name] = _mean(noisy * color) / np.maximum(_mean(color), FAINT)
         if name.endswith("_direct") and name in colors:

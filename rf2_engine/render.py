@@ -7,6 +7,8 @@ import numpy as np
 
 from ..model import progress, threads
 from ..model.errors import RenderCancelled, SceneError
+from ..model.lighting import Lobes
+from ..model.silhouettes import blended
 from . import compat, cycles_session, failure, model_cache, output, running, statistics
 from . import passes as pass_table
 from .convert.camera import convert_camera
@@ -73,14 +75,14 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             with status.stage("Network", 0.25, 1.0), threads.team(settings.threads):
                 with progress.part(0.0, 0.5):
                     encoded = model_cache.encoded(renderer, scene, view.longer_side)
-                with progress.part(0.5, 1.0):
-                    if lit:
-                        lobes = encoded.lobes(view, guides)
+                with progress.part(0.5, 0.9):
+                    lobes = encoded.lobes(view, guides) if lit else Lobes(encoded.view(view, guides))
+                with progress.part(0.9, 0.95, "Edges"):
+                    lobes = blended(lobes, guides, found["normal"])
+                if lit:
+                    with progress.part(0.95, 1.0, "Light passes"):
                         light = output.light_passes(guides, lobes, found, bool(scene.volumes), settings.exposure)
-                        radiance = lobes.radiance
-                    else:
-                        radiance = encoded.view(view, guides)
-                tokens = encoded.tokens
+                radiance, tokens = lobes.radiance, encoded.tokens
     with status.stage("Writing passes", 1.0, 1.0):
         output.write(engine, layer, passes | light | {"combined": combined(radiance)})
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,

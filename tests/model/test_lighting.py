@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from renderformer_v2.model import bands
 from renderformer_v2.model.lighting import LOBES, Lobes, light_passes
 from renderformer_v2.model.scene import Guides
+from renderformer_v2.model.silhouettes import blended
 
 H, W = 12, 20
 
@@ -68,3 +70,17 @@ def test_denoised_light_where_no_sample_found_any_belongs_to_the_lobes():
     passes = light_passes(given, Lobes(given.traced, dark, dark), sampled, volumes=True)
     np.testing.assert_allclose(recipe(passes, given), given.traced, rtol=1e-4, atol=1e-5)
     assert passes["volume_indirect"][2:].max() < 1e-5
+
+
+def test_bands_do_not_show(monkeypatch):
+    rng = np.random.default_rng(4)
+    given = guides(rng, traced=True)
+    dark = np.zeros((3, H, W, 3), np.float32)
+    sampled = {f"{lobe}_{part}": rng.random((H, W, 3), np.float32) for lobe in LOBES for part in ("direct", "indirect")}
+    lobes = Lobes(given.traced, dark, dark)
+    whole = light_passes(given, lobes, sampled, volumes=False)
+    edges = blended(lobes, given, given.normal * 0.5)
+    monkeypatch.setattr(bands, "PIXELS", 3 * W)
+    for name, light in light_passes(given, lobes, sampled, volumes=False).items():
+        np.testing.assert_array_equal(light, whole[name], err_msg=name)
+    np.testing.assert_array_equal(blended(lobes, given, given.normal * 0.5).radiance, edges.radiance)
