@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a view layer leaves out, replaces or cuts out is so in our passes and our alpha as in those of Cycles."""
+import os
+
 import bpy
 import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert import vdb
 
 from .f12 import material, press_f12
 from .still_life import tick, with_cycles
@@ -50,12 +53,14 @@ def no_solid(scene, layer):
 
 
 def no_volumes(scene, layer):
-    fog = bpy.data.materials.new("Fog")
-    fog.use_nodes = True
-    volume = fog.node_tree.nodes.new("ShaderNodeVolumeScatter")
-    fog.node_tree.links.new(volume.outputs[0], fog.node_tree.nodes["Material Output"].inputs["Volume"])
-    fog.node_tree.nodes.remove(fog.node_tree.nodes["Principled BSDF"])
-    bpy.data.objects["Moving"].data.materials[0] = fog
+    openvdb = vdb.openvdb_module()
+    grid = openvdb.FloatGrid(0.0)
+    grid.copyFromArray(np.ones((8, 8, 8), np.float32))
+    grid.name = "density"
+    openvdb.write(os.path.join(bpy.app.tempdir, "smoke.vdb"), [grid])
+    smoke = bpy.data.volumes.new("Smoke")
+    smoke.filepath = os.path.join(bpy.app.tempdir, "smoke.vdb")
+    scene.collection.objects.link(bpy.data.objects.new("Smoke", smoke))
     layer.use_volumes = False
 
 
