@@ -60,6 +60,7 @@ def ticks(scene: bpy.types.Scene) -> dict[str, dict[str, str]]:
         if p.setting and (p.source != "lighting" or p.key in lighting):
             heading, label = p.heading
             found.setdefault(heading, {}).setdefault(p.setting, label)
+    found["Data"]["use_pass_grease_pencil"] = "Grease Pencil"  # Blender draws and delivers it beside any engine
     return found
 
 
