@@ -167,25 +167,30 @@ def _overrides(depsgraph: bpy.types.Depsgraph):
     saved = []
     kept = depsgraph.scene_eval.render.use_persistent_data
 
-    def override(data: bpy.types.ID | bpy.types.ViewLayer, settings: dict[str, object]) -> None:
+    def override(data: bpy.types.ID, settings: dict[str, object]) -> None:
         for path, value in settings.items():
-            parent, _, name = path.rpartition(".")
-            owner = data.path_resolve(parent) if parent else data
+            owner, name = _owner(data, path)
             if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
-                saved.append((owner, name, getattr(owner, name)))
+                saved.append((data, path, getattr(owner, name)))
                 setattr(owner, name, value)
     try:
         yield override
     finally:
         if kept:  # otherwise the evaluated scene is gone after a render, and touching it crashes
-            for owner, name, value in reversed(saved):
+            for data, path, value in reversed(saved):
+                owner, name = _owner(data, path)  # the Vector pass evaluates the scene anew, which moves what is in it
                 setattr(owner, name, value)
+
+
+def _owner(data: bpy.types.ID, path: str) -> tuple[bpy.types.bpy_struct, str]:
+    parent, _, name = path.rpartition(".")
+    return data.path_resolve(parent) if parent else data, name
 
 
 def _as_a_pinhole(depsgraph: bpy.types.Depsgraph, override) -> None:
     """The network knows no other camera, and no shutter."""
-    scene = depsgraph.scene_eval
-    override(depsgraph.view_layer_eval, {"use_motion_blur": False})
+    scene, layer = depsgraph.scene_eval, bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
+    override(scene, {f'view_layers["{layer}"].use_motion_blur': False})
     if scene.camera and scene.camera.type == "CAMERA":
         override(scene.camera.data, {"dof.use_dof": False})
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Passes of first hits are those of Cycles, by name and by pixel, and the file says whose mattes they are."""
+import bpy
 import numpy as np
 import OpenEXR
 import pytest
@@ -30,6 +31,28 @@ def test_first_hits_are_those_of_a_cycles_render(still_life, tmp_path, light):
         same = np.isclose(ours[name], cycles[name], rtol=1e-4, atol=1e-5).all(-1)
         assert same.mean() > (0.6 if name.endswith(("AO", "Occlusion")) else 0.999), name  # AO: other random numbers
         assert ours[name].mean() == pytest.approx(cycles[name].mean(), rel=0.02), name
+
+
+@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+def test_vectors_of_kept_scenes_leave_the_scene_as_it_was(still_life, tmp_path, light):
+    """Cycles goes to the frames before and after for them, and evaluates the scene anew."""
+    still_life.renderformer_v2.light, still_life.render.use_persistent_data = light, True
+    floor = still_life.objects["Floor"]
+    for frame in (1, 3):
+        still_life.cycles.samples, still_life.renderformer_v2.guide_samples = 10 * frame, frame
+        still_life.cycles.keyframe_insert("samples", frame=frame)
+        still_life.renderformer_v2.keyframe_insert("guide_samples", frame=frame)
+        floor.visible_shadow = frame == 1
+        floor.keyframe_insert("visible_shadow", frame=frame)
+    tick(still_life.view_layers[0], COMMON)
+    still_life.frame_start, still_life.frame_end = 1, 3
+    still_life.render.filepath = str(tmp_path / "frame_")
+    bpy.ops.render.render(animation=True, scene=still_life.name)
+    assert len(list(tmp_path.iterdir())) == 3
+    still_life.frame_set(2)
+    cycles = still_life.cycles
+    assert (cycles.samples, cycles.max_bounces, cycles.use_denoising) == (20, 12, False) and floor.visible_diffuse
+    assert with_cycles(still_life, tmp_path)["ViewLayer.Combined"][..., :3].mean() > 0.1
 
 
 def test_names_channels_and_sockets_are_those_of_cycles(still_life):
