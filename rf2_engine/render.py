@@ -77,8 +77,9 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                     encoded = model_cache.encoded(renderer, scene, view.longer_side)
                 with progress.part(0.5, 0.9):
                     lobes = encoded.lobes(view, guides) if lit else Lobes(encoded.view(view, guides))
-                with progress.part(0.9, 0.95, "Edges"):
-                    lobes = blended(lobes, guides, found["normal"])
+                if settings.guided:
+                    with progress.part(0.9, 0.95, "Edges"):
+                        lobes = blended(lobes, guides, found["normal"])
                 if lit:
                     with progress.part(0.95, 1.0, "Light passes"):
                         light = output.light_passes(guides, lobes, found, bool(scene.volumes), settings.exposure)

@@ -117,6 +117,11 @@ class FrameSettings:
     film_transparent: bool
     exposure: float
 
+    @property
+    def guided(self) -> bool:
+        """Whether the network may be helped: the published one draws its picture alone."""
+        return bool(self.light_passes)
+
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> FrameSettings:
         """Of an evaluated scene. Raises CheckpointError as RenderFormerSettings.weights does."""

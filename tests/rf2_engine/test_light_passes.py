@@ -4,7 +4,10 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model.renderer import EncodedScene
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes, statistics
+
+from tests.model.published.bundles import tiny_published_config, write_bundle
 
 from .f12 import cube, material, press_f12
 from .still_life import tick, with_cycles
@@ -94,3 +97,19 @@ def test_a_picture_of_the_world_alone_has_dark_light(scene, tmp_path):
     found = by_key(press_f12(scene, tmp_path))
     assert_recipe_holds(found)
     assert all((found[key] == 0).all() for key in passes.LIGHTING)
+
+
+def test_the_published_network_draws_edges_alone_and_gives_no_light(still_life, tmp_path, monkeypatch):
+    drawn = []
+
+    def view(encoded, *given, real=EncodedScene.view):
+        drawn.append(real(encoded, *given))
+        return drawn[-1]
+    monkeypatch.setattr(EncodedScene, "view", view)
+    folder = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
+    still_life.renderformer_v2.weights_source, still_life.renderformer_v2.weights_folder = "FOLDER", str(folder)
+    tick(still_life.view_layers[0], passes.LIGHTING)
+    found = by_key(press_f12(still_life, tmp_path))
+    assert not passes.LIGHTING & set(found)
+    expected = drawn[0] + found["emission"] + found["environment"]
+    np.testing.assert_allclose(found["combined"][..., :3], expected, rtol=1e-5, atol=1e-6)
