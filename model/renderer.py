@@ -9,19 +9,23 @@ A pipeline is one of the two ways from a normalised scene to a picture, guided/p
     variant(picture_size)           which of its networks renders pictures whose longer side has so many pixels
     encode(scene, variant)          stage 1; the result has `.context` (SceneContext)
     image(encoded, view, guides)    (3, H, W) f32 radiance in network exposure, without emitters seen directly
+and the guided one also gives `light`, the same by lobe.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from .camera import padded_view, place_in
 from .checkpoint import explained
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
+from .lighting import Lobes
 from .normalize import Normalization
 from .precision import choose_device, choose_precision
 from .presets import BUNDLED, weights_folder
@@ -71,19 +75,29 @@ class EncodedScene:
         picture: they are in `guides`. Raises CheckpointError when the picture is not finite, ValueError for a view that
         another network of the bundle renders.
         """
+        return self._rendered(view, guides, lambda *given: {"image": self.renderer.pipeline.image(*given)})["image"]
+
+    def lobes(self, view: View, guides: Guides) -> Lobes:
+        """The same, with the light of each lobe: guided networks alone know it. Raises as `view` does."""
+        keys = ("image", "direct", "indirect")
+        return Lobes(*self._rendered(view, guides, lambda *given: self.renderer.pipeline.light(*given, keys)).values())
+
+    def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
+        """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""
         pipeline = self.renderer.pipeline
         wanted = pipeline.variant(view.longer_side)
         if wanted != self.variant:
             raise ValueError(f"the scene was encoded for {self.variant}, this view needs {wanted}")
         larger, guides = padded(view, guides, pipeline.granularity)
+        place = (..., *place_in(larger, view))
         with torch.inference_mode():
-            image = pipeline.image(self.encoded, self.normalization.view(larger), self.normalization.guides(guides))
-            image = image[:, *place_in(larger, view)] / self.normalization.exposure
-        if not image.isfinite().all():
+            found = run(self.encoded, self.normalization.view(larger), self.normalization.guides(guides))
+            found = {key: radiance[place] / self.normalization.exposure for key, radiance in found.items()}
+        if not all(radiance.isfinite().all() for radiance in found.values()):
             exact = self.renderer.dtype == torch.float32
             advice = "the weights may be damaged" if exact else "set Precision to Float32"
             raise CheckpointError(f"The network's picture holds values that are not finite: {advice}")
-        return image.permute(1, 2, 0).cpu().numpy()
+        return {key: radiance.movedim(-3, -1).cpu().numpy() for key, radiance in found.items()}
 
     @property
     def tokens(self) -> int:

@@ -122,6 +122,10 @@ class Guides:
         """By name, those that are there."""
         return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) is not None}
 
+    def rows(self, rows: slice) -> Guides:
+        """Those of a part of the picture's rows; shared memory."""
+        return Guides(**{name: array[rows] for name, array in self.arrays().items()})
+
 
 @dataclass
 class RenderScene:

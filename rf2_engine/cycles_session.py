@@ -84,8 +84,9 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     `engine` is the RenderEngine inside whose `render` this is called; `threads` 0 leaves them to Blender's setting.
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
-    seen directly, denoised where Blender can. With Light.ALL the scene's own bounces are used and the result also holds
-    "combined" (denoised by OpenImageDenoise if `denoise`) and the direct and indirect light passes (never denoised).
+    seen directly, denoised where Blender can, and all light passes (never denoised) if the view layer asks for one.
+    With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
+    if `denoise`) and all light passes.
 
     Returns {key of passes.PASSES: (H, W, C) f32}, row 0 on top, for the render border only; plus "alpha" (H, W, 1),
     coverage. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
@@ -97,10 +98,10 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     """
     require()
     view_layer = depsgraph.view_layer_eval
-    layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, light is Light.ALL)
-    for p in wanted:
-        if p.source == "lighting":
-            engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
+    lobes = light is Light.ALL or light is Light.TRACED and pass_table.asked_light(view_layer, pass_table.LIGHTING)
+    layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, lobes)
+    for p in wanted:  # those that were registered are there already, and stay as they are
+        engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
     settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise}
     if threads:
@@ -110,7 +111,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         if light is not Light.ALL:
             _as_a_pinhole(depsgraph, override)
         if light is Light.NONE:
-            _leave_out_light(depsgraph, override)
+            _leave_out_light(depsgraph, override, occluding=view_layer.use_pass_ambient_occlusion)
         elif light is Light.TRACED:
             override(depsgraph.scene_eval, _TRACED | (_DENOISED if compat.has_openimagedenoise() else {}))
         found = run(engine, depsgraph, layer_name, wanted)
@@ -126,15 +127,16 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
 
 def _as_a_pinhole(depsgraph: bpy.types.Depsgraph, override) -> None:
     """The network knows no other camera, and no shutter."""
-    scene = depsgraph.scene_eval
-    override(depsgraph.view_layer_eval, {"use_motion_blur": False})
+    scene, layer = depsgraph.scene_eval, bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
+    override(scene, {f'view_layers["{layer}"].use_motion_blur': False})
     if scene.camera and scene.camera.type == "CAMERA":
         override(scene.camera.data, {"dof.use_dof": False})
 
 
-def _leave_out_light(depsgraph: bpy.types.Depsgraph, override) -> None:
+def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) -> None:
+    """`occluding`: ambient occlusion is wanted, whose rays are shadow rays."""
     override(depsgraph.scene_eval, _FIRST_HITS_ONLY)
     if world := compat.world(depsgraph):
         override(world, _WORLD_UNLIT)
     for evaluated in depsgraph.objects:
-        override(evaluated, _UNLIT)
+        override(evaluated, _UNLIT | ({"visible_shadow": evaluated.visible_shadow} if occluding else {}))

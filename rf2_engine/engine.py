@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import passes, reference, render
+from . import passes, reference, render, settings
 
 
 class RenderFormerEngine(bpy.types.RenderEngine):
@@ -19,7 +19,7 @@ class RenderFormerEngine(bpy.types.RenderEngine):
         super().__init__(*args, **kwargs)
 
     def update_render_passes(self, scene, view_layer):
-        passes.register(self, scene, view_layer)
+        passes.register(self, scene, view_layer, settings.light_passes(scene))
         reference.register_passes(self, scene, view_layer)
 
     def render(self, depsgraph):

@@ -7,9 +7,12 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from ..model import lighting
+from ..model.lighting import Lobes
 from ..model.scene import Guides
 from . import passes as pass_table
 
+SHINING = {"emission", "environment"}  # first-hit passes in units of light
 ERROR_CHECKER = 16  # pixels
 ERROR_COLORS = np.array([[0.6, 0.0, 0.4, 1.0], [0.05, 0.0, 0.04, 1.0]], np.float32)
 
@@ -23,13 +26,26 @@ def composite(radiance: np.ndarray, guides: Guides, film_transparent: bool, expo
     return np.dstack([color * exposure, alpha]).astype(np.float32)
 
 
+def first_hits(found: dict[str, np.ndarray], exposure: float) -> dict[str, np.ndarray]:
+    """What Cycles `found` of the first hits as passes of the picture: Cycles, too, exposes what shines, and no more."""
+    return {key: pixels * exposure if key in SHINING else pixels for key, pixels in found.items()
+            if key not in pass_table.LIGHTING}
+
+
+def light_passes(guides: Guides, lobes: Lobes, found: dict[str, np.ndarray], volumes: bool,
+                 exposure: float) -> dict[str, np.ndarray]:
+    """The light passes of the picture; `found` is what the session of Cycles gave, its noisy light included."""
+    sampled = {key: pixels for key, pixels in found.items() if key in pass_table.LIGHTING}
+    passes = lighting.light_passes(guides, lobes, sampled, volumes)
+    return {key: light * exposure for key, light in passes.items()}
+
+
 def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray]) -> None:
-    """Hand {key of passes.PASSES or REFERENCE: (H, W, C), row 0 on top} of one view layer to Blender."""
-    names = {p.blender_name: p.key for p in (*pass_table.PASSES, *pass_table.REFERENCE)}
+    """Hand {passes.key_of its name: (H, W, C), row 0 on top} of one view layer to Blender."""
     result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer)
     for p in result.layers[0].passes:
-        if names.get(p.name) in passes:
-            p.rect.foreach_set(np.ascontiguousarray(passes[names[p.name]][::-1], np.float32).ravel())
+        if (key := pass_table.key_of(p.name)) in passes:
+            p.rect.foreach_set(np.ascontiguousarray(passes[key][::-1], np.float32).ravel())
     engine.end_result(result)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import model_cache, passes, statistics
+from . import model_cache, statistics
 from .engine import RenderFormerEngine
 from .setup import package_panel, packages, published_weights
 
@@ -99,21 +99,6 @@ def _draw_statistics(column, layer: statistics.LayerStatistics) -> None:
         column.label(text=line, icon="INFO")
 
 
-class RENDERFORMER_PT_passes(_Panel):
-    bl_label = "Passes"
-    bl_context = "view_layer"
-
-    def draw(self, context):
-        layout = self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
-        always = ", ".join(p.blender_name for p in passes.PASSES if not p.setting and p.source != "lighting")
-        layout.label(text=f"Always: {always}")
-        column = layout.column(heading="Data")
-        for p in passes.PASSES:
-            if p.setting:
-                column.prop(context.view_layer, p.setting, text=p.name_5)
-
-
 def adopted_panels():
     """Blender's panels that make sense for this engine, built-in ones and those of other add-ons."""
     for panel in bpy.types.Panel.__subclasses__():
@@ -125,7 +110,7 @@ def adopted_panels():
 
 
 _register, _unregister = bpy.utils.register_classes_factory(
-    (RENDERFORMER_PT_settings, RENDERFORMER_PT_report, RENDERFORMER_PT_passes))
+    (RENDERFORMER_PT_settings, RENDERFORMER_PT_report))
 
 
 def register() -> None:

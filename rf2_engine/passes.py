@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The one table of render passes: our stable key, Blender's name by version, channels and where the pixels come from.
 
-Cycles, run inside our engine, fills whatever passes our render result has, so the table serves three ends: it is
-registered for the compositor, it tells Cycles what to compute, and it names what the engine writes.
+Cycles, run inside our engine, fills whatever passes our render result has, so the table serves three ends: what is
+ticked is registered for the compositor, it tells Cycles what to compute, and it names what the engine writes.
 """
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import bpy
+
+STORED = "cycles.denoising_store_passes"
 
 
 class Pass(NamedTuple):
@@ -17,37 +20,66 @@ class Pass(NamedTuple):
     name_5: str          # Blender's name from 5.0
     channels: str
     kind: str            # COLOR, VECTOR or VALUE: the type of the compositor's socket
-    source: str          # network | guide (first hits) | data (first hits, on request) | lighting (reference only)
-    setting: str = ""    # the ViewLayer property that asks for it; empty: always there
+    source: str          # network | guide (first hits, always computed) | data (first hits) | lighting (the network's)
+    setting: str = ""    # path of the view layer's property that asks for it; empty: always there
+    since: tuple = (4, 5, 0)
 
     @property
     def blender_name(self) -> str:
         return self.name_5 if bpy.app.version >= (5, 0, 0) else self.name
 
+    @property
+    def heading(self) -> tuple[str, str]:
+        """Where the panel has it, and how it is called there: ("Diffuse", "Direct"), ("Data", "Mist")."""
+        if self.setting == STORED:
+            return "Data", "Denoising Data"
+        lobe, _, light = self.name_5.partition(" ")
+        if light in ("Direct", "Indirect", "Color"):
+            return lobe, light
+        return "Other" if self.key in ("emission", "environment", "ambient_occlusion") else "Data", self.name_5
 
-PASSES = (
+    def is_asked(self, view_layer: bpy.types.ViewLayer) -> bool:
+        """True if the view layer has it ticked; Cycles' own properties are there while Cycles is enabled."""
+        owner, _, name = self.setting.rpartition(".")
+        return not name or bool(getattr(getattr(view_layer, owner, None) if owner else view_layer, name, False))
+
+
+PASSES = tuple(p for p in (
     Pass("combined", "Combined", "Combined", "RGBA", "COLOR", "network"),
-    Pass("depth", "Depth", "Depth", "Z", "VALUE", "guide"),
-    Pass("position", "Position", "Position", "XYZ", "VECTOR", "guide"),
-    Pass("normal", "Normal", "Normal", "XYZ", "VECTOR", "guide"),
-    Pass("diffuse_color", "DiffCol", "Diffuse Color", "RGB", "COLOR", "guide"),
-    Pass("glossy_color", "GlossCol", "Glossy Color", "RGB", "COLOR", "guide"),
-    Pass("transmission_color", "TransCol", "Transmission Color", "RGB", "COLOR", "guide"),
-    Pass("emission", "Emit", "Emission", "RGB", "COLOR", "guide"),
-    Pass("environment", "Env", "Environment", "RGB", "COLOR", "guide"),
+    Pass("depth", "Depth", "Depth", "Z", "VALUE", "guide", "use_pass_z"),
     Pass("mist", "Mist", "Mist", "Z", "VALUE", "data", "use_pass_mist"),
+    Pass("position", "Position", "Position", "XYZ", "VECTOR", "guide", "use_pass_position"),
+    Pass("normal", "Normal", "Normal", "XYZ", "VECTOR", "guide", "use_pass_normal"),
+    Pass("vector", "Vector", "Vector", "XYZW", "VECTOR", "data", "use_pass_vector"),
     Pass("uv", "UV", "UV", "UVA", "VECTOR", "data", "use_pass_uv"),
     Pass("object_index", "IndexOB", "Object Index", "X", "VALUE", "data", "use_pass_object_index"),
     Pass("material_index", "IndexMA", "Material Index", "X", "VALUE", "data", "use_pass_material_index"),
-    Pass("diffuse_direct", "DiffDir", "Diffuse Direct", "RGB", "COLOR", "lighting"),
-    Pass("diffuse_indirect", "DiffInd", "Diffuse Indirect", "RGB", "COLOR", "lighting"),
-    Pass("glossy_direct", "GlossDir", "Glossy Direct", "RGB", "COLOR", "lighting"),
-    Pass("glossy_indirect", "GlossInd", "Glossy Indirect", "RGB", "COLOR", "lighting"),
-    Pass("transmission_direct", "TransDir", "Transmission Direct", "RGB", "COLOR", "lighting"),
-    Pass("transmission_indirect", "TransInd", "Transmission Indirect", "RGB", "COLOR", "lighting"),
-    Pass("volume_direct", "VolumeDir", "Volume Direct", "RGB", "COLOR", "lighting"),
-    Pass("volume_indirect", "VolumeInd", "Volume Indirect", "RGB", "COLOR", "lighting"),
-)
+    Pass("denoising_albedo", "Denoising Albedo", "Denoising Albedo", "RGB", "COLOR", "data", STORED),
+    Pass("denoising_specular_albedo", "", "Denoising Specular Albedo", "RGB", "COLOR", "data", STORED, (5, 2, 0)),
+    Pass("denoising_normal", "Denoising Normal", "Denoising Normal", "XYZ", "VECTOR", "data", STORED),
+    Pass("denoising_roughness", "", "Denoising Roughness", "X", "VALUE", "data", STORED, (5, 2, 0)),
+    Pass("denoising_depth", "Denoising Depth", "Denoising Depth", "Z", "VALUE", "data", STORED),
+    Pass("diffuse_direct", "DiffDir", "Diffuse Direct", "RGB", "COLOR", "lighting", "use_pass_diffuse_direct"),
+    Pass("diffuse_indirect", "DiffInd", "Diffuse Indirect", "RGB", "COLOR", "lighting", "use_pass_diffuse_indirect"),
+    Pass("diffuse_color", "DiffCol", "Diffuse Color", "RGB", "COLOR", "guide", "use_pass_diffuse_color"),
+    Pass("glossy_direct", "GlossDir", "Glossy Direct", "RGB", "COLOR", "lighting", "use_pass_glossy_direct"),
+    Pass("glossy_indirect", "GlossInd", "Glossy Indirect", "RGB", "COLOR", "lighting", "use_pass_glossy_indirect"),
+    Pass("glossy_color", "GlossCol", "Glossy Color", "RGB", "COLOR", "guide", "use_pass_glossy_color"),
+    Pass("transmission_direct", "TransDir", "Transmission Direct", "RGB", "COLOR", "lighting",
+         "use_pass_transmission_direct"),
+    Pass("transmission_indirect", "TransInd", "Transmission Indirect", "RGB", "COLOR", "lighting",
+         "use_pass_transmission_indirect"),
+    Pass("transmission_color", "TransCol", "Transmission Color", "RGB", "COLOR", "guide",
+         "use_pass_transmission_color"),
+    Pass("volume_direct", "VolumeDir", "Volume Direct", "RGB", "COLOR", "lighting", "cycles.use_pass_volume_direct"),
+    Pass("volume_indirect", "VolumeInd", "Volume Indirect", "RGB", "COLOR", "lighting",
+         "cycles.use_pass_volume_indirect"),
+    Pass("emission", "Emit", "Emission", "RGB", "COLOR", "guide", "use_pass_emit"),
+    Pass("environment", "Env", "Environment", "RGB", "COLOR", "guide", "use_pass_environment"),
+    Pass("ambient_occlusion", "AO", "Ambient Occlusion", "RGB", "COLOR", "data", "use_pass_ambient_occlusion"),
+) if bpy.app.version >= p.since)
+
+LIGHTING = frozenset(p.key for p in PASSES if p.source == "lighting")
 
 # What a reference beside our picture adds, under names that are the same in every Blender version.
 REFERENCE = (
@@ -55,20 +87,56 @@ REFERENCE = (
     *(Pass(f"cycles_{p.key}", f"Cycles {p.name_5}", f"Cycles {p.name_5}", p.channels, p.kind, "reference")
       for p in PASSES if p.source == "lighting"),
 )
+_KEYS = {p.blender_name: p.key for p in (*PASSES, *REFERENCE)}
 
 
-def of_view_layer(view_layer: bpy.types.ViewLayer) -> list[Pass]:
-    """The passes of a final frame: Combined, the guides, and what the user ticked for this view layer."""
-    return [p for p in PASSES
-            if p.source != "lighting" and (not p.setting or getattr(view_layer, p.setting, False))]
+def key_of(blender_name: str) -> str:
+    """Key of the pass that Blender calls so; Cryptomattes and shader AOVs have no row in the table."""
+    return _KEYS.get(blender_name, f"own {blender_name}")
+
+
+def of_view_layer(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[Pass]:
+    """The passes that were ticked for this view layer, of the light passes those whose keys are in `lighting`.
+
+    A first hit that has the name of a shader AOV is among them, for Blender then marks the AOV as in conflict.
+    """
+    taken = {aov.name for aov in view_layer.aovs}
+    ticked = [p for p in PASSES if (p.is_asked(view_layer) and (p.source != "lighting" or p.key in lighting))
+              or (p.source == "guide" and p.blender_name in taken)]
+    return ticked + [*_cryptomattes(view_layer), *_shader_aovs(view_layer)]
+
+
+def asked_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> bool:
+    """True if one of the light passes with these keys is ticked."""
+    return any(p.key in lighting for p in of_view_layer(view_layer, lighting))
 
 
 def of_session(view_layer: bpy.types.ViewLayer, lighting: bool) -> list[Pass]:
-    """The passes of one Cycles session: those of a final frame, and the light passes when it computes a reference."""
-    return of_view_layer(view_layer) + [p for p in PASSES if lighting and p.source == "lighting"]
+    """The passes of one Cycles session: first hits, what the user ticked, and all light passes on demand."""
+    always = [p for p in PASSES if p.source in ("network", "guide") or lighting and p.source == "lighting"]
+    return always + [p for p in of_view_layer(view_layer, ()) if p not in always]
 
 
-def register(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
-    """Announce the passes of a final frame: they become sockets of the Render Layers node and layers of the file."""
-    for p in of_view_layer(view_layer):
+def register(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer,
+             lighting: Collection[str] = ()) -> None:
+    """Announce the ticked passes: they become sockets of the Render Layers node and layers of the file."""
+    for p in of_view_layer(view_layer, lighting):
         engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
+
+
+def _cryptomattes(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
+    """Two ranks to a pass. Their channels are in lower case: OpenEXR then never compresses them with loss."""
+    for of in ("object", "material", "asset"):
+        if getattr(view_layer, f"use_pass_cryptomatte_{of}"):
+            for i in range((min(view_layer.pass_cryptomatte_depth, 16) + 1) // 2):
+                yield _own(f"Crypto{of.capitalize()}{i:02d}", "rgba", "COLOR")
+
+
+def _shader_aovs(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
+    for aov in view_layer.aovs:
+        if aov.is_valid:
+            yield _own(aov.name, *(("X", "VALUE") if aov.type == "VALUE" else ("RGBA", "COLOR")))
+
+
+def _own(name: str, channels: str, kind: str) -> Pass:
+    return Pass(key_of(name), name, name, channels, kind, "data")

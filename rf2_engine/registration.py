@@ -5,6 +5,7 @@ from . import (
     engine,
     model_cache,
     panels,
+    pass_panels,
     reference_panel,
     reference_settings,
     running,
@@ -15,7 +16,7 @@ from . import (
 from .setup import package_operators, preferences, weights_operators
 
 MODULES = (running, shot, statistics, reference_settings, settings, preferences, engine, package_operators,
-           weights_operators, panels, reference_panel, compare)
+           weights_operators, panels, pass_panels, reference_panel, compare)
 
 
 def register() -> None:

@@ -7,7 +7,10 @@ import numpy as np
 
 from ..model import progress, threads
 from ..model.errors import RenderCancelled, SceneError
+from ..model.lighting import Lobes
+from ..model.silhouettes import blended
 from . import compat, cycles_run, cycles_session, failure, model_cache, output, reference, running, shot, statistics
+from . import passes as pass_table
 from .convert.camera import convert_camera
 from .convert.report import Report
 from .convert.scene import convert
@@ -45,6 +48,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     threads.sleep_while_waiting()
     model_cache.begin_import()
     settings = FrameSettings.of(depsgraph.scene_eval)
+    lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
     _check(depsgraph.scene_eval, settings, report)
 
     with status.stage("Converting the scene", 0.0, 0.1):
@@ -55,9 +59,10 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                         report=report, steady=shot.steady(depsgraph))
     with output.unless_stopped(engine, layer) as passes:
         with status.stage("First hits", 0.1, 0.2):
-            passes |= cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
-                                                   light=settings.light, threads=settings.threads)
-            guides = make_guides(passes, scene, view)
+            found = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
+                                                 light=settings.light, threads=settings.threads)
+            passes |= output.first_hits(found, settings.exposure)
+            guides = make_guides(found, scene, view)
 
         def combined(radiance: np.ndarray) -> np.ndarray:
             return output.composite(radiance, guides, settings.film_transparent, settings.exposure)
@@ -66,17 +71,24 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         if first is None:
             first = guides.diffuse_color + guides.glossy_color + guides.transmission_color
         output.write(engine, layer, passes | {"combined": combined(first)})
-        radiance, tokens = np.zeros((view.height, view.width, 3), np.float32), 0
+        radiance, tokens, light = np.zeros((view.height, view.width, 3), np.float32), 0, {}
         if guides.alpha.any() and (len(scene) or scene.volumes):
             with status.stage("Loading the network", 0.2, 0.25):
                 renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
             with status.stage("Network", 0.25, 1.0), threads.team(settings.threads):
                 with progress.part(0.0, 0.5):
                     encoded = model_cache.encoded(renderer, scene, view.longer_side)
-                with progress.part(0.5, 1.0):
-                    radiance, tokens = encoded.view(view, guides), encoded.tokens
+                with progress.part(0.5, 0.9):
+                    lobes = encoded.lobes(view, guides) if lit else Lobes(encoded.view(view, guides))
+                if settings.guided:
+                    with progress.part(0.9, 0.95, "Edges"):
+                        lobes = blended(lobes, guides, found["normal"])
+                if lit:
+                    with progress.part(0.95, 1.0, "Light passes"):
+                        light = output.light_passes(guides, lobes, found, bool(scene.volumes), settings.exposure)
+                radiance, tokens = lobes.radiance, encoded.tokens
     with status.stage("Writing passes", 1.0, 1.0):
-        picture = passes | {"combined": combined(radiance)}
+        picture = passes | light | {"combined": combined(radiance)}
         output.write(engine, layer, picture)
     beside = Report()
     samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0

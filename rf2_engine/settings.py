@@ -11,14 +11,20 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty,
 from ..model.errors import CheckpointError
 from ..model.presets import BUNDLED, weights_folder
 from ..model.published.bundle_files import is_bundle
-from . import cycles_session
+from . import cycles_session, passes
 from .reference_settings import FrameReference, ReferenceSettings
 from .setup import published_weights
 
 
+def _passes_change(settings: RenderFormerSettings, context: bpy.types.Context) -> None:
+    """Sockets of the compositor follow what the weights and the light can give."""
+    for view_layer in settings.id_data.view_layers:
+        view_layer.update_render_passes()
+
+
 class RenderFormerSettings(bpy.types.PropertyGroup):
     weights_source: EnumProperty(
-        name="Weights",
+        name="Weights", update=_passes_change,
         items=(
             ("BUNDLED", "Bundled (small)", "The small network that comes with the add-on and works offline", 0),
             ("FOLDER", "Folder", "A folder with weights on this computer", 1),
@@ -26,8 +32,10 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
              "The paper's weights, downloaded or chosen in the add-on's preferences", 2),
         ),
     )
-    weights_folder: StringProperty(name="Folder", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
-                                   description="Folder that holds the weights, for example renderformer-v2")
+    weights_folder: StringProperty(
+        name="Folder", update=_passes_change, subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        description="Folder that holds the weights, for example renderformer-v2",
+    )
     device: EnumProperty(
         name="Device",
         items=(
@@ -62,7 +70,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     )
 
     light: EnumProperty(
-        name="Light",
+        name="Light", update=_passes_change,
         items=(
             ("TRACED", "Traced Hints", "Cycles traces direct light and what smooth mirrors and glass show, with the "
              "guide samples; the network adds all light that has bounced. Bundled network only", 0),
@@ -106,10 +114,16 @@ class FrameSettings:
     max_edge: float
     guide_samples: int
     light: cycles_session.Light
+    light_passes: frozenset[str]  # keys of those that the weights can give
     threads: int  # 0: all
     film_transparent: bool
     exposure: float
     reference: FrameReference | None
+
+    @property
+    def guided(self) -> bool:
+        """Whether the network may be helped: the published one draws its picture alone."""
+        return bool(self.light_passes)
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> FrameSettings:
@@ -117,18 +131,33 @@ class FrameSettings:
         ours, blenders = scene.renderformer_v2, scene.render
         weights, holder = ours.weights(), ours if ours.threads_mode == "FIXED" else blenders
         return cls(weights, ours.device, ours.precision, ours.token_budget, ours.max_edge, ours.guide_samples,
-                   _light(ours.light, weights),
+                   _light(ours.light, weights), light_passes(scene),
                    holder.threads if holder.threads_mode == "FIXED" else 0,
                    blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
 
 
+def light_passes(scene: bpy.types.Scene) -> frozenset[str]:
+    """Keys of the light passes that the chosen weights can give. Without traced light nobody tells volumes' apart."""
+    try:
+        weights = scene.renderformer_v2.weights()
+    except CheckpointError:
+        return frozenset()  # published weights that are not complete, or none at all
+    if _is_published(weights):
+        return frozenset()
+    return passes.LIGHTING - ({"volume_direct"} if scene.renderformer_v2.light == "NETWORK" else set())
+
+
 def _light(chosen: str, weights: str) -> cycles_session.Light:
     """The published network is never guided."""
+    alone = chosen == "NETWORK" or _is_published(weights)
+    return cycles_session.Light.NONE if alone else cycles_session.Light.TRACED
+
+
+def _is_published(weights: str) -> bool:
     try:
-        published = is_bundle(weights_folder(weights))
+        return is_bundle(weights_folder(weights))
     except OSError:
-        published = False  # the loader will explain it
-    return cycles_session.Light.NONE if published or chosen == "NETWORK" else cycles_session.Light.TRACED
+        return False  # the loader will explain it
 
 
 def register() -> None:

@@ -2,6 +2,8 @@
 """The guided network's decoder says light, not colour: visibility of the prior, and what the prior does not know."""
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 from torch.nn import functional as F
@@ -44,11 +46,16 @@ def _softplus_inverse(y: Tensor) -> Tensor:
 
 def decode_image(raw: Tensor, guides: GuideTensors) -> Tensor:
     """`image` of `decode_light`, in bands of bounded memory."""
+    return decode_bands(raw, guides, ("image",))["image"]
+
+
+def decode_bands(raw: Tensor, guides: GuideTensors, keys: Sequence[str]) -> dict[str, Tensor]:
+    """The `keys` of `decode_light`, in bands of bounded memory."""
     bands, rows = [], band_rows(raw)
     pictures = (guides.features, guides.colors, guides.prior, guides.bounced, guides.traced)
     for band in zip(*(x.split(rows, dim=-2) for x in (raw, *pictures)), strict=True):
         report(len(bands) * rows / raw.shape[2])
         features, colors, prior, bounced, traced = band[1:]
-        some = GuideTensors(features, colors, prior, guides.positions, bounced, traced)
-        bands.append(decode_light(band[0], some)["image"])
-    return torch.cat(bands, dim=2)
+        light = decode_light(band[0], GuideTensors(features, colors, prior, guides.positions, bounced, traced))
+        bands.append({key: light[key] for key in keys})
+    return {key: torch.cat([band[key] for band in bands], dim=-2) for key in keys}

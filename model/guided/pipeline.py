@@ -2,6 +2,7 @@
 """The guided network as the renderer uses it: guides and light prior in, light per lobe out (docs/architecture.md)."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from ..presets import weights_folder
 from ..progress import part
 from ..scene import Guides, RenderScene, View
 from .inputs import guided_inputs, guided_view
-from .light import decode_image
+from .light import decode_bands
 from .light_prior import LightPrior
 from .radiosity import Radiosity
 
@@ -50,10 +51,14 @@ class GuidedPipeline:
             return GuidedContext(scene, self.network.encode_scene(inputs), prior, radiosity)
 
     def image(self, encoded: GuidedContext, view: View, guides: Guides) -> torch.Tensor:
+        return self.light(encoded, view, guides, ("image",))["image"]
+
+    def light(self, encoded: GuidedContext, view: View, guides: Guides, keys: Sequence[str]) -> dict[str, torch.Tensor]:
+        """The `keys` of `decode_light` without its first axis; `image` as above."""
         with part(0.0, 0.1, "Light prior"):
             inputs = guided_view(encoded.scene, view, guides, encoded.prior, encoded.radiosity,
                                  self.network.config)
         with part(0.1, 0.95):
             raw = self.network.render_view(encoded.context, inputs)
         with part(0.95, 1.0, "Decoding the light"):
-            return decode_image(raw, inputs.guides)[0]
+            return {key: light[0] for key, light in decode_bands(raw, inputs.guides, keys).items()}

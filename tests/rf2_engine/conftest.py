@@ -57,3 +57,11 @@ def lit(scene):
     chosen = scene.renderformer_v2.reference
     chosen.use, chosen.samples, chosen.use_denoising = True, 4, False
     return scene
+
+
+@pytest.fixture
+def still_life(scene):
+    """The scene, with things of which every pass has something to say (still_life.py)."""
+    from .still_life import build  # it imports the extension that is installed above
+    build(scene)
+    return scene

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The light of each lobe as render passes, so that Cycles' compositing recipe gives the picture (docs/architecture.md).
+
+    picture = sum over the lobes of colour x (direct + indirect) + volume direct + volume indirect
+              + what is seen directly of emitters and the world
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bands import bands
+from .color import HALF_MAX
+from .scene import Guides
+
+LOBES = ("diffuse", "glossy", "transmission")
+FAINT = 1e-4   # half floats are too coarse for a colour below this: its light is not taken apart
+TRACE = 1e-6   # direct light that every lobe has at least, so that all traced light belongs to some lobe
+RADIUS = 2     # pixels: shares are those of a square around the pixel, for samples are few and noisy
+
+
+@dataclass(frozen=True)
+class Lobes:
+    """What a network makes of one view: f32, world radiance, premultiplied, row 0 on top."""
+
+    radiance: np.ndarray                # (H, W, 3), as EncodedScene.view gives it
+    # (3, H, W, 3) light of LOBES before their colours, of guided networks; `direct` is not in the picture where light
+    # was traced
+    direct: np.ndarray | None = None
+    indirect: np.ndarray | None = None
+
+    def rows(self, rows: slice) -> Lobes:
+        """Those of a part of the picture's rows; shared memory."""
+        return Lobes(self.radiance[rows], *(None if x is None else x[:, rows] for x in (self.direct, self.indirect)))
+
+
+def light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
+                 volumes: bool) -> dict[str, np.ndarray]:
+    """{"diffuse_direct": (H, W, 3) f32, ..., "volume_indirect"}, which make `lobes.radiance` by the recipe.
+
+    Traced light was denoised as a whole, and its sum stays what it is: `sampled`, the same light by pass as the samples
+    found it (keys as returned), says how it divides among the passes. The network adds the indirect light of its lobes,
+    and light of no lobe: "volume_indirect" if there are `volumes`, else the same indirect light for every lobe. What no
+    colour can be multiplied with is in "volume_indirect" as well. Without traced light `sampled` is not looked at, all
+    is the network's, and "volume_direct" is black.
+    """
+    parts = [{name: light[inner] for name, light in _light_passes(
+        guides.rows(outer), lobes.rows(outer), {name: x[outer] for name, x in sampled.items()}, volumes).items()}
+        for outer, inner in bands(*guides.alpha.shape, margin=RADIUS)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
+                  volumes: bool) -> dict[str, np.ndarray]:
+    colors = _colors(guides)
+    light = {f"{lobe}_indirect": lobes.indirect[i] for i, lobe in enumerate(LOBES)}
+    if guides.traced is None:
+        light |= {f"{lobe}_direct": lobes.direct[i] for i, lobe in enumerate(LOBES)}
+    else:
+        for name, share in _divided(guides.traced, colors, sampled).items():
+            light[name] = light.get(name, 0) + share
+    light.setdefault("volume_direct", np.zeros_like(lobes.radiance))
+    light.pop("volume_indirect", None)  # it is what the others leave
+    if not volumes:
+        left, color = lobes.radiance - _picture(light, colors), sum(colors[f"{lobe}_indirect"] for lobe in LOBES)
+        for lobe in LOBES:
+            light[f"{lobe}_indirect"] = light[f"{lobe}_indirect"] + left.clip(0) / np.maximum(color, FAINT)
+    light |= {name: np.where(color > FAINT, light[name].clip(0, HALF_MAX), 0) for name, color in colors.items()}
+    return light | {"volume_indirect": (lobes.radiance - _picture(light, colors)).clip(0)}
+
+
+def _picture(light: dict[str, np.ndarray], colors: dict[str, np.ndarray]) -> np.ndarray:
+    """What the recipe makes of these light passes."""
+    return sum(light[name] * colors.get(name, 1) for name in light)
+
+
+def _colors(guides: Guides) -> dict[str, np.ndarray]:
+    """What each light pass is multiplied with, if anything is."""
+    colors = zip(LOBES, (guides.diffuse_color, guides.glossy_color, guides.transmission_color), strict=True)
+    return {f"{lobe}_{part}": color for lobe, color in colors for part in ("direct", "indirect")}
+
+
+def _divided(traced: np.ndarray, colors: dict[str, np.ndarray],
+             sampled: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """`traced` (H, W, 3) as light of passes, before their colours, in the proportions of `sampled`."""
+    light = {}
+    for name, noisy in sampled.items():
+        color = colors.get(name, np.ones_like(noisy))
+        light[name] = _mean(noisy * color) / np.maximum(_mean(color), FAINT)
+        if name.endswith("_direct") and name in colors:
+            light[name] += TRACE
+    scale = traced / np.maximum(_picture(light, colors), TRACE * FAINT)
+    return {name: share * scale for name, share in light.items()}
+
+
+def _mean(x: np.ndarray) -> np.ndarray:
+    """Of the square of RADIUS around each pixel of (H, W, C)."""
+    for axis in (0, 1):
+        margins = [(RADIUS, RADIUS) if i == axis else (0, 0) for i in range(3)]
+        padded, size = np.pad(x, margins, mode="edge"), x.shape[axis]
+        x = sum(padded.take(range(i, i + size), axis) for i in range(2 * RADIUS + 1)) / (2 * RADIUS + 1)
+    return x

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""View Layer Properties > Passes: a tick for whatever the chosen weights can deliver, in Cycles' order."""
+from __future__ import annotations
+
+import bpy
+from bl_ui.properties_view_layer import ViewLayerAOVPanelHelper, ViewLayerCryptomattePanelHelper
+
+from . import passes
+from .engine import RenderFormerEngine
+from .settings import light_passes
+
+
+class _PassesPanel:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "view_layer"
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine == RenderFormerEngine.bl_idname
+
+
+class RENDERFORMER_PT_passes(_PassesPanel, bpy.types.Panel):
+    bl_label = "Passes"
+
+    def draw(self, context):
+        pass
+
+
+class RENDERFORMER_PT_passes_data(_PassesPanel, bpy.types.Panel):
+    bl_label = "Data"
+    bl_parent_id = "RENDERFORMER_PT_passes"
+
+    def draw(self, context):
+        _draw(self.layout, context.view_layer, ticks(context.scene)["Data"])
+
+
+class RENDERFORMER_PT_passes_light(_PassesPanel, bpy.types.Panel):
+    bl_label = "Light"
+    bl_parent_id = "RENDERFORMER_PT_passes"
+
+    def draw(self, context):
+        for heading, rows in ticks(context.scene).items():
+            if heading != "Data":
+                _draw(self.layout, context.view_layer, rows, heading)
+
+
+class RENDERFORMER_PT_passes_cryptomatte(_PassesPanel, ViewLayerCryptomattePanelHelper, bpy.types.Panel):
+    bl_parent_id = "RENDERFORMER_PT_passes"
+
+
+class RENDERFORMER_PT_passes_aov(_PassesPanel, ViewLayerAOVPanelHelper, bpy.types.Panel):
+    bl_parent_id = "RENDERFORMER_PT_passes"
+
+
+def ticks(scene: bpy.types.Scene) -> dict[str, dict[str, str]]:
+    """{heading: {path of the view layer's property: label}} of what can be delivered with the scene's settings."""
+    found, lighting = {}, light_passes(scene)
+    for p in passes.PASSES:
+        if p.setting and (p.source != "lighting" or p.key in lighting):
+            heading, label = p.heading
+            found.setdefault(heading, {}).setdefault(p.setting, label)
+    found["Data"]["use_pass_grease_pencil"] = "Grease Pencil"  # Blender draws and delivers it beside any engine
+    return found
+
+
+def _draw(layout: bpy.types.UILayout, view_layer: bpy.types.ViewLayer, rows: dict[str, str], heading: str = "Include"):
+    layout.use_property_split, layout.use_property_decorate = True, False
+    column = layout.column(heading=heading, align=True)
+    for path, label in rows.items():
+        owner, _, name = path.rpartition(".")
+        holder = getattr(view_layer, owner, None) if owner else view_layer
+        if holder is not None:
+            column.prop(holder, name, text=label)
+
+
+register, unregister = bpy.utils.register_classes_factory((
+    RENDERFORMER_PT_passes, RENDERFORMER_PT_passes_data, RENDERFORMER_PT_passes_light,
+    RENDERFORMER_PT_passes_cryptomatte, RENDERFORMER_PT_passes_aov))

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a view layer leaves out, replaces or cuts out is so in our passes and our alpha as in those of Cycles."""
+import os
+
+import bpy
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine import passes
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert import vdb
+
+from .f12 import material, press_f12
+from .still_life import tick, with_cycles
+
+FIRST_HITS = {p.key for p in passes.PASSES if p.source == "guide"}
+
+
+def collection_of(scene, name):
+    """The object `name`, alone in a collection; the collection's place in the view layer."""
+    made = bpy.data.collections.new(name)
+    scene.collection.children.link(made)
+    scene.collection.objects.unlink(bpy.data.objects[name])
+    made.objects.link(bpy.data.objects[name])
+    return scene.view_layers[0].layer_collection.children[name]
+
+
+def material_override(scene, layer):
+    layer.material_override = material("Blue", (0.05, 0.1, 0.9))
+
+
+def excluded(scene, layer):
+    collection_of(scene, "Lantern").exclude = True
+
+
+def holdout(scene, layer):
+    collection_of(scene, "Moving").holdout = True
+
+
+def holdout_of_an_object(scene, layer):
+    bpy.data.objects["Moving"].is_holdout = True
+
+
+def indirect_only(scene, layer):
+    collection_of(scene, "Floor").indirect_only = True
+
+
+def no_sky(scene, layer):
+    layer.use_sky = False
+
+
+def no_solid(scene, layer):
+    layer.use_solid = False
+
+
+def no_volumes(scene, layer):
+    openvdb = vdb.openvdb_module()
+    grid = openvdb.FloatGrid(0.0)
+    grid.copyFromArray(np.ones((8, 8, 8), np.float32))
+    grid.name = "density"
+    openvdb.write(os.path.join(bpy.app.tempdir, "smoke.vdb"), [grid])
+    smoke = bpy.data.volumes.new("Smoke")
+    smoke.filepath = os.path.join(bpy.app.tempdir, "smoke.vdb")
+    scene.collection.objects.link(bpy.data.objects.new("Smoke", smoke))
+    layer.use_volumes = False
+
+
+CHANGES = (material_override, excluded, indirect_only, no_sky, no_solid, no_volumes)
+HOLDOUTS = (holdout, holdout_of_an_object)  # they cut out a transparent film only
+
+
+@pytest.mark.parametrize("change, film_transparent", [*((change, film) for change in CHANGES for film in (False, True)),
+                                                      *((change, True) for change in HOLDOUTS)])
+def test_passes_and_alpha_are_those_of_cycles(still_life, tmp_path, change, film_transparent):
+    layer = still_life.view_layers[0]
+    change(still_life, layer)
+    still_life.render.film_transparent = film_transparent
+    tick(layer, FIRST_HITS)
+    ours = press_f12(still_life, tmp_path)
+    cycles = with_cycles(still_life, tmp_path)
+    assert set(ours) == set(cycles)
+    for name in set(cycles) - {"ViewLayer.Combined"}:
+        same = np.isclose(ours[name], cycles[name], rtol=1e-4, atol=1e-5).all(-1)
+        assert same.mean() > 0.999, name
+    alpha, expected = ours["ViewLayer.Combined"][..., 3], cycles["ViewLayer.Combined"][..., 3]
+    assert np.isclose(alpha, expected, atol=1e-4).mean() > 0.999
