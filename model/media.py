@@ -17,7 +17,8 @@ from .scene import Guides, View, Volumes
 RADIUS = 4           # pixels, of the square that is averaged
 CELLS = 8            # along a side of a medium's box
 CLEAR = 0.1          # transmittance below which the background behind a medium is averaged too
-SMOOTHED = ("diffuse_color", "glossy_color", "transmission_color", "alpha")
+COLORS = ("diffuse_color", "glossy_color", "transmission_color")
+PASSES = (*COLORS, "environment")  # of the guides, those that `smoothed` changes besides alpha
 
 
 def smoothed(guides: Guides, volumes: Volumes | None, view: View) -> Guides:
@@ -36,7 +37,7 @@ def smoothed(guides: Guides, volumes: Volumes | None, view: View) -> Guides:
         means = np.where(inside, _sums(layers * inside) / count, layers)
         return means.reshape(values.shape).astype(np.float32)
 
-    changed = {name: mean(getattr(guides, name)) for name in SMOOTHED}
+    changed = {name: mean(getattr(guides, name)) for name in (*COLORS, "alpha")}
     through, clear = 1 - guides.alpha[..., None], 1 - changed["alpha"][..., None]
     behind = np.where(through > CLEAR, guides.environment / np.maximum(through, CLEAR),
                       mean(guides.environment) / np.maximum(clear, 1e-3))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..model import progress, threads
+from ..model import media, progress, threads
 from ..model.errors import RenderCancelled, SceneError
 from ..model.lighting import Lobes
 from ..model.silhouettes import blended
@@ -63,6 +63,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                                                  light=settings.light, threads=settings.threads)
             passes |= output.first_hits(found, settings.exposure)
             guides = make_guides(found, scene, view)
+            found |= {key: getattr(guides, key) for key in media.PASSES}  # through smoke and fog these are less noisy
+            passes |= output.first_hits(found, settings.exposure)
 
         def combined(radiance: np.ndarray) -> np.ndarray:
             return output.composite(radiance, guides, settings.film_transparent, settings.exposure)

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from renderformer_v2.model.media import SMOOTHED, crossed, smoothed
+from renderformer_v2.model.media import COLORS, crossed, smoothed
 from renderformer_v2.model.scene import Volumes
 from tests.model.samples import floor_view
 
 SIZE = 64
+SMOOTHED = (*COLORS, "alpha")
 
 
 @pytest.fixture
