@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything the add-on registers, in order, and taken back in the reverse order."""
-from . import engine, model_cache, panels, running, settings, statistics
+from . import engine, model_cache, panels, running, settings, statistics, viewport
 from .setup import package_operators, preferences, weights_operators
 
-MODULES = (running, statistics, settings, preferences, engine, package_operators, weights_operators, panels)
+MODULES = (running, statistics, settings, preferences, engine, package_operators, weights_operators, panels,
+           viewport)
 
 
 def register() -> None:
