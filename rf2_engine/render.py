@@ -28,6 +28,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         with progress.reporting(status):
             done = _render_layer(engine, depsgraph, layer, status, report)
     except RenderCancelled:
+        statistics.last_frame.append(LayerStatistics(layer, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
             engine.report({"ERROR"}, "RenderFormer-V2 was disabled while it rendered")
     except Exception as error:
@@ -45,16 +46,23 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     model_cache.begin_import()
     settings = FrameSettings.of(depsgraph.scene_eval)
     _check(depsgraph.scene_eval, settings, report)
+    border = _border(engine, depsgraph.scene_eval.render)
+    status.expect(layer, _layers(depsgraph.scene_eval), _work(engine, border, settings))
 
-    with status.stage("Converting the scene", 0.0, 0.1):
-        view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y,
-                              _border(engine, depsgraph.scene_eval.render), report)
+    with status.stage("Converting the scene"):
+        view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, border, report)
         scene = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report)
+    has_content = len(scene) or scene.volumes
+    if has_content:  # wrong weights are found before Cycles has worked for nothing
+        with status.stage("Loading the network"):
+            renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
     with output.unless_stopped(engine, layer) as passes:
-        with status.stage("First hits", 0.1, 0.2):
-            passes |= cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
-                                                   light=settings.light, threads=settings.threads)
-            guides = make_guides(passes, scene, view)
+        with status.stage("First hits"):
+            with status.holding_the_bar():
+                passes |= cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
+                                                       light=settings.light, threads=settings.threads)
+            with progress.part(0.8, 1.0):
+                guides = make_guides(passes, scene, view)
 
         def combined(radiance: np.ndarray) -> np.ndarray:
             return output.composite(radiance, guides, settings.film_transparent, settings.exposure)
@@ -64,18 +72,31 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             first = guides.diffuse_color + guides.glossy_color + guides.transmission_color
         output.write(engine, layer, passes | {"combined": combined(first)})
         radiance, tokens = np.zeros((view.height, view.width, 3), np.float32), 0
-        if guides.alpha.any() and (len(scene) or scene.volumes):
-            with status.stage("Loading the network", 0.2, 0.25):
-                renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
-            with status.stage("Network", 0.25, 1.0), threads.team(settings.threads):
-                with progress.part(0.0, 0.5):
+        if guides.alpha.any() and has_content:
+            with threads.team(settings.threads):
+                with status.stage("Network", "scene"):
                     encoded = model_cache.encoded(renderer, scene, view.longer_side)
-                with progress.part(0.5, 1.0):
+                with status.stage("Network", "view"):
                     radiance, tokens = encoded.view(view, guides), encoded.tokens
-    with status.stage("Writing passes", 1.0, 1.0):
+    with status.stage("Writing passes"):
         output.write(engine, layer, passes | {"combined": combined(radiance)})
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
-                           weights=settings.weights, seconds=status.seconds, report=report.lines())
+                           weights=settings.weights, seconds=status.seconds, remarks=report.entries)
+
+
+def _layers(scene: bpy.types.Scene) -> int:
+    """How many view layers this frame renders."""
+    return 1 if scene.render.use_single_layer else sum(layer.use for layer in scene.view_layers)
+
+
+def _work(engine: bpy.types.RenderEngine, border: tuple[int, int, int, int] | None,
+          settings: FrameSettings) -> dict[str, float]:
+    """What the stages of one view layer have to do, in the units of estimate.py."""
+    x0, x1, y0, y1 = border or (0, engine.resolution_x, 0, engine.resolution_y)
+    pixels = (x1 - x0) * (y1 - y0)
+    return {"Converting the scene": 1, "First hits": pixels * settings.guide_samples,
+            "Loading the network": not model_cache.is_loaded(),
+            "Network, scene": settings.token_budget, "Network, view": pixels}
 
 
 def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:
@@ -84,7 +105,7 @@ def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> N
         raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '
                          "switch it off in Output Properties")
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
-        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise Guide "
+        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise "
                                         "Samples, or set Light to Network Alone")
     if scene.render.use_motion_blur:
         report.approximated(scene.name, "motion blur is left out")
@@ -105,7 +126,7 @@ def _tell(engine: bpy.types.RenderEngine, report: Report) -> None:
     """Print what the picture lacks; one warning if something is missing from it altogether."""
     for line in report.lines():
         print(f"RenderFormer-V2: {line}")
-    lost = sum(kind != "approximated" for kind, _, _ in report.entries)
+    lost = sum(remark.kind != "approximated" for remark in report.entries)
     if lost:
         engine.report({"WARNING"}, f"{lost} things are not in the picture: see RenderFormer-V2 > Last Render")
 

@@ -7,28 +7,38 @@ from dataclasses import dataclass, field
 import bpy
 from bpy.app.handlers import persistent
 
+from . import estimate
+from .convert.report import Remark
+
 
 @dataclass(frozen=True)
 class LayerStatistics:
-    """One view layer; with an `error` the rest is empty."""
+    """One view layer; with an `error`, or when it was cancelled, the rest is empty."""
 
     layer: str
     error: str = ""
+    cancelled: bool = False
     size: tuple[int, int] = (0, 0)  # width, height in pixels, of the render border
     triangles: int = 0
     tokens: int = 0
     weights: str = ""
     seconds: dict[str, float] = field(default_factory=dict)  # by stage
-    report: list[str] = field(default_factory=list)  # what was approximated or left out
+    remarks: list[Remark] = field(default_factory=list)  # what was approximated or left out
+
+    @property
+    def report(self) -> list[str]:
+        """The remarks, a sentence each."""
+        return [str(remark) for remark in self.remarks]
 
 
-# The view layers of the last frame that were finished or failed, in the order in which they were rendered.
+# The view layers of the last frame, in the order in which they were rendered.
 last_frame: list[LayerStatistics] = []
 
 
 @persistent
 def _clear(*_):
     last_frame.clear()
+    estimate.begin_frame()
 
 
 _EVENTS = ("render_init", "render_pre")  # a render may fail before its first frame

@@ -154,7 +154,7 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
 
 
 def _of_layer(layer) -> dict:
-    return {key: value for key, value in vars(layer).items() if key != "error"} | {
+    return {key: getattr(layer, key) for key in ("layer", "size", "triangles", "tokens", "weights", "report")} | {
         "seconds": {stage: round(seconds, 3) for stage, seconds in layer.seconds.items()}}
 
 

@@ -43,16 +43,16 @@ class GuidedPipeline:
     def encode(self, scene: RenderScene, variant: str) -> GuidedContext:
         inputs = guided_inputs(scene, self.network.config, self.mapper).to(self.device)
         prior = LightPrior(scene, self.device)
-        with part(0.0, 0.1, "Bounced light"):
+        with part(0.0, 0.1, "Estimating bounced light"):
             radiosity = Radiosity(scene, prior)
         with part(0.1, 1.0):
             return GuidedContext(scene, self.network.encode_scene(inputs), prior, radiosity)
 
     def image(self, encoded: GuidedContext, view: View, guides: Guides) -> torch.Tensor:
-        with part(0.0, 0.1, "Light prior"):
+        with part(0.0, 0.1, "Estimating direct light"):
             inputs = guided_view(encoded.scene, view, guides, encoded.prior, encoded.radiosity,
                                  self.network.config)
         with part(0.1, 0.95):
             raw = self.network.render_view(encoded.context, inputs)
-        with part(0.95, 1.0, "Decoding the light"):
+        with part(0.95, 1.0, "Adding the light up"):
             return decode_image(raw, inputs.guides)[0]

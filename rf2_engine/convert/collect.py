@@ -84,7 +84,7 @@ class _Walk:
     def run(self) -> Collected:
         total = len(self.depsgraph.object_instances)
         for i, instance in enumerate(self.depsgraph.object_instances):
-            with progress.part(i / total, (i + 1) / total, f"Converting {i + 1}/{total} objects"):
+            with progress.part(i / total, (i + 1) / total, f"Reading objects, {i + 1} of {total}"):
                 progress.report()
                 if instance.show_self:
                     self._add(instance)

@@ -95,7 +95,7 @@ def test_progress_names_the_object_count_and_can_cancel(converted, add_mesh):
     calls = []
     with progress.reporting(lambda text, fraction: calls.append((text, fraction))):
         converted()
-    assert any(text.startswith("Converting 2/") for text, _ in calls)
+    assert any(text.startswith("Reading objects, 2 of") for text, _ in calls)
     fractions = [fraction for _, fraction in calls]
     assert fractions == sorted(fractions) and 0 <= fractions[0] and fractions[-1] <= 1
 
