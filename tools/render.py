@@ -56,7 +56,7 @@ def _arguments() -> argparse.Namespace:
                         help="picture: .exr or .png")
     parser.add_argument("--export-h5", type=_file(*H5), metavar="FILE", help="write the scene for the research code")
     parser.add_argument("--engine", choices=("renderformer", "cycles"), default="renderformer")
-    parser.add_argument("--samples", type=_count, help="guide samples, or Cycles' samples (default: the file's)")
+    parser.add_argument("--samples", type=_count, help="samples, or Cycles' samples (default: the file's)")
     parser.add_argument("--resolution", type=_resolution, help="WxH in pixels (default: the file's)")
     parser.add_argument("--weights", type=_weights, help=f"{BUNDLED}, or a folder with weights (default: the file's)")
     parser.add_argument("--threads", type=_count, help="processor threads (default: the file's)")
