@@ -22,7 +22,7 @@ EXCLUDED = {
 OF_EEVEE = {
     "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
     "EEVEE_MATERIAL_PT_volume", "EEVEE_MATERIAL_PT_displacement", "EEVEE_WORLD_PT_surface",
-    "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist", "NODE_DATA_PT_EEVEE_light", "VIEWLAYER_PT_filter",
+    "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist", "VIEWLAYER_PT_filter",
 }
 EEVEE_ENGINES = {"BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"}  # the first from 5.0 on, the second up to 4.5
 

@@ -43,11 +43,12 @@ def _is_seen(context) -> bool:
 
 def _classes() -> tuple[type, ...]:
     from cycles import ui  # an add-on, which may be switched off: its module is there all the same
+    light = again(ui.CYCLES_LIGHT_PT_light, lambda context: context.light)
     return (
         again(properties_render.RENDER_PT_simplify),
         again(properties_render.RENDER_PT_simplify_viewport),
         again(properties_render.RENDER_PT_simplify_render),
-        again(ui.CYCLES_LIGHT_PT_light, lambda context: context.light),
+        light, ui.node_panel(light),  # in Properties, and in the Shader Editor's sidebar
         again(ui.CYCLES_LIGHT_PT_beam_shape, _has_beam),
         again(ui.CYCLES_LIGHT_PT_nodes, lambda context: context.light, bl_options={"DEFAULT_CLOSED"}),
         again(ui.CYCLES_OBJECT_PT_visibility, lambda context: context.object),
