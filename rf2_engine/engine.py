@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import passes, preview, render, viewport
+from . import passes, render, viewport
 
 
 class RenderFormerEngine(bpy.types.RenderEngine):
@@ -13,7 +13,7 @@ class RenderFormerEngine(bpy.types.RenderEngine):
     bl_use_postprocess = True             # the compositor runs on our passes
     bl_use_shading_nodes_custom = False   # Cycles' shader nodes stay in the Add menu
     bl_use_eevee_viewport = True          # Material Preview is Eevee's
-    bl_use_preview = True                 # pictures of materials, lights and worlds
+    bl_use_preview = False
 
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **kwargs)
@@ -22,8 +22,7 @@ class RenderFormerEngine(bpy.types.RenderEngine):
         passes.register(self, scene, view_layer)
 
     def render(self, depsgraph):
-        draw = preview.render_preview if self.is_preview else render.render
-        draw(self, depsgraph)
+        render.render(self, depsgraph)
 
     def view_update(self, context, depsgraph):
         viewport.ask_to_fall_back()

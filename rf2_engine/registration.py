@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything the add-on registers, in order, and taken back in the reverse order."""
-from . import engine, model_cache, panels, preview, running, settings, statistics, viewport
+from . import engine, model_cache, panels, running, settings, statistics, viewport
 from .setup import package_operators, preferences, weights_operators
 
 MODULES = (running, statistics, settings, preferences, engine, package_operators, weights_operators, panels,
@@ -26,4 +26,3 @@ def _take_back() -> None:
     for module in reversed(MODULES):
         module.unregister()
     model_cache.free()
-    preview.free()

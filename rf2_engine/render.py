@@ -48,21 +48,14 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     _check(depsgraph.scene_eval, settings, report)
     border = _border(engine, depsgraph.scene_eval.render)
     status.expect(layer, _layers(depsgraph.scene_eval), _work(engine, border, settings))
-    return draw(engine, depsgraph, settings, border, status, report)
 
-
-def draw(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, settings: FrameSettings,
-         border: tuple[int, int, int, int] | None, status: Status, report: Report,
-         networks=model_cache) -> LayerStatistics:
-    """One view layer from the evaluated scene to the render result; `networks` keeps networks as model_cache does."""
-    layer = depsgraph.view_layer_eval.name
     with status.stage("Converting the scene"):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, border, report)
         scene = convert(depsgraph, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report)
     has_content = len(scene) or scene.volumes
     if has_content:  # wrong weights are found before Cycles has worked for nothing
         with status.stage("Loading the network"):
-            renderer = networks.renderer(settings.weights, settings.device, settings.precision)
+            renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
     with output.unless_stopped(engine, layer) as passes:
         with status.stage("First hits"):
             with status.holding_the_bar():
@@ -82,7 +75,7 @@ def draw(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, setting
         if guides.alpha.any() and has_content:
             with threads.team(settings.threads):
                 with status.stage("Network", "scene"):
-                    encoded = networks.encoded(renderer, scene, view.longer_side)
+                    encoded = model_cache.encoded(renderer, scene, view.longer_side)
                 with status.stage("Network", "view"):
                     radiance, tokens = encoded.view(view, guides), encoded.tokens
     with status.stage("Writing passes"):

@@ -38,11 +38,6 @@ def is_stopping() -> bool:
     return _stopping
 
 
-def is_under_way() -> bool:
-    """True while any engine renders a frame or an animation; previews are not counted."""
-    return not _ended.is_set()
-
-
 def stop() -> bool:
     """End a render of ours and wait for it. False if it goes on: it runs in this very thread, or does not listen."""
     global _stopping
