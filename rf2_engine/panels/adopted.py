@@ -10,6 +10,7 @@ from ..engine import RenderFormerEngine
 
 # Panels that Blender shows for any engine but that do nothing here, or that a more complete one replaces.
 EXCLUDED = {
+    "DATA_PT_preview", "TEXTURE_PT_preview",  # Blender hangs when a script changes the engine while one is drawn
     "DATA_PT_light", "NODE_DATA_PT_light", "DATA_PT_spot", "NODE_DATA_PT_spot", "DATA_PT_falloff_curve",
     "DATA_PT_camera_stereoscopy", "RENDER_PT_stereoscopy", "RENDER_PT_output_views",
     "EEVEE_MATERIAL_PT_viewport_settings",
@@ -20,7 +21,7 @@ EXCLUDED = {
     "RENDER_PT_simplify_greasepencil",
 }
 OF_EEVEE = {
-    "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
     "EEVEE_MATERIAL_PT_volume", "EEVEE_MATERIAL_PT_displacement", "EEVEE_WORLD_PT_surface",
     "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist", "VIEWLAYER_PT_filter",
 }

@@ -53,7 +53,6 @@ def _classes() -> tuple[type, ...]:
         again(ui.CYCLES_LIGHT_PT_nodes, lambda context: context.light, bl_options={"DEFAULT_CLOSED"}),
         again(ui.CYCLES_OBJECT_PT_visibility, lambda context: context.object),
         again(ui.CYCLES_OBJECT_PT_visibility_ray_visibility, _is_seen),
-        again(ui.CYCLES_WORLD_PT_preview, lambda context: context.world),
         again(ui.CYCLES_WORLD_PT_ray_visibility, lambda context: context.world),
     )
 

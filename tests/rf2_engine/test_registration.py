@@ -25,7 +25,8 @@ def test_adopts_the_panels_a_user_expects(scene):
 
 def test_shows_no_panel_that_does_nothing(scene):
     without_effect = {"DATA_PT_camera_stereoscopy", "RENDER_PT_stereoscopy", "EEVEE_MATERIAL_PT_viewport_settings",
-                      "DATA_PT_lightprobe", "DATA_PT_EEVEE_light", "CYCLES_RENDER_PT_bake"}
+                      "DATA_PT_lightprobe", "DATA_PT_EEVEE_light", "MATERIAL_PT_preview",
+                      "DATA_PT_preview", "CYCLES_RENDER_PT_bake"}
     assert not _our_panels() & (without_effect | adopted.EXCLUDED)
 
 
