@@ -9,6 +9,7 @@ from bpy.app.handlers import persistent
 
 from . import estimate
 from .convert.report import Remark
+from .setup import redraw
 
 
 @dataclass(frozen=True)
@@ -41,16 +42,23 @@ def _clear(*_):
     estimate.begin_frame()
 
 
-_EVENTS = ("render_init", "render_pre")  # a render may fail before its first frame
+@persistent
+def _show(*_):
+    if not bpy.app.background:
+        redraw.keep_redrawing()
+
+
+_HANDLERS = (("render_init", _clear), ("render_pre", _clear),  # a render may fail before its first frame
+             ("render_complete", _show), ("render_cancel", _show))
 
 
 def register() -> None:
-    for event in _EVENTS:
-        getattr(bpy.app.handlers, event).append(_clear)
+    for event, handler in _HANDLERS:
+        getattr(bpy.app.handlers, event).append(handler)
 
 
 def unregister() -> None:
-    for event in _EVENTS:
-        if _clear in getattr(bpy.app.handlers, event):
-            getattr(bpy.app.handlers, event).remove(_clear)
+    for event, handler in _HANDLERS:
+        if handler in getattr(bpy.app.handlers, event):
+            getattr(bpy.app.handlers, event).remove(handler)
     last_frame.clear()
