@@ -6,6 +6,7 @@
 import os
 import sys
 from math import radians
+from pathlib import Path
 
 import bpy
 
@@ -82,8 +83,17 @@ def build():
     scene.cycles.samples = 128
 
 
+def choose_engine():
+    """Register the add-on from this source tree, for a file that opens with its engine chosen."""
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    from tools import extension
+    extension.load().register()
+    bpy.context.scene.render.engine = "RENDERFORMER_V2"
+
+
 if __name__ == "__main__":
     build()
+    choose_engine()
     bpy.ops.wm.save_as_mainfile(filepath=os.path.abspath(sys.argv[1]), compress=True)
     sys.stdout.flush()
     os._exit(0)

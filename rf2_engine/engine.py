@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import passes, reference, render, settings
+from . import passes, reference, render, settings, viewport
 
 
 class RenderFormerEngine(bpy.types.RenderEngine):
@@ -24,6 +24,12 @@ class RenderFormerEngine(bpy.types.RenderEngine):
 
     def render(self, depsgraph):
         render.render(self, depsgraph)
+
+    def view_update(self, context, depsgraph):
+        viewport.ask_to_fall_back()
+
+    def view_draw(self, context, depsgraph):
+        viewport.ask_to_fall_back()
 
 
 register, unregister = bpy.utils.register_classes_factory((RenderFormerEngine,))

@@ -41,9 +41,10 @@ def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture:
     """
     layer, chosen, found = depsgraph.view_layer_eval.name, settings.reference, {}
     try:
-        with status.stage(NAME, 1.0, 1.0):
+        with status.stage(NAME):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
-            found = _render(engine, depsgraph, chosen, settings.threads)
+            with status.holding_the_bar():
+                found = _render(engine, depsgraph, chosen, settings.threads)
     except RenderCancelled:
         found = {}  # it may have come after the last sample
         report.skipped(NAME, "it was stopped")

@@ -5,18 +5,17 @@ from . import (
     engine,
     model_cache,
     panels,
-    pass_panels,
-    reference_panel,
     reference_settings,
     running,
     settings,
     shot,
     statistics,
+    viewport,
 )
 from .setup import package_operators, preferences, weights_operators
 
 MODULES = (running, shot, statistics, reference_settings, settings, preferences, engine, package_operators,
-           weights_operators, panels, pass_panels, reference_panel, compare)
+           weights_operators, panels, viewport, compare)
 
 
 def register() -> None:

@@ -31,6 +31,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         with progress.reporting(status), cycles_run.scene_kept(engine, reference.is_wanted(depsgraph.scene_eval)):
             done = _render_layer(engine, depsgraph, layer, status, report)
     except RenderCancelled:
+        statistics.last_frame.append(LayerStatistics(layer, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
             engine.report({"ERROR"}, "RenderFormer-V2 was disabled while it rendered")
     except Exception as error:
@@ -50,19 +51,26 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     settings = FrameSettings.of(depsgraph.scene_eval)
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
     _check(depsgraph.scene_eval, settings, report)
+    border = _border(engine, depsgraph.scene_eval.render)
+    status.expect(layer, _layers(depsgraph.scene_eval), _work(engine, border, settings))
 
-    with status.stage("Converting the scene", 0.0, 0.1):
-        view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y,
-                              _border(engine, depsgraph.scene_eval.render), report)
+    with status.stage("Converting the scene"):
+        view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, border, report)
         whole = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)  # without its border
         scene = convert(depsgraph, whole, token_budget=settings.token_budget, max_edge=settings.max_edge,
                         report=report, steady=shot.steady(depsgraph))
+    has_content = len(scene) or scene.volumes
+    if has_content:  # wrong weights are found before Cycles has worked for nothing
+        with status.stage("Loading the network"):
+            renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
     with output.unless_stopped(engine, layer) as passes:
-        with status.stage("First hits", 0.1, 0.2):
-            found = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
-                                                 light=settings.light, threads=settings.threads)
+        with status.stage("First hits"):
+            with status.holding_the_bar():
+                found = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
+                                                     light=settings.light, threads=settings.threads)
             passes |= output.first_hits(found, settings.exposure)
-            guides = make_guides(found, scene, view)
+            with progress.part(0.8, 1.0):
+                guides = make_guides(found, scene, view)
             found |= {key: getattr(guides, key) for key in media.PASSES}  # through smoke and fog these are less noisy
             passes |= output.first_hits(found, settings.exposure)
 
@@ -74,29 +82,44 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             first = guides.diffuse_color + guides.glossy_color + guides.transmission_color
         output.write(engine, layer, passes | {"combined": combined(first)})
         radiance, tokens, light = np.zeros((view.height, view.width, 3), np.float32), 0, {}
-        if guides.alpha.any() and (len(scene) or scene.volumes):
-            with status.stage("Loading the network", 0.2, 0.25):
-                renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
-            with status.stage("Network", 0.25, 1.0), threads.team(settings.threads):
-                with progress.part(0.0, 0.5):
+        if guides.alpha.any() and has_content:
+            with threads.team(settings.threads):
+                with status.stage("Network", "scene"):
                     encoded = model_cache.encoded(renderer, scene, view.longer_side)
-                with progress.part(0.5, 0.9):
-                    lobes = encoded.lobes(view, guides) if lit else Lobes(encoded.view(view, guides))
-                if settings.guided:
-                    with progress.part(0.9, 0.95, "Edges"):
-                        lobes = blended(lobes, guides, found["normal"])
-                if lit:
-                    with progress.part(0.95, 1.0, "Light passes"):
-                        light = output.light_passes(guides, lobes, found, bool(scene.volumes), settings.exposure)
-                radiance, tokens = lobes.radiance, encoded.tokens
-    with status.stage("Writing passes", 1.0, 1.0):
+                with status.stage("Network", "view"):
+                    with progress.part(0.0, 0.8):
+                        lobes = encoded.lobes(view, guides) if lit else Lobes(encoded.view(view, guides))
+                    if settings.guided:
+                        with progress.part(0.8, 0.9, "Blending edges"):
+                            lobes = blended(lobes, guides, found["normal"])
+                    if lit:
+                        with progress.part(0.9, 1.0, "Dividing the light"):
+                            light = output.light_passes(guides, lobes, found, bool(scene.volumes), settings.exposure)
+                    radiance, tokens = lobes.radiance, encoded.tokens
+    with status.stage("Writing passes"):
         picture = passes | light | {"combined": combined(radiance)}
         output.write(engine, layer, picture)
     beside = Report()
     samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
-                           weights=settings.weights, seconds=status.seconds,
-                           report=report.lines() + beside.lines(), reference_samples=samples)
+                           weights=settings.weights, seconds=status.seconds, remarks=report.entries + beside.entries,
+                           reference_samples=samples)
+
+
+def _layers(scene: bpy.types.Scene) -> int:
+    """How many view layers this frame renders."""
+    return 1 if scene.render.use_single_layer else sum(layer.use for layer in scene.view_layers)
+
+
+def _work(engine: bpy.types.RenderEngine, border: tuple[int, int, int, int] | None,
+          settings: FrameSettings) -> dict[str, float]:
+    """What the stages of one view layer have to do, in the units of estimate.py."""
+    x0, x1, y0, y1 = border or (0, engine.resolution_x, 0, engine.resolution_y)
+    pixels = (x1 - x0) * (y1 - y0)
+    return {"Converting the scene": 1, "First hits": pixels * settings.guide_samples,
+            "Loading the network": not model_cache.is_loaded(),
+            "Network, scene": settings.token_budget, "Network, view": pixels,
+            reference.NAME: pixels * settings.reference.samples if settings.reference else 0}
 
 
 def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:
@@ -105,7 +128,7 @@ def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> N
         raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '
                          "switch it off in Output Properties")
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
-        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise Guide "
+        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise "
                                         "Samples, or set Light to Network Alone")
     if scene.render.use_motion_blur:
         report.approximated(scene.name, "motion blur is left out")
@@ -126,7 +149,7 @@ def _tell(engine: bpy.types.RenderEngine, report: Report) -> None:
     """Print what the picture lacks; one warning if something is missing from it altogether."""
     for line in report.lines():
         print(f"RenderFormer-V2: {line}")
-    lost = sum(kind != "approximated" for kind, _, _ in report.entries)
+    lost = sum(remark.kind != "approximated" for remark in report.entries)
     if lost:
         engine.report({"WARNING"}, f"{lost} things are not in the picture: see RenderFormer-V2 > Last Render")
 

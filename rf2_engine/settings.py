@@ -56,24 +56,25 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     )
     token_budget: IntProperty(
         name="Triangle Budget", default=4096, min=256, soft_max=131072, max=1 << 20,
-        description="Most triangles that the network is given: denser meshes are simplified. "
-                    "Time grows with it, and the detail of shadows and reflections",
+        description="Most triangles that the network is given: denser meshes are simplified. More show finer shadows "
+                    "and reflections, and cost time and memory: twice the budget about twice the network's first half",
     )
     max_edge: FloatProperty(
-        name="Longest Edge", default=0.2, min=0.005, max=1.0, precision=3,
-        description="Triangles with longer edges are divided while the budget lasts; "
-                    "a fraction of the scene's longest side",
+        name="Largest Triangle", default=0.2, min=0.005, max=1.0, precision=3,
+        description="Triangles with longer edges are divided while the Triangle Budget lasts, for light that changes "
+                    "across a large wall; a fraction of the scene's longest side. Costs as many triangles as it adds",
     )
     guide_samples: IntProperty(
-        name="Guide Samples", default=8, min=1, soft_max=64, max=1024,
-        description="Samples per pixel for edges, textures and alpha; they hold no lighting",
+        name="Samples", default=8, min=1, soft_max=64, max=1024,
+        description="Rays through each pixel, for smooth edges and textures, and with Traced Hints for direct light. "
+                    "Cycles' part of the time grows with it; the network's does not",
     )
 
     light: EnumProperty(
         name="Light", update=_passes_change,
         items=(
             ("TRACED", "Traced Hints", "Cycles traces direct light and what smooth mirrors and glass show, with the "
-             "guide samples; the network adds all light that has bounced. Bundled network only", 0),
+             "samples below; the network adds all light that has bounced. Bundled network only", 0),
             ("NETWORK", "Network Alone", "No ray is cast towards a light: all light is the network's", 1),
         ),
     )

@@ -7,21 +7,26 @@ from dataclasses import dataclass, field
 import bpy
 from bpy.app.handlers import persistent
 
+from . import estimate
+from .convert.report import Remark
+from .setup import redraw
+
 REFERENCE = "Cycles Reference"  # the stage, and the pass
 
 
 @dataclass(frozen=True)
 class LayerStatistics:
-    """One view layer; with an `error` the rest is empty."""
+    """One view layer; with an `error`, or when it was cancelled, the rest is empty."""
 
     layer: str
     error: str = ""
+    cancelled: bool = False
     size: tuple[int, int] = (0, 0)  # width, height in pixels, of the render border
     triangles: int = 0
     tokens: int = 0
     weights: str = ""
     seconds: dict[str, float] = field(default_factory=dict)  # by stage
-    report: list[str] = field(default_factory=list)  # what was approximated or left out
+    remarks: list[Remark] = field(default_factory=list)  # what was approximated or left out
     reference_samples: int = 0  # of Cycles; 0 when no reference was rendered
 
     @property
@@ -32,11 +37,20 @@ class LayerStatistics:
     def picture_seconds(self) -> float:
         return sum(self.seconds.values()) - self.reference_seconds
 
+    @property
+    def report(self) -> list[str]:
+        """The remarks, a sentence each."""
+        return [str(remark) for remark in self.remarks]
+
 
 def stamp(engine: bpy.types.RenderEngine) -> None:
     """Write into the metadata of the result what the frame has taken so far, all view layers together."""
-    done = [layer for layer in last_frame if not layer.error]
+    done = [layer for layer in last_frame if not (layer.error or layer.cancelled)]
     result = engine.get_result()
+    for layer in done:  # for Compare, by pass
+        result.stamp_data_add_field(f"{layer.layer}.Combined.seconds", f"{layer.picture_seconds:.2f}")
+        if layer.reference_samples:
+            result.stamp_data_add_field(f"{layer.layer}.{REFERENCE}.seconds", f"{layer.reference_seconds:.2f}")
     result.stamp_data_add_field("RenderFormer-V2 seconds", f"{sum(layer.picture_seconds for layer in done):.2f}")
     if any(layer.reference_samples for layer in done):
         seconds = sum(layer.reference_seconds for layer in done)
@@ -44,25 +58,33 @@ def stamp(engine: bpy.types.RenderEngine) -> None:
         result.stamp_data_add_field(f"{REFERENCE} samples", str(max(layer.reference_samples for layer in done)))
 
 
-# The view layers of the last frame that were finished or failed, in the order in which they were rendered.
+# The view layers of the last frame, in the order in which they were rendered.
 last_frame: list[LayerStatistics] = []
 
 
 @persistent
 def _clear(*_):
     last_frame.clear()
+    estimate.begin_frame()
 
 
-_EVENTS = ("render_init", "render_pre")  # a render may fail before its first frame
+@persistent
+def _show(*_):
+    if not bpy.app.background:
+        redraw.keep_redrawing()
+
+
+_HANDLERS = (("render_init", _clear), ("render_pre", _clear),  # a render may fail before its first frame
+             ("render_complete", _show), ("render_cancel", _show))
 
 
 def register() -> None:
-    for event in _EVENTS:
-        getattr(bpy.app.handlers, event).append(_clear)
+    for event, handler in _HANDLERS:
+        getattr(bpy.app.handlers, event).append(handler)
 
 
 def unregister() -> None:
-    for event in _EVENTS:
-        if _clear in getattr(bpy.app.handlers, event):
-            getattr(bpy.app.handlers, event).remove(_clear)
+    for event, handler in _HANDLERS:
+        if handler in getattr(bpy.app.handlers, event):
+            getattr(bpy.app.handlers, event).remove(handler)
     last_frame.clear()

@@ -58,7 +58,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--export-h5", type=file_with(*H5), metavar="FILE",
                         help="write the scene for the research code")
     parser.add_argument("--engine", choices=ENGINES, default="renderformer")
-    parser.add_argument("--samples", type=_count, help="guide samples, or Cycles' samples (default: the file's)")
+    parser.add_argument("--samples", type=_count, help="samples, or Cycles' samples (default: the file's)")
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
     parser.add_argument("--weights", type=_weights, help=f"{BUNDLED}, or a folder with weights (default: the file's)")
     parser.add_argument("--threads", type=_count, help="processor threads (default: the file's)")
@@ -142,7 +142,7 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
 
 
 def _of_layer(layer) -> dict:
-    return {key: value for key, value in vars(layer).items() if key != "error"} | {
+    return {key: getattr(layer, key) for key in ("layer", "size", "triangles", "tokens", "weights", "report")} | {
         "seconds": {stage: round(seconds, 3) for stage, seconds in layer.seconds.items()}}
 
 

@@ -43,9 +43,9 @@ class GuidedPipeline:
 
     def encode(self, scene: RenderScene, variant: str) -> GuidedContext:
         inputs = guided_inputs(scene, self.network.config, self.mapper).to(self.device)
-        with part(0.0, 0.05, "Light prior"):
+        with part(0.0, 0.05, "Estimating direct light"):
             prior = LightPrior(scene, self.device)
-        with part(0.05, 0.1, "Bounced light"):
+        with part(0.05, 0.1, "Estimating bounced light"):
             radiosity = Radiosity(scene, prior)
         with part(0.1, 1.0):
             return GuidedContext(scene, self.network.encode_scene(inputs), prior, radiosity)
@@ -55,10 +55,10 @@ class GuidedPipeline:
 
     def light(self, encoded: GuidedContext, view: View, guides: Guides, keys: Sequence[str]) -> dict[str, torch.Tensor]:
         """The `keys` of `decode_light` without its first axis; `image` as above."""
-        with part(0.0, 0.1, "Light prior"):
+        with part(0.0, 0.1, "Estimating direct light"):
             inputs = guided_view(encoded.scene, view, guides, encoded.prior, encoded.radiosity,
                                  self.network.config)
         with part(0.1, 0.95):
             raw = self.network.render_view(encoded.context, inputs)
-        with part(0.95, 1.0, "Decoding the light"):
+        with part(0.95, 1.0, "Adding the light up"):
             return {key: light[0] for key, light in decode_bands(raw, inputs.guides, keys).items()}

@@ -51,7 +51,7 @@ class RenderFormer(SceneEmbedding):
 
         keep_keys_values: whether views share what stage 2 makes of the tokens; by its size when not given.
         """
-        with part(0.0, 0.1, "Embedding the scene"):
+        with part(0.0, 0.1, "Reading the scene"):
             sequence, sink = self.embed_scene(inputs)
         with part(0.1, 1.0):
             tokens = self.transformer(sequence.embedding, sequence.position, sink)
@@ -84,12 +84,12 @@ class RenderFormer(SceneEmbedding):
         side, patch = self.config.granularity, self.config.patch_size
         if height % side or width % side or not height or not width:
             raise ValueError(f"the network renders multiples of {side} pixels, not {width} x {height}")
-        with part(0.0, 0.02, "Embedding the rays"):
+        with part(0.0, 0.02, "Preparing the view"):
             tokens = self.embed_rays(rays)
         with part(0.02, 0.86):
             features = self.view_transformer(tokens, self.ray_positions(rays), (height // patch, width // patch),
                                              lambda i: self.scene_keys_values(context, i))
-        with part(0.86, 1.0, "Decoding the image"):
+        with part(0.86, 1.0, "Painting the picture"):
             return self.decode(features, rays)
 
     def embed_rays(self, rays: ViewInputs) -> torch.Tensor:

@@ -104,7 +104,7 @@ class ViewTransformer(nn.Module):
         rays = rays.unflatten(1, grid)
         count, features = len(self.transformer.layers), {}
         for i, layer in enumerate(self.transformer.layers):
-            with part(i / count, (i + 1) / count, f"Stage 2, layer {i + 1}/{count}"):
+            with part(i / count, (i + 1) / count, f"Gathering light, {i + 1} of {count}"):
                 with part(0.0, 0.3):
                     keys = keys_values(i)
                 with part(0.3, 1.0):

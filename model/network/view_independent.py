@@ -64,6 +64,6 @@ class ViewIndependentTransformer(nn.Module):
         rotation, window = self.rope_emb(positions), Window(len(tokens), sink, self.half, tokens.device)
         count = len(self.layers)
         for i, layer in enumerate(self.layers):
-            with part(i / count, (i + 1) / count, f"Stage 1, layer {i + 1}/{count}"):
+            with part(i / count, (i + 1) / count, f"Spreading light, {i + 1} of {count}"):
                 tokens = layer(tokens, rotation, window)
         return tokens

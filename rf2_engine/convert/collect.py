@@ -18,8 +18,8 @@ from .vdb import volume_medium
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
                    "SPEAKER"}
-UNSUPPORTED = {"CURVES": "hair curves", "POINTCLOUD": "point clouds", "GREASEPENCIL": "grease pencil drawings",
-               "GPENCIL": "grease pencil drawings"}
+OF_CYCLES = {"CURVES": "hair curves", "POINTCLOUD": "point clouds"}  # in the first hits, but no triangles
+DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
 RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_shadow")
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
 DEFAULT_MEDIUM = (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
@@ -103,7 +103,7 @@ class _Walk:
     def run(self) -> Collected:
         total = len(self.depsgraph.object_instances)
         for i, instance in enumerate(self.depsgraph.object_instances):
-            with progress.part(i / total, (i + 1) / total, f"Converting {i + 1}/{total} objects"):
+            with progress.part(i / total, (i + 1) / total, f"Reading objects, {i + 1} of {total}"):
                 progress.report()
                 if instance.show_self:
                     self._add(instance)
@@ -122,8 +122,12 @@ class _Walk:
             self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
         elif obj.type == "VOLUME":
             self._add_volume(obj, matrix)
+        elif obj.type in OF_CYCLES:
+            self._add_hair(obj, OF_CYCLES[obj.type])
+        elif obj.type in DRAWINGS:
+            self.report.approximated(obj.name, "a drawing is laid over the picture, and neither lights it nor is lit")
         else:
-            self.report.skipped(obj.name, f"{UNSUPPORTED.get(obj.type, obj.type.lower())} cannot be rendered")
+            self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
     def _is_seen(self, obj) -> bool:
         rays = [getattr(obj, name) for name in RAYS]
@@ -142,7 +146,7 @@ class _Walk:
 
     def _add_mesh(self, obj, matrix: np.ndarray) -> None:
         if any(s.settings.type == "HAIR" and s.settings.render_type == "PATH" for s in obj.particle_systems):
-            self.report.skipped(obj.name, "particle hair cannot be rendered")
+            self._add_hair(obj, "particle hair")
         slots = meshes.material_slots(obj)
         mirrored = np.linalg.det(matrix[:3, :3]) < 0
         key = (obj.data.as_pointer(), mirrored, *(m and m.as_pointer() for m in slots))
@@ -157,6 +161,11 @@ class _Walk:
             corners = mesh.corners[_slot(mesh, slots) == index] if coefficients else ()
             if len(corners):
                 self.found.media.append(mesh_medium(obj.name, matrix, corners, *coefficients))
+
+    def _add_hair(self, obj, what: str) -> None:
+        """Cycles shows it, but the network is given triangles alone."""
+        self.report.approximated(obj.name, f"{what} can be seen, but the network does not know of it: shadows and "
+                                           "reflections of it come with Traced Hints alone")
 
     def _split(self, obj, slots: list, mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)

@@ -2,16 +2,29 @@
 """What the conversion of a scene approximated, skipped or refused, and why."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ...model.color import HALF_MAX
+
+
+class Remark(NamedTuple):
+    """One thing that the picture does not show as it is; as text, a sentence."""
+
+    kind: str     # approximated, skipped or refused
+    name: str     # of the data-block
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}: {self.message}"
 
 
 class Report:
     """Collects each remark once, in the order in which they were made."""
 
     def __init__(self) -> None:
-        self.entries: list[tuple[str, str, str]] = []  # (kind, name of the data-block, message)
+        self.entries: list[Remark] = []
 
     def approximated(self, name: str, message: str) -> None:
         """`name` is in the picture, but not exactly as Cycles shows it."""
@@ -34,9 +47,9 @@ class Report:
 
     def lines(self) -> list[str]:
         """One sentence per remark, ready to print."""
-        return [f"{kind} {name}: {message}" for kind, name, message in self.entries]
+        return [str(entry) for entry in self.entries]
 
     def _add(self, kind: str, name: str, message: str) -> None:
-        entry = (kind, name, message)
+        entry = Remark(kind, name, message)
         if entry not in self.entries:
             self.entries.append(entry)

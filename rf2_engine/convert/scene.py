@@ -83,7 +83,7 @@ def _simplify(found: Collected, budget: int, report) -> None:
         if share >= before:
             continue
         area = meshes.areas(part.mesh.corners).sum()
-        with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying {i + 1}/{len(parts)} meshes"):
+        with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying meshes, {i + 1} of {len(parts)}"):
             part.mesh = reduce.simplify(part.mesh, int(share))
         part.flux_gain = area / meshes.areas(part.mesh.corners).sum()
         report.approximated(part.name, f"simplified from {before} to {len(part.mesh)} triangles")
@@ -150,7 +150,7 @@ def _scale(matrix: np.ndarray) -> float:
 def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:
     rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
     for i, part in enumerate(parts):
-        with progress.part(i / len(parts), (i + 1) / len(parts), f"Materials of {i + 1}/{len(parts)} objects"):
+        with progress.part(i / len(parts), (i + 1) / len(parts), f"Reading materials, {i + 1} of {len(parts)}"):
             tile_index, emission = _materials(part, materials)
             for matrix in part.matrices:
                 progress.report(1.0)

@@ -6,14 +6,31 @@ import shutil
 import textwrap
 from pathlib import Path
 
+import blf
+import bpy
+
 from .worker_process import WorkerProcess
+
+MARGIN = 70        # of a panel and an icon; pixels at Blender's usual size
+CHARACTERS = 70    # of a line where no region is drawn
 
 
 def draw_text(layout, text: str, icon: str = "ERROR") -> None:
-    """In as many lines as it needs."""
+    """In as many lines as it needs in the region that is being drawn."""
     column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(text, 70)):
+    for number, line in enumerate(textwrap.wrap(text, _characters(text))):
         column.label(text=line, icon="BLANK1" if number else icon)
+
+
+def _characters(text: str) -> int:
+    """How many of the text's characters fit into a line."""
+    region, preferences = bpy.context.region, bpy.context.preferences
+    if region is None or not text:
+        return CHARACTERS
+    scale = preferences.system.ui_scale
+    blf.size(0, preferences.ui_styles[0].widget.points * scale)
+    width = blf.dimensions(0, text)[0] / len(text)
+    return max(int((region.width - MARGIN * scale) / max(width, 1.0)), 10)
 
 
 def draw_progress(layout, process: WorkerProcess, text: str) -> None:

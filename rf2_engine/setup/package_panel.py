@@ -22,12 +22,12 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
     if installation and installation.state == "failed":
         draw_text(layout, installation.error)
     if missing := packages.missing(group):
-        layout.label(text=f"Missing Python packages: {', '.join(missing)}", icon="ERROR")
+        draw_text(layout, f"Missing Python packages: {', '.join(missing)}")
         layout.operator("renderformer_v2.install_packages", icon="IMPORT").published = published
     elif importing.failure():
         draw_text(layout, importing.failure())
     elif installation and installation.state == "done" and installation.was_loaded:
-        layout.label(text="Start Blender again to use the new packages", icon="INFO")
+        draw_text(layout, "Start Blender again to use the new packages", icon="INFO")
 
 
 def draw_build(layout) -> None:

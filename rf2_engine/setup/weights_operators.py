@@ -106,8 +106,8 @@ class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
 
 class RENDERFORMER_OT_free_model(bpy.types.Operator):
     bl_idname = "renderformer_v2.free_model"
-    bl_label = "Free Model"
-    bl_description = "Give the memory of the loaded network back; the next render loads it again"
+    bl_label = "Free Memory"
+    bl_description = "Unload the network from memory, the GPU's too; the next render loads it again, in a few seconds"
 
     @classmethod
     def poll(cls, context):

@@ -6,7 +6,8 @@ import OpenEXR
 import pytest
 
 import cycles.engine as cycles_engine
-from bl_ext.user_default.renderformer_v2.rf2_engine import pass_panels, passes
+from bl_ext.user_default.renderformer_v2.rf2_engine import passes
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import passes as pass_panels
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from .f12 import press_f12

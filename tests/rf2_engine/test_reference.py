@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat, passes, statistics
 from bl_ext.user_default.renderformer_v2.rf2_engine.engine import RenderFormerEngine
-from bl_ext.user_default.renderformer_v2.rf2_engine.reference_panel import RENDERFORMER_PT_reference
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels.reference import RENDERFORMER_PT_reference
 
 from .f12 import press_f12, read_exr
 

@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 import addon_utils  # bpy puts it on the path
-from bl_ext.user_default.renderformer_v2.rf2_engine import panels
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import adopted
 
 PACKAGE = "bl_ext.user_default.renderformer_v2"
 
@@ -18,12 +18,16 @@ def _our_panels():
 
 
 def test_adopts_the_panels_a_user_expects(scene):
-    adopted = _our_panels()
     expected = {"DATA_PT_lens", "DATA_PT_camera", "EEVEE_MATERIAL_PT_surface", "EEVEE_MATERIAL_PT_context_material",
-                "EEVEE_WORLD_PT_surface", "DATA_PT_EEVEE_light", "RENDER_PT_output", "RENDER_PT_color_management",
-                "VIEWLAYER_PT_layer"}
-    assert expected <= adopted
-    assert not adopted & panels.EXCLUDED
+                "EEVEE_WORLD_PT_surface", "RENDER_PT_output", "RENDER_PT_color_management", "VIEWLAYER_PT_layer"}
+    assert expected <= _our_panels()
+
+
+def test_shows_no_panel_that_does_nothing(scene):
+    without_effect = {"DATA_PT_camera_stereoscopy", "RENDER_PT_stereoscopy", "EEVEE_MATERIAL_PT_viewport_settings",
+                      "DATA_PT_lightprobe", "DATA_PT_EEVEE_light", "MATERIAL_PT_preview",
+                      "DATA_PT_preview", "CYCLES_RENDER_PT_bake"}
+    assert not _our_panels() & (without_effect | adopted.EXCLUDED)
 
 
 def test_disabling_takes_everything_back_and_enabling_again_works(scene):

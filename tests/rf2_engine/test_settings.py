@@ -76,3 +76,13 @@ def test_the_network_computes_with_as_many_threads_as_the_setting_says(scene, tm
     press_f12(scene, tmp_path)
     assert seen == [before + 1, before] and torch.get_num_threads() == before
     assert scene.render.threads_mode == "AUTO"
+
+
+def test_a_weights_folder_that_is_none_is_found_before_cycles_works(scene, tmp_path, monkeypatch):
+    cube(scene)
+    scene.renderformer_v2.weights_source, scene.renderformer_v2.weights_folder = "FOLDER", str(tmp_path)
+    worked = []
+    monkeypatch.setattr(render.cycles_session, "render_passes", lambda *_, **__: worked.append(1))
+    with pytest.raises(RuntimeError):
+        bpy.ops.render.render(scene=scene.name)
+    assert statistics.last_frame[0].error and not worked

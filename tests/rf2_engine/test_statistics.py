@@ -3,25 +3,12 @@
 import bpy
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine import panels, statistics
+from bl_ext.user_default.renderformer_v2.rf2_engine import statistics
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.status import Status
 
 from .f12 import cube, press_f12, sun
-
-
-class Drawn:
-    """Takes what a panel draws."""
-
-    def __init__(self):
-        self.texts = []
-
-    def label(self, text, icon=""):
-        self.texts.append(text)
-
-    def separator(self):
-        self.texts.append("")
-
-    def column(self, align=False):
-        return self
+from .layout import Layout
 
 
 @pytest.fixture
@@ -40,9 +27,13 @@ def layers(scene):
 
 
 def drawn() -> list[str]:
-    panel = type("Panel", (), {"layout": Drawn()})()
-    panels.RENDERFORMER_PT_report.draw(panel, bpy.context)
-    return panel.layout.texts
+    return shown().texts
+
+
+def shown() -> Layout:
+    panel = type("Panel", (), {"layout": Layout()})()
+    last_render.RENDERFORMER_PT_report.draw(panel, bpy.context)
+    return panel.layout
 
 
 def test_every_view_layer_keeps_its_numbers(layers, tmp_path):
@@ -77,3 +68,29 @@ def test_a_render_that_fails_before_its_first_frame_leaves_no_numbers_of_another
     with pytest.raises(RuntimeError, match="too small"):
         bpy.ops.render.render(scene=layers.name)
     assert not statistics.last_frame
+
+
+def test_a_line_of_the_report_selects_its_object(layers, tmp_path):
+    catcher = cube(layers, "Catcher", location=(1, 0, 0))
+    catcher.is_shadow_catcher = True
+    press_f12(layers, tmp_path)
+    (select, *_) = [o for o in shown().operators if o.name == "Catcher"]
+    assert "shadow catcher" in select.remark
+    bpy.context.window.scene = layers
+    layers.view_layers["Full"].objects.active = None
+    bpy.ops.renderformer_v2.select_reported(name=select.name)
+    assert catcher.select_get() and bpy.context.view_layer.objects.active == catcher
+    assert [each.name for each in bpy.context.selected_objects] == ["Catcher"]
+
+
+def test_a_line_about_a_material_selects_what_wears_it(layers):
+    worn = layers.objects["Cube"]
+    assert last_render.users(layers, worn.active_material.name) == [worn]
+    assert not last_render.users(layers, "nothing")
+
+
+def test_a_cancelled_render_says_so(layers, tmp_path, monkeypatch):
+    press_f12(layers, tmp_path)
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: True)
+    bpy.ops.render.render(scene=layers.name)
+    assert "Cancelled" in drawn() and not any("triangles" in text for text in drawn())

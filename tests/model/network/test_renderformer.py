@@ -124,6 +124,6 @@ def test_progress_names_the_stages_and_never_goes_back(tiny_network, tiny_inputs
     seen = []
     with torch.no_grad(), progress.reporting(lambda *said: seen.append(said)):
         tiny_network(tiny_inputs, rays)
-    assert {"Stage 1, layer 2/2", "Stage 2, layer 4/4", "Decoding the image"} <= {text for text, _ in seen}
+    assert {"Spreading light, 2 of 2", "Gathering light, 4 of 4", "Painting the picture"} <= {text for text, _ in seen}
     fractions = [fraction for _, fraction in seen]
     assert fractions == sorted(fractions) and 0 <= fractions[0] and fractions[-1] <= 1

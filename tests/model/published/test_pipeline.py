@@ -111,12 +111,12 @@ def test_textures_report_progress_and_can_be_cancelled(renderer):
 
     def cancel(text, fraction):
         steps.append(text)
-        if text.startswith("Encoding textures 64/"):
+        if text.startswith("Encoding textures, 64 of"):
             raise RenderCancelled()
 
     with pytest.raises(RenderCancelled), progress.reporting(cancel):
         renderer.encode(scene)
-    assert "Encoding textures 0/101" in steps
+    assert "Encoding textures, 0 of 101" in steps
 
 
 def test_picture_is_finite_empty_where_nothing_is_seen_and_again_the_same(renderer):

@@ -65,7 +65,16 @@ def test_visibility_and_unsupported_kinds(converted, add_mesh, report):
     bpy.ops.object.grease_pencil_add(type="MONKEY")
     name = bpy.context.object.name
     assert len(converted()) == 1
-    assert ("skipped", name) in [entry[:2] for entry in report.entries]
+    (remark,) = [remark for remark in report.entries if remark.name == name]
+    assert remark.kind == "approximated" and "laid over the picture" in remark.message
+
+
+def test_hair_is_said_to_be_seen_but_unknown_to_the_network(converted, report):
+    hair = bpy.data.objects.new("Hair", bpy.data.hair_curves.new("Hair"))
+    bpy.context.scene.collection.objects.link(hair)
+    converted()
+    (remark,) = [remark for remark in report.entries if remark.name == "Hair"]
+    assert remark.kind == "approximated" and "can be seen" in remark.message
 
 
 def test_lamps_and_surfaces_share_one_budget(converted):
@@ -95,7 +104,7 @@ def test_progress_names_the_object_count_and_can_cancel(converted, add_mesh):
     calls = []
     with progress.reporting(lambda text, fraction: calls.append((text, fraction))):
         converted()
-    assert any(text.startswith("Converting 2/") for text, _ in calls)
+    assert any(text.startswith("Reading objects, 2 of") for text, _ in calls)
     fractions = [fraction for _, fraction in calls]
     assert fractions == sorted(fractions) and 0 <= fractions[0] and fractions[-1] <= 1
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import bpy
 
+from .panel import EnginePanel
 
-class RENDERFORMER_PT_reference(bpy.types.Panel):
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
+
+class RENDERFORMER_PT_reference(EnginePanel):
     bl_context = "render"
     bl_label = "Cycles Reference"
     bl_parent_id = "RENDERFORMER_PT_settings"
@@ -17,9 +17,8 @@ class RENDERFORMER_PT_reference(bpy.types.Panel):
         self.layout.prop(context.scene.renderformer_v2.reference, "use", text="")
 
     def draw(self, context):
-        layout, chosen = self.layout, context.scene.renderformer_v2.reference
-        layout.use_property_split, layout.use_property_decorate = True, False
-        column = layout.column()
+        chosen = context.scene.renderformer_v2.reference
+        column = self.split_layout().column()
         column.active = chosen.use
         column.prop(chosen, "samples")
         column.prop(chosen, "time_limit")

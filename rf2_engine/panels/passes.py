@@ -5,29 +5,23 @@ from __future__ import annotations
 import bpy
 from bl_ui.properties_view_layer import ViewLayerAOVPanelHelper, ViewLayerCryptomattePanelHelper
 
-from . import passes
-from .engine import RenderFormerEngine
-from .settings import light_passes
+from .. import passes
+from ..settings import light_passes
+from .panel import EnginePanel
 
 
-class _PassesPanel:
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
+class _PassesPanel(EnginePanel):
     bl_context = "view_layer"
 
-    @classmethod
-    def poll(cls, context):
-        return context.engine == RenderFormerEngine.bl_idname
 
-
-class RENDERFORMER_PT_passes(_PassesPanel, bpy.types.Panel):
+class RENDERFORMER_PT_passes(_PassesPanel):
     bl_label = "Passes"
 
     def draw(self, context):
         pass
 
 
-class RENDERFORMER_PT_passes_data(_PassesPanel, bpy.types.Panel):
+class RENDERFORMER_PT_passes_data(_PassesPanel):
     bl_label = "Data"
     bl_parent_id = "RENDERFORMER_PT_passes"
 
@@ -35,7 +29,7 @@ class RENDERFORMER_PT_passes_data(_PassesPanel, bpy.types.Panel):
         _draw(self.layout, context.view_layer, ticks(context.scene)["Data"])
 
 
-class RENDERFORMER_PT_passes_light(_PassesPanel, bpy.types.Panel):
+class RENDERFORMER_PT_passes_light(_PassesPanel):
     bl_label = "Light"
     bl_parent_id = "RENDERFORMER_PT_passes"
 

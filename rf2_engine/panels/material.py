@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Material Properties: what Blender's own panels leave out."""
+import bpy
+
+from .panel import EnginePanel
+
+
+class RENDERFORMER_PT_material_settings(EnginePanel):
+    bl_label = "Settings"
+    bl_context = "material"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.material and super().poll(context)
+
+    def draw(self, context):
+        self.split_layout().prop(context.material, "pass_index")
+
+
+register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_material_settings,))

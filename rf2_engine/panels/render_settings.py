@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render Properties: the engine's settings, film, performance, and what does not act yet."""
+from __future__ import annotations
+
+import bpy
+
+from .. import model_cache
+from ..setup import package_panel, packages, published_weights
+from ..setup.display import draw_text
+from .panel import EnginePanel
+from .presets import RENDERFORMER_PT_presets
+
+
+class RENDERFORMER_PT_settings(EnginePanel):
+    bl_label = "RenderFormer-V2"
+    bl_context = "render"
+
+    def draw_header_preset(self, context):
+        RENDERFORMER_PT_presets.draw_panel_header(self.layout)
+
+    def draw(self, context):
+        layout, settings = self.split_layout(), context.scene.renderformer_v2
+        package_panel.draw_packages(layout, packages.PACKAGES)
+        if context.scene.render.use_multiview:
+            draw_text(layout, "This engine renders no stereoscopic pictures")
+            layout.prop(context.scene.render, "use_multiview")
+        column = layout.column()
+        column.prop(settings, "weights_source")
+        if settings.weights_source == "FOLDER":
+            column.prop(settings, "weights_folder")
+        elif settings.weights_source == "PUBLISHED":
+            _draw_published(layout)
+        column.prop(settings, "device")
+        column.prop(settings, "precision")
+        column.prop(settings, "light")
+        numbers = layout.column(align=True)
+        numbers.use_property_split = False  # their names would be cut at the sidebar's usual width
+        numbers.prop(settings, "token_budget")
+        numbers.prop(settings, "max_edge")
+        numbers.prop(settings, "guide_samples")
+
+
+def _draw_published(layout) -> None:
+    bundle = published_weights.bundle_folder()
+    if bundle is None or published_weights.missing_parts(bundle) or packages.missing(packages.PUBLISHED):
+        column = layout.column()
+        draw_text(column, "The published weights or their packages are not complete")
+        column.operator("preferences.addon_show", text="Open Preferences").module = packages.EXTENSION
+
+
+class RENDERFORMER_PT_film(EnginePanel):
+    bl_label = "Film"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, scene = self.split_layout(), context.scene
+        layout.prop(scene.cycles, "film_exposure")
+        layout.prop(scene.render, "film_transparent", text="Transparent")
+        column = layout.column()
+        column.prop(scene.cycles, "pixel_filter_type", text="Pixel Filter")
+        if scene.cycles.pixel_filter_type != "BOX":
+            column.prop(scene.cycles, "filter_width", text="Width")
+
+
+class RENDERFORMER_PT_performance(EnginePanel):
+    bl_label = "Performance"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, settings = self.split_layout(), context.scene.renderformer_v2
+        layout.prop(settings, "threads_mode")
+        threads = layout.column()
+        threads.active = settings.threads_mode == "FIXED"
+        threads.prop(settings, "threads")
+        layout.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
+        if model_cache.is_loaded():
+            layout.operator("renderformer_v2.free_model")
+
+
+class RENDERFORMER_PT_motion_blur(EnginePanel):
+    bl_label = "Motion Blur"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context):
+        row = self.layout.row()
+        row.active = False
+        row.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw(self, context):
+        draw_text(self.layout, "This engine shows every frame at one moment", icon="INFO")
+        column = self.split_layout().column()
+        column.active = False
+        column.prop(context.scene.render, "motion_blur_shutter")
+
+
+register, unregister = bpy.utils.register_classes_factory((
+    RENDERFORMER_PT_settings, RENDERFORMER_PT_film, RENDERFORMER_PT_motion_blur, RENDERFORMER_PT_performance))

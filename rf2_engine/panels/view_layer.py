@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""View Layer Properties: what the layer shows instead of the scene's own."""
+from __future__ import annotations
+
+import bpy
+
+from .panel import EnginePanel
+
+
+class RENDERFORMER_PT_override(EnginePanel):
+    bl_label = "Override"
+    bl_context = "view_layer"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.split_layout()
+        layout.prop(context.view_layer, "material_override")
+        layout.prop(context.view_layer, "world_override")
+
+
+register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_override,))

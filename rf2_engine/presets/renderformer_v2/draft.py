@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import bpy
+
+settings = bpy.context.scene.renderformer_v2
+settings.token_budget = 1024
+settings.max_edge = 0.4
+settings.light = "TRACED"
+settings.guide_samples = 2
+settings.precision = "auto"

@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import bpy
+
+settings = bpy.context.scene.renderformer_v2
+settings.token_budget = 16384
+settings.max_edge = 0.1
+settings.light = "TRACED"
+settings.guide_samples = 64
+settings.precision = "auto"
