@@ -51,6 +51,7 @@ class GuideTensors(TensorGroup):
     prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # radiance of a white lobe, lamps unshadowed
     positions: Tensor = array("V", "R", 3, behaves=POINT)            # mean first hit of every bundle
     bounced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})    # radiosity: radiance of a white diffuse surface
+    behind: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # the same of its other side, where light passes
     traced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # radiance; 0 if nothing was traced
 
 
@@ -63,7 +64,7 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     h, w = guides.alpha.shape
     rows = _rows(w, patch)
     features = light = None
-    bundles, bounced, traced = [], [], []
+    bundles, bounced, behind, traced = [], [], [], []
     for begin in range(0, h, rows):
         pixels = slice(begin, begin + rows)
         with part(begin / h, (begin + rows) / h):
@@ -73,11 +74,12 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
         features[:, pixels], light[:, pixels] = band.features, band.light
         bundles.append(band.positions)
         bounced.append(band.bounced)
+        behind.append(band.behind)
         traced.append(band.traced)
     lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
     whole = lambda bands: torch.cat(bands).permute(2, 0, 1)[None]  # noqa: E731
     return GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light), torch.cat(bundles)[None],
-                        whole(bounced), whole(traced))
+                        whole(bounced), whole(behind), whole(traced))
 
 
 @dataclass
@@ -88,6 +90,7 @@ class _Band:
     light: Tensor      # (9, h, W)
     positions: Tensor  # (R, 3)
     bounced: Tensor    # (h, W, 3)
+    behind: Tensor     # (h, W, 3)
     traced: Tensor     # (h, W, 3)
 
 
@@ -106,6 +109,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
                   arriving.reshape(h * w, 6))
     light = light.reshape(h, w, 9) * (alpha > 0)
     bounced = gathered(radiosity, position, normal, alpha > 0)
+    behind = gathered(radiosity, position, -normal, tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
     hinted = torch.full_like(alpha, guides.traced is not None)
     traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
@@ -115,7 +119,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     mirrored = rays - 2 * (rays * normal).sum(-1, keepdim=True) * normal
     features = torch.cat([offset, normal, colors, roughness[..., None], alpha, _log(light), mirrored, _log(bounced),
                           _log(traced), hinted], -1)
-    return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3), bounced, traced)
+    return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3), bounced, behind, traced)
 
 
 def _log(radiance: Tensor) -> Tensor:

@@ -25,7 +25,9 @@ def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal
               else torch.zeros(1, dtype=torch.long, device=position.device)) for side in (h, w)]
     rows, columns = torch.meshgrid(*place, indexing="ij")
     x, n, valid = (a[rows, columns] for a in (position, normal, covered))
-    found = light(x.reshape(-1, 3), n.reshape(-1, 3)).view(*x.shape[:2], -1)
+    known = light(x[valid[..., 0]], n[valid[..., 0]])
+    found = known.new_zeros(*x.shape[:2], known.shape[-1])
+    found[valid[..., 0]] = known
     total = weights = 0.0
     for down in (0, 1):
         for right in (0, 1):

@@ -7,7 +7,7 @@ import torch
 from renderformer_v2.model.guided import guides as guides_module
 from renderformer_v2.model.guided.guidance import Guidance
 from renderformer_v2.model.guided.guides import FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
-from renderformer_v2.model.guided.light import BOUNCED, OUTPUTS, decode_image, decode_light
+from renderformer_v2.model.guided.light import BEHIND, BOUNCED, OUTPUTS, decode_image, decode_light
 from renderformer_v2.model.guided.light_prior import LightPrior
 from renderformer_v2.model.guided.radiosity import Radiosity
 from renderformer_v2.model.presets import rf2_small
@@ -67,9 +67,23 @@ def test_traced_light_stands_for_all_direct_light():
 def test_an_undecided_decoder_adds_a_share_of_the_radiosity():
     guides = tensors(hinted=True)
     guides.bounced = guides.bounced + 0.5
+    guides.behind, guides.colors = guides.behind + 0.3, guides.colors + 0.2 * (guides.colors > 0)
+    guides.colors[:, 2] += 0.5
     image = decode_light(torch.zeros(1, len(OUTPUTS), 64, 64), guides)["image"]
-    expected = guides.traced + BOUNCED * guides.bounced * guides.colors[:, 0]
+    expected = (guides.traced + BOUNCED * guides.bounced * guides.colors[:, 0]
+                + BEHIND * guides.behind * guides.colors[:, 2])
     torch.testing.assert_close(image, expected, atol=2e-2, rtol=0)
+
+
+def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
+    scene = floor_scene()
+    view, guides = floor_view(64, 64)
+    assert (tensors().behind == 0).all()
+    guides.transmission_color = guides.diffuse_color
+    guides.position = guides.position + np.float32((0, 0, 0.5)) * (guides.alpha[..., None] > 0)  # glass above the floor
+    prior = LightPrior(scene)
+    found = guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
+    assert found.behind[0, :, 32, 32].min() > 0.01 > 10 * found.bounced[0, :, 32, 32].max()
 
 
 def test_no_light_where_nothing_is_hit():
@@ -95,7 +109,7 @@ def test_bands_of_a_large_picture_change_nothing(monkeypatch):
     tokens = encoder.bundles(whole.features)
     monkeypatch.setattr(guides_module, "BAND_PIXELS", 24 * 128)
     guides = tensors(128, 64)
-    for name in ("features", "colors", "prior", "positions", "bounced", "traced"):
+    for name in ("features", "colors", "prior", "positions", "bounced", "behind", "traced"):
         torch.testing.assert_close(getattr(guides, name), getattr(whole, name))
     raw = torch.randn(1, len(OUTPUTS), 64, 128, generator=torch.Generator().manual_seed(0))
     image = decode_light(raw, guides)["image"]
