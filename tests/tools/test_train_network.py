@@ -13,8 +13,8 @@ import pytest
 import torch
 
 from tests.model.samples import floor_scene, floor_view
-from tools import evaluate
 from tools.datagen.shards import save_sample
+from tools.evaluate import __main__ as evaluate
 from tools.train import losses, network
 from tools.train.config import Stage
 from tools.train.errors import TrainingError

@@ -5,9 +5,9 @@ SCENE_DIR holds samples of `python -m tools.datagen` (the RenderScene that the e
 .blend files, which are rendered by both engines with the settings they hold. Prints one JSON object with PSNR, SSIM and
 FLIP per scene and their means; REPORT_DIR gets the same as report.json, and as report.html, a page with the pictures.
 Samples are also set beside the traced light (traced_alone), that and a share of the radiosity, which is what the
-network adds to (without_network), and the network without traced hints (network_alone); all scenes beside Cycles with
-few samples and OpenImageDenoise (cycles_equal): `tools.datagen --equal N` for samples, as many as take about the
-engine's time for .blend files.
+network adds to (without_network), the network without traced hints (network_alone), and what that adds to
+(priors_alone); all scenes beside Cycles with few samples and OpenImageDenoise (cycles_equal): `tools.datagen --equal N`
+for samples, as many as take about the engine's time for .blend files.
 """
 from __future__ import annotations
 

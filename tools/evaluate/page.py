@@ -11,6 +11,7 @@ OURS = "RenderFormer-V2"
 BESIDE = {  # keys of a scene's "beside", in the order of the page
     "without_network": "without the network",
     "network_alone": "network alone",
+    "priors_alone": "neither network nor traced light",
     "traced_alone": "traced light alone",
     "cycles_equal": "Cycles, equal time",
 }

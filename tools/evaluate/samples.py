@@ -31,7 +31,9 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
     if isinstance(encoded.encoded, GuidedContext) and guides[0].traced is not None:
         beside["traced_alone"] = [guide.traced for guide in guides]
         beside["without_network"] = [without_network(encoded, view, guide) for view, guide in seen]
-        beside["network_alone"] = [encoded.view(view, replace(guide, traced=None)) for view, guide in seen]
+        untraced = [(view, replace(guide, traced=None)) for view, guide in seen]
+        beside["network_alone"] = [encoded.view(view, guide) for view, guide in untraced]
+        beside["priors_alone"] = [without_network(encoded, view, guide) for view, guide in untraced]
     if "equal" in passes[0]:
         beside["cycles_equal"] = [p["equal"][..., :3] - guide.emission for p, guide in zip(passes, guides, strict=True)]
 
@@ -48,7 +50,7 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
 
 
 def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
-    """(H, W, 3) radiance of what the guided network adds to: traced light and a share of the radiosity."""
+    """(H, W, 3) radiance of what the guided network adds to: traced light, or the light prior, and the radiosity."""
     frame, context = encoded.normalization, encoded.encoded
     config = encoded.renderer.pipeline.network.config
     with torch.inference_mode():
