@@ -78,10 +78,11 @@ class Light(Enum):
 
 
 def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
-                  denoise: bool = False, threads: int = 0) -> dict[str, np.ndarray]:
+                  denoise: bool = False, hazy: bool = False, threads: int = 0) -> dict[str, np.ndarray]:
     """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render.
 
-    `engine` is the RenderEngine inside whose `render` this is called; `threads` 0 leaves them to Blender's setting.
+    `engine` is the RenderEngine inside whose `render` this is called; `threads` 0 leaves them to Blender's setting;
+    `hazy` says that smoke or fog leaves noise in the first hits, which the denoiser then must not take for texture.
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
     seen directly, denoised where Blender can, and all light passes (never denoised) if the view layer asks for one.
@@ -114,6 +115,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             _leave_out_light(depsgraph, override, occluding=view_layer.use_pass_ambient_occlusion)
         elif light is Light.TRACED:
             override(depsgraph.scene_eval, _TRACED | (_DENOISED if compat.has_openimagedenoise() else {}))
+            if hazy:
+                override(depsgraph.scene_eval, {"cycles.denoising_prefilter": "ACCURATE"})
         found = run(engine, depsgraph, layer_name, wanted)
 
     combined = found["combined"]

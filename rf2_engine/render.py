@@ -67,7 +67,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         with status.stage("First hits"):
             with status.holding_the_bar():
                 found = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
-                                                     light=settings.light, threads=settings.threads)
+                                                     light=settings.light, hazy=bool(scene.volumes),
+                                                     threads=settings.threads)
             passes |= output.first_hits(found, settings.exposure)
             with progress.part(0.8, 1.0):
                 guides = make_guides(found, scene, view)

@@ -133,3 +133,22 @@ def test_traced_light_leaves_the_scene_as_it_was(scene, tmp_path):
     bpy.ops.render.render(scene=scene.name)  # with the bounces of the scene, not ours
     scene.render.engine = "RENDERFORMER_V2"
     np.testing.assert_allclose(press_f12(scene, tmp_path)["ViewLayer.Combined"], first, atol=0.02)
+
+
+def test_fog_is_as_bright_and_as_smooth_as_that_of_cycles(scene, tmp_path):
+    fog = material("Fog")
+    tree = fog.node_tree
+    tree.nodes.remove(tree.nodes["Principled BSDF"])
+    medium = tree.nodes.new("ShaderNodeVolumePrincipled")
+    tree.links.new(medium.outputs["Volume"], tree.nodes["Material Output"].inputs["Volume"])
+    cube(scene, of=fog)
+    mesh_object(scene, "Wall", [(-6, 3, -4), (6, 3, -4), (6, 3, 4), (-6, 3, 4)], [(0, 1, 2, 3)])
+    light(scene, (0.9, 0.3, 0))
+    scene.renderformer_v2.guide_samples = 8
+    reference = scene.renderformer_v2.reference
+    reference.use, reference.samples = True, 128
+    passes = press_f12(scene, tmp_path)
+    ours, cycles = (passes[f"ViewLayer.{name}"][12:25, 19:31, :3].mean(-1) for name in ("Combined", "Cycles Reference"))
+    assert ours.mean() == pytest.approx(cycles.mean(), rel=0.15)
+    grain = [np.abs(np.diff(picture, 2, axis=1)).mean() / picture.mean() for picture in (ours, cycles)]
+    assert grain[0] < 2 * grain[1] + 0.01

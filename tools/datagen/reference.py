@@ -70,7 +70,8 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     converted = time.perf_counter()
     found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, light=Light.ALL, denoise=True)
     depsgraph.scene_eval.cycles.seed += 1  # noise that hints and reference share would be a hint too many
-    hints = cycles_session.render_passes(engine, depsgraph, samples=HINT_SAMPLES, light=Light.TRACED)
+    hints = cycles_session.render_passes(engine, depsgraph, samples=HINT_SAMPLES, light=Light.TRACED,
+                                         hazy=bool(sample.scene.volumes))
     found["traced"] = hints["traced"]
     depsgraph.scene_eval.cycles.seed -= 1
     if sample.equal:
