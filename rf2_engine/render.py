@@ -8,6 +8,7 @@ import numpy as np
 from ..model import media, progress, threads
 from ..model.errors import RenderCancelled, SceneError
 from ..model.lighting import Lobes
+from ..model.presets import BUNDLED
 from ..model.silhouettes import blended
 from . import compat, cycles_run, cycles_session, failure, model_cache, output, reference, running, shot, statistics
 from . import passes as pass_table
@@ -60,9 +61,9 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         scene = convert(depsgraph, whole, token_budget=settings.token_budget, max_edge=settings.max_edge,
                         report=report, steady=shot.steady(depsgraph))
     has_content = len(scene) or scene.volumes
-    if has_content:  # wrong weights are found before Cycles has worked for nothing
-        with status.stage("Loading the network"):
-            renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
+    renderer = None
+    if has_content and settings.weights != BUNDLED:  # wrong weights are found before Cycles has worked for nothing
+        renderer = _load(status, settings)
     with output.unless_stopped(engine, layer) as passes:
         with status.stage("First hits"):
             with status.holding_the_bar():
@@ -84,6 +85,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         output.write(engine, layer, passes | {"combined": combined(first)})
         radiance, tokens, light = np.zeros((view.height, view.width, 3), np.float32), 0, {}
         if guides.alpha.any() and has_content:
+            renderer = renderer or _load(status, settings)  # PyTorch was imported meanwhile
             with threads.team(settings.threads):
                 with status.stage("Network", "scene"):
                     encoded = model_cache.encoded(renderer, scene, view.longer_side)
@@ -105,6 +107,11 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
                            weights=settings.weights, seconds=status.seconds, remarks=report.entries + beside.entries,
                            reference_samples=samples)
+
+
+def _load(status: Status, settings: FrameSettings):
+    with status.stage("Loading the network"):
+        return model_cache.renderer(settings.weights, settings.device, settings.precision)
 
 
 def _layers(scene: bpy.types.Scene) -> int:
