@@ -14,6 +14,8 @@ from collections.abc import Callable
 import bpy
 from bpy.app.handlers import persistent
 
+from .registering import handlers
+
 PATIENCE = 5.0   # seconds; Cycles does not look at our wish to stop, and the window stands still meanwhile
 TIDYING = 0.1    # seconds; what Blender itself does after its last handler
 
@@ -107,16 +109,5 @@ def _look() -> float | None:
     return None
 
 
-_HANDLERS = (("render_init", _initialize), ("render_pre", _begin_frame),
-             ("render_complete", _end), ("render_cancel", _end))
-
-
-def register() -> None:
-    for name, handler in _HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
-
-
-def unregister() -> None:
-    for name, handler in _HANDLERS:
-        if handler in getattr(bpy.app.handlers, name):  # other add-ons clear these lists
-            getattr(bpy.app.handlers, name).remove(handler)
+register, unregister = handlers(("render_init", _initialize), ("render_pre", _begin_frame),
+                                ("render_complete", _end), ("render_cancel", _end))

@@ -12,6 +12,8 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from .registering import handlers
+
 LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way
 FARTHEST = 1.0      # between their centres, in sides of the kept one
 
@@ -42,11 +44,9 @@ def _begin(*_):
     _boxes.clear()
 
 
-def register() -> None:
-    bpy.app.handlers.render_init.append(_begin)
+register, _remove_handlers = handlers(("render_init", _begin))
 
 
 def unregister() -> None:
     _boxes.clear()
-    if _begin in bpy.app.handlers.render_init:  # other add-ons clear these lists
-        bpy.app.handlers.render_init.remove(_begin)
+    _remove_handlers()

@@ -9,6 +9,7 @@ from bpy.app.handlers import persistent
 
 from . import estimate
 from .convert.report import Remark
+from .registering import handlers
 from .setup import redraw
 
 REFERENCE = "Cycles Reference"  # the stage, and the pass
@@ -74,17 +75,11 @@ def _show(*_):
         redraw.keep_redrawing()
 
 
-_HANDLERS = (("render_init", _clear), ("render_pre", _clear),  # a render may fail before its first frame
-             ("render_complete", _show), ("render_cancel", _show))
-
-
-def register() -> None:
-    for event, handler in _HANDLERS:
-        getattr(bpy.app.handlers, event).append(handler)
+register, _remove_handlers = handlers(
+    ("render_init", _clear), ("render_pre", _clear),  # a render may fail before its first frame
+    ("render_complete", _show), ("render_cancel", _show))
 
 
 def unregister() -> None:
-    for event, handler in _HANDLERS:
-        if handler in getattr(bpy.app.handlers, event):
-            getattr(bpy.app.handlers, event).remove(handler)
+    _remove_handlers()
     last_frame.clear()

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 import bpy
 from bpy.app.handlers import persistent
 
+from .registering import handlers
+
 ENGINE = "RENDERFORMER_V2"
 
 _fallen: set[int] = set()  # addresses of the 3D viewports' settings that were Rendered
@@ -70,7 +72,8 @@ def _after_saving(*_):
         ask_to_fall_back()
 
 
-_HANDLERS = (("load_pre", _forget), ("load_post", _loaded), ("save_pre", _before_saving), ("save_post", _after_saving))
+_add_handlers, _remove_handlers = handlers(("load_pre", _forget), ("load_post", _loaded),
+                                           ("save_pre", _before_saving), ("save_post", _after_saving))
 
 
 def _subscribe() -> None:
@@ -80,16 +83,13 @@ def _subscribe() -> None:
 
 
 def register() -> None:
-    for name, handler in _HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
+    _add_handlers()
     _subscribe()
 
 
 def unregister() -> None:
     bpy.msgbus.clear_by_owner(_subscriber)
-    for name, handler in _HANDLERS:
-        if handler in getattr(bpy.app.handlers, name):
-            getattr(bpy.app.handlers, name).remove(handler)
+    _remove_handlers()
     if bpy.app.timers.is_registered(fall_back):
         bpy.app.timers.unregister(fall_back)
     put_back()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
+from ..registering import handlers
 from . import comparison
 
 INTERVAL = 0.2  # seconds between two looks at what goes on
@@ -91,18 +92,12 @@ def _loaded(*_):
     comparison.settings().show = False
 
 
-_HANDLERS = (("render_complete", _rendered), ("render_cancel", _rendered), ("load_post", _loaded))
-
-
-def register() -> None:
-    for event, handler in _HANDLERS:
-        getattr(bpy.app.handlers, event).append(handler)
+register, _remove_handlers = handlers(("render_complete", _rendered), ("render_cancel", _rendered),
+                                      ("load_post", _loaded))
 
 
 def unregister() -> None:
-    for event, handler in _HANDLERS:
-        if handler in getattr(bpy.app.handlers, event):
-            getattr(bpy.app.handlers, event).remove(handler)
+    _remove_handlers()
     for action in (_read, _watch, _blink):
         if bpy.app.timers.is_registered(action):
             bpy.app.timers.unregister(action)

@@ -1,15 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Our panels, and Blender's ordinary panels shown for this engine too; they stand in the order of registration."""
+from ..registering import modules
 from . import adopted, again, camera, last_render, material, passes, presets, reference, render_settings, view_layer
 
 MODULES = (presets, render_settings, reference, last_render, passes, view_layer, material, camera, again, adopted)
 
-
-def register() -> None:
-    for module in MODULES:
-        module.register()
-
-
-def unregister() -> None:
-    for module in reversed(MODULES):
-        module.unregister()
+register, unregister = modules(MODULES)
