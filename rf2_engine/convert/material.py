@@ -2,6 +2,8 @@
 """Blender materials to material tiles and emission (docs/scene-input.md 3, 4)."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...model import progress
@@ -96,6 +98,9 @@ class MaterialTiles:
         output = graph.output_node(tree)
         output = None if output is None else NodeCall(evaluator, output)
         closure = Closure() if output is None else closure_at(output, "Surface")
+        if evaluator.depends_on_ray:
+            lighting = Evaluator(replace(points, camera_ray=False), self.images, self.report, material.name)
+            closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
         if not closure.weight.any() and not closure.emission.any() and has_surface(material):
             self.report.approximated(material.name, "no surface shader reaches the Material Output: it is black")
         return parameters(closure), _height(material, output)

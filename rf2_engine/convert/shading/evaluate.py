@@ -35,6 +35,7 @@ class Evaluator:
 
     def __init__(self, points: Points, images: ImageCache, report, owner: str):
         self.points, self.images, self.report, self.owner = points, images, report, owner
+        self.depends_on_ray = False  # whether a Light Path was asked
         self._memo: dict = {}
         self._depth = 0
 

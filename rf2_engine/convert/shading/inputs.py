@@ -21,7 +21,8 @@ def value(n: NodeCall):
 
 
 def light_path(n: NodeCall):
-    """Materials answer as seen by the camera; the world and lamps answer as they light the scene."""
+    """BSDFs answer as seen by the camera; what radiates answers as it lights the scene."""
+    n.evaluator.depends_on_ray = True
     if n.points.camera_ray:
         return np.array([n.output.name == "Is Camera Ray"], np.float32)
     return np.array([LIT.get(n.output.name, 0.0)], np.float32)
