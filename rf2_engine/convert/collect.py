@@ -8,19 +8,20 @@ import numpy as np
 
 from ...model import progress
 from . import mesh as meshes
+from .light_linking import dark_emitters
 from .material import MaterialTiles
 from .medium import Medium, mesh_medium
 from .mesh import TriangleMesh
 from .report import Report
 from .shading import volume
 from .vdb import volume_medium
+from .visibility import is_shown
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
                    "SPEAKER"}
 UNSUPPORTED = {"CURVES": "hair curves", "POINTCLOUD": "point clouds", "GREASEPENCIL": "grease pencil drawings",
                "GPENCIL": "grease pencil drawings"}
-RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_shadow")
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
 DEFAULT_MEDIUM = (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles
@@ -35,7 +36,7 @@ class Part:
     materials: list
     emits: bool
     matrices: list[np.ndarray] = field(default_factory=list)  # (4, 4) f64 each, object to world
-    flux_gain: float = 1.0                                     # what makes up for emitting area lost to simplification
+    flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
 
 
 @dataclass
@@ -96,6 +97,8 @@ def collect(depsgraph, images, report) -> Collected:
 class _Walk:
     def __init__(self, depsgraph, images, report):
         self.depsgraph, self.images, self.report = depsgraph, images, report
+        self.layer = depsgraph.view_layer_eval
+        self.dark = dark_emitters(depsgraph, report)
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
         self._parts: dict[tuple, list[Part]] = {}
@@ -111,7 +114,7 @@ class _Walk:
 
     def _add(self, instance) -> None:
         obj = instance.object
-        if obj.type in WITHOUT_SURFACE or not self._is_seen(obj):
+        if obj.type in WITHOUT_SURFACE or not is_shown(instance, self.layer, self.report):
             return
         matrix = np.array(instance.matrix_world, np.float64)
         if not np.isfinite(matrix).all():
@@ -119,33 +122,19 @@ class _Walk:
         elif obj.type == "MESH":
             self._add_mesh(obj, matrix)
         elif obj.type == "LIGHT":
-            self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
+            if obj.original not in self.dark:
+                self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
         elif obj.type == "VOLUME":
             self._add_volume(obj, matrix)
         else:
             self.report.skipped(obj.name, f"{UNSUPPORTED.get(obj.type, obj.type.lower())} cannot be rendered")
 
-    def _is_seen(self, obj) -> bool:
-        rays = [getattr(obj, name) for name in RAYS]
-        if not any(rays) and not obj.visible_camera:
-            return False
-        if not all(rays):
-            self.report.approximated(obj.name, "Ray Visibility other than Camera is ignored")
-        if obj.type == "LIGHT":
-            return True
-        if obj.is_shadow_catcher:
-            self.report.approximated(obj.name, "a shadow catcher is shown like any object")
-        if obj.is_holdout:
-            self.report.approximated(obj.name, "a holdout lights the scene like any object, and is black unless the "
-                                               "film is transparent")
-        return True
-
     def _add_mesh(self, obj, matrix: np.ndarray) -> None:
         if any(s.settings.type == "HAIR" and s.settings.render_type == "PATH" for s in obj.particle_systems):
             self.report.skipped(obj.name, "particle hair cannot be rendered")
-        slots = meshes.material_slots(obj)
+        slots = self._slots(obj)
         mirrored = np.linalg.det(matrix[:3, :3]) < 0
-        key = (obj.data.as_pointer(), mirrored, *(m and m.as_pointer() for m in slots))
+        key = (obj.data.as_pointer(), mirrored, obj.original in self.dark, *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
             self._parts[key] = self._split(obj, slots, mirrored)
             self.found.parts += self._parts[key]
@@ -163,14 +152,18 @@ class _Walk:
         slot = _slot(mesh, slots)
         surface = np.array([volume.has_surface(material) for material in slots])
         emits = np.array([self._emits(material, mesh) for material in slots])
-        parts = []
+        parts, flux_gain = [], 0.0 if obj.original in self.dark else 1.0
         for kind in (False, True):
             chosen = (surface & (emits == kind))[slot]
             if chosen.any():
                 part = mesh.take(chosen)
                 part.slot = slot[chosen]
-                parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind))
+                parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind, flux_gain=flux_gain))
         return parts
+
+    def _slots(self, obj) -> list:
+        override = self.layer.material_override
+        return [override] if override else meshes.material_slots(obj)
 
     def _emits(self, material, mesh: TriangleMesh) -> bool:
         """Whether the material radiates anywhere on the unit square of a mesh with these UV and colour layers."""
@@ -186,7 +179,7 @@ class _Walk:
         return self._read[pointer]
 
     def _add_volume(self, obj, matrix: np.ndarray) -> None:
-        material = meshes.material_slots(obj)[0]
+        material = self._slots(obj)[0]
         coefficients = volume.volume_coefficients(material, self.report) if material else DEFAULT_MEDIUM
         if coefficients is None:
             self.report.skipped(obj.name, f'its material "{material.name}" has no volume shader')

@@ -50,7 +50,8 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     with progress.part(0.9, 0.95, "Converting volumes"):
         scene.volumes = medium.cells(found.media, report)
     with progress.part(0.95, 1.0, "Converting the world"):
-        scene.environment = convert_world(compat.world(depsgraph), report)
+        world = compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
+        scene.environment = convert_world(world, report)
     scene.focus = focus
     scene.validate()
     return scene
@@ -85,7 +86,7 @@ def _simplify(found: Collected, budget: int, report) -> None:
         area = meshes.areas(part.mesh.corners).sum()
         with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying {i + 1}/{len(parts)} meshes"):
             part.mesh = reduce.simplify(part.mesh, int(share))
-        part.flux_gain = area / meshes.areas(part.mesh.corners).sum()
+        part.flux_gain *= area / meshes.areas(part.mesh.corners).sum()
         report.approximated(part.name, f"simplified from {before} to {len(part.mesh)} triangles")
 
 

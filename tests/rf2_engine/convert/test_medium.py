@@ -97,3 +97,12 @@ def test_many_volumes_share_the_cells_and_it_is_reported(converted, absorbing, r
     cells = np.prod(volumes.scale / 8, axis=1)
     assert cells.sum() == pytest.approx(8 * (1 + 1.1 + 1.2 + 1.3), rel=1e-3)
     assert any("cells per axis" in message for _, _, message in report.entries)
+
+
+def test_use_volumes_of_the_view_layer_hides_volume_objects_alone(add_grid, converted, absorbing):
+    add_grid(np.ones((8, 8, 8)), 1 / 8)
+    bpy.context.view_layer.use_volumes = False
+    assert converted().volumes is None
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.data.materials.append(absorbing)
+    assert len(converted().volumes) == 512  # as Cycles does

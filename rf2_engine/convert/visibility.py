@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which of the depsgraph's instances the rendered view layer shows, and what of their visibility is lost."""
+from __future__ import annotations
+
+RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_shadow")
+
+
+def is_shown(instance, layer, report) -> bool:
+    """Whether any ray of Cycles meets an instance; `layer` is the evaluated view layer."""
+    obj = instance.object
+    if not (layer.use_volumes if obj.type == "VOLUME" else layer.use_solid or obj.type == "LIGHT"):
+        return False
+    host = instance.parent if instance.is_instance else obj  # an instancer hides what it instances
+    rays = [getattr(obj, ray) and getattr(host, ray) for ray in RAYS]
+    if not any(rays) and not (obj.visible_camera and host.visible_camera):
+        return False
+    if not all(rays):
+        report.approximated(obj.name, "Ray Visibility other than Camera is ignored")
+    if obj.type == "LIGHT":
+        return True
+    if obj.is_shadow_catcher:
+        report.approximated(obj.name, "a shadow catcher is shown like any object")
+    if host.holdout_get(view_layer=layer):  # its own, or that of a collection
+        report.approximated(obj.name, "a holdout lights the scene like any object, and is black unless the "
+                                      "film is transparent")
+    return True
