@@ -2,7 +2,7 @@
 """One walk over the instances of a depsgraph: what is there, copied out of Blender before anything is computed."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ UNSUPPORTED = {"CURVES": "hair curves", "POINTCLOUD": "point clouds", "GREASEPEN
                "GPENCIL": "grease pencil drawings"}
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
 DEFAULT_MEDIUM = (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
+PROBES = 16  # triangles that tell whether a material emits
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles
 
 
@@ -136,7 +137,7 @@ class _Walk:
         mirrored = np.linalg.det(matrix[:3, :3]) < 0
         key = (obj.data.as_pointer(), mirrored, obj.original in self.dark, *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
-            self._parts[key] = self._split(obj, slots, mirrored)
+            self._parts[key] = self._split(obj, slots, matrix, mirrored)
             self.found.parts += self._parts[key]
         for part in self._parts[key]:
             part.matrices.append(matrix)
@@ -147,11 +148,11 @@ class _Walk:
             if len(corners):
                 self.found.media.append(mesh_medium(obj.name, matrix, corners, *coefficients))
 
-    def _split(self, obj, slots: list, mirrored: bool) -> list[Part]:
+    def _split(self, obj, slots: list, matrix: np.ndarray, mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)
         slot = _slot(mesh, slots)
         surface = np.array([volume.has_surface(material) for material in slots])
-        emits = np.array([self._emits(material, mesh) for material in slots])
+        emits = np.array([self._emits(material, mesh, matrix) for material in slots])
         parts, flux_gain = [], 0.0 if obj.original in self.dark else 1.0
         for kind in (False, True):
             chosen = (surface & (emits == kind))[slot]
@@ -165,12 +166,15 @@ class _Walk:
         override = self.layer.material_override
         return [override] if override else meshes.material_slots(obj)
 
-    def _emits(self, material, mesh: TriangleMesh) -> bool:
-        """Whether the material radiates anywhere on the unit square of a mesh with these UV and colour layers."""
+    def _emits(self, material, mesh: TriangleMesh, matrix: np.ndarray) -> bool:
+        """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs."""
         probe = MaterialTiles(Report())
         probe.images = self.images
-        colors = {name: np.ones((2, 3, 3), np.float32) for name in mesh.colors}
-        return probe.triangle_tiles(material, dict.fromkeys(mesh.uv, UNIT_SQUARE), mesh.active_uv, 2, colors)[1].any()
+        some = mesh.take(np.linspace(0, len(mesh) - 1, PROBES).astype(int)) if len(mesh) else mesh
+        square = np.resize(UNIT_SQUARE, (len(some), 3, 2))
+        white = np.ones((len(some), 3, 4), np.float32)
+        some = replace(some, uv=dict.fromkeys(mesh.uv, square), colors=dict.fromkeys(mesh.colors, white))
+        return probe.triangle_tiles(material, some, matrix)[1].any()
 
     def _mesh(self, obj) -> TriangleMesh:
         pointer = obj.data.as_pointer()

@@ -17,17 +17,18 @@ from ...model.scene import (
     TILE_CHANNELS,
     TILE_SIZE,
     TRANSMISSION,
-    barycentric_grid,
     constant_tile,
 )
+from .mesh import TriangleMesh
 from .shading import graph
 from .shading.closure import Closure, SurfaceParameters, parameters
-from .shading.evaluate import Evaluator, Points
+from .shading.evaluate import Evaluator, Points, interpolated
 from .shading.image import ImageCache
 from .shading.node_call import NodeCall
 from .shading.surface import closure_at
 from .shading.volume import has_surface
 
+IDENTITY = np.eye(4)
 CHUNK = 256                  # triangles evaluated at once
 HEIGHT_UNIT = 0.025          # world units of displacement at height 1
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
@@ -50,27 +51,24 @@ class MaterialTiles:
         empty = np.zeros((0, TILE_CHANNELS, TILE_SIZE, TILE_SIZE), np.float16)
         return np.concatenate([empty, *self._chunks])
 
-    def triangle_tiles(self, material, uv_layers: dict[str, np.ndarray], active_uv: str | None, n: int,
-                       colors: dict[str, np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Tiles and emission of `n` triangles that wear `material` (a bpy Material or None).
+    def triangle_tiles(self, material, mesh: TriangleMesh, to_world=IDENTITY,
+                       instances: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """Tiles and emission of n triangles that all wear `material` (a bpy Material or None).
 
-        uv_layers: (n, 3, 2) f32 per UV layer, corner order of the triangles; active_uv: the layer that Blender renders
-        by default; colors: (n, 3, 3) f32 scene-linear per colour attribute. Returns tile index (n,) i32 and radiance
-        (n, 3) f32. A homogeneous material has one tile, one with textures a tile per triangle.
+        to_world: (4, 4) matrix of the first of so many instances. Returns tile index (n,) i32 and radiance (n, 3) f32.
+        A homogeneous material has one tile, one with textures a tile per triangle.
         """
+        n = len(mesh)
         emission = np.zeros((n, 3), np.float32)
         if n == 0:
             return np.zeros(0, np.int32), emission
         if material is None:
             return np.full(n, self._constant_index(constant_tile()), np.int32), emission
         index = np.empty(n, np.int32)
-        uv = {name: np.pad(layer, ((0, 0), (0, 0), (0, 1))) for name, layer in uv_layers.items()}
-        corner_data = uv, colors or {}
         for start in range(0, n, CHUNK):
             progress.report(start / n)
             part = slice(start, min(start + CHUNK, n))
-            on_grid = [{name: _interpolated(layer[part]) for name, layer in data.items()} for data in corner_data]
-            points = Points(uv=on_grid[0], active_uv=active_uv, colors=on_grid[1], camera_ray=True)
+            points = _points(mesh.take(part), to_world, instances)
             surface, height = self._evaluate(material, points)
             emission[part] = self.report.finite(material.name, "its emission", _triangle_mean(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
@@ -146,9 +144,11 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
     return tiles
 
 
-def _interpolated(corners: np.ndarray) -> np.ndarray:
-    """(m, 3, c) corner values -> (m, 32, 32, c) on the tile grid, extrapolated beyond the hypotenuse."""
-    return np.einsum("rck,mkd->mrcd", barycentric_grid(), corners, optimize=True).astype(np.float32)
+def _points(mesh: TriangleMesh, to_world, instances: int) -> Points:
+    uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
+    colors = {name: interpolated(layer) for name, layer in mesh.colors.items()}
+    return Points(uv, mesh.active_uv, colors, mesh.active_color, mesh.corners, mesh.texture_space, to_world, instances,
+                  camera_ray=True)
 
 
 def _triangle_mean(emission: np.ndarray) -> np.ndarray:

@@ -177,8 +177,7 @@ def _materials(part: Part, materials: MaterialTiles) -> tuple[np.ndarray, np.nda
     slots = np.unique(mesh.slot)
     for i, slot in enumerate(slots):
         rows = np.flatnonzero(mesh.slot == slot)
-        chosen = mesh.take(rows)
         with progress.part(i / len(slots), (i + 1) / len(slots)):
             tile_index[rows], emission[rows] = materials.triangle_tiles(
-                part.materials[slot], chosen.uv, chosen.active_uv, len(chosen), chosen.colors)
+                part.materials[slot], mesh.take(rows), part.matrices[0], len(part.matrices))
     return tile_index, emission * np.float32(part.flux_gain)

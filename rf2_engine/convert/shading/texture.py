@@ -6,6 +6,7 @@ import numpy as np
 
 from ....model.geometry import latlong_uv, rotation_matrix
 from .image import sample
+from .inputs import world_position
 from .node_call import NodeCall
 from .normal_map import UP
 
@@ -17,10 +18,20 @@ def coordinate(n: NodeCall):
     if direction is not None:
         if name not in WORLD_COORDINATES:
             n.approximated(f'coordinate "{name}" is evaluated as Generated')
-        return direction
+        return direction if name != "Object" or n.node.object is None else _seen_from(n.node.object, direction)
+    if name in ("Generated", "Object") and n.points.corners is not None:
+        if name == "Generated":
+            return n.points.generated
+        return n.points.position if n.node.object is None else _seen_from(n.node.object, world_position(n))
     if name != "UV":
         n.approximated(f'coordinate "{name}" is not known per texel, the active UV map is used')
     return active_uv(n)
+
+
+def _seen_from(obj, points: np.ndarray) -> np.ndarray:
+    """World points (..., 3) in the frame of an object. Cycles takes a direction of the world for a point, too."""
+    matrix = np.array(obj.matrix_world.inverted_safe(), np.float32)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def uv_map(n: NodeCall):
@@ -121,14 +132,13 @@ def gradient(n: NodeCall):
 
 
 def _vector(n: NodeCall):
-    """The Vector input; unlinked it means the direction in the world, elsewhere the UV map."""
+    """The Vector input; unlinked it means the direction in the world, elsewhere Generated coordinates."""
     vector = n.linked("Vector")
     if vector is not None:
         return vector
     if n.points.direction is not None:
         return n.points.direction
-    n.approximated("generated coordinates are not known per texel, the active UV map is used")
-    return active_uv(n)
+    return np.zeros(3, np.float32) if n.points.corners is None else n.points.generated
 
 
 FUNCTIONS = {
