@@ -21,7 +21,7 @@ from ...model.scene import (
 )
 from .mesh import TriangleMesh
 from .shading import graph
-from .shading.closure import Closure, SurfaceParameters, parameters
+from .shading.closure import Closure, SurfaceParameters, lobe, parameters
 from .shading.evaluate import Evaluator, Points, interpolated
 from .shading.image import ImageCache
 from .shading.node_call import NodeCall
@@ -33,6 +33,7 @@ CHUNK = 256                  # triangles evaluated at once
 HEIGHT_UNIT = 0.025          # world units of displacement at height 1
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
 DARK_FRACTION = 0.01         # triangles this much darker than the brightest one of an emission texture do not shine
+CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 
@@ -55,8 +56,9 @@ class MaterialTiles:
                        instances: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Tiles and emission of n triangles that all wear `material` (a bpy Material or None).
 
-        to_world: (4, 4) matrix of the first of so many instances. Returns tile index (n,) i32 and radiance (n, 3) f32.
-        A homogeneous material has one tile, one with textures a tile per triangle.
+        to_world: (4, 4) matrix of the first of so many instances. Returns tile index (n,) i32, -1 where there is as
+        good as nothing (CLEAR), and radiance (n, 3) f32. A homogeneous material has one tile, one with textures a tile
+        per triangle.
         """
         n = len(mesh)
         emission = np.zeros((n, 3), np.float32)
@@ -64,7 +66,7 @@ class MaterialTiles:
             return np.zeros(0, np.int32), emission
         if material is None:
             return np.full(n, self._constant_index(constant_tile()), np.int32), emission
-        index = np.empty(n, np.int32)
+        index, nothing = np.empty(n, np.int32), np.zeros(n, bool)
         for start in range(0, n, CHUNK):
             progress.report(start / n)
             part = slice(start, min(start + CHUNK, n))
@@ -72,8 +74,9 @@ class MaterialTiles:
             surface, height = self._evaluate(material, points)
             emission[part] = self.report.finite(material.name, "its emission", _triangle_mean(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
-            if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1:
-                index[:], emission[:] = self._constant_index(tiles[0]), emission[start]
+            nothing[part] = _triangle_mean(surface.clear)[..., 0] > CLEAR
+            if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
+                index[:], emission[:], nothing[:] = self._constant_index(tiles[0]), emission[start], nothing[start]
                 break
             if len(tiles) == 1:
                 index[part] = self._constant_index(tiles[0])
@@ -84,6 +87,7 @@ class MaterialTiles:
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
             index[emitters] = self._constant_index(EMITTER_TILE)
+        index[nothing & ~emission.any(axis=1)] = -1
         return index, emission
 
     def _evaluate(self, material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
@@ -91,8 +95,7 @@ class MaterialTiles:
         evaluator = Evaluator(points, self.images, self.report, material.name)
         if tree is None:
             color = np.array(material.diffuse_color[:3], np.float32)
-            return SurfaceParameters(color, *(np.full(1, x, np.float32) for x in (0, 1, 1, 0)),
-                                     np.array([0, 0, 1], np.float32), np.zeros(3, np.float32)), np.zeros(1, np.float32)
+            return parameters(lobe(color)), np.zeros(1, np.float32)
         output = graph.output_node(tree)
         output = None if output is None else NodeCall(evaluator, output)
         closure = Closure() if output is None else closure_at(output, "Surface")
@@ -151,10 +154,10 @@ def _points(mesh: TriangleMesh, to_world, instances: int) -> Points:
                   camera_ray=True)
 
 
-def _triangle_mean(emission: np.ndarray) -> np.ndarray:
-    """(3,) or (m, 32, 32, 3) -> (3,) or (m, 3): mean over the cells inside the triangle."""
-    if emission.ndim == 1:
-        return emission
+def _triangle_mean(values: np.ndarray) -> np.ndarray:
+    """(c,) or (m, 32, 32, c) -> (c,) or (m, c): mean over the cells inside the triangle."""
+    if values.ndim == 1:
+        return values
     rows = np.arange(TILE_SIZE)
     inside = rows[:, None] + rows[None] < TILE_SIZE
-    return emission[:, inside].mean(axis=1)
+    return values[:, inside].mean(axis=1)

@@ -153,6 +153,10 @@ def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScen
     for i, part in enumerate(parts):
         with progress.part(i / len(parts), (i + 1) / len(parts), f"Materials of {i + 1}/{len(parts)} objects"):
             tile_index, emission = _materials(part, materials)
+            there = tile_index >= 0
+            if not there.all():
+                report.approximated(part.name, f"{np.count_nonzero(~there)} of its {len(there)} triangles, transparent "
+                                               "nearly everywhere, are left out")
             for matrix in part.matrices:
                 progress.report(1.0)
                 corners, normals = meshes.transform(part.mesh, matrix)
@@ -160,7 +164,7 @@ def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScen
                 if not solid.any():
                     report.skipped(part.name, "it is scaled to nothing")
                 for name, values in zip(rows, (corners, normals, emission, tile_index), strict=True):
-                    rows[name].append(values[solid])
+                    rows[name].append(values[solid & there])
     scene = RenderScene(tiles=materials.tiles)
     for name, values in rows.items():
         if values:

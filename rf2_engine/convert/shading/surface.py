@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .closure import BLACK, ONE, WHITE, ZERO, Closure, effective_ior, lobe
+from .closure import BLACK, ONE, WHITE, ZERO, Closure, effective_ior, lobe, window
 from .node_call import NodeCall
 from .normal_map import tangent_normal
 
@@ -50,7 +50,7 @@ def principled(n: NodeCall):
     if np.all(alpha >= 1):
         return surface
     n.approximated("alpha below 1 is shown as transmission without refraction")
-    return surface * alpha + lobe(WHITE, roughness=ZERO, transmission=ONE) * (1 - alpha)
+    return surface * alpha + window(WHITE) * (1 - alpha)
 
 
 def diffuse(n: NodeCall):
@@ -82,7 +82,7 @@ def glass(n: NodeCall):
 
 def transparent(n: NodeCall):
     n.approximated("transparency is shown as transmission without refraction")
-    return lobe(n["Color"] ** 2, roughness=ZERO, transmission=ONE)
+    return window(n["Color"])
 
 
 def specular_workflow(n: NodeCall):
