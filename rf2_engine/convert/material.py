@@ -66,7 +66,7 @@ class MaterialTiles:
             return np.zeros(0, np.int32), emission
         if material is None:
             return np.full(n, self._constant_index(constant_tile()), np.int32), emission
-        index, nothing = np.empty(n, np.int32), np.zeros(n, bool)
+        index, nothing, reflects = np.empty(n, np.int32), np.zeros(n, bool), False
         for start in range(0, n, CHUNK):
             progress.report(start / n)
             part = slice(start, min(start + CHUNK, n))
@@ -74,6 +74,7 @@ class MaterialTiles:
             surface, height = self._evaluate(material, points)
             emission[part] = self.report.finite(material.name, "its emission", _triangle_mean(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
+            reflects |= surface.base_color.any()
             nothing[part] = _triangle_mean(surface.clear)[..., 0] > CLEAR
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
                 index[:], emission[:], nothing[:] = self._constant_index(tiles[0]), emission[start], nothing[start]
@@ -87,6 +88,8 @@ class MaterialTiles:
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
             index[emitters] = self._constant_index(EMITTER_TILE)
+            if reflects:
+                self.report.approximated(material.name, "where it shines it reflects as if it were white and matt")
         index[nothing & ~emission.any(axis=1)] = -1
         return index, emission
 

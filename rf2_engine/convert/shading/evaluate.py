@@ -13,17 +13,18 @@ import numpy as np
 
 from ....model.color import LUMINANCE
 from ....model.scene import barycentric_grid
-from . import colors, graph, inputs, maths, sky, texture
+from . import colors, graph, inputs, lamp, maths, sky, texture
 from .image import ImageCache
 from .node_call import NodeCall
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
-FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS, **sky.FUNCTIONS}
+FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS, **sky.FUNCTIONS,
+             **lamp.FUNCTIONS}
 
 
 @dataclass
 class Points:
-    """Where a graph is evaluated. Surfaces fill all but `direction`, the world fills that alone, lamps fill nothing."""
+    """Where a graph is evaluated. Surfaces fill most of it, the world `direction` alone, lamps `distance` alone."""
 
     uv: dict[str, np.ndarray] = field(default_factory=dict)      # (m, 32, 32, 3) f32 per UV layer
     active_uv: str | None = None
@@ -34,6 +35,7 @@ class Points:
     to_world: np.ndarray | None = None                           # (4, 4) f64, of the first instance
     instances: int = 1
     direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
+    distance: float = 1.0                                        # from a lamp to the middle of what is looked at
     camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
 
     @cached_property
