@@ -19,7 +19,7 @@ from ...model.scene import (
     TRANSMISSION,
     constant_tile,
 )
-from .mesh import TriangleMesh
+from .mesh import TriangleMesh, face_normals
 from .shading import graph
 from .shading.closure import Closure, SurfaceParameters, lobe, parameters
 from .shading.evaluate import Evaluator, Points, interpolated
@@ -122,7 +122,7 @@ class MaterialTiles:
 
 
 def _height(material, output: NodeCall | None) -> np.ndarray:
-    """Displacement over 0.025 world units (docs/scene-input.md 4.6); objects are taken to be of scale 1."""
+    """Displacement over 0.025 world units (docs/scene-input.md 4.6)."""
     n = None if output is None else output.source("Displacement")
     if n is None:
         return np.zeros(1, np.float32)
@@ -130,11 +130,25 @@ def _height(material, output: NodeCall | None) -> np.ndarray:
         n.approximated(f"{n.node.bl_label} displacement is left out")
         return np.zeros(1, np.float32)
     displacement = (n["Height"] - n["Midlevel"]) * n["Scale"] / HEIGHT_UNIT
+    if n.node.space == "OBJECT":
+        displacement = displacement * _normal_scale(n)
     if material.displacement_method == "BUMP":
         n.approximated("displacement as bump only is shown as displacement")
     if np.any(np.abs(displacement) > 1):
         n.approximated(f"displacement is limited to {HEIGHT_UNIT} units")
     return np.clip(displacement, -1, 1)
+
+
+def _normal_scale(n: NodeCall) -> np.ndarray:
+    """(1,), or (m, 1, 1, 1) of an object scaled unevenly: how much its matrix lengthens the normal of a triangle."""
+    linear = n.points.to_world[:3, :3]
+    scale = np.linalg.svd(linear, compute_uv=False)
+    if n.points.instances > 1:
+        n.approximated("all instances of a mesh are displaced as the first one is")
+    if np.ptp(scale) < 1e-3 * scale.max():
+        return scale[:1].astype(np.float32)
+    normals = face_normals(n.points.corners)
+    return np.linalg.norm(normals @ linear.T, axis=1).astype(np.float32)[:, None, None, None]
 
 
 def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:

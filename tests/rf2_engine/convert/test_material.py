@@ -122,15 +122,22 @@ def test_active_output_for_cycles_wins():
     np.testing.assert_allclose(tile_of(made)[0][:3], (0, 1, 0))
 
 
-def test_displacement_becomes_height():
+@pytest.mark.parametrize("space, scale, expected", [
+    ("OBJECT", (1, 1, 1), 0.5), ("OBJECT", (2, 2, 2), 1), ("OBJECT", (0.4, 0.4, 1.5), 0.75), ("WORLD", (2, 2, 2), 0.5)])
+def test_displacement_becomes_height(space, scale, expected):
+    """Measured in Cycles: a plane at 0.1 above midlevel rises by that times its scale along its normal, in space OBJECT
+    alone."""
     made, tree, _ = material()
     made.displacement_method = "BOTH"
     node = tree.nodes.new("ShaderNodeDisplacement")
+    node.space = space
     for name, value in (("Height", 0.75), ("Midlevel", 0.5), ("Scale", 0.05)):
         node.inputs[name].default_value = value
     output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
     tree.links.new(node.outputs[0], output.inputs["Displacement"])
-    assert tile_of(made)[0][HEIGHT] == pytest.approx(0.5, abs=1e-3)
+    tiles = MaterialTiles(Report())
+    index, _ = tiles.triangle_tiles(made, triangles(2), np.diag([*scale, 1.0]))
+    np.testing.assert_allclose(tiles.tiles[index, HEIGHT], expected, atol=1e-3)
 
 
 def test_vertex_colours_vary_inside_a_triangle():
