@@ -30,6 +30,8 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     steady: given the box found here, the one to take.
     Raises SceneError when the scene cannot be converted at all.
     """
+    if (space := compat.working_space()) != "Linear Rec.709":
+        report.approximated("Working Space", f"{space} is taken for Linear Rec.709: textures, skies are off in colour")
     materials = MaterialTiles(report)
     with progress.part(0.0, 0.5):
         found = collect(depsgraph, materials.images, report)

@@ -112,3 +112,15 @@ def test_clear_triangles_are_left_out_by_name(converted, add_mesh, add_material,
     add_mesh("Wall")
     assert len(converted()) == 1
     assert any(name == "Decal" and "transparent" in message for _, name, message in report.entries)
+
+
+def test_a_working_space_other_than_rec709_is_reported(converted, report):
+    def told():
+        return any(name == "Working Space" for _, name, _ in report.entries)
+
+    converted()
+    assert not told()
+    if hasattr(bpy.data, "colorspace"):  # Blender 5
+        bpy.ops.wm.set_working_color_space(working_space="ACEScg")
+        converted()
+        assert told()
