@@ -11,7 +11,7 @@ def is_shown(instance, layer, report) -> bool:
     gas = _is_gas(obj)
     if not (layer.use_volumes if gas or obj.type == "VOLUME" else layer.use_solid or obj.type == "LIGHT"):
         return False
-    host = instance.parent if instance.is_instance else obj  # an instancer hides what it instances
+    host = instance.parent if instance.is_instance and instance.parent else obj  # an instancer hides what it instances
     rays = [getattr(obj, ray) and getattr(host, ray) for ray in RAYS]
     if not any(rays) and not (obj.visible_camera and host.visible_camera):
         return False

@@ -13,13 +13,13 @@ import numpy as np
 
 from ....model.color import LUMINANCE
 from ....model.scene import barycentric_grid
-from . import colors, graph, inputs, lamp, maths, sky, texture
+from . import colors, graph, inputs, lamp, maths, noise, sky, texture
 from .image import ImageCache
 from .node_call import NodeCall
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
 FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS, **sky.FUNCTIONS,
-             **lamp.FUNCTIONS}
+             **lamp.FUNCTIONS, **noise.FUNCTIONS}
 
 
 @dataclass

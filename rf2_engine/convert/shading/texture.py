@@ -117,28 +117,18 @@ def environment_texture(n: NodeCall):
 
 
 def checker(n: NodeCall):
-    cell = np.floor(_vector(n) * n["Scale"] * 0.999999 + 1e-6)
+    cell = np.floor(n.coordinates() * n["Scale"] * 0.999999 + 1e-6)
     first = (cell.sum(axis=-1, keepdims=True) % 2 == 1).astype(np.float32)
     return first if n.output.name == "Fac" else n["Color1"] * first + n["Color2"] * (1 - first)
 
 
 def gradient(n: NodeCall):
-    x, y, z = np.split(_vector(n), 3, axis=-1)
+    x, y, z = np.split(n.coordinates(), 3, axis=-1)
     ball = np.maximum(1 - np.sqrt(x * x + y * y + z * z), 0)
     t = np.clip(x, 0, 1)
     values = {"LINEAR": x, "QUADRATIC": np.maximum(x, 0) ** 2, "EASING": t * t * (3 - 2 * t), "DIAGONAL": (x + y) / 2,
               "RADIAL": np.arctan2(y, x) / (2 * np.pi) + 0.5, "SPHERICAL": ball, "QUADRATIC_SPHERE": ball * ball}
     return np.clip(values[n.node.gradient_type], 0, 1)
-
-
-def _vector(n: NodeCall):
-    """The Vector input; unlinked it means the direction in the world, elsewhere Generated coordinates."""
-    vector = n.linked("Vector")
-    if vector is not None:
-        return vector
-    if n.points.direction is not None:
-        return n.points.direction
-    return np.zeros(3, np.float32) if n.points.corners is None else n.points.generated
 
 
 FUNCTIONS = {

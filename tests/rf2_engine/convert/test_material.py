@@ -154,12 +154,12 @@ def test_vertex_colours_vary_inside_a_triangle():
 
 def test_a_report_names_material_and_node():
     made, tree, shader = material(name="Rock", Coat_Weight=1.0)
-    noise = tree.nodes.new("ShaderNodeTexNoise")
-    tree.links.new(noise.outputs["Color"], shader.inputs["Base Color"])
+    cells = tree.nodes.new("ShaderNodeTexVoronoi")
+    tree.links.new(cells.outputs["Color"], shader.inputs["Base Color"])
     report = Report()
     tile_of(made, report)
     assert all("Rock" in line for line in report.lines())
-    assert any("Noise Texture" in line for line in report.lines()) and any("coat" in line for line in report.lines())
+    assert any("Voronoi Texture" in line for line in report.lines()) and any("coat" in line for line in report.lines())
     empty, tree, _ = material(name="Empty")
     tree.links.clear()
     assert_tile(empty, report, base_color=(0, 0, 0))

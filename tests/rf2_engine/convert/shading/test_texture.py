@@ -280,3 +280,42 @@ def test_instances_share_what_depends_on_their_place_and_it_is_reported():
     report = Report()
     MaterialTiles(report).triangle_tiles(made, triangles(1), np.eye(4), instances=2)
     assert "all instances" in report.lines()[0]
+
+
+@pytest.mark.parametrize("settings", [
+    dict(), dict(Detail=0.0), dict(Detail=3.6, Roughness=0.7, Lacunarity=2.3), dict(Distortion=1.5), dict(Scale=80.0),
+    dict(normalize=False), dict(output="Color", Detail=1.5)], ids=str)
+def test_noise_matches_cycles(settings):
+    empty_cycles_scene(samples=1)
+    settings = dict(settings)
+    output = settings.pop("output", "Fac")
+
+    def build(tree):
+        node = tree.nodes.new("ShaderNodeTexNoise")
+        for name, value in settings.items():
+            if name in node.inputs:
+                node.inputs[name].default_value = value
+            else:
+                setattr(node, name, value)
+        coordinate = tree.nodes.new("ShaderNodeTexCoord")
+        tree.links.new(coordinate.outputs["Object"], node.inputs["Vector"])
+        return next(o for o in node.outputs if o.name.startswith(output))
+
+    report = Report()
+    assert_same(*tile_and_picture(build, report), share=0.98, atol=0.02)
+    assert not report.entries
+
+
+@pytest.mark.parametrize("settings", [dict(noise_dimensions="2D"), dict(noise_dimensions="1D"),
+                                      dict(noise_dimensions="4D"), dict(noise_type="RIDGED_MULTIFRACTAL")], ids=str)
+def test_other_noises_look_alike_and_are_reported(settings):
+    empty_cycles_scene()
+    made, tree, shader = material("ShaderNodeEmission", Strength=1.0)
+    node = tree.nodes.new("ShaderNodeTexNoise")
+    for name, value in settings.items():
+        setattr(node, name, value)
+    tree.links.new(next(o for o in node.outputs if o.name == "Color"), shader.inputs["Color"])
+    report = Report()
+    _, emission = MaterialTiles(report).triangle_tiles(made, triangles(1))
+    np.testing.assert_allclose(emission, 0.5, atol=0.2)
+    assert len(report.lines()) == 1
