@@ -68,10 +68,10 @@ class MaterialTiles:
             return np.full(n, self._constant_index(constant_tile()), np.int32), emission
         index, nothing, reflects = np.empty(n, np.int32), np.zeros(n, bool), False
         for start in range(0, n, CHUNK):
-            progress.report(start / n)
             part = slice(start, min(start + CHUNK, n))
-            points = _points(mesh.take(part), to_world, instances)
-            surface, height = self._evaluate(material, points)
+            with progress.part(start / n, part.stop / n):
+                progress.report()
+                surface, height = self._evaluate(material, _points(mesh.take(part), to_world, instances))
             emission[part] = self.report.finite(material.name, "its emission", _triangle_mean(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
             reflects |= surface.base_color.any()
@@ -144,7 +144,7 @@ def _normal_scale(n: NodeCall) -> np.ndarray:
     linear = n.points.to_world[:3, :3]
     scale = np.linalg.svd(linear, compute_uv=False)
     if n.points.instances > 1:
-        n.approximated("all instances of a mesh are displaced as the first one is")
+        n.approximated("all instances of a mesh are displaced as far as the first one, whatever their scale")
     if np.ptp(scale) < 1e-3 * scale.max():
         return scale[:1].astype(np.float32)
     normals = face_normals(n.points.corners)

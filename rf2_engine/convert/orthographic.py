@@ -33,7 +33,8 @@ def _heights_seen(to_clip: np.ndarray, depsgraph) -> np.ndarray:
         obj = instance.object
         if obj.type in {"MESH", "VOLUME"} and instance.show_self and obj.visible_camera:
             placed = to_clip @ np.array(instance.matrix_world)
-            found.append(_heights_inside(np.array(obj.bound_box) @ placed[:3, :3].T + placed[:3, 3]))
+            box = np.array(obj.bound_box) @ placed[:3, :3].T + placed[:3, 3]
+            found.append(_heights_inside(box) if np.isfinite(box).all() else [])
     found = np.concatenate(found)
     return np.array([found.min(), found.max()] if len(found) else [-1.0, -1.0])
 

@@ -75,7 +75,7 @@ def attribute(n: NodeCall):
     points = n.points
     if name in DENSITY_ATTRIBUTES and name not in points.colors:
         return np.ones(1, np.float32)
-    name = name or points.active_color
+    name = name or points.active_color or ""
     found = points.colors.get(name, points.uv.get(name))
     if found is None:
         n.approximated(f'attribute "{name}" is not available, 0.5 is used')

@@ -45,7 +45,8 @@ def fractal(at: np.ndarray, detail: float, roughness: float, lacunarity: float, 
         share = 1.0 if octave <= int(detail) else detail - int(detail)
         if share == 0:
             break
-        progress.report()
+        if at.ndim > 1:
+            progress.report()
         more, weight_with = total + amplitude * perlin(at * np.float32(frequency)), weight + amplitude
         if octave <= int(detail):
             total, weight = more, weight_with
@@ -59,7 +60,7 @@ def fractal(at: np.ndarray, detail: float, roughness: float, lacunarity: float, 
 
 def perlin(at: np.ndarray) -> np.ndarray:
     """Gradient noise, -1 to 1, at points (..., 3) f32 -> (...) f32."""
-    points = np.fmod(at, np.float32(100_000)).reshape(-1, 3).T
+    points = np.nan_to_num(np.fmod(at, np.float32(100_000))).reshape(-1, 3).T
     blocks = [_perlin(np.ascontiguousarray(points[:, i:i + BLOCK])) for i in range(0, points.shape[1], BLOCK)]
     return np.concatenate(blocks).reshape(at.shape[:-1])
 

@@ -92,6 +92,7 @@ def test_what_an_orthographic_camera_does_not_see_does_not_move_its_eye(scene, a
     scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 4
     add_mesh("object", [(-1, 0, -1), (1, 0, -1), (0, 0, 1)])
     alone = view_of(scene, (50, 37))
+    add_mesh("nowhere").matrix_world = Matrix.Translation((float("nan"), 0, 0))
     add_mesh("behind", [(-1, -900, -1), (1, -900, -1), (0, -900, 1)])
     add_mesh("beside", [(300, 500, -1), (301, 500, -1), (300, 500, 1)])
     add_mesh("wall through the camera", [(1, -900, -9), (1, 0, -9), (1, 0, 9), (1, -900, 9)], [(0, 1, 2, 3)])

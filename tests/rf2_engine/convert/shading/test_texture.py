@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, NORMAL, ROUGHNESS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
@@ -319,3 +320,13 @@ def test_other_noises_look_alike_and_are_reported(settings):
     _, emission = MaterialTiles(report).triangle_tiles(made, triangles(1))
     np.testing.assert_allclose(emission, 0.5, atol=0.2)
     assert len(report.lines()) == 1
+
+
+def test_progress_of_a_noise_never_goes_back():
+    empty_cycles_scene()
+    made, tree, shader = material("ShaderNodeEmission", Strength=1.0)
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Color"])
+    fractions = []
+    with progress.reporting(lambda text, fraction: fractions.append(fraction)):
+        MaterialTiles(Report()).triangle_tiles(made, triangles(600))
+    assert fractions == sorted(fractions) and len(fractions) > 9 and len(set(fractions)) == 3
