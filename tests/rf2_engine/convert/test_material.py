@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, IOR, TRANSMISSION, constant_tile
+from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.mesh import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
@@ -204,76 +204,3 @@ def test_colour_attribute_without_a_name_is_the_one_that_renders(output, expecte
     tree.links.new(node.outputs[output], shader.inputs["Color"])
     _, emission = MaterialTiles(Report()).triangle_tiles(made, read_mesh(mesh, "Painted", Report()))
     np.testing.assert_allclose(emission[0], expected, atol=1e-5)
-
-
-def cut_out(made, tree, shader):
-    """Gives a Principled material the alpha of an image whose left half is clear."""
-    image = bpy.data.images.new("Leaf", 2, 1, alpha=True, float_buffer=True)
-    image.pixels.foreach_set(np.float32([1, 1, 1, 0, 1, 1, 1, 1]))
-    texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image, texture.interpolation, texture.extension = image, "Closest", "EXTEND"
-    tree.links.new(texture.outputs["Alpha"], shader.inputs["Alpha"])
-
-
-def test_triangles_that_are_clear_are_left_out_and_others_are_clear_where_alpha_says():
-    made, tree, shader = material(Base_Color=(0.1, 0.6, 0.2, 1))
-    cut_out(made, tree, shader)
-    left = np.array([(0, 0), (0.49, 0), (0, 1)], np.float32)
-    across = np.array([(0, 0), (1, 0), (0, 1)], np.float32)
-    tiles = MaterialTiles(Report())
-    index, emission = tiles.triangle_tiles(made, triangles(3, [left, left + [0.51, 0], across]))
-    assert list(index < 0) == [True, False, False] and not emission.any()
-    leaf, mixed = tiles.tiles[index[1:]].astype(np.float32)
-    np.testing.assert_allclose(leaf[:3, 0, 0], (0.1, 0.6, 0.2), atol=1e-3)
-    assert not leaf[TRANSMISSION].any() and sorted(set(mixed[TRANSMISSION].ravel())) == [0, 1]
-    np.testing.assert_array_equal(mixed[IOR][mixed[TRANSMISSION] == 1], 1)
-
-
-def test_half_an_alpha_lets_through_half_of_the_light():
-    made, _, _ = material(Base_Color=(0.2, 0.2, 0.2, 1), Alpha=0.5, Specular_IOR_Level=0.0, Roughness=1.0)
-    tile, _ = tile_of(made)
-    assert tile[0] * tile[TRANSMISSION] == pytest.approx(0.5, abs=0.01)
-    assert tile[0] * (1 - tile[TRANSMISSION]) == pytest.approx(0.1, abs=0.01)
-
-
-@pytest.mark.parametrize("shader, inputs", [("ShaderNodeBsdfPrincipled", dict(Alpha=0.0)),
-                                            ("ShaderNodeBsdfTransparent", {})])
-def test_invisible_materials_leave_nothing(shader, inputs):
-    made, _, _ = material(shader, **inputs)
-    assert (MaterialTiles(Report()).triangle_tiles(made, triangles(2))[0] == -1).all()
-    glowing, tree, add = material("ShaderNodeAddShader", "Glow")
-    for i, kind in enumerate(("Emission", "BsdfTransparent")):
-        tree.links.new(tree.nodes.new("ShaderNode" + kind).outputs[0], add.inputs[i])
-    index, emission = MaterialTiles(Report()).triangle_tiles(glowing, triangles(2))
-    assert (index >= 0).all() and emission.all()
-
-
-def mixed(first, second, kind="ShaderNodeMixShader"):
-    """Two BSDFs in a Mix or Add Shader."""
-    made, tree, mix = material(kind, "Both")
-    for shader, entry in zip((first, second), list(mix.inputs)[-2:], strict=True):
-        tree.links.new(tree.nodes.new("ShaderNode" + shader).outputs[0], entry)
-    return made
-
-
-@pytest.mark.parametrize("make, message", [
-    (lambda: mixed("BsdfDiffuse", "BsdfGlossy"), "folded"),
-    (lambda: mixed("BsdfDiffuse", "BsdfGlass", "ShaderNodeAddShader"), "folded"),
-    (lambda: mixed("BsdfDiffuse", "Emission", "ShaderNodeAddShader"), "reflects as if"),
-    (lambda: material("ShaderNodeBsdfPrincipled", Emission_Strength=5.0)[0], "reflects as if"),
-    (lambda: material("ShaderNodeBsdfPrincipled", Diffuse_Roughness=0.5)[0], "diffuse roughness"),
-    (lambda: material("ShaderNodeBsdfDiffuse", Roughness=0.5)[0], "diffuse roughness"),
-])
-def test_what_one_bsdf_cannot_show_is_reported(make, message):
-    report = Report()
-    tile_of(make(), report)
-    assert len(report.lines()) == 1 and message in report.lines()[0]
-
-
-@pytest.mark.parametrize("make", [
-    lambda: mixed("Emission", "BsdfTransparent"), lambda: material("ShaderNodeEmission", Strength=5.0)[0],
-    lambda: material("ShaderNodeBsdfDiffuse")[0], lambda: material()[0]])
-def test_what_is_shown_as_it_is_is_not_reported(make):
-    report = Report()
-    tile_of(make(), report)
-    assert not any("folded" in line or "reflects" in line or "roughness" in line for line in report.lines())
