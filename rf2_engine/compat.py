@@ -27,3 +27,9 @@ def has_openimagedenoise() -> bool:
     """False in builds of Blender that were made without it."""
     import _cycles
     return getattr(_cycles, "with_openimagedenoise", True)
+
+
+def working_space() -> str:
+    """Name of the space in which the file's colours are numbers; it can be chosen from Blender 5 on."""
+    colorspace = getattr(bpy.data, "colorspace", None)
+    return colorspace.working_space if colorspace else "Linear Rec.709"

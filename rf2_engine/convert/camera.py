@@ -6,9 +6,7 @@ import numpy as np
 
 from ...model.errors import SceneError
 from ...model.scene import View
-
-# A perspective camera this many frame widths away sees an object one frame deep with 1 % of perspective.
-ORTHOGRAPHIC_DISTANCE = 100.0
+from . import orthographic
 
 
 def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, int, int] | None,
@@ -33,7 +31,7 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
         depsgraph, x=width, y=height, scale_x=scene.render.pixel_aspect_x, scale_y=scene.render.pixel_aspect_y))
     camera_to_world, mirror = _rigid(np.array(camera.matrix_world, np.float64), camera.name, report)
     if camera.data.type == "ORTHO":
-        projection = _perspective(projection, camera_to_world, depsgraph)
+        projection = orthographic.as_perspective(projection, camera_to_world, depsgraph)
         if report is not None:
             report.approximated(camera.name, "orthographic camera is rendered as a distant perspective camera")
     scale = np.array([projection[0, 0], projection[1, 1]])
@@ -67,27 +65,3 @@ def _rigid(matrix: np.ndarray, name: str, report) -> tuple[np.ndarray, float]:
     rigid[:3, 1] = np.cross(backward, rigid[:3, 0])
     rigid[:3, 2], rigid[:3, 3] = backward, matrix[:3, 3]
     return rigid, mirror
-
-
-def _perspective(projection: np.ndarray, camera_to_world: np.ndarray, depsgraph) -> np.ndarray:
-    """The perspective matrix in place of an orthographic one; the framing at the scene's centre stays.
-
-    Moves `camera_to_world` back in place.
-    """
-    position, backward = camera_to_world[:3, 3].copy(), camera_to_world[:3, 2]
-    depths = [np.dot(position - corner, backward) for corner in _bounding_corners(depsgraph)]
-    centre = (min(depths) + max(depths)) / 2 if depths else 0.0
-    distance = ORTHOGRAPHIC_DISTANCE * 2 / min(abs(projection[0, 0]), abs(projection[1, 1]))
-    camera_to_world[:3, 3] = position + (distance - centre) * backward
-    perspective = projection * distance
-    # An offset of the picture is added to it in the last column, but multiplied by depth, which is -z, in the third.
-    perspective[0, 2], perspective[1, 2] = -projection[0, 3], -projection[1, 3]
-    return perspective
-
-
-def _bounding_corners(depsgraph):
-    for instance in depsgraph.object_instances:
-        if instance.object.type in {"MESH", "VOLUME"}:
-            matrix = np.array(instance.matrix_world)
-            for corner in instance.object.bound_box:
-                yield matrix[:3, :3] @ corner + matrix[:3, 3]

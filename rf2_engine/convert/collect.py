@@ -2,27 +2,29 @@
 """One walk over the instances of a depsgraph: what is there, copied out of Blender before anything is computed."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...model import progress
 from . import mesh as meshes
+from .light_linking import dark_emitters
 from .material import MaterialTiles
 from .medium import Medium, mesh_medium
 from .mesh import TriangleMesh
 from .report import Report
 from .shading import volume
 from .vdb import volume_medium
+from .visibility import is_shown
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
                    "SPEAKER"}
 OF_CYCLES = {"CURVES": "hair curves", "POINTCLOUD": "point clouds"}  # in the first hits, but no triangles
 DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
-RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_shadow")
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
 DEFAULT_MEDIUM = (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
+PROBES = 16  # triangles that tell whether a material emits
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles
 
 
@@ -35,7 +37,7 @@ class Part:
     materials: list
     emits: bool
     matrices: list[np.ndarray] = field(default_factory=list)  # (4, 4) f64 each, object to world
-    flux_gain: float = 1.0                                     # what makes up for emitting area lost to simplification
+    flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
 
 
 @dataclass
@@ -96,6 +98,8 @@ def collect(depsgraph, images, report) -> Collected:
 class _Walk:
     def __init__(self, depsgraph, images, report):
         self.depsgraph, self.images, self.report = depsgraph, images, report
+        self.layer = depsgraph.view_layer_eval
+        self.dark = dark_emitters(depsgraph, report)
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
         self._parts: dict[tuple, list[Part]] = {}
@@ -111,7 +115,7 @@ class _Walk:
 
     def _add(self, instance) -> None:
         obj = instance.object
-        if obj.type in WITHOUT_SURFACE or not self._is_seen(obj):
+        if obj.type in WITHOUT_SURFACE or not is_shown(instance, self.layer, self.report):
             return
         matrix = np.array(instance.matrix_world, np.float64)
         if not np.isfinite(matrix).all():
@@ -119,7 +123,8 @@ class _Walk:
         elif obj.type == "MESH":
             self._add_mesh(obj, matrix)
         elif obj.type == "LIGHT":
-            self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
+            if obj.original not in self.dark:
+                self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
         elif obj.type == "VOLUME":
             self._add_volume(obj, matrix)
         elif obj.type in OF_CYCLES:
@@ -129,29 +134,14 @@ class _Walk:
         else:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
-    def _is_seen(self, obj) -> bool:
-        rays = [getattr(obj, name) for name in RAYS]
-        if not any(rays) and not obj.visible_camera:
-            return False
-        if not all(rays):
-            self.report.approximated(obj.name, "Ray Visibility other than Camera is ignored")
-        if obj.type == "LIGHT":
-            return True
-        if obj.is_shadow_catcher:
-            self.report.approximated(obj.name, "a shadow catcher is shown like any object")
-        if obj.is_holdout:
-            self.report.approximated(obj.name, "a holdout lights the scene like any object, and is black unless the "
-                                               "film is transparent")
-        return True
-
     def _add_mesh(self, obj, matrix: np.ndarray) -> None:
         if any(s.settings.type == "HAIR" and s.settings.render_type == "PATH" for s in obj.particle_systems):
             self._add_hair(obj, "particle hair")
-        slots = meshes.material_slots(obj)
+        slots = self._slots(obj)
         mirrored = np.linalg.det(matrix[:3, :3]) < 0
-        key = (obj.data.as_pointer(), mirrored, *(m and m.as_pointer() for m in slots))
+        key = (obj.data.as_pointer(), mirrored, obj.original in self.dark, *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
-            self._parts[key] = self._split(obj, slots, mirrored)
+            self._parts[key] = self._split(obj, slots, matrix, mirrored)
             self.found.parts += self._parts[key]
         for part in self._parts[key]:
             part.matrices.append(matrix)
@@ -167,26 +157,33 @@ class _Walk:
         self.report.approximated(obj.name, f"{what} can be seen, but the network does not know of it: shadows and "
                                            "reflections of it come with Traced Hints alone")
 
-    def _split(self, obj, slots: list, mirrored: bool) -> list[Part]:
+    def _split(self, obj, slots: list, matrix: np.ndarray, mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)
         slot = _slot(mesh, slots)
         surface = np.array([volume.has_surface(material) for material in slots])
-        emits = np.array([self._emits(material, mesh) for material in slots])
-        parts = []
+        emits = np.array([self._emits(material, mesh, matrix) for material in slots])
+        parts, flux_gain = [], 0.0 if obj.original in self.dark else 1.0
         for kind in (False, True):
             chosen = (surface & (emits == kind))[slot]
             if chosen.any():
                 part = mesh.take(chosen)
                 part.slot = slot[chosen]
-                parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind))
+                parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind, flux_gain=flux_gain))
         return parts
 
-    def _emits(self, material, mesh: TriangleMesh) -> bool:
-        """Whether the material radiates anywhere on the unit square of a mesh with these UV and colour layers."""
+    def _slots(self, obj) -> list:
+        override = self.layer.material_override
+        return [override] if override else meshes.material_slots(obj)
+
+    def _emits(self, material, mesh: TriangleMesh, matrix: np.ndarray) -> bool:
+        """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs."""
         probe = MaterialTiles(Report())
         probe.images = self.images
-        colors = {name: np.ones((2, 3, 3), np.float32) for name in mesh.colors}
-        return probe.triangle_tiles(material, dict.fromkeys(mesh.uv, UNIT_SQUARE), mesh.active_uv, 2, colors)[1].any()
+        some = mesh.take(np.linspace(0, len(mesh) - 1, PROBES).astype(int)) if len(mesh) else mesh
+        square = np.resize(UNIT_SQUARE, (len(some), 3, 2))
+        white = np.ones((len(some), 3, 4), np.float32)
+        some = replace(some, uv=dict.fromkeys(mesh.uv, square), colors=dict.fromkeys(mesh.colors, white))
+        return probe.triangle_tiles(material, some, matrix)[1].any()
 
     def _mesh(self, obj) -> TriangleMesh:
         pointer = obj.data.as_pointer()
@@ -195,7 +192,7 @@ class _Walk:
         return self._read[pointer]
 
     def _add_volume(self, obj, matrix: np.ndarray) -> None:
-        material = meshes.material_slots(obj)[0]
+        material = self._slots(obj)[0]
         coefficients = volume.volume_coefficients(material, self.report) if material else DEFAULT_MEDIUM
         if coefficients is None:
             self.report.skipped(obj.name, f'its material "{material.name}" has no volume shader')

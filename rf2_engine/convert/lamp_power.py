@@ -13,8 +13,11 @@ from .shading.node_call import NodeCall
 from .shading.surface import closure_at
 
 
-def lamp_strength(light, name: str, report) -> np.ndarray | None:
-    """(3,) energy times colour, exposure, temperature and node tree; None when the lamp gives no light."""
+def lamp_strength(light, name: str, report, distance: float = 1.0) -> np.ndarray | None:
+    """(3,) energy times colour, exposure, temperature and node tree; None when the lamp gives no light.
+
+    distance: from the lamp to the middle of what is looked at, for lamps that do not fall off with its square.
+    """
     if light.type == "AREA" and light.cycles.is_portal:
         report.skipped(name, "a light portal only guides Cycles' sampling")
         return None
@@ -22,7 +25,7 @@ def lamp_strength(light, name: str, report) -> np.ndarray | None:
     if getattr(light, "use_temperature", False):
         strength = strength * np.array(light.temperature_color)
     if light.use_nodes and light.node_tree is not None:
-        strength = strength * _node_strength(light, name, report)
+        strength = strength * _node_strength(light, name, report, distance)
     strength = report.finite(name, "its strength", strength)
     if not light.use_shadow:
         report.approximated(name, "a lamp without shadows casts shadows")
@@ -32,11 +35,11 @@ def lamp_strength(light, name: str, report) -> np.ndarray | None:
     return strength if strength.any() else None
 
 
-def _node_strength(light, name, report) -> np.ndarray:
+def _node_strength(light, name, report, distance) -> np.ndarray:
     output = graph.output_node(light.node_tree)
     if output is None:
         return np.zeros(3)
-    evaluator = Evaluator(Points(), ImageCache(report), report, name)
+    evaluator = Evaluator(Points(distance=distance), ImageCache(report), report, name)
     return closure_at(NodeCall(evaluator, output), "Surface").emission.astype(np.float64)
 
 

@@ -70,17 +70,16 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
     matrix_world: (4, 4) of the object; light: bpy Light; name: of the object, for the report; center (3,) and radius:
     bounding sphere of the scene, world units, which decides where a sun stands and how small a lamp may be.
     """
-    strength = lamp_strength(light, name, report)
+    matrix, center = np.asarray(matrix_world, np.float64), np.asarray(center, np.float64)
+    strength = lamp_strength(light, name, report, float(np.linalg.norm(matrix[:3, 3] - center)))
     if strength is None:
         return DARK
-    matrix = np.asarray(matrix_world, np.float64)
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if not all(scale[axis] for axis in NEEDED_AXES[light.type]):
         report.skipped(name, "a lamp scaled to nothing gives no light: reset its scale")
         return DARK
     return CONVERTERS[light.type](PlacedLamp(
-        light, strength, name, report, matrix[:3, 3], _rotation(matrix), scale, np.asarray(center, np.float64),
-        max(radius, 1e-6), detail))
+        light, strength, name, report, matrix[:3, 3], _rotation(matrix), scale, center, max(radius, 1e-6), detail))
 
 
 def _area(lamp: PlacedLamp) -> RenderScene:

@@ -2,6 +2,8 @@
 """Blender materials to material tiles and emission (docs/scene-input.md 3, 4)."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...model import progress
@@ -15,21 +17,23 @@ from ...model.scene import (
     TILE_CHANNELS,
     TILE_SIZE,
     TRANSMISSION,
-    barycentric_grid,
     constant_tile,
 )
+from .mesh import TriangleMesh, face_normals
 from .shading import graph
-from .shading.closure import Closure, SurfaceParameters, parameters
-from .shading.evaluate import Evaluator, Points
+from .shading.closure import Closure, SurfaceParameters, lobe, parameters
+from .shading.evaluate import Evaluator, Points, interpolated
 from .shading.image import ImageCache
 from .shading.node_call import NodeCall
 from .shading.surface import closure_at
 from .shading.volume import has_surface
 
+IDENTITY = np.eye(4)
 CHUNK = 256                  # triangles evaluated at once
 HEIGHT_UNIT = 0.025          # world units of displacement at height 1
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
 DARK_FRACTION = 0.01         # triangles this much darker than the brightest one of an emission texture do not shine
+CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 
@@ -48,32 +52,32 @@ class MaterialTiles:
         empty = np.zeros((0, TILE_CHANNELS, TILE_SIZE, TILE_SIZE), np.float16)
         return np.concatenate([empty, *self._chunks])
 
-    def triangle_tiles(self, material, uv_layers: dict[str, np.ndarray], active_uv: str | None, n: int,
-                       colors: dict[str, np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Tiles and emission of `n` triangles that wear `material` (a bpy Material or None).
+    def triangle_tiles(self, material, mesh: TriangleMesh, to_world=IDENTITY,
+                       instances: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """Tiles and emission of n triangles that all wear `material` (a bpy Material or None).
 
-        uv_layers: (n, 3, 2) f32 per UV layer, corner order of the triangles; active_uv: the layer that Blender renders
-        by default; colors: (n, 3, 3) f32 scene-linear per colour attribute. Returns tile index (n,) i32 and radiance
-        (n, 3) f32. A homogeneous material has one tile, one with textures a tile per triangle.
+        to_world: (4, 4) matrix of the first of so many instances. Returns tile index (n,) i32, -1 where there is as
+        good as nothing (CLEAR), and radiance (n, 3) f32. A homogeneous material has one tile, one with textures a tile
+        per triangle.
         """
+        n = len(mesh)
         emission = np.zeros((n, 3), np.float32)
         if n == 0:
             return np.zeros(0, np.int32), emission
         if material is None:
             return np.full(n, self._constant_index(constant_tile()), np.int32), emission
-        index = np.empty(n, np.int32)
-        uv = {name: np.pad(layer, ((0, 0), (0, 0), (0, 1))) for name, layer in uv_layers.items()}
-        corner_data = uv, colors or {}
+        index, nothing, reflects = np.empty(n, np.int32), np.zeros(n, bool), False
         for start in range(0, n, CHUNK):
-            progress.report(start / n)
             part = slice(start, min(start + CHUNK, n))
-            on_grid = [{name: _interpolated(layer[part]) for name, layer in data.items()} for data in corner_data]
-            points = Points(uv=on_grid[0], active_uv=active_uv, colors=on_grid[1], camera_ray=True)
-            surface, height = self._evaluate(material, points)
+            with progress.part(start / n, part.stop / n):
+                progress.report()
+                surface, height = self._evaluate(material, _points(mesh.take(part), to_world, instances))
             emission[part] = self.report.finite(material.name, "its emission", _triangle_mean(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
-            if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1:
-                index[:], emission[:] = self._constant_index(tiles[0]), emission[start]
+            reflects |= surface.base_color.any()
+            nothing[part] = _triangle_mean(surface.clear)[..., 0] > CLEAR
+            if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
+                index[:], emission[:], nothing[:] = self._constant_index(tiles[0]), emission[start], nothing[start]
                 break
             if len(tiles) == 1:
                 index[part] = self._constant_index(tiles[0])
@@ -84,6 +88,9 @@ class MaterialTiles:
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
             index[emitters] = self._constant_index(EMITTER_TILE)
+            if reflects:
+                self.report.approximated(material.name, "where it shines it reflects as if it were white and matt")
+        index[nothing & ~emission.any(axis=1)] = -1
         return index, emission
 
     def _evaluate(self, material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
@@ -91,11 +98,13 @@ class MaterialTiles:
         evaluator = Evaluator(points, self.images, self.report, material.name)
         if tree is None:
             color = np.array(material.diffuse_color[:3], np.float32)
-            return SurfaceParameters(color, *(np.full(1, x, np.float32) for x in (0, 1, 1, 0)),
-                                     np.array([0, 0, 1], np.float32), np.zeros(3, np.float32)), np.zeros(1, np.float32)
+            return parameters(lobe(color)), np.zeros(1, np.float32)
         output = graph.output_node(tree)
         output = None if output is None else NodeCall(evaluator, output)
         closure = Closure() if output is None else closure_at(output, "Surface")
+        if evaluator.depends_on_ray:
+            lighting = Evaluator(replace(points, camera_ray=False), self.images, self.report, material.name)
+            closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
         if not closure.weight.any() and not closure.emission.any() and has_surface(material):
             self.report.approximated(material.name, "no surface shader reaches the Material Output: it is black")
         return parameters(closure), _height(material, output)
@@ -113,7 +122,7 @@ class MaterialTiles:
 
 
 def _height(material, output: NodeCall | None) -> np.ndarray:
-    """Displacement over 0.025 world units (docs/scene-input.md 4.6); objects are taken to be of scale 1."""
+    """Displacement over 0.025 world units (docs/scene-input.md 4.6)."""
     n = None if output is None else output.source("Displacement")
     if n is None:
         return np.zeros(1, np.float32)
@@ -121,11 +130,25 @@ def _height(material, output: NodeCall | None) -> np.ndarray:
         n.approximated(f"{n.node.bl_label} displacement is left out")
         return np.zeros(1, np.float32)
     displacement = (n["Height"] - n["Midlevel"]) * n["Scale"] / HEIGHT_UNIT
+    if n.node.space == "OBJECT":
+        displacement = displacement * _normal_scale(n)
     if material.displacement_method == "BUMP":
         n.approximated("displacement as bump only is shown as displacement")
     if np.any(np.abs(displacement) > 1):
         n.approximated(f"displacement is limited to {HEIGHT_UNIT} units")
     return np.clip(displacement, -1, 1)
+
+
+def _normal_scale(n: NodeCall) -> np.ndarray:
+    """(1,), or (m, 1, 1, 1) of an object scaled unevenly: how much its matrix lengthens the normal of a triangle."""
+    linear = n.points.to_world[:3, :3]
+    scale = np.linalg.svd(linear, compute_uv=False)
+    if n.points.instances > 1:
+        n.approximated("all instances of a mesh are displaced as far as the first one, whatever their scale")
+    if np.ptp(scale) < 1e-3 * scale.max():
+        return scale[:1].astype(np.float32)
+    normals = face_normals(n.points.corners)
+    return np.linalg.norm(normals @ linear.T, axis=1).astype(np.float32)[:, None, None, None]
 
 
 def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
@@ -141,15 +164,17 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
     return tiles
 
 
-def _interpolated(corners: np.ndarray) -> np.ndarray:
-    """(m, 3, c) corner values -> (m, 32, 32, c) on the tile grid, extrapolated beyond the hypotenuse."""
-    return np.einsum("rck,mkd->mrcd", barycentric_grid(), corners, optimize=True).astype(np.float32)
+def _points(mesh: TriangleMesh, to_world, instances: int) -> Points:
+    uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
+    colors = {name: interpolated(layer) for name, layer in mesh.colors.items()}
+    return Points(uv, mesh.active_uv, colors, mesh.active_color, mesh.corners, mesh.texture_space, to_world, instances,
+                  camera_ray=True)
 
 
-def _triangle_mean(emission: np.ndarray) -> np.ndarray:
-    """(3,) or (m, 32, 32, 3) -> (3,) or (m, 3): mean over the cells inside the triangle."""
-    if emission.ndim == 1:
-        return emission
+def _triangle_mean(values: np.ndarray) -> np.ndarray:
+    """(c,) or (m, 32, 32, c) -> (c,) or (m, c): mean over the cells inside the triangle."""
+    if values.ndim == 1:
+        return values
     rows = np.arange(TILE_SIZE)
     inside = rows[:, None] + rows[None] < TILE_SIZE
-    return emission[:, inside].mean(axis=1)
+    return values[:, inside].mean(axis=1)

@@ -2,6 +2,7 @@
 """Volume objects and meshes with a volume shader as occupied cells (docs/scene-input.md 5, mostly 5.3-5.6)."""
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -64,12 +65,23 @@ def cells(media: list[Medium], report) -> Volumes | None:
     Boxes are drawn with fewer, larger cells (the finest first) when they do not fit, and the report says so.
     """
     per_axis = [CELLS] * len(media)
-    parts = [_occupied(medium, CELLS) for medium in media]
-    while sum(map(len, parts)) > MAX_CELLS and max(per_axis) > 1:
-        finest = min((i for i, n in enumerate(per_axis) if n > 1),
-                     key=lambda i: float(np.prod(media[i].size)) / per_axis[i] ** 3)
-        per_axis[finest] //= 2
-        parts[finest] = _occupied(media[finest], per_axis[finest])
+    parts = []
+    for i, medium in enumerate(media):
+        with progress.part(0.7 * i / len(media), 0.7 * (i + 1) / len(media)):
+            parts.append(_occupied(medium, CELLS))
+    too_many = surplus = sum(map(len, parts)) - MAX_CELLS
+    finest_first = [(float(np.prod(medium.size)), i) for i, medium in enumerate(media)]
+    heapq.heapify(finest_first)
+    with progress.part(0.7, 1.0):
+        while surplus > 0 and finest_first:
+            volume, i = heapq.heappop(finest_first)
+            per_axis[i] //= 2
+            done = max(1 - surplus / too_many, 0)
+            with progress.part(done, done):
+                before, parts[i] = len(parts[i]), _occupied(media[i], per_axis[i])
+            surplus += len(parts[i]) - before
+            if per_axis[i] > 1:
+                heapq.heappush(finest_first, (volume * 8, i))
     room = MAX_CELLS
     for i, medium in enumerate(media):
         if len(parts[i]) > room:
@@ -119,6 +131,7 @@ def mesh_medium(name: str, matrix: np.ndarray, corners: np.ndarray, scattering, 
         centres = (np.arange(resolution) + 0.5) / resolution - 0.5
         filled = np.zeros((resolution,) * 3, np.float32)
         for i, x in enumerate(centres):
+            progress.report(i / resolution)
             for j, y in enumerate(centres):
                 # A hair off the centre, so that no ray runs along the edges of a regular mesh.
                 crossings = _crossings(tree, x + 1.3e-4, y + 2.7e-4)

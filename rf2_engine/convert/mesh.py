@@ -19,8 +19,10 @@ class TriangleMesh:
     normals: np.ndarray            # (n, 3, 3) f32, unit shading normal per corner
     uv: dict[str, np.ndarray]      # layer -> (n, 3, 2) f32
     active_uv: str | None          # the layer that renders where a material names none
-    colors: dict[str, np.ndarray]  # colour attribute -> (n, 3, 3) f32, scene-linear
+    colors: dict[str, np.ndarray]  # colour attribute -> (n, 3, 4) f32, scene-linear, with alpha
+    active_color: str | None       # the one that renders where a material names none
     slot: np.ndarray               # (n,) i32, material slot
+    texture_space: np.ndarray      # (2, 3) f32, middle and half size of the box of Generated coordinates
 
     def __len__(self) -> int:
         return len(self.corners)
@@ -59,8 +61,9 @@ def read_mesh(mesh, name: str, report) -> TriangleMesh:
         if attribute.domain in {"POINT", "CORNER"}:
             index = loop if attribute.domain == "CORNER" else vertex
             rgba = _read(attribute.data, "color", 4 * len(attribute.data)).reshape(-1, 4)
-            colors[attribute.name] = np.ascontiguousarray(rgba[index, :3])
-    triangles = TriangleMesh(position[vertex], normal[loop], uv, active, colors, slot)
+            colors[attribute.name] = rgba[index]
+    space = np.float32([mesh.texspace_location, mesh.texspace_size])
+    triangles = TriangleMesh(position[vertex], normal[loop], uv, active, colors, _render_color(mesh), slot, space)
     return _without_broken(triangles, name, report)
 
 
@@ -135,6 +138,11 @@ def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
         mesh = mesh.take(solid)
     normals = unit_or(mesh.normals, face_normals(mesh.corners)[:, None])
     return replace(mesh.mapped(lambda layer: np.nan_to_num(layer, posinf=0, neginf=0)), normals=normals)
+
+
+def _render_color(mesh) -> str | None:
+    index, layers = mesh.color_attributes.render_color_index, mesh.color_attributes
+    return layers[index].name if 0 <= index < len(layers) else None
 
 
 def _read(collection, attribute: str, size: int, dtype=np.float32) -> np.ndarray:

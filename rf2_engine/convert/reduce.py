@@ -2,6 +2,8 @@
 """Fewer triangles for meshes that do not fit the token budget, by QSlim (docs/scene-input.md 2.3)."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mathutils.bvhtree import BVHTree
@@ -137,7 +139,8 @@ def _dressed(corners: np.ndarray, source: TriangleMesh, nearest: np.ndarray) -> 
         uv[name] = np.where(torn[:, None, None], from_centre, per_corner).astype(np.float32)
     colors = {name: np.einsum("mck,mckx->mcx", clamped, layer[at_corner]).astype(np.float32)
               for name, layer in source.colors.items()}
-    return TriangleMesh(corners, meshes.unit_or(normals, face), uv, source.active_uv, colors, source.slot[at_centre])
+    return replace(source, corners=corners, normals=meshes.unit_or(normals, face), uv=uv, colors=colors,
+                   slot=source.slot[at_centre])
 
 
 def _torn(uv: np.ndarray, corners: np.ndarray, reference_uv: np.ndarray, reference: np.ndarray) -> np.ndarray:

@@ -30,6 +30,8 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     steady: given the box found here, the one to take.
     Raises SceneError when the scene cannot be converted at all.
     """
+    if (space := compat.working_space()) != "Linear Rec.709":
+        report.approximated("Working Space", f"{space} is taken for Linear Rec.709: textures, skies are off in colour")
     materials = MaterialTiles(report)
     with progress.part(0.0, 0.5):
         found = collect(depsgraph, materials.images, report)
@@ -50,7 +52,8 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     with progress.part(0.9, 0.95, "Converting volumes"):
         scene.volumes = medium.cells(found.media, report)
     with progress.part(0.95, 1.0, "Converting the world"):
-        scene.environment = convert_world(compat.world(depsgraph), report)
+        world = compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
+        scene.environment = convert_world(world, report)
     scene.focus = focus
     scene.validate()
     return scene
@@ -85,7 +88,7 @@ def _simplify(found: Collected, budget: int, report) -> None:
         area = meshes.areas(part.mesh.corners).sum()
         with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying meshes, {i + 1} of {len(parts)}"):
             part.mesh = reduce.simplify(part.mesh, int(share))
-        part.flux_gain = area / meshes.areas(part.mesh.corners).sum()
+        part.flux_gain *= area / meshes.areas(part.mesh.corners).sum()
         report.approximated(part.name, f"simplified from {before} to {len(part.mesh)} triangles")
 
 
@@ -152,6 +155,10 @@ def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScen
     for i, part in enumerate(parts):
         with progress.part(i / len(parts), (i + 1) / len(parts), f"Reading materials, {i + 1} of {len(parts)}"):
             tile_index, emission = _materials(part, materials)
+            there = tile_index >= 0
+            if not there.all():
+                report.approximated(part.name, f"{np.count_nonzero(~there)} of its {len(there)} triangles, transparent "
+                                               "nearly everywhere, are left out")
             for matrix in part.matrices:
                 progress.report(1.0)
                 corners, normals = meshes.transform(part.mesh, matrix)
@@ -159,7 +166,7 @@ def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScen
                 if not solid.any():
                     report.skipped(part.name, "it is scaled to nothing")
                 for name, values in zip(rows, (corners, normals, emission, tile_index), strict=True):
-                    rows[name].append(values[solid])
+                    rows[name].append(values[solid & there])
     scene = RenderScene(tiles=materials.tiles)
     for name, values in rows.items():
         if values:
@@ -176,8 +183,7 @@ def _materials(part: Part, materials: MaterialTiles) -> tuple[np.ndarray, np.nda
     slots = np.unique(mesh.slot)
     for i, slot in enumerate(slots):
         rows = np.flatnonzero(mesh.slot == slot)
-        chosen = mesh.take(rows)
         with progress.part(i / len(slots), (i + 1) / len(slots)):
             tile_index[rows], emission[rows] = materials.triangle_tiles(
-                part.materials[slot], chosen.uv, chosen.active_uv, len(chosen), chosen.colors)
+                part.materials[slot], mesh.take(rows), part.matrices[0], len(part.matrices))
     return tile_index, emission * np.float32(part.flux_gain)

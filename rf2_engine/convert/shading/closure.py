@@ -33,6 +33,7 @@ class Closure:
     ior: np.ndarray = None
     normal: np.ndarray = None        # (..., 3)
     emission: np.ndarray = None      # (..., 3) radiance
+    clear: np.ndarray = None         # (..., 1) share of the light that goes straight through
 
     def __post_init__(self):
         for f in fields(self):
@@ -57,6 +58,7 @@ class SurfaceParameters:
     transmission: np.ndarray
     normal: np.ndarray
     emission: np.ndarray
+    clear: np.ndarray
 
 
 def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal=UP) -> Closure:
@@ -69,6 +71,16 @@ def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal
                    np.clip(ior, *IOR_RANGE), normal, BLACK)
 
 
+def window(color) -> Closure:
+    """What lets light of this colour straight through: transmission of index 1, which bends nothing.
+
+    Principled tints by the root of its base colour: the colour is squared.
+    """
+    closure = lobe(color ** 2, roughness=ZERO, transmission=ONE)
+    closure.clear = np.clip(color, 0, 1).mean(axis=-1, keepdims=True)
+    return closure
+
+
 def parameters(closure: Closure) -> SurfaceParameters:
     """Divide the sums by their weights; a surface without any BSDF (a pure emitter) is black and matt."""
     def mean(total, weight, default):
@@ -78,7 +90,8 @@ def parameters(closure: Closure) -> SurfaceParameters:
         base_color=np.clip(closure.color, 0, 1).astype(np.float32),
         metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),
         ior=mean(closure.ior, closure.weight, 1.0), transmission=mean(closure.transmission, closure.lobe, 0.0),
-        normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32))
+        normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
+        clear=closure.clear)
 
 
 def effective_ior(ior, level) -> np.ndarray:

@@ -7,27 +7,47 @@ not depend on the point keep the bare shape (1,) or (3,), so "is this material h
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from ....model.color import LUMINANCE
-from . import colors, graph, inputs, maths, sky, texture
+from ....model.scene import barycentric_grid
+from . import colors, graph, inputs, lamp, maths, noise, sky, texture
 from .image import ImageCache
 from .node_call import NodeCall
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
-FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS, **sky.FUNCTIONS}
+FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS, **sky.FUNCTIONS,
+             **lamp.FUNCTIONS, **noise.FUNCTIONS}
 
 
 @dataclass
 class Points:
-    """Where a graph is evaluated. Surfaces fill `uv` and `colors`, the world fills `direction`, lamps fill nothing."""
+    """Where a graph is evaluated. Surfaces fill most of it, the world `direction` alone, lamps `distance` alone."""
 
     uv: dict[str, np.ndarray] = field(default_factory=dict)      # (m, 32, 32, 3) f32 per UV layer
     active_uv: str | None = None
-    colors: dict[str, np.ndarray] = field(default_factory=dict)  # (m, 32, 32, 3) f32 per colour attribute
+    colors: dict[str, np.ndarray] = field(default_factory=dict)  # (m, 32, 32, 4) f32 per colour attribute
+    active_color: str | None = None
+    corners: np.ndarray | None = None                            # (m, 3, 3) f32, in the frame of the object
+    texture_space: np.ndarray | None = None                      # (2, 3) f32 (mesh.py)
+    to_world: np.ndarray | None = None                           # (4, 4) f64, of the first instance
+    instances: int = 1
     direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
+    distance: float = 1.0                                        # from a lamp to the middle of what is looked at
     camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
+
+    @cached_property
+    def position(self) -> np.ndarray:
+        """(m, 32, 32, 3) f32 in the frame of the object."""
+        return interpolated(self.corners)
+
+    @property
+    def generated(self) -> np.ndarray:
+        """(m, 32, 32, 3) f32, 0 to 1 across the mesh's texture space."""
+        middle, half = self.texture_space
+        return (self.position - middle) * np.divide(0.5, half, out=np.zeros(3, np.float32), where=half != 0) + 0.5
 
 
 class Evaluator:
@@ -35,6 +55,7 @@ class Evaluator:
 
     def __init__(self, points: Points, images: ImageCache, report, owner: str):
         self.points, self.images, self.report, self.owner = points, images, report, owner
+        self.depends_on_ray = False  # whether a Light Path was asked
         self._memo: dict = {}
         self._depth = 0
 
@@ -42,11 +63,11 @@ class Evaluator:
         """Value arriving at an input socket, (..., 1) or (..., 3) by the socket's own type."""
         end, output, inner = graph.source(socket, frames)
         if output is None:
-            return cast(_default(end), socket.type)
+            return cast(_default(end), socket.type, end.type)
         key = (output.node.as_pointer(), output.as_pointer(), tuple(f.as_pointer() for f in inner))
         if key not in self._memo:
             self._memo[key] = np.asarray(self._computed(NodeCall(self, output.node, output, inner)), np.float32)
-        return cast(self._memo[key], socket.type)
+        return cast(self._memo[key], socket.type, output.type)
 
     def _computed(self, n: NodeCall) -> np.ndarray:
         if self._depth == LONGEST_CHAIN:
@@ -66,10 +87,17 @@ def average(n: NodeCall) -> np.ndarray:
     return sum(found) / len(found) if found else np.full(1, 0.5, np.float32)
 
 
-def cast(value: np.ndarray, socket_type: str) -> np.ndarray:
+def interpolated(corners: np.ndarray) -> np.ndarray:
+    """(m, 3, c) corner values -> (m, 32, 32, c) on the tile grid, extrapolated beyond the hypotenuse."""
+    return np.einsum("rck,mkd->mrcd", barycentric_grid(), corners, optimize=True).astype(np.float32)
+
+
+def cast(value: np.ndarray, socket_type: str, from_type: str) -> np.ndarray:
     """Blender's implicit conversion: colour to number is luminance, vector to number is the mean."""
     if socket_type in ("VALUE", "INT", "BOOLEAN"):
-        return value if value.shape[-1] == 1 else value @ LUMINANCE[:, None]
+        if value.shape[-1] == 1:
+            return value
+        return value.mean(axis=-1, keepdims=True) if from_type == "VECTOR" else value @ LUMINANCE[:, None]
     if value.shape[-1] == 1:
         return np.repeat(value, 3, axis=-1)
     return value

@@ -21,7 +21,8 @@ def value(n: NodeCall):
 
 
 def light_path(n: NodeCall):
-    """Materials answer as seen by the camera; the world and lamps answer as they light the scene."""
+    """BSDFs answer as seen by the camera; what radiates answers as it lights the scene."""
+    n.evaluator.depends_on_ray = True
     if n.points.camera_ray:
         return np.array([n.output.name == "Is Camera Ray"], np.float32)
     return np.array([LIT.get(n.output.name, 0.0)], np.float32)
@@ -44,11 +45,21 @@ def geometry(n: NodeCall):
     name, direction = n.output.name, n.points.direction
     if direction is not None and name in ("Position", "Normal", "True Normal", "Incoming"):
         return direction if name == "Position" else -direction
+    if name == "Position" and n.points.corners is not None:
+        return world_position(n)
     if name == "Backfacing":
         n.approximated("both sides of a face get the front side's material")
         return np.zeros(1, np.float32)
     n.approximated(f'"{name}" is not known per texel, 0.5 is used')
     return np.full(1, 0.5, np.float32)
+
+
+def world_position(n: NodeCall) -> np.ndarray:
+    """(m, 32, 32, 3) f32; a tile can only know one instance of its mesh."""
+    if n.points.instances > 1:
+        n.approximated("all instances of a mesh look as the first one does at its place")
+    matrix = n.points.to_world.astype(np.float32)
+    return n.points.position @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def passed_through(n: NodeCall):
@@ -64,13 +75,14 @@ def attribute(n: NodeCall):
     points = n.points
     if name in DENSITY_ATTRIBUTES and name not in points.colors:
         return np.ones(1, np.float32)
-    if not name and points.colors:
-        name = next(iter(points.colors))
+    name = name or points.active_color or ""
     found = points.colors.get(name, points.uv.get(name))
     if found is None:
         n.approximated(f'attribute "{name}" is not available, 0.5 is used')
         return np.full(1, 0.5, np.float32)
-    return np.ones(1, np.float32) if n.output.name == "Alpha" else found
+    if n.output.name == "Alpha":
+        return found[..., 3:] if found.shape[-1] == 4 else np.ones(1, np.float32)
+    return found[..., :3].mean(axis=-1, keepdims=True) if n.output.type == "VALUE" else found[..., :3]
 
 
 def density(n: NodeCall):

@@ -55,6 +55,15 @@ class NodeCall:
             return None
         return self.evaluator.value(socket, self.frames)
 
+    def coordinates(self) -> np.ndarray:
+        """The Vector input of a texture; unlinked it means the direction in the world, elsewhere Generated."""
+        vector, points = self.linked("Vector"), self.points
+        if vector is not None:
+            return vector
+        if points.direction is not None:
+            return points.direction
+        return np.zeros(3, np.float32) if points.corners is None else points.generated
+
     def source(self, key) -> NodeCall | None:
         """The node that feeds an input, None if there is none."""
         socket = self._input(key)

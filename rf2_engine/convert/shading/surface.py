@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .closure import BLACK, ONE, WHITE, ZERO, Closure, effective_ior, lobe
+from .closure import BLACK, ONE, WHITE, ZERO, Closure, effective_ior, lobe, window
 from .node_call import NodeCall
 from .normal_map import tangent_normal
 
@@ -22,16 +22,24 @@ def unknown(n: NodeCall):
 
 def mix(n: NodeCall):
     factor = np.clip(n[0], 0, 1)
-    return closure_at(n, 1) * (1 - factor) + closure_at(n, 2) * factor
+    return _folded(n, closure_at(n, 1) * (1 - factor), closure_at(n, 2) * factor)
 
 
 def add(n: NodeCall):
-    return closure_at(n, 0) + closure_at(n, 1)
+    return _folded(n, closure_at(n, 0), closure_at(n, 1))
+
+
+def _folded(n: NodeCall, first: Closure, second: Closure) -> Closure:
+    """The sum of two closures; what of it one BSDF cannot show is reported."""
+    if np.any((first.color.any(axis=-1)) & second.color.any(axis=-1)):
+        n.approximated("two BSDFs are folded into one that lies between them")
+    return first + second
 
 
 UNSUPPORTED = {  # input of Principled BSDF: what is lost when it is not 0
     "Coat Weight": "coat is left out", "Sheen Weight": "sheen is left out", "Anisotropic": "anisotropy is left out",
     "Subsurface Weight": "subsurface scattering is shown as diffuse", "Thin Film Thickness": "thin film is left out",
+    "Diffuse Roughness": "diffuse roughness is left out",
 }
 
 
@@ -50,10 +58,12 @@ def principled(n: NodeCall):
     if np.all(alpha >= 1):
         return surface
     n.approximated("alpha below 1 is shown as transmission without refraction")
-    return surface * alpha + lobe(WHITE, roughness=ZERO, transmission=ONE) * (1 - alpha)
+    return surface * alpha + window(WHITE) * (1 - alpha)
 
 
 def diffuse(n: NodeCall):
+    if n.kind == "ShaderNodeBsdfDiffuse" and np.any(n["Roughness"] > 0):
+        n.approximated("diffuse roughness is left out")
     return lobe(n["Color"], normal=tangent_normal(n))
 
 
@@ -82,7 +92,7 @@ def glass(n: NodeCall):
 
 def transparent(n: NodeCall):
     n.approximated("transparency is shown as transmission without refraction")
-    return lobe(n["Color"] ** 2, roughness=ZERO, transmission=ONE)
+    return window(n["Color"])
 
 
 def specular_workflow(n: NodeCall):

@@ -6,6 +6,7 @@ import numpy as np
 
 from ....model.geometry import latlong_uv, rotation_matrix
 from .image import sample
+from .inputs import world_position
 from .node_call import NodeCall
 from .normal_map import UP
 
@@ -17,10 +18,20 @@ def coordinate(n: NodeCall):
     if direction is not None:
         if name not in WORLD_COORDINATES:
             n.approximated(f'coordinate "{name}" is evaluated as Generated')
-        return direction
+        return direction if name != "Object" or n.node.object is None else _seen_from(n.node.object, direction)
+    if name in ("Generated", "Object") and n.points.corners is not None:
+        if name == "Generated":
+            return n.points.generated
+        return n.points.position if n.node.object is None else _seen_from(n.node.object, world_position(n))
     if name != "UV":
         n.approximated(f'coordinate "{name}" is not known per texel, the active UV map is used')
     return active_uv(n)
+
+
+def _seen_from(obj, points: np.ndarray) -> np.ndarray:
+    """World points (..., 3) in the frame of an object. Cycles takes a direction of the world for a point, too."""
+    matrix = np.array(obj.matrix_world.inverted_safe(), np.float32)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def uv_map(n: NodeCall):
@@ -106,29 +117,18 @@ def environment_texture(n: NodeCall):
 
 
 def checker(n: NodeCall):
-    cell = np.floor(_vector(n) * n["Scale"] * 0.999999 + 1e-6)
+    cell = np.floor(n.coordinates() * n["Scale"] * 0.999999 + 1e-6)
     first = (cell.sum(axis=-1, keepdims=True) % 2 == 1).astype(np.float32)
     return first if n.output.name == "Fac" else n["Color1"] * first + n["Color2"] * (1 - first)
 
 
 def gradient(n: NodeCall):
-    x, y, z = np.split(_vector(n), 3, axis=-1)
+    x, y, z = np.split(n.coordinates(), 3, axis=-1)
     ball = np.maximum(1 - np.sqrt(x * x + y * y + z * z), 0)
     t = np.clip(x, 0, 1)
     values = {"LINEAR": x, "QUADRATIC": np.maximum(x, 0) ** 2, "EASING": t * t * (3 - 2 * t), "DIAGONAL": (x + y) / 2,
               "RADIAL": np.arctan2(y, x) / (2 * np.pi) + 0.5, "SPHERICAL": ball, "QUADRATIC_SPHERE": ball * ball}
     return np.clip(values[n.node.gradient_type], 0, 1)
-
-
-def _vector(n: NodeCall):
-    """The Vector input; unlinked it means the direction in the world, elsewhere the UV map."""
-    vector = n.linked("Vector")
-    if vector is not None:
-        return vector
-    if n.points.direction is not None:
-        return n.points.direction
-    n.approximated("generated coordinates are not known per texel, the active UV map is used")
-    return active_uv(n)
 
 
 FUNCTIONS = {

@@ -31,7 +31,7 @@ def add_mesh(scene):
         for material in materials:
             mesh.materials.append(material)
         obj = bpy.data.objects.new(name, mesh)
-        scene.collection.objects.link(obj)
+        bpy.context.scene.collection.objects.link(obj)
         return obj
     return add
 

@@ -74,3 +74,26 @@ def test_impossible_cameras_are_errors_that_name_them(scene):
     scene.camera = None
     with pytest.raises(SceneError, match="no camera"):
         view_of(scene, (50, 37))
+
+
+def test_eye_in_place_of_an_orthographic_camera_is_behind_all_that_it_sees(scene, add_mesh):
+    scene.camera.data.type, scene.camera.data.ortho_scale, scene.camera.data.clip_end = "ORTHO", 2, 5000
+    scene.camera.matrix_world = Matrix.Translation((0, -600, 20)) @ Matrix.Rotation(1.5, 4, "X")
+    add_mesh("ground", [(-900, -900, 0), (900, -900, 0), (900, 900, 0), (-900, 900, 0)], [(0, 1, 2, 3)])
+    near = Vector((0, -590, 19.3))  # 10 m before the camera; what is seen of the ground is 280 m away
+    add_mesh("near", [near, near + Vector((0.1, 0, 0)), near + Vector((0, 0, 0.1))])
+    view = view_of(scene, (50, 37))
+    ahead = -view.camera_to_world[:3, 2] @ (np.array(near) - view.camera_to_world[:3, 3])
+    assert ahead > 0
+    np.testing.assert_allclose(project(view, near), blender_pixels(scene, (50, 37), near), atol=2)
+
+
+def test_what_an_orthographic_camera_does_not_see_does_not_move_its_eye(scene, add_mesh):
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 4
+    add_mesh("object", [(-1, 0, -1), (1, 0, -1), (0, 0, 1)])
+    alone = view_of(scene, (50, 37))
+    add_mesh("nowhere").matrix_world = Matrix.Translation((float("nan"), 0, 0))
+    add_mesh("behind", [(-1, -900, -1), (1, -900, -1), (0, -900, 1)])
+    add_mesh("beside", [(300, 500, -1), (301, 500, -1), (300, 500, 1)])
+    add_mesh("wall through the camera", [(1, -900, -9), (1, 0, -9), (1, 0, 9), (1, -900, 9)], [(0, 1, 2, 3)])
+    np.testing.assert_allclose(view_of(scene, (50, 37)).camera_to_world[:3, 3], alone.camera_to_world[:3, 3], atol=3)

@@ -10,6 +10,7 @@ from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, lamp
+from tests.rf2_engine.convert.token_light import integrated
 
 POSE = Matrix.Translation((0.3, -0.2, 2.5)) @ Matrix.Rotation(0.4, 4, "X") @ Matrix.Rotation(0.3, 4, "Y")
 POINTS = [((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), ((-1.0, -0.3, 0.2), (0.3, 0.1, 1.0))]
@@ -33,25 +34,6 @@ def converted(obj, report=None, detail=FINE):
     scene = convert_light(np.array(obj.matrix_world), obj.data, obj.name, report or Report(), np.zeros(3), 1.0, detail)
     scene.validate()
     return scene
-
-
-def integrated(scene, point, normal, cuts=12):
-    """(3,) unshadowed irradiance: sum over cut triangles of L beam cos cos / d^2 dA, both cosines one-sided."""
-    i, j = np.meshgrid(np.arange(cuts), np.arange(cuts), indexing="ij")
-    upright, turned = i + j < cuts, i + j < cuts - 1
-    middle = np.concatenate([np.stack([i, j], -1)[upright] + 1 / 3, np.stack([i, j], -1)[turned] + 2 / 3]) / cuts
-    weights = np.concatenate([middle, 1 - middle.sum(axis=1, keepdims=True)], axis=1)
-    corners = scene.triangles.astype(np.float64)
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None] / 2 / len(weights)
-    away = np.asarray(point) - np.einsum("gk,nkd->ngd", weights, corners)
-    distance = np.linalg.norm(away, axis=-1, keepdims=True)
-    away = away / distance
-    emitted = np.maximum((away * area).sum(axis=-1), 0)
-    received = np.maximum(-away @ (np.asarray(normal) / np.linalg.norm(normal)), 0)
-    outer, inner = (scene.beam_cosine[:, k, None].astype(np.float64) for k in (0, 1))
-    t = np.clip(((away * scene.beam_axis[:, None]).sum(axis=-1) - outer) / np.maximum(inner - outer, 1e-9), 0, 1)
-    beam = np.where(scene.beam_axis.any(axis=1)[:, None], t * t * (3 - 2 * t), 1)
-    return (emitted * received * beam / distance[..., 0] ** 2).sum(axis=1) @ scene.emission
 
 
 @pytest.mark.parametrize("settings", LAMPS.values(), ids=LAMPS)
@@ -151,6 +133,47 @@ def test_node_tree_of_a_lamp_scales_its_light():
     emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (1, 0.5, 0.25, 1), 3
     point, normal = POINTS[0]
     np.testing.assert_allclose(integrated(converted(obj), point, normal), irradiance(point, normal), rtol=0.05)
+
+
+@pytest.mark.parametrize("output, smooth", [("Quadratic", 0.0), ("Quadratic", 3.0), ("Linear", 0.0), ("Constant", 0.5)])
+def test_light_falloff_is_right_at_the_middle(output, smooth):
+    empty_cycles_scene()
+    obj, report = lamp("POINT", POSE, energy=20, shadow_soft_size=0.1), Report()
+    obj.data.use_nodes = True
+    tree = obj.data.node_tree
+    node = tree.nodes.new("ShaderNodeLightFalloff")
+    node.inputs["Strength"].default_value, node.inputs["Smooth"].default_value = 2, smooth
+    tree.links.new(node.outputs[output], tree.nodes["Emission"].inputs["Strength"])
+    point, normal = POINTS[0]
+    np.testing.assert_allclose(integrated(converted(obj, report), point, normal), irradiance(point, normal), rtol=0.05)
+    assert bool(report.entries) == (output != "Quadratic" or smooth > 0)
+
+
+IES = """IESNA:LM-63-1995
+TILT=NONE
+1 1000 2.0 3 1 1 2 0 0 0 1.0 1.0 100
+0 90 180
+0
+500 500 500
+"""
+
+
+def test_ies_profile_gives_its_power_evenly_or_says_why_not():
+    empty_cycles_scene()
+    obj, report = lamp("POINT", POSE, energy=2, shadow_soft_size=0.1), Report()
+    obj.data.use_nodes = True
+    tree, text = obj.data.node_tree, bpy.data.texts.new("even.ies")
+    text.write(IES)
+    node = tree.nodes.new("ShaderNodeTexIES")
+    node.mode, node.ies = "INTERNAL", text
+    tree.links.new(node.outputs["Fac"], tree.nodes["Emission"].inputs["Strength"])
+    point, normal = POINTS[0]
+    expected = irradiance(point, normal)
+    assert expected.min() > 0
+    np.testing.assert_allclose(integrated(converted(obj, report), point, normal), expected, rtol=0.05)
+    assert "evenly" in report.lines()[0]
+    text.from_string("no profile")
+    assert len(converted(obj, report)) == 0 and "cannot be read" in report.lines()[1]
 
 
 def test_what_a_lamp_loses_is_reported():

@@ -6,12 +6,14 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.mesh import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.closure import effective_ior
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.inputs import blackbody_color
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
+from tests.rf2_engine.convert.triangles import triangles
 
 
 @pytest.fixture(autouse=True)
@@ -22,7 +24,7 @@ def scene():
 def tile_of(made, report=None):
     """(11,) parameters and (3,) radiance of a homogeneous material."""
     tiles = MaterialTiles(report or Report())
-    index, emission = tiles.triangle_tiles(made, {}, None, 3)
+    index, emission = tiles.triangle_tiles(made, triangles(3))
     assert len(tiles.tiles) <= 2 and len(set(index)) == 1
     tile = tiles.tiles[index[0]]
     assert (tile == tile[:, :1, :1]).all()
@@ -88,7 +90,7 @@ def test_emission_texture_is_averaged_per_triangle():
     across = np.array([(0, 0), (1, 0), (0.5, 1)], np.float32)
     uv = np.stack([left, left + [0.5, 0], across]).astype(np.float32)
     tiles = MaterialTiles(Report())
-    index, emission = tiles.triangle_tiles(made, {"UVMap": uv}, "UVMap", 3)
+    index, emission = tiles.triangle_tiles(made, triangles(3, uv))
     np.testing.assert_allclose(emission[:, 0], [0, 8, 4], atol=0.15)
     assert tiles.tiles[index[1], 0, 0, 0] == 1 and tiles.tiles[index[0], 0, 0, 0] == 0
 
@@ -120,15 +122,22 @@ def test_active_output_for_cycles_wins():
     np.testing.assert_allclose(tile_of(made)[0][:3], (0, 1, 0))
 
 
-def test_displacement_becomes_height():
+@pytest.mark.parametrize("space, scale, expected", [
+    ("OBJECT", (1, 1, 1), 0.5), ("OBJECT", (2, 2, 2), 1), ("OBJECT", (0.4, 0.4, 1.5), 0.75), ("WORLD", (2, 2, 2), 0.5)])
+def test_displacement_becomes_height(space, scale, expected):
+    """Measured in Cycles: a plane at 0.1 above midlevel rises by that times its scale along its normal, in space OBJECT
+    alone."""
     made, tree, _ = material()
     made.displacement_method = "BOTH"
     node = tree.nodes.new("ShaderNodeDisplacement")
+    node.space = space
     for name, value in (("Height", 0.75), ("Midlevel", 0.5), ("Scale", 0.05)):
         node.inputs[name].default_value = value
     output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
     tree.links.new(node.outputs[0], output.inputs["Displacement"])
-    assert tile_of(made)[0][HEIGHT] == pytest.approx(0.5, abs=1e-3)
+    tiles = MaterialTiles(Report())
+    index, _ = tiles.triangle_tiles(made, triangles(2), np.diag([*scale, 1.0]))
+    np.testing.assert_allclose(tiles.tiles[index, HEIGHT], expected, atol=1e-3)
 
 
 def test_vertex_colours_vary_inside_a_triangle():
@@ -137,7 +146,7 @@ def test_vertex_colours_vary_inside_a_triangle():
     node.layer_name = "Paint"
     tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
     tiles = MaterialTiles(Report())
-    index, _ = tiles.triangle_tiles(made, {}, None, 1, {"Paint": np.eye(3, dtype=np.float32)[None]})
+    index, _ = tiles.triangle_tiles(made, triangles(1, colors={"Paint": np.eye(3, 4)[None]}))
     tile = tiles.tiles[index[0]].astype(np.float32)
     np.testing.assert_allclose(tile[:3, 0, 31], (0.984375, 0.015625, 0), atol=1e-3)
     np.testing.assert_allclose(tile[:3, 0, 0], (0.015625, 0.015625, 0.96875), atol=1e-3)
@@ -145,12 +154,12 @@ def test_vertex_colours_vary_inside_a_triangle():
 
 def test_a_report_names_material_and_node():
     made, tree, shader = material(name="Rock", Coat_Weight=1.0)
-    noise = tree.nodes.new("ShaderNodeTexNoise")
-    tree.links.new(noise.outputs["Color"], shader.inputs["Base Color"])
+    cells = tree.nodes.new("ShaderNodeTexVoronoi")
+    tree.links.new(cells.outputs["Color"], shader.inputs["Base Color"])
     report = Report()
     tile_of(made, report)
     assert all("Rock" in line for line in report.lines())
-    assert any("Noise Texture" in line for line in report.lines()) and any("coat" in line for line in report.lines())
+    assert any("Voronoi Texture" in line for line in report.lines()) and any("coat" in line for line in report.lines())
     empty, tree, _ = material(name="Empty")
     tree.links.clear()
     assert_tile(empty, report, base_color=(0, 0, 0))
@@ -178,3 +187,20 @@ def test_black_bodies_have_blenders_colour(kelvin):
     light.use_temperature, light.temperature = True, kelvin
     bpy.context.view_layer.update()
     np.testing.assert_allclose(blackbody_color(kelvin), light.temperature_color, rtol=0.05, atol=0.03)
+
+
+@pytest.mark.parametrize("output, expected", [("Color", (0.1, 0.2, 0.6)), ("Alpha", (0.25,) * 3), ("Fac", (0.3,) * 3)])
+def test_colour_attribute_without_a_name_is_the_one_that_renders(output, expected):
+    made, tree, shader = material("ShaderNodeEmission", Strength=1.0)
+    mesh = bpy.data.meshes.new("Painted")
+    mesh.from_pydata([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [], [(0, 1, 2, 3)])
+    for name, color in (("First", (1, 1, 1, 1)), ("Second", (0.1, 0.2, 0.6, 0.25))):
+        layer = mesh.color_attributes.new(name, "FLOAT_COLOR", "POINT")
+        layer.data.foreach_set("color", np.tile(np.float32(color), 4))
+    mesh.color_attributes.render_color_index = 1
+    node = tree.nodes.new("ShaderNodeAttribute" if output == "Fac" else "ShaderNodeVertexColor")
+    if output == "Fac":
+        node.attribute_name = "Second"
+    tree.links.new(node.outputs[output], shader.inputs["Color"])
+    _, emission = MaterialTiles(Report()).triangle_tiles(made, read_mesh(mesh, "Painted", Report()))
+    np.testing.assert_allclose(emission[0], expected, atol=1e-5)

@@ -4,6 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert import vdb
 
 
@@ -97,3 +99,45 @@ def test_many_volumes_share_the_cells_and_it_is_reported(converted, absorbing, r
     cells = np.prod(volumes.scale / 8, axis=1)
     assert cells.sum() == pytest.approx(8 * (1 + 1.1 + 1.2 + 1.3), rel=1e-3)
     assert any("cells per axis" in message for _, _, message in report.entries)
+
+
+def test_use_volumes_of_the_view_layer_hides_volume_objects_alone(add_grid, converted, absorbing):
+    add_grid(np.ones((8, 8, 8)), 1 / 8)
+    bpy.context.view_layer.use_volumes = False
+    assert converted().volumes is None
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.data.materials.append(absorbing)
+    assert len(converted().volumes) == 512  # as Cycles does
+
+
+def test_gas_domains_are_left_out_by_name(converted, absorbing, report, tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    domain = bpy.context.object
+    domain.data.materials.append(absorbing)
+    modifier = domain.modifiers.new("Fluid", "FLUID")
+    modifier.show_viewport = False  # nothing is simulated here
+    modifier.fluid_type = "DOMAIN"
+    modifier.domain_settings.cache_directory = str(tmp_path)
+    assert modifier.domain_settings.domain_type == "GAS"
+    scene = converted()
+    assert scene.volumes is None and len(scene) == 0
+    assert ("skipped", domain.name) in [entry[:2] for entry in report.entries]
+    modifier.domain_settings.domain_type = "LIQUID"
+    assert converted().volumes is not None
+
+
+def test_filling_a_volume_shows_progress_and_can_be_cancelled(converted, absorbing):
+    for i in range(3):
+        bpy.ops.mesh.primitive_cube_add(location=(4 * i, 0, 0))
+        bpy.context.object.data.materials.append(absorbing)
+    fractions = []
+
+    def listen(text, fraction):
+        if text == "Converting volumes":
+            fractions.append(fraction)
+            if len(fractions) == 100:
+                raise RenderCancelled
+
+    with pytest.raises(RenderCancelled), progress.reporting(listen):
+        converted()
+    assert fractions == sorted(fractions) and len(set(fractions)) > 50

@@ -112,3 +112,24 @@ def test_progress_names_the_object_count_and_can_cancel(converted, add_mesh):
         raise RenderCancelled
     with pytest.raises(RenderCancelled), progress.reporting(cancel):
         converted()
+
+
+def test_clear_triangles_are_left_out_by_name(converted, add_mesh, add_material, report):
+    glass = add_material("Clear")
+    glass.node_tree.nodes["Principled BSDF"].inputs["Alpha"].default_value = 0
+    add_mesh("Decal", materials=[glass])
+    add_mesh("Wall")
+    assert len(converted()) == 1
+    assert any(name == "Decal" and "transparent" in message for _, name, message in report.entries)
+
+
+def test_a_working_space_other_than_rec709_is_reported(converted, report):
+    def told():
+        return any(name == "Working Space" for _, name, _ in report.entries)
+
+    converted()
+    assert not told()
+    if hasattr(bpy.data, "colorspace"):  # Blender 5
+        bpy.ops.wm.set_working_color_space(working_space="ACEScg")
+        converted()
+        assert told()

@@ -11,6 +11,7 @@ from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.model.geometry import latlong_directions, rotation_matrix
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert_world
+from mathutils import Euler, Matrix
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, world
 
@@ -147,3 +148,20 @@ def test_sky_is_computed_once_and_can_be_cancelled_meanwhile():
             raise RenderCancelled
     with pytest.raises(RenderCancelled), progress.reporting(cancel):
         convert_world(sky_world(0.32), Report())
+
+
+def test_object_coordinates_of_the_world_are_as_in_cycles():
+    empty_cycles_scene(samples=512)
+    made, tree, background = world()
+    pivot = bpy.data.objects.new("Pivot", None)
+    bpy.context.scene.collection.objects.link(pivot)
+    pivot.matrix_world = Matrix.LocRotScale((0.2, 0.1, -0.3), Euler((0.9, 0.3, 0.4)), (1, 2, 1.5))
+    coordinate, positive = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeVectorMath")
+    coordinate.object, positive.operation = pivot, "ABSOLUTE"
+    tree.links.new(coordinate.outputs["Object"], positive.inputs[0])
+    tree.links.new(positive.outputs[0], background.inputs["Color"])
+    bpy.context.view_layer.update()
+    environment = convert_world(made, Report())
+    for normal in ((0, 0, 1), (1, 0, 0.1), (0, -1, 0)):
+        expected = irradiance((0, 0, 0), normal)
+        np.testing.assert_allclose(gathered(environment, normal), expected, rtol=0.03, atol=0.02)

@@ -4,11 +4,14 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, NORMAL, ROUGHNESS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+from mathutils import Euler, Matrix
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, seen_flat_on
+from tests.rf2_engine.convert.triangles import triangles
 
 LOW, HIGH = -0.6, 1.7  # UV range of the square that both pictures show
 
@@ -65,7 +68,7 @@ def tile_and_picture(build, report=None):
     tree.links.new(build(tree), diffuse.inputs["Color"])
     tiles = MaterialTiles(report or Report())
     uv = np.array([[(HIGH, LOW), (LOW, HIGH), (LOW, LOW)]], np.float32)
-    index, _ = tiles.triangle_tiles(made, {"UVMap": uv}, "UVMap", 1)
+    index, _ = tiles.triangle_tiles(made, triangles(1, uv))
     return tiles.tiles[index[0], BASE_COLOR].astype(np.float32), np.moveaxis(picture, -1, 0)
 
 
@@ -85,7 +88,7 @@ def test_four_colours_land_at_the_right_tile_corners():
     tree.links.new(color, shader.inputs["Base Color"])
     tiles = MaterialTiles(Report())
     uv = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], np.float32)
-    index, emission = tiles.triangle_tiles(made, {"UVMap": uv}, "UVMap", 2)
+    index, emission = tiles.triangle_tiles(made, triangles(2, uv))
     first, second = tiles.tiles[index, BASE_COLOR].astype(np.float32)
     assert not emission.any()
     np.testing.assert_array_equal(first[:, 0, 31], (1, 0, 0))   # corner 0, UV (0, 0)
@@ -153,6 +156,12 @@ def test_node_matches_cycles(image, node):
     assert not report.entries
 
 
+def test_a_vector_becomes_a_number_as_in_cycles(image):
+    double = "ShaderNodeVectorMath", dict(operation="ADD"), {0: None, 1: (0.1, 0.2, 0.3)}
+    half = "ShaderNodeMath", dict(operation="MULTIPLY"), {0: None, 1: 0.5}
+    assert_same(*tile_and_picture(lambda tree: graph(tree, image, double, half)[1]), share=0.97)
+
+
 def test_srgb_images_are_decoded(image):
     stored(image, image.pixels[:], "sRGB")
 
@@ -192,7 +201,7 @@ def test_many_texels_per_cell_are_averaged():
     tree.links.new(graph(tree, image)[1], shader.inputs["Color"])
     tiles = MaterialTiles(Report())
     uv = np.array([[(1, 0), (0, 1), (0, 0)]], np.float32)
-    index, _ = tiles.triangle_tiles(made, {"UVMap": uv}, "UVMap", 1)
+    index, _ = tiles.triangle_tiles(made, triangles(1, uv))
     blocks = noise[..., :3].reshape(32, 16, 32, 16, 3).mean(axis=(1, 3))
     np.testing.assert_allclose(np.moveaxis(tiles.tiles[index[0], BASE_COLOR], 0, -1), blocks, atol=2e-3)
 
@@ -209,7 +218,7 @@ def test_normal_map_and_roughness_reach_their_channels(image):
     tree.links.new(separate.outputs["Green"], shader.inputs["Roughness"])
     tiles = MaterialTiles(Report())
     uv = np.array([[(1, 0), (0, 1), (0, 0)]], np.float32)
-    index, _ = tiles.triangle_tiles(made, {"UVMap": uv}, "UVMap", 1)
+    index, _ = tiles.triangle_tiles(made, triangles(1, uv))
     tile = tiles.tiles[index[0]].astype(np.float32)
     pixels = np.array(image.pixels[:]).reshape(6, 8, 4)
     np.testing.assert_allclose(tile[ROUGHNESS, 0, [0, 31]], pixels[0, [0, 7], 1], atol=1e-3)
@@ -225,7 +234,7 @@ def test_missing_file_is_magenta_and_named(tmp_path):
     tree.links.new(graph(tree, image)[1], shader.inputs["Base Color"])
     report, uv = Report(), np.zeros((3, 3, 2), np.float32)
     tiles = MaterialTiles(report)
-    index, _ = tiles.triangle_tiles(made, {"UVMap": uv}, "UVMap", 3)
+    index, _ = tiles.triangle_tiles(made, triangles(3, uv))
     np.testing.assert_array_equal(tiles.tiles[index[0], BASE_COLOR, 7, 7], (1, 0, 1))
     assert "Wall" in report.lines()[0] and "gone.png" in report.lines()[0]
 
@@ -235,5 +244,89 @@ def test_missing_uv_map_is_reported(image):
     tree.links.new(graph(tree, image)[1], shader.inputs["Base Color"])
     report = Report()
     tiles = MaterialTiles(report)
-    index, _ = tiles.triangle_tiles(made, {}, None, 4)
+    index, _ = tiles.triangle_tiles(made, triangles(4))
     assert len(set(index)) == 1 and "no UV map" in report.lines()[0]
+
+
+@pytest.mark.parametrize("output", ["Generated", "Object", "of another object", "Position", "unlinked"])
+def test_coordinates_of_the_mesh_match_cycles(output):
+    empty_cycles_scene(samples=1)
+    other = bpy.data.objects.new("Other", None)
+    bpy.context.scene.collection.objects.link(other)
+    other.matrix_world = Matrix.LocRotScale((0.3, 0.1, 0.2), Euler((0.2, 0.3, 0.4)), (0.5, 0.7, 0.9))
+
+    def build(tree):
+        kind = "NewGeometry" if output == "Position" else "TexCoord"
+        coordinate, checker = tree.nodes.new("ShaderNode" + kind), tree.nodes.new("ShaderNodeTexChecker")
+        checker.inputs["Scale"].default_value = 3.3
+        if output == "unlinked":
+            return checker.outputs["Color"]
+        offset = tree.nodes.new("ShaderNodeVectorMath")  # away from the plane z = 0, where cells meet
+        offset.inputs[1].default_value = (0.01, 0.02, 0.13)
+        if output == "of another object":
+            coordinate.object = other
+        tree.links.new(coordinate.outputs["Object" if output == "of another object" else output], offset.inputs[0])
+        tree.links.new(offset.outputs[0], checker.inputs["Vector"])
+        return checker.outputs["Color"]
+
+    report = Report()
+    assert_same(*tile_and_picture(build, report), share=0.9)
+    assert not report.entries
+
+
+def test_instances_share_what_depends_on_their_place_and_it_is_reported():
+    empty_cycles_scene()
+    made, tree, shader = material("ShaderNodeBsdfDiffuse")
+    tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Position"], shader.inputs["Color"])
+    report = Report()
+    MaterialTiles(report).triangle_tiles(made, triangles(1), np.eye(4), instances=2)
+    assert "all instances" in report.lines()[0]
+
+
+@pytest.mark.parametrize("settings", [
+    dict(), dict(Detail=0.0), dict(Detail=3.6, Roughness=0.7, Lacunarity=2.3), dict(Distortion=1.5), dict(Scale=80.0),
+    dict(normalize=False), dict(output="Color", Detail=1.5)], ids=str)
+def test_noise_matches_cycles(settings):
+    empty_cycles_scene(samples=1)
+    settings = dict(settings)
+    output = settings.pop("output", "Fac")
+
+    def build(tree):
+        node = tree.nodes.new("ShaderNodeTexNoise")
+        for name, value in settings.items():
+            if name in node.inputs:
+                node.inputs[name].default_value = value
+            else:
+                setattr(node, name, value)
+        coordinate = tree.nodes.new("ShaderNodeTexCoord")
+        tree.links.new(coordinate.outputs["Object"], node.inputs["Vector"])
+        return next(o for o in node.outputs if o.name.startswith(output))
+
+    report = Report()
+    assert_same(*tile_and_picture(build, report), share=0.98, atol=0.02)
+    assert not report.entries
+
+
+@pytest.mark.parametrize("settings", [dict(noise_dimensions="2D"), dict(noise_dimensions="1D"),
+                                      dict(noise_dimensions="4D"), dict(noise_type="RIDGED_MULTIFRACTAL")], ids=str)
+def test_other_noises_look_alike_and_are_reported(settings):
+    empty_cycles_scene()
+    made, tree, shader = material("ShaderNodeEmission", Strength=1.0)
+    node = tree.nodes.new("ShaderNodeTexNoise")
+    for name, value in settings.items():
+        setattr(node, name, value)
+    tree.links.new(next(o for o in node.outputs if o.name == "Color"), shader.inputs["Color"])
+    report = Report()
+    _, emission = MaterialTiles(report).triangle_tiles(made, triangles(1))
+    np.testing.assert_allclose(emission, 0.5, atol=0.2)
+    assert len(report.lines()) == 1
+
+
+def test_progress_of_a_noise_never_goes_back():
+    empty_cycles_scene()
+    made, tree, shader = material("ShaderNodeEmission", Strength=1.0)
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Color"])
+    fractions = []
+    with progress.reporting(lambda text, fraction: fractions.append(fraction)):
+        MaterialTiles(Report()).triangle_tiles(made, triangles(600))
+    assert fractions == sorted(fractions) and len(fractions) > 9 and len(set(fractions)) == 3

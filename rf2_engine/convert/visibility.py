@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which of the depsgraph's instances the rendered view layer shows, and what of their visibility is lost."""
+from __future__ import annotations
+
+RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_shadow")
+
+
+def is_shown(instance, layer, report) -> bool:
+    """Whether any ray of Cycles meets an instance; `layer` is the evaluated view layer."""
+    obj = instance.object
+    gas = _is_gas(obj)
+    if not (layer.use_volumes if gas or obj.type == "VOLUME" else layer.use_solid or obj.type == "LIGHT"):
+        return False
+    host = instance.parent if instance.is_instance and instance.parent else obj  # an instancer hides what it instances
+    rays = [getattr(obj, ray) and getattr(host, ray) for ray in RAYS]
+    if not any(rays) and not (obj.visible_camera and host.visible_camera):
+        return False
+    if gas:
+        report.skipped(obj.name, "simulated gas is not read; bake it as OpenVDB and import that as a Volume")
+        return False
+    if not all(rays):
+        report.approximated(obj.name, "Ray Visibility other than Camera is ignored")
+    if obj.type == "LIGHT":
+        return True
+    if obj.is_shadow_catcher:
+        report.approximated(obj.name, "a shadow catcher is shown like any object")
+    if host.holdout_get(view_layer=layer):  # its own, or that of a collection
+        report.approximated(obj.name, "a holdout lights the scene like any object, and is black unless the "
+                                      "film is transparent")
+    return True
+
+
+def _is_gas(obj) -> bool:
+    """Whether Cycles shows the smoke and fire inside the domain that this mesh is, and never the mesh."""
+    return any(modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings
+               and modifier.domain_settings.domain_type == "GAS" for modifier in obj.modifiers)

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the light tokens of a converted scene say, integrated numerically, to compare with cycles_reference.py."""
+import numpy as np
+
+
+def integrated(scene, point, normal, cuts=12):
+    """(3,) unshadowed irradiance: sum over cut triangles of L beam cos cos / d^2 dA, both cosines one-sided."""
+    i, j = np.meshgrid(np.arange(cuts), np.arange(cuts), indexing="ij")
+    upright, turned = i + j < cuts, i + j < cuts - 1
+    middle = np.concatenate([np.stack([i, j], -1)[upright] + 1 / 3, np.stack([i, j], -1)[turned] + 2 / 3]) / cuts
+    weights = np.concatenate([middle, 1 - middle.sum(axis=1, keepdims=True)], axis=1)
+    corners = scene.triangles.astype(np.float64)
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None] / 2 / len(weights)
+    away = np.asarray(point) - np.einsum("gk,nkd->ngd", weights, corners)
+    distance = np.linalg.norm(away, axis=-1, keepdims=True)
+    away = away / distance
+    emitted = np.maximum((away * area).sum(axis=-1), 0)
+    received = np.maximum(-away @ (np.asarray(normal) / np.linalg.norm(normal)), 0)
+    outer, inner = (scene.beam_cosine[:, k, None].astype(np.float64) for k in (0, 1))
+    t = np.clip(((away * scene.beam_axis[:, None]).sum(axis=-1) - outer) / np.maximum(inner - outer, 1e-9), 0, 1)
+    beam = np.where(scene.beam_axis.any(axis=1)[:, None], t * t * (3 - 2 * t), 1)
+    return (emitted * received * beam / distance[..., 0] ** 2).sum(axis=1) @ scene.emission
