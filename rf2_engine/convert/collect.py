@@ -34,6 +34,7 @@ class Part:
     mesh: TriangleMesh
     materials: list
     emits: bool
+    is_shown: bool                                             # to the camera
     matrices: list[np.ndarray] = field(default_factory=list)  # (4, 4) f64 each, object to world
     flux_gain: float = 1.0                                     # what makes up for emitting area lost to simplification
 
@@ -149,7 +150,7 @@ class _Walk:
             self._add_hair(obj, "particle hair")
         slots = meshes.material_slots(obj)
         mirrored = np.linalg.det(matrix[:3, :3]) < 0
-        key = (obj.data.as_pointer(), mirrored, *(m and m.as_pointer() for m in slots))
+        key = (obj.data.as_pointer(), mirrored, obj.visible_camera, *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
             self._parts[key] = self._split(obj, slots, mirrored)
             self.found.parts += self._parts[key]
@@ -178,7 +179,7 @@ class _Walk:
             if chosen.any():
                 part = mesh.take(chosen)
                 part.slot = slot[chosen]
-                parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind))
+                parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind, obj.visible_camera))
         return parts
 
     def _emits(self, material, mesh: TriangleMesh) -> bool:
