@@ -142,7 +142,8 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
 
 
 def _of_layer(layer) -> dict:
-    return {key: getattr(layer, key) for key in ("layer", "size", "triangles", "tokens", "weights", "report")} | {
+    told = "layer", "size", "triangles", "tokens", "weights", "report", "reference_samples"
+    return {key: getattr(layer, key) for key in told} | {
         "seconds": {stage: round(seconds, 3) for stage, seconds in layer.seconds.items()}}
 
 
