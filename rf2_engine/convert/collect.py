@@ -122,7 +122,8 @@ class _Walk:
         elif obj.type == "LIGHT":
             self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
         elif obj.type == "VOLUME":
-            self._add_volume(obj, matrix)
+            if self.depsgraph.view_layer_eval.use_volumes:
+                self._add_volume(obj, matrix)
         elif obj.type in OF_CYCLES:
             self._add_hair(obj, OF_CYCLES[obj.type])
         elif obj.type in DRAWINGS:
