@@ -16,6 +16,7 @@ from .scene import Guides, RenderScene, View
 
 HALF_EXTENT = 0.5          # of the scene's box, in network units
 CENTRAL_IRRADIANCE = 4.0   # W/m^2 that all lights and the environment together bring to the scene's centre
+DARK = 1e-12               # W/m^2 that are as good as no light
 NEAREST_LIGHT = 0.5        # network units; an emitter inside the scene must not decide the exposure alone
 
 
@@ -86,7 +87,7 @@ def _exposure(scene: RenderScene, center: np.ndarray, scale: float) -> float:
     if scene.environment is not None:
         rows = np.sin(np.pi * (np.arange(scene.environment.shape[0]) + 0.5) / scene.environment.shape[0])
         irradiance += np.pi * np.average(scene.environment.mean(axis=(1, 2)), weights=rows)
-    return CENTRAL_IRRADIANCE / float(irradiance) if irradiance > 1e-12 else 1.0
+    return CENTRAL_IRRADIANCE / max(abs(float(irradiance)), DARK)  # what a network draws without light is divided away
 
 
 def _beam(axis: np.ndarray, cosine: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -98,11 +98,11 @@ def key_of(blender_name: str) -> str:
 def of_view_layer(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[Pass]:
     """The passes that were ticked for this view layer, of the light passes those whose keys are in `lighting`.
 
-    A first hit that has the name of a shader AOV is among them, for Blender then marks the AOV as in conflict.
+    What we compute under the name of a shader AOV is among them, for Blender then marks the AOV as in conflict.
     """
     taken = {aov.name for aov in view_layer.aovs}
-    ticked = [p for p in PASSES if (p.is_asked(view_layer) and (p.source != "lighting" or p.key in lighting))
-              or (p.source == "guide" and p.blender_name in taken)]
+    ticked = [p for p in PASSES if (p.source != "lighting" or p.key in lighting) and (
+        p.is_asked(view_layer) or p.source in ("guide", "lighting") and p.blender_name in taken)]
     return ticked + [*_cryptomattes(view_layer), *_shader_aovs(view_layer)]
 
 

@@ -17,13 +17,13 @@ from .registering import handlers
 LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way
 FARTHEST = 1.0      # between their centres, in sides of the kept one
 
-_boxes: dict[tuple[str, str], np.ndarray] = {}  # by scene and camera
+_boxes: dict[tuple[str, str, str], np.ndarray] = {}  # by scene, view layer and camera
 
 
 def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[np.ndarray], np.ndarray]:
     """A function that takes the box (2, 3) of this frame and gives the one of its shot."""
     scene = depsgraph.scene_eval
-    key = scene.name, scene.camera.name if scene.camera else ""
+    key = scene.name, depsgraph.view_layer_eval.name, scene.camera.name if scene.camera else ""
 
     def settled(box: np.ndarray) -> np.ndarray:
         if key not in _boxes or _has_left(_boxes[key], box):

@@ -27,7 +27,7 @@ def patches(scene: RenderScene) -> tuple[Tensor, Tensor, Tensor]:
 
 def _albedo(scene: RenderScene) -> np.ndarray:
     """(tiles, 3) share of the light that a tile's surface sends on, as if all of it were diffuse."""
-    mean = scene.tiles.astype(np.float32).mean(axis=(2, 3))
+    mean = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     base, metallic, transmission = mean[:, BASE_COLOR], mean[:, METALLIC, None], mean[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
     return base * (metallic + (1 - metallic) * inside) + SPECULAR * (1 - metallic)

@@ -48,6 +48,12 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
                 width, height, size, corner)
 
 
+def clip_start(depsgraph) -> float:
+    """World units along the axis of the camera's View before which it sees nothing; 0 of an orthographic camera."""
+    data = depsgraph.scene_eval.camera.data
+    return data.clip_start if data.type == "PERSP" else 0.0
+
+
 def _rigid(matrix: np.ndarray, name: str, report) -> tuple[np.ndarray, float]:
     """`matrix` without scale and shear, and -1 if it mirrors the picture.
 

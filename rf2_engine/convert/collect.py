@@ -2,15 +2,16 @@
 """One walk over the instances of a depsgraph: what is there, copied out of Blender before anything is computed."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ...model import progress
 from . import mesh as meshes
+from .collected import Collected, LampInstance, Part
 from .light_linking import dark_emitters
 from .material import MaterialTiles
-from .medium import Medium, mesh_medium
+from .medium import mesh_medium
 from .mesh import TriangleMesh
 from .report import Report
 from .shading import volume
@@ -26,65 +27,6 @@ DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
 DEFAULT_MEDIUM = (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
 PROBES = 16  # triangles that tell whether a material emits
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles
-
-
-@dataclass
-class Part:
-    """One mesh with its materials, and everywhere it stands. Emitting triangles are a part of their own."""
-
-    name: str
-    mesh: TriangleMesh
-    materials: list
-    emits: bool
-    matrices: list[np.ndarray] = field(default_factory=list)  # (4, 4) f64 each, object to world
-    flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
-
-
-@dataclass
-class LampInstance:
-    """One lamp, as bright as its data-block says and wherever it stands."""
-
-    name: str           # of the object
-    matrix: np.ndarray  # (4, 4) f64, object to world
-    light: object       # bpy Light
-
-
-@dataclass
-class Collected:
-    parts: list[Part] = field(default_factory=list)
-    lamps: list[LampInstance] = field(default_factory=list)
-    media: list[Medium] = field(default_factory=list)
-
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest world coordinates (3,) of surfaces and media; a unit cube if there are none.
-
-        Surfaces that shine count only where there is nothing else: they may stand far away, as lamps do.
-        """
-        points = [box.corners() for box in self.media]
-        for part in [part for part in self.parts if not part.emits] or ([] if points else self.parts):
-            points += _boxes(part)
-        if not points:
-            return np.full(3, -0.5), np.full(3, 0.5)
-        points = np.concatenate(points)
-        return points.min(axis=0), points.max(axis=0)
-
-    def beyond(self, box: np.ndarray) -> list[str]:
-        """Names of the surfaces that reach farther outside a box (2, 3) than it is wide."""
-        low, high = box
-        room = (high - low).max() + 1e-6
-        names = {}
-        for part in self.parts:
-            for corners in _boxes(part):
-                if (corners.min(axis=0) < low - room).any() or (corners.max(axis=0) > high + room).any():
-                    names[part.name] = None
-        return list(names)
-
-
-def _boxes(part: Part) -> list[np.ndarray]:
-    """(8, 3) world corners of the bounding box of each instance."""
-    low, high = part.mesh.corners.min(axis=(0, 1)), part.mesh.corners.max(axis=(0, 1))
-    corners = low + np.indices((2, 2, 2)).reshape(3, 8).T * (high - low).astype(np.float64)
-    return [corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in part.matrices]
 
 
 def collect(depsgraph, images, report) -> Collected:
@@ -139,7 +81,8 @@ class _Walk:
             self._add_hair(obj, "particle hair")
         slots = self._slots(obj)
         mirrored = np.linalg.det(matrix[:3, :3]) < 0
-        key = (obj.data.as_pointer(), mirrored, obj.original in self.dark, *(m and m.as_pointer() for m in slots))
+        key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark,
+               *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
             self._parts[key] = self._split(obj, slots, matrix, mirrored)
             self.found.parts += self._parts[key]
@@ -168,7 +111,8 @@ class _Walk:
             if chosen.any():
                 part = mesh.take(chosen)
                 part.slot = slot[chosen]
-                parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind, flux_gain=flux_gain))
+                parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind, obj.visible_camera,
+                                  flux_gain=flux_gain))
         return parts
 
     def _slots(self, obj) -> list:

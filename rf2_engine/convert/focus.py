@@ -13,7 +13,7 @@ from mathutils.bvhtree import BVHTree
 
 from ...model.camera import view_rays_at
 from ...model.scene import View
-from .collect import Collected
+from .collected import Collected
 
 GRID = 24           # rays along either side of the picture
 NEAR, FAR = 10, 30  # what is so many times as far as this percentile of the distances is background
@@ -24,14 +24,17 @@ BOX = np.array([(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)
                 (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)])  # corners of a box's triangles
 
 
-def find_focus(found: Collected, view: View) -> np.ndarray:
-    """(2, 3) f32 lowest and highest corner, world; those of all surfaces and media where the view shows none."""
+def find_focus(found: Collected, view: View, clip_start: float = 0.0) -> np.ndarray:
+    """(2, 3) f32 lowest and highest corner, world; those of all surfaces and media where the view shows none.
+
+    clip_start: world units along the view's axis before which the camera sees nothing.
+    """
     low, high = found.bounds()
-    points = _seen_points(found, view)
+    points = _seen_points(found, view, clip_start)
     if len(points):
         eye = view.camera_to_world[:3, 3]
         distance = np.linalg.norm(points - eye, axis=1)
-        near = distance < FAR * np.percentile(distance, NEAR)
+        near = distance <= FAR * np.percentile(distance, NEAR)
         center = np.median(points[near], axis=0)
         half_picture = (view.longer_side / 2 / np.abs(view.focal)).max()
         reach = REACH * half_picture * np.median(distance[near])
@@ -39,28 +42,30 @@ def find_focus(found: Collected, view: View) -> np.ndarray:
     return np.float32([low, high])
 
 
-def _seen_points(found: Collected, view: View) -> np.ndarray:
+def _seen_points(found: Collected, view: View, clip_start: float) -> np.ndarray:
     """(P, 3) world points that the rays of a GRID x GRID raster hit."""
-    triangles = _stand_ins(found)
+    triangles = _stand_ins(found, view.camera_to_world[:3, 3])
     if not len(triangles):
         return np.zeros((0, 3))
     tree = BVHTree.FromPolygons(triangles.reshape(-1, 3).tolist(),
                                 np.arange(3 * len(triangles)).reshape(-1, 3).tolist(), all_triangles=True)
     x, y = np.meshgrid((np.arange(GRID) + 0.5) / GRID * view.width, (np.arange(GRID) + 0.5) / GRID * view.height)
     eye, rays = view_rays_at(view, x.ravel(), y.ravel())
-    hits = (tree.ray_cast(eye, ray)[0] for ray in rays.tolist())
+    starts = eye + rays * clip_start / -(rays @ view.camera_to_world[:3, 2:3])
+    hits = (tree.ray_cast(start, ray)[0] for start, ray in zip(starts.tolist(), rays.tolist(), strict=True))
     return np.array([hit for hit in hits if hit is not None]).reshape(-1, 3)
 
 
-def _stand_ins(found: Collected) -> np.ndarray:
+def _stand_ins(found: Collected, eye: np.ndarray) -> np.ndarray:
     """(n, 3, 3) world triangles that look alike from afar: of a fine mesh every k-th, enlarged to the whole's area.
 
-    Stochastic simplification (Cook et al. 2007).
+    Stochastic simplification (Cook et al. 2007). Fog around the eye (3,) is looked through.
     """
-    placed = [box.corners()[BOX] for box in found.media]
-    instances = sum(len(part.matrices) for part in found.parts)
+    placed = [box.corners()[BOX] for box in found.media if not box.holds(eye)]
+    shown = [part for part in found.parts if part.is_shown]
+    instances = sum(len(part.matrices) for part in shown)
     share = max(TRIANGLES // max(instances, 1), LEAST)
-    for part in found.parts:
+    for part in shown:
         corners = part.mesh.corners
         if len(corners) > share:
             some = corners[np.linspace(0, len(corners) - 1, share).astype(int)]

@@ -37,6 +37,10 @@ class Medium:
         local = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * self.size
         return local @ self.rotation.T + self.center
 
+    def holds(self, point: np.ndarray) -> bool:
+        """True if a world point (3,) is inside the box."""
+        return bool((np.abs((point - self.center) @ self.rotation) < self.size / 2).all())
+
     def points(self, resolution: int) -> np.ndarray:
         """(r, r, r, 3) world centres of the voxels, [x, y, z]."""
         axis = (np.arange(resolution) + 0.5) / resolution - 0.5

@@ -13,7 +13,9 @@ from ...model.scene import RenderScene, View
 from .. import compat
 from . import medium, reduce, subdivide
 from . import mesh as meshes
-from .collect import Collected, LampInstance, Part, collect
+from .camera import clip_start
+from .collect import collect
+from .collected import Collected, LampInstance, Part
 from .focus import find_focus
 from .light import COARSE, FINE, convert_light
 from .material import MaterialTiles
@@ -35,7 +37,7 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     materials = MaterialTiles(report)
     with progress.part(0.0, 0.5):
         found = collect(depsgraph, materials.images, report)
-    focus = steady(np.float32(found.bounds()) if view is None else find_focus(found, view))
+    focus = steady(np.float32(found.bounds()) if view is None else find_focus(found, view, clip_start(depsgraph)))
     (low, high), beyond = focus, found.beyond(focus)
     if beyond:
         report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "

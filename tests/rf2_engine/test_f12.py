@@ -71,6 +71,14 @@ def test_pictures_wider_than_the_largest_tile_of_cycles_are_whole(scene, tmp_pat
     assert found["ViewLayer.Depth"][8, 4100] < 10 and found["ViewLayer.Combined"][8, 4100, :3].min() > 0.01
 
 
+@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+def test_a_scene_without_light_is_black(scene, tmp_path, light):
+    cube(scene).rotation_euler = (0.3, 0.2, 0.5)
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0
+    scene.renderformer_v2.light = light
+    assert press_f12(scene, tmp_path)["ViewLayer.Combined"][..., :3].max() < 1e-4
+
+
 def test_film_exposure_scales_the_picture(scene, tmp_path):
     cube(scene)
     once = press_f12(scene, tmp_path)["ViewLayer.Combined"]

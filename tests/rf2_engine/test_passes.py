@@ -95,14 +95,17 @@ def test_unticked_passes_have_no_sockets(scene):
     assert sockets(scene) == {"Image", "Alpha"}
 
 
-def test_a_shader_aov_with_the_name_of_a_first_hit_is_marked_and_does_no_harm(still_life, tmp_path):
+@pytest.mark.parametrize("key", ["normal", "diffuse_direct"])
+def test_a_shader_aov_with_the_name_of_what_we_compute_is_marked_and_does_no_harm(still_life, tmp_path, key):
+    name = next(p.blender_name for p in passes.PASSES if p.key == key)
     layer = still_life.view_layers[0]
+    layer.use_pass_diffuse_direct, layer.use_pass_glossy_direct = False, True
     aov = layer.aovs.add()
-    aov.name = "Normal"
+    aov.name = name
     layer.update_render_passes()
     assert not aov.is_valid
     found = press_f12(still_life, tmp_path)
-    assert found["ViewLayer.Normal"].shape[-1] == 3
+    assert found[f"ViewLayer.{name}"].shape[-1] == 3
 
 
 def settings_in_panel(scene):

@@ -41,3 +41,10 @@ def test_the_next_render_job_looks_anew(settled, scene):
         if handler.__module__ == shot.__name__:
             handler(scene)
     np.testing.assert_array_equal(settled(1.5 * BOX), np.float32(1.5 * BOX))
+
+
+def test_every_view_layer_has_its_own(settled, scene):
+    settled(BOX)
+    with bpy.context.temp_override(view_layer=scene.view_layers.new("Background")):
+        np.testing.assert_array_equal(settled(9 * BOX), np.float32(9 * BOX))
+    np.testing.assert_array_equal(settled(1.5 * BOX), BOX)

@@ -4,10 +4,11 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import clip_start, convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.collect import collect
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.focus import find_focus
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.image import ImageCache
+from mathutils import Vector
 
 EYE = (7.36, -6.93, 4.96)  # of Blender's default camera, which looks at a cube of 2 m
 
@@ -22,12 +23,18 @@ def focus(scene, report):
 
     def find():
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        return find_focus(collect(depsgraph, ImageCache(report), report), convert_camera(depsgraph, 192, 108, None))
+        return find_focus(collect(depsgraph, ImageCache(report), report), convert_camera(depsgraph, 192, 108, None),
+                          clip_start(depsgraph))
     return find
 
 
 def side(box: np.ndarray) -> float:
     return float((box[1] - box[0]).max())
+
+
+def assert_is_around_the_cube(box: np.ndarray):
+    assert (box[0] < 0.5).all() and (box[1] > -0.5).all(), "the cube is in the box"
+    assert 2 < side(box) < 15
 
 
 def plane(size: float, z: float = -1.0):
@@ -58,9 +65,7 @@ def test_a_cube_alone_fills_the_box(focus):
 @pytest.mark.parametrize("surroundings", SURROUNDINGS)
 def test_surroundings_do_not_shrink_what_is_looked_at(focus, surroundings):
     SURROUNDINGS[surroundings]()
-    low, high = focus()
-    assert (low < 0.5).all() and (high > -0.5).all(), "the cube is in the box"
-    assert 2 < side((low, high)) < 15
+    assert_is_around_the_cube(focus())
 
 
 def test_subdivision_does_not_change_the_box(focus):
@@ -81,3 +86,46 @@ def test_a_room_around_the_camera_is_the_box_and_not_the_house(focus):
 def test_a_view_of_nothing_takes_all_there_is(focus, scene):
     scene.camera.rotation_euler = (np.pi, 0, 0)
     np.testing.assert_allclose(focus(), [(-1, -1, -1), (1, 1, 1)], atol=1e-5)
+
+
+def card(scene, distance: float):
+    """A square that fills the picture, so far in front of the camera."""
+    bpy.context.view_layer.update()
+    bpy.ops.mesh.primitive_plane_add(size=2 * distance + 0.1, rotation=scene.camera.rotation_euler,
+                                     location=scene.camera.matrix_world @ Vector((0, 0, -distance)))
+    return bpy.context.object
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.05])
+def test_what_the_camera_clips_is_looked_through(focus, scene, distance):
+    card(scene, distance)
+    assert_is_around_the_cube(focus())
+
+
+def test_a_surface_through_a_camera_that_clips_nothing_leaves_a_box(focus, scene):
+    ground = plane(10, z=EYE[2])
+    ground.location, scene.camera.data.clip_start = EYE, 1e-6
+    scene.camera.rotation_euler = (np.pi / 2, 0, 0)
+    assert np.isfinite(focus()).all()
+
+
+def test_what_is_hidden_from_the_camera_is_looked_through(focus, scene):
+    card(scene, 0.3).visible_camera = False
+    assert_is_around_the_cube(focus())
+
+
+def test_fog_around_the_camera_is_looked_through(focus, scene):
+    bpy.data.objects["Cube"].scale = (0.3, 0.3, 0.3)
+    bpy.ops.mesh.primitive_cube_add(size=1000)
+    bpy.context.object.data.materials.append(fog())
+    assert_is_around_the_cube(focus())
+
+
+def fog():
+    material = bpy.data.materials.new("Fog")
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.remove(nodes["Principled BSDF"])
+    shader = nodes.new("ShaderNodeVolumePrincipled")
+    material.node_tree.links.new(shader.outputs["Volume"], nodes["Material Output"].inputs["Volume"])
+    return material
