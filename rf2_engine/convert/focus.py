@@ -16,6 +16,7 @@ from ...model.scene import View
 from .collected import Collected
 
 GRID = 24           # rays along either side of the picture
+SEEN = 4            # rays at least that hit something else than light
 NEAR, FAR = 10, 30  # what is so many times as far as this percentile of the distances is background
 REACH = 1.5         # half of the box, in halves of the picture's longer side at the usual distance
 TRIANGLES = 40_000  # of stand-ins, about as many as a BVH of a tenth of a second holds
@@ -30,7 +31,9 @@ def find_focus(found: Collected, view: View, clip_start: float = 0.0) -> np.ndar
     clip_start: world units along the view's axis before which the camera sees nothing.
     """
     low, high = found.bounds()
-    points = _seen_points(found, view, clip_start)
+    points = _seen_points(found, view, clip_start, shining=False)  # a sky dome is no more than a background
+    if len(points) < SEEN:
+        points = _seen_points(found, view, clip_start, shining=True)
     if len(points):
         eye = view.camera_to_world[:3, 3]
         distance = np.linalg.norm(points - eye, axis=1)
@@ -42,9 +45,9 @@ def find_focus(found: Collected, view: View, clip_start: float = 0.0) -> np.ndar
     return np.float32([low, high])
 
 
-def _seen_points(found: Collected, view: View, clip_start: float) -> np.ndarray:
-    """(P, 3) world points that the rays of a GRID x GRID raster hit."""
-    triangles = _stand_ins(found, view.camera_to_world[:3, 3])
+def _seen_points(found: Collected, view: View, clip_start: float, shining: bool) -> np.ndarray:
+    """(P, 3) world points that the rays of a GRID x GRID raster hit, through what shines unless `shining`."""
+    triangles = _stand_ins(found, view.camera_to_world[:3, 3], shining)
     if not len(triangles):
         return np.zeros((0, 3))
     tree = BVHTree.FromPolygons(triangles.reshape(-1, 3).tolist(),
@@ -56,13 +59,13 @@ def _seen_points(found: Collected, view: View, clip_start: float) -> np.ndarray:
     return np.array([hit for hit in hits if hit is not None]).reshape(-1, 3)
 
 
-def _stand_ins(found: Collected, eye: np.ndarray) -> np.ndarray:
+def _stand_ins(found: Collected, eye: np.ndarray, shining: bool) -> np.ndarray:
     """(n, 3, 3) world triangles that look alike from afar: of a fine mesh every k-th, enlarged to the whole's area.
 
     Stochastic simplification (Cook et al. 2007). Fog around the eye (3,) is looked through.
     """
     placed = [box.corners()[BOX] for box in found.media if not box.holds(eye)]
-    shown = [part for part in found.parts if part.is_shown]
+    shown = [part for part in found.parts if part.is_shown and (shining or not part.emits)]
     instances = sum(len(part.matrices) for part in shown)
     share = max(TRIANGLES // max(instances, 1), LEAST)
     for part in shown:

@@ -68,6 +68,12 @@ def test_surroundings_do_not_shrink_what_is_looked_at(focus, surroundings):
     assert_is_around_the_cube(focus())
 
 
+def test_a_small_object_in_a_shining_dome_is_looked_at(focus, add_material):
+    bpy.data.objects["Cube"].scale = (0.4, 0.4, 0.4)
+    dome(500).data.materials.append(add_material("sky", emission=1.0))
+    assert side(focus()) < 5
+
+
 def test_subdivision_does_not_change_the_box(focus):
     ground = plane(50)
     before = focus()
