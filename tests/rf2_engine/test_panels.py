@@ -36,7 +36,6 @@ def panels():
     ("RENDERFORMER_PT_film", {"film_exposure", "film_transparent", "pixel_filter_type", "filter_width"}),
     ("RENDERFORMER_PT_performance", {"threads_mode", "threads", "use_persistent_data"}),
     ("RENDERFORMER_PT_override", {"material_override", "world_override"}),
-    ("RENDERFORMER_PT_passes", {"use_pass_mist", "use_pass_uv", "use_pass_object_index"}),
     ("RENDERFORMER_OBJECT_PT_visibility", {"hide_render", "is_shadow_catcher", "is_holdout"}),
     ("RENDERFORMER_OBJECT_PT_visibility_ray_visibility", {"visible_camera", "visible_diffuse", "visible_shadow"}),
     ("RENDERFORMER_WORLD_PT_ray_visibility", {"camera", "diffuse", "glossy"}),

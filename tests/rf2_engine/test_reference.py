@@ -178,7 +178,7 @@ def test_every_setting_has_its_place_in_the_panel(scene):
             assert name in owner.bl_rna.properties
             drawn.add(name)
 
-    panel = type("Panel", (), {"layout": Layout()})()
+    panel = type("Panel", (), {"layout": Layout(), "split_layout": lambda self: self.layout})()
     RENDERFORMER_PT_reference.draw_header(panel, bpy.context)
     RENDERFORMER_PT_reference.draw(panel, bpy.context)
     assert drawn >= set(settings.__annotations__) | {"device"}
