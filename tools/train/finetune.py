@@ -13,12 +13,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from renderformer_v2.model.presets import BUNDLED, weights_folder
+from renderformer_v2.model.presets import BUNDLED, PRESETS, weights_folder
 from renderformer_v2.model.published.bundle_files import is_bundle
 from tools.arguments import whole_number
 from tools.extension import ROOT
 
 COOLDOWN = 0.25  # of the minutes
+SIDE = PRESETS[BUNDLED]().granularity
 
 
 def main() -> int:
@@ -29,9 +30,12 @@ def main() -> int:
         print(f"--start {options.start}: there are no weights in {start}: choose {BUNDLED}, a folder that "
               "tools.train.network wrote, or a published bundle (with model_index.json)", file=sys.stderr)
         return 2
+    resolution = options.resolution or (256 if published else 128)
+    if not published and resolution % SIDE:
+        print(f"--resolution {resolution}: this network is trained with multiples of {SIDE} pixels", file=sys.stderr)
+        return 2
     out = options.out.resolve()
     data, threads = out / "samples", ["--threads", options.threads]
-    resolution = options.resolution or (256 if published else 128)
     status = _run("tools.datagen", data, "--blend", *(file.resolve() for file in options.files), "--views",
                   options.views, "--resolution", resolution, "--samples", options.samples, *threads)
     if status:
