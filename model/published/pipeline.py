@@ -58,17 +58,7 @@ class PublishedPipeline:
         return PublishedContext(scene.is_light, network, context)
 
     def image(self, encoded: PublishedContext, view: View, guides: Guides) -> torch.Tensor:
-        """Training pictures have a transparent film, so partly covered pixels are premultiplied by the network itself:
-        the guides' coverage only clears pixels that show nothing. Lights were invisible to the camera: where one is
-        seen, the network shows what is behind it, and the guides' emission replaces that.
-        """
-        radiance = self._view(encoded, view)
-        seen = guides.hit_triangle >= 0
-        emitter = (guides.emission > 0).any(-1) & seen
-        if emitter.any():
-            emitter[emitter] = encoded.emitters[guides.hit_triangle[emitter]]
-        shown = (guides.alpha > 0) & ~emitter
-        return radiance * torch.from_numpy(shown).to(self.device)
+        return self._view(encoded, view) * torch.from_numpy(shown(guides, encoded.emitters)).to(self.device)
 
     def process(self, scene: RenderScene, views: list[View]) -> ProcessedScene:
         """A scene and its views (world frame) ready for h5.py: normalised, because the research code does not.
@@ -105,18 +95,35 @@ class PublishedPipeline:
                     images.append(self._view(encoded, padded_view(view, self.granularity)))
         return np.stack([image[:, :resolution, :resolution].permute(1, 2, 0).cpu().numpy() for image in images])
 
+    def load(self, variant: str) -> RenderFormer:
+        """The network of one of `transformer_name`, on the CPU in float32. Raises CheckpointError."""
+        network = load_transformer(self.bundle.folder / variant)
+        if network.config.texture_channels != 5 * self.encoder.images.channels:
+            raise CheckpointError(f"{self.bundle.folder / variant} reads {network.config.texture_channels} texture "
+                                  f"channels, the VAE makes {5 * self.encoder.images.channels}: it is another one")
+        return network
+
     def _stage1(self, inputs: NetworkInputs, variant: str) -> tuple[RenderFormer, SceneContext]:
         report(0.0, f"Loading {variant}")
         if self._network is None or self._network[0] != variant:
             self._network = None
-            network = load_transformer(self.bundle.folder / variant)
-            if network.config.texture_channels != 5 * self.encoder.images.channels:
-                raise CheckpointError(f"{self.bundle.folder / variant} reads {network.config.texture_channels} texture "
-                                      f"channels, the VAE makes {5 * self.encoder.images.channels}: it is another one")
-            self._network = variant, in_precision(network, self.dtype).to(self.device).eval()
+            self._network = variant, in_precision(self.load(variant), self.dtype).to(self.device).eval()
         network = self._network[1]
         return network, network.encode_scene(inputs.to(self.device))
 
     def _view(self, encoded: PublishedContext, view: View) -> torch.Tensor:
         log_image = encoded.network.render_view(encoded.context, view_inputs(view).to(self.device))
         return to_radiance(log_image)[0].clamp(min=0)
+
+
+def shown(guides: Guides, emitters: np.ndarray) -> np.ndarray:
+    """(H, W) bool, where the network's picture is taken; emitters: (N,) bool, which triangles of the scene shine.
+
+    Training pictures have a transparent film, so partly covered pixels are premultiplied by the network itself: the
+    guides' coverage only clears pixels that show nothing. Lights were invisible to the camera: where one is seen, the
+    network shows what is behind it, and the guides' emission replaces that.
+    """
+    emitter = (guides.emission > 0).any(-1) & (guides.hit_triangle >= 0)
+    if emitter.any():
+        emitter[emitter] = emitters[guides.hit_triangle[emitter]]
+    return (guides.alpha > 0) & ~emitter

@@ -4,6 +4,9 @@
 One file per seed; seeds whose file is there are skipped, so a killed run goes on where it was. A seed always gives the
 same scene. --profile simple has no textures, glass or volumes and at most four lights; mixed makes every third seed
 (those that 3 divides) simple and the others full. What wide holds is said in wide.py.
+
+python -m tools.datagen OUT_DIR --blend FILE.blend [FILE.blend ...]: samples of your own scenes (blend_files.py). The
+files are opened and never saved; a sample is made again when its file is newer.
 """
 from __future__ import annotations
 
@@ -82,9 +85,10 @@ def well_exposed(combined: np.ndarray) -> bool:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.datagen", description=__doc__)
     parser.add_argument("out", type=Path, metavar="OUT_DIR")
-    parser.add_argument("--scenes", type=whole_number(1), required=True)
-    parser.add_argument("--first-seed", type=whole_number(0), required=True)
-    parser.add_argument("--views", type=whole_number(1), default=2)
+    parser.add_argument("--blend", type=Path, nargs="+", metavar="FILE", help="your own scenes in place of random ones")
+    parser.add_argument("--scenes", type=whole_number(1))
+    parser.add_argument("--first-seed", type=whole_number(0))
+    parser.add_argument("--views", type=whole_number(1), help="of a scene (default 2), or of a file (default 8)")
     parser.add_argument("--resolution", type=whole_number(1),
                         help="of all pictures (default 128; wide: 128 to 512 by chance)")
     parser.add_argument("--samples", type=whole_number(1), default=32,
@@ -98,6 +102,10 @@ def main() -> int:
                         help="of each process; 0 = an equal share of the cores")
     parser.add_argument("--part", type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args()
+    if args.blend:
+        return blend_samples(args)
+    if args.scenes is None or args.first_seed is None:
+        parser.error("either --blend, or --scenes and --first-seed are needed")
     # One thread each leaves no core idle while a process converts, looks for hits or writes.
     processes = min(args.processes or os.cpu_count() or 1, args.scenes)
     if processes > 1 and not args.part:
@@ -106,12 +114,28 @@ def main() -> int:
     first = args.first_seed + max(args.part - 1, 0)
     seeds = range(first, args.first_seed + args.scenes, processes)
     try:
-        failed = generate(args.out, seeds, profile=args.profile, views=args.views, samples=args.samples,
+        failed = generate(args.out, seeds, profile=args.profile, views=args.views or 2, samples=args.samples,
                           threads=args.threads, resolution=args.resolution, equal=args.equal)
     except OSError as error:
-        print(f"{args.out} cannot be written: {error.strerror or error}", file=sys.stderr)
-        return 1
+        return not_written(args.out, error)
     return 1 if failed else 0
+
+
+def blend_samples(args: argparse.Namespace) -> int:
+    """Samples of the user's files, by one process: Cycles keeps all cores busy. Returns the exit status."""
+    silence_blender()
+    from . import blend_files
+    try:
+        failed = blend_files.generate(args.out, args.blend, views=args.views or 8, samples=args.samples,
+                                      threads=args.threads, resolution=args.resolution or 128)
+    except OSError as error:
+        return not_written(args.out, error)
+    return 1 if failed else 0
+
+
+def not_written(out: Path, error: OSError) -> int:
+    print(f"{out} cannot be written: {error.strerror or error}", file=sys.stderr)
+    return 1
 
 
 def share_out(processes: int, threads: int) -> int:

@@ -91,7 +91,11 @@ def prepare(threads: int) -> None:
     """Empty file, our engine, Cycles' factory settings but for the number of threads (0 = one per core)."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.utils.register_class(DatagenEngine)
-    render = bpy.context.scene.render
+    take_over(bpy.context.scene.render, threads)
+
+
+def take_over(render: bpy.types.RenderSettings, threads: int) -> None:
+    """Make `DatagenEngine` the engine of a scene, with so many threads (0 = one per core)."""
     render.engine = DatagenEngine.bl_idname
     render.resolution_percentage = 100
     render.threads_mode = "FIXED" if threads else "AUTO"

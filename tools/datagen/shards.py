@@ -2,7 +2,7 @@
 """Files of training data: one .npz per scene, written whole or not at all, read without bpy.
 
 What is stored smaller than it is in memory: tiles are averaged to STORED_TILE^2 texels (what the small preset pools
-them to) and kept once each; guides, environment and reference passes are half floats.
+them to) unless asked otherwise, and kept once each; guides, environment and reference passes are half floats.
 """
 from __future__ import annotations
 
@@ -45,11 +45,14 @@ def sample_paths(folder: Path) -> list[Path]:
 
 
 def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[Guides],
-                passes: list[dict[str, np.ndarray]]) -> None:
-    """Store a scene and, per view of equal size, its camera, guides and reference passes {name: (H, W, C)}."""
+                passes: list[dict[str, np.ndarray]], tile_size: int = STORED_TILE) -> None:
+    """Store a scene and, per view of equal size, its camera, guides and reference passes {name: (H, W, C)}.
+
+    tile_size: texels of a tile's side, a divisor of TILE_SIZE.
+    """
     arrays = {f"scene.{f.name}": getattr(scene, f.name) for f in fields(RenderScene)
               if isinstance(getattr(scene, f.name), np.ndarray)}
-    arrays |= _packed_tiles(scene)
+    arrays |= _packed_tiles(scene, tile_size)
     arrays["scene.normals"] = scene.normals.astype(np.float16)
     if scene.environment is not None:
         arrays["scene.environment"] = half(scene.environment)
@@ -81,7 +84,7 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
         return {key.partition(".")[2]: array for key, array in arrays.items() if key.startswith(prefix + ".")}
 
     scene = group("scene")
-    repeat = tile_size // STORED_TILE
+    repeat = max(1, tile_size // scene["tiles"].shape[-1])
     scene["tiles"] = scene["tiles"].repeat(repeat, axis=2).repeat(repeat, axis=3)
     scene["normals"] = _unit(scene["normals"].astype(np.float32))
     if "environment" in scene:
@@ -96,10 +99,10 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
     return result, views, guides, [{k: v[i].astype(np.float32) for k, v in passes.items()} for i in range(count)]
 
 
-def _packed_tiles(scene: RenderScene) -> dict[str, np.ndarray]:
+def _packed_tiles(scene: RenderScene, size: int) -> dict[str, np.ndarray]:
     t, c = scene.tiles.shape[:2]
-    step = TILE_SIZE // STORED_TILE
-    small = scene.tiles.reshape(t, c, STORED_TILE, step, STORED_TILE, step).astype(np.float32).mean(axis=(3, 5))
+    step = TILE_SIZE // size
+    small = scene.tiles.reshape(t, c, size, step, size, step).astype(np.float32).mean(axis=(3, 5))
     small = small.astype(np.float16)
     _, first, inverse = np.unique(small.reshape(t, -1).view(np.uint16), axis=0, return_index=True, return_inverse=True)
     return {"scene.tiles": small[first], "scene.tile_index": inverse.ravel()[scene.tile_index].astype(np.int32)}

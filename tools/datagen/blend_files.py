@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Samples of the user's own .blend files: their cameras at their frames, and cameras moved a little from there.
+
+The file keeps its world, lights, materials and Cycles' light paths. Pictures are square, as all training pictures, and
+without depth of field and motion blur, which the network does not know. Nothing is ever saved to the file.
+"""
+from __future__ import annotations
+
+import hashlib
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from renderformer_v2.model.errors import SceneError
+from renderformer_v2.model.scene import TILE_SIZE
+from tools.scene_file import one_line, open_scene
+
+from . import reference
+from .cameras import Setup
+from .nearby import moved_pose
+from .shards import save_sample
+
+TOGETHER = 2  # views of a sample at most: training holds all of them in memory at once
+
+
+def generate(out: Path, files: list[Path], *, views: int, samples: int, threads: int, resolution: int) -> int:
+    """Make the samples that are missing in `out`, `views` views of each file. Returns how many files failed.
+
+    resolution: pixels, both sides. A file that cannot be used is named on stderr, with what to do.
+    Raises OSError when `out` cannot be written.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    bpy.utils.register_class(reference.DatagenEngine)
+    failed = 0
+    for file in files:
+        try:
+            if not file.is_file():
+                raise SceneError("there is no such file")
+            make_samples(out, file, views, samples, threads, resolution)
+        except (SceneError, RuntimeError, ValueError) as error:  # Blender raises RuntimeError for what it cannot read
+            print(f"{file}: {one_line(error)}", file=sys.stderr)
+            failed += 1
+    return failed
+
+
+def make_samples(out: Path, file: Path, views: int, samples: int, threads: int, resolution: int) -> None:
+    """The samples of one file that are not in `out` yet. Raises SceneError, and RuntimeError as Blender does."""
+    paths = [sample_path(out, file, i) for i in range(-(-views // TOGETHER))]
+    missing = [i for i, path in enumerate(paths) if not is_current(path, file)]
+    if not missing:
+        return
+    scene = open_scene(file)
+    prepare(scene, threads)
+    frames = spread_frames(scene, len(paths))
+    shots = [(frame, camera_at(scene, frame)) for frame in frames]
+    for marker in scene.timeline_markers:  # they would put the user's camera in place of ours
+        marker.camera = None
+    for i in missing:
+        begin = time.perf_counter()
+        frame, camera = shots[i]
+        scene.frame_set(frame)
+        count = min(TOGETHER, views - i * TOGETHER)
+        cameras = build_cameras(scene, camera, count, frame not in frames[:i], np.random.default_rng(i))
+        sample = reference.make_sample(Setup(cameras, resolution=resolution), samples, lambda passes: True)
+        save_sample(paths[i], sample.scene, sample.views, sample.guides, sample.passes, tile_size=TILE_SIZE)
+        for added in cameras:
+            bpy.data.cameras.remove(added.data)
+        print(f"{paths[i].name}: {file.name}, frame {frame}, {count} views, {len(sample.scene)} triangles, "
+              f"{time.perf_counter() - begin:.1f} s", *sample.report.lines(), sep="\n  ")
+
+
+def sample_path(out: Path, file: Path, index: int) -> Path:
+    place = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]  # two folders may hold files of one name
+    return out / f"scene_{file.stem}_{place}_{index:03d}.npz"
+
+
+def is_current(path: Path, file: Path) -> bool:
+    """Whether the sample is there and no older than the file."""
+    return path.is_file() and path.stat().st_mtime >= file.stat().st_mtime
+
+
+def prepare(scene: bpy.types.Scene, threads: int) -> None:
+    """One square picture of the first enabled view layer, straight from the renderer."""
+    reference.take_over(scene.render, threads)
+    for name in ("use_border", "use_multiview", "use_compositing", "use_sequencer", "use_motion_blur"):
+        setattr(scene.render, name, False)
+    scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1
+    first = next(layer for layer in scene.view_layers if layer.use)
+    for layer in scene.view_layers:
+        layer.use = layer == first
+
+
+def spread_frames(scene: bpy.types.Scene, count: int) -> list[int]:
+    """`count` frames: spread over the frame range, or the current one again and again where nothing is animated."""
+    if not bpy.data.actions:
+        return [scene.frame_current] * count
+    steps = (np.arange(count) + 0.5) / count * (scene.frame_end - scene.frame_start + 1)
+    return [scene.frame_start + int(step) for step in steps]
+
+
+def camera_at(scene: bpy.types.Scene, frame: int) -> bpy.types.Object:
+    scene.frame_set(frame)
+    if scene.camera is None or scene.camera.type != "CAMERA":
+        raise SceneError(f'scene "{scene.name}" has no camera at frame {frame}: add one and make it active')
+    return scene.camera
+
+
+def build_cameras(scene: bpy.types.Scene, camera: bpy.types.Object, count: int, own: bool,
+                  rng: np.random.Generator) -> list[bpy.types.Object]:
+    """Copies of `camera` at the scene's frame: with `own` the first one where it is, the others moved a little."""
+    depsgraph, poses = bpy.context.evaluated_depsgraph_get(), []
+    for i in range(count):
+        poses.append(camera.matrix_world.copy() if own and not i else
+                     moved_pose(rng, scene, depsgraph, camera.matrix_world))
+    return [add_copy(scene, camera, pose) for pose in poses]
+
+
+def add_copy(scene: bpy.types.Scene, camera: bpy.types.Object, pose) -> bpy.types.Object:
+    """Without parent, constraints and animation of its own, which would move it back."""
+    copy = bpy.data.objects.new(camera.name, camera.data.copy())
+    copy.matrix_world = pose
+    copy.data.dof.use_dof = False
+    scene.collection.objects.link(copy)
+    return copy

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""python -m tools.train.published --data DIR --start BUNDLE_DIR --out DIR --minutes M: fine-tune a published bundle.
+
+Trains the transformer that renders pictures of the samples' size. DIR/bundle holds its running average beside the
+bundle's other files, ready for `--weights DIR/bundle`; BUNDLE_DIR is only read. Resumes as tools.train.network does.
+"""
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+
+from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
+from renderformer_v2.model.published.image_encoder import find_vae
+from renderformer_v2.model.published.pipeline import PublishedPipeline
+
+from .config import TrainConfig
+from .errors import TrainingError
+from .losses import image_loss, perceptual_term
+from .published_samples import PublishedSample, endless, load_samples, picture_size
+from .run import add_arguments, run, status
+from .state import TrainingState
+
+WEIGHTS = "model.safetensors"
+
+
+def sample_loss(network: RenderFormer, sample: PublishedSample, perceptual) -> dict[str, torch.Tensor]:
+    """Loss of all views of one scene, where the picture is known."""
+    log_image = network.render_view(network.encode_scene(sample.inputs), sample.rays)
+    return {"total": image_loss(to_radiance(log_image) * sample.shown, sample.image, perceptual)}
+
+
+def train(options: argparse.Namespace, config: TrainConfig) -> None:
+    """Raises TrainingError when there is nothing to train with, CheckpointError for an incomplete bundle."""
+    device, bundle = torch.device(options.device), options.out / "bundle"
+    if bundle.resolve() == options.start.resolve():
+        raise TrainingError(f"{bundle} would be overwritten: choose another --out than its own")
+    torch.manual_seed(options.seed)
+    pipeline = PublishedPipeline(options.start, device, torch.float32)
+    variant = pipeline.variant(picture_size(options.data))
+    samples = load_samples(options.data, pipeline)
+    network = trainable(pipeline.load(variant)).to(device)
+    del pipeline  # and with it the image encoder
+    state = TrainingState(network, config.learning_rate, config.weight_decay, config.average_decay)
+    perceptual = perceptual_term(device)
+    copy_bundle(options.start, bundle, {f"{variant}/{WEIGHTS}"})
+
+    def scenes() -> Iterator[PublishedSample]:
+        yield from endless(samples, (options.seed, state.step))
+
+    run(state, config, options, scenes(), lambda sample: sample_loss(network, sample, perceptual),
+        lambda: write_transformer(bundle / variant, network, state.average))
+
+
+def trainable(network: RenderFormer) -> RenderFormer:
+    """The network with weights of its own (those that were read may be the file itself), ready for gradients."""
+    for p in network.parameters():
+        p.data = p.data.clone()
+    network.requires_grad_(True).train()
+    network.transformer.rope_emb.requires_grad_(False)
+    network.view_transformer.transformer.rope_emb.requires_grad_(False)
+    return network
+
+
+def copy_bundle(source: Path, target: Path, but: set[str]) -> None:
+    """All files of a bundle and its VAE's except for `but`; without taking space where the disk can."""
+    files = {path.relative_to(source): path for path in source.rglob("*")}
+    if not (source / "vae").is_dir():
+        vae = find_vae(source)
+        files |= {Path("vae") / path.relative_to(vae): path for path in vae.rglob("*")}
+    for name, path in files.items():
+        hidden = any(part.startswith(".") for part in name.parts)
+        if hidden or name.as_posix() in but or not path.is_file() or (target / name).exists():
+            continue
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.link(path.resolve(), target / name)
+        except OSError:  # another disk, or one that knows no links
+            shutil.copyfile(path, target / name)
+
+
+def write_transformer(folder: Path, network: RenderFormer, average: dict[str, torch.Tensor]) -> None:
+    """Replace the folder's weights, float32 as they were trained, and never write into the old file."""
+    state = {name: tensor.detach().cpu().contiguous() for name, tensor in (network.state_dict() | average).items()}
+    partial = folder / f"{WEIGHTS}.part"
+    save_file(state, partial)
+    partial.replace(folder / WEIGHTS)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tools.train.published", description=__doc__)
+    parser.add_argument("--data", type=Path, required=True, help="folder of samples")
+    parser.add_argument("--start", type=Path, required=True, metavar="BUNDLE_DIR")
+    add_arguments(parser, "published.json")
+    return status(train, parser.parse_args())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
