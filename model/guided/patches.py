@@ -52,7 +52,10 @@ def _split(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """The same of groups of triangles that face the same way and follow each other along the Hilbert curve."""
+    """The same of groups of triangles that face the same way and follow each other along the Hilbert curve.
+
+    The centroid is that of the largest triangle of a group.
+    """
     if len(center) <= PATCHES:
         return center, vector, albedo
     axis = vector.abs().argmax(1, keepdim=True)
@@ -67,5 +70,9 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Ten
     def summed(x: Tensor) -> Tensor:
         return torch.zeros(PATCHES, x.shape[-1]).index_add_(0, key, x)
 
-    total = summed(area).clamp_min(1e-20)
-    return summed(area * center) / total, summed(vector), summed(area * albedo) / total
+    # In the middle of its largest part a group is on a surface, and not between two with a lamp in between.
+    size = area[:, 0]
+    largest = torch.zeros(PATCHES).scatter_reduce_(0, key, size, "amax")
+    middle = torch.zeros(PATCHES, 3)
+    middle[key[size >= largest[key]]] = center[size >= largest[key]]
+    return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20)
