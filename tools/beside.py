@@ -10,11 +10,11 @@ import numpy as np
 
 from renderformer_v2.model.color import linear_to_srgb
 
+from .evaluate.pictures import AMPLIFIED, with_errors
 from .exr import read_pass
-from .metrics import compare, flip
+from .metrics import compare
 from .picture import write_whole
 
-GAIN = 4            # of the difference
 LEAST_WIDTH = 360   # pixels of a picture on the sheet: its title needs them
 DPI = 100
 
@@ -67,12 +67,11 @@ def write_sheet(path: Path, rows: list[tuple[Pair, dict]]) -> None:
 
 
 def _pictures(pair: Pair, statistics: dict) -> list[tuple[str, np.ndarray]]:
-    from matplotlib import colormaps
-
-    ours, reference = map(linear_to_srgb, pair)
+    shown = with_errors(dict(zip(("ours", "reference"), map(linear_to_srgb, pair), strict=True)))
     seconds, found = statistics["seconds"], statistics["comparison"]
     own = sum(value for stage, value in seconds.items() if stage not in ("Cycles Reference", "total"))
-    return [(f"RenderFormer-V2, {own:.1f} s", ours),
-            (f"Cycles, {statistics['reference_samples']} samples, {seconds['Cycles Reference']:.1f} s", reference),
-            (f"Difference x{GAIN}, PSNR {found['psnr']:.1f} dB", (np.abs(ours - reference) * GAIN).clip(0, 1)),
-            (f"FLIP {found['flip']:.3f}, SSIM {found['ssim']:.3f}", colormaps["magma"](flip(ours, reference))[..., :3])]
+    return [(f"RenderFormer-V2, {own:.1f} s", shown["ours"]),
+            (f"Cycles, {statistics['reference_samples']} samples, {seconds['Cycles Reference']:.1f} s",
+             shown["reference"]),
+            (f"Difference x{AMPLIFIED}, PSNR {found['psnr']:.1f} dB", shown["difference"]),
+            (f"FLIP {found['flip']:.3f}, SSIM {found['ssim']:.3f}", shown["flip"])]

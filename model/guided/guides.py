@@ -48,7 +48,7 @@ class GuideTensors(TensorGroup):
 
     features: Tensor = array("V", len(FEATURES), "H", "W", channels=FEATURES)
     colors: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # [lobe, rgb], premultiplied by coverage
-    prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # radiance of a white lobe, lamps unshadowed
+    prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # radiance of a white lobe (LightPrior)
     positions: Tensor = array("V", "R", 3, behaves=POINT)            # mean first hit of every bundle
     bounced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})    # radiosity: radiance of a white diffuse surface
     behind: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # the same of its other side, where light passes

@@ -26,6 +26,8 @@ def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal
     rows, columns = torch.meshgrid(*place, indexing="ij")
     x, n, valid = (a[rows, columns] for a in (position, normal, covered))
     known = light(x[valid[..., 0]], n[valid[..., 0]])
+    if not len(known):
+        return known.new_zeros(h, w, known.shape[-1])
     found = known.new_zeros(*x.shape[:2], known.shape[-1])
     found[valid[..., 0]] = known
     total = weights = 0.0

@@ -30,13 +30,12 @@ class Radiosity:
         device = prior.radiance.device
         self.center, self.vector, albedo = (x.to(device) for x in patches(scene))
         self.area = self.vector.norm(dim=-1)
-        self.leaving = torch.zeros(2, len(self.center), 3, device=device)  # radiance of the front and the back
         facing = F.normalize(self.vector, dim=-1)
         x, n, albedo = torch.cat([self.center] * 2), torch.cat([facing, -facing]), torch.cat([albedo] * 2)
         with part(0.0, 0.5):
             arriving = prior.arriving(x, n)
         first = albedo * prior(x + ABOVE * n, n, n, torch.ones_like(x[:, 0]), arriving)[:, :3]
-        self.leaving = first.view(2, -1, 3)
+        self.leaving = first.view(2, -1, 3)  # radiance of the front and the back
         for bounce in range(BOUNCES):
             with part(0.5 + bounce / BOUNCES / 2, 0.5 + (bounce + 1) / BOUNCES / 2):
                 self.leaving = (first + albedo * self(x, n)).view(2, -1, 3)
