@@ -9,12 +9,14 @@ from .progress import report
 PIXELS = 1 << 18  # of a band; also what lies between two looks at the Esc key
 
 
-def bands(height: int, width: int, margin: int) -> Iterator[tuple[slice, slice]]:
+def bands(height: int, width: int, margin: int, pixels: int = PIXELS,
+          multiple: int = 1) -> Iterator[tuple[slice, slice]]:
     """For every band: its rows with `margin` more on either side, as far as there are, and which of these are its own.
 
+    pixels: of a band without its margins. multiple: of it every band begins at a row.
     Reports progress, which may cancel.
     """
-    rows = max(PIXELS // width, 1)
+    rows = max(pixels // width // multiple, 1) * multiple
     for begin in range(0, height, rows):
         report(begin / height)
         first, end = max(begin - margin, 0), min(begin + rows, height)

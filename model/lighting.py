@@ -6,7 +6,7 @@
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -25,6 +25,7 @@ class Lobes:
     """What a network makes of one view: f32, world radiance, premultiplied, row 0 on top."""
 
     radiance: np.ndarray                # (H, W, 3), as EncodedScene.view gives it
+    traced: np.ndarray | None = None    # (H, W, 3), what of it is traced light; None = nothing was traced
     # (3, H, W, 3) light of LOBES before their colours, of guided networks; `direct` is not in the picture where light
     # was traced
     direct: np.ndarray | None = None
@@ -32,7 +33,7 @@ class Lobes:
 
     def rows(self, rows: slice) -> Lobes:
         """Those of a part of the picture's rows; shared memory."""
-        return Lobes(self.radiance[rows], *(None if x is None else x[:, rows] for x in (self.direct, self.indirect)))
+        return Lobes(**{f.name: x[..., rows, :, :] for f in fields(self) if (x := getattr(self, f.name)) is not None})
 
 
 def light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
@@ -55,10 +56,10 @@ def _light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
                   volumes: bool) -> dict[str, np.ndarray]:
     colors = _colors(guides)
     light = {f"{lobe}_indirect": lobes.indirect[i] for i, lobe in enumerate(LOBES)}
-    if guides.traced is None:
+    if lobes.traced is None:
         light |= {f"{lobe}_direct": lobes.direct[i] for i, lobe in enumerate(LOBES)}
     else:
-        for name, share in _divided(guides.traced, colors, sampled).items():
+        for name, share in _divided(lobes.traced, colors, sampled).items():
             light[name] = light.get(name, 0) + share
     light.setdefault("volume_direct", np.zeros_like(lobes.radiance))
     light.pop("volume_indirect", None)  # it is what the others leave

@@ -77,10 +77,14 @@ class EncodedScene:
         """
         return self._rendered(view, guides, lambda *given: {"image": self.renderer.pipeline.image(*given)})["image"]
 
-    def lobes(self, view: View, guides: Guides) -> Lobes:
-        """The same, with the light of each lobe: guided networks alone know it. Raises as `view` does."""
-        keys = ("image", "direct", "indirect")
-        return Lobes(*self._rendered(view, guides, lambda *given: self.renderer.pipeline.light(*given, keys)).values())
+    def lobes(self, view: View, guides: Guides, apart: bool = True) -> Lobes:
+        """The same and what is traced light in it, `apart` with the light of each lobe: guided networks alone know it.
+
+        Raises as `view` does.
+        """
+        keys = ["image"] + ["traced"] * (guides.traced is not None) + ["direct", "indirect"] * apart
+        found = self._rendered(view, guides, lambda *given: self.renderer.pipeline.light(*given, keys))
+        return Lobes(found.pop("image"), **found)
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""

@@ -32,7 +32,7 @@ def blended(lobes: Lobes, guides: Guides, normal: np.ndarray) -> Lobes:
 def _blended(lobes: Lobes, guides: Guides, normal: np.ndarray) -> Lobes:
     color = guides.diffuse_color + guides.glossy_color + guides.transmission_color
     several = (np.linalg.norm(normal, axis=-1) < SHARP * guides.alpha)[..., None]
-    traced = 0 if guides.traced is None else guides.traced
+    traced = 0 if lobes.traced is None else lobes.traced
     added = lobes.radiance - traced
     clean = ~several & (color > FAINT)
     light, count = _around(np.where(clean, added / np.maximum(color, FAINT), 0)), _around(clean.astype(np.float32))

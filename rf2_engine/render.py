@@ -91,7 +91,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                     encoded = model_cache.encoded(renderer, scene, view.longer_side)
                 with status.stage("Network", "view"):
                     with progress.part(0.0, 0.8):
-                        lobes = encoded.lobes(view, guides) if lit else Lobes(encoded.view(view, guides))
+                        lobes = (encoded.lobes(view, guides, lit) if settings.guided
+                                 else Lobes(encoded.view(view, guides)))
                     if settings.guided:
                         with progress.part(0.8, 0.9, "Blending edges"):
                             lobes = blended(lobes, guides, found["normal"])

@@ -2,6 +2,7 @@
 """The guided network's decoder says light, not colour: visibility of the prior, and what the prior does not know."""
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -13,7 +14,9 @@ from ..progress import report
 from .guides import FEATURES, GuideTensors, band_rows
 
 LOBES = ("diffuse", "glossy", "transmission")
-OUTPUTS = Channels(1, visibility=9, indirect=9, rest=3)  # RGB of each lobe, and what no lobe explains
+# RGB of each lobe, what no lobe explains, and a factor of the traced light
+OUTPUTS = Channels(1, visibility=9, indirect=9, rest=3, traced=3)
+MOST_TRACED = 4.0          # times, and its inverse at least: the factor of traced light
 MAX_VISIBILITY = 1.2       # the prior's glossy lobe is approximate: leave room above 1
 VISIBLE, DARK = 1.5, -6.0  # offsets that start the decoder near "everything visible, nothing indirect"
 BOUNCED, BEHIND = 0.9, 0.4  # shares of the radiosity on a surface and behind glass: where the decoder starts
@@ -22,9 +25,10 @@ BOUNCED, BEHIND = 0.9, 0.4  # shares of the radiosity on a surface and behind gl
 def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
     """Decoder channels (V, len(OUTPUTS), H, W) to radiance (V, 3, H, W) in network exposure.
 
-    Where light was traced, it stands for all direct light; else the prior times its visibility does.
+    Where light was traced, it stands for all direct light, less its noise; else the prior times its visibility does.
     Keys: `image` (sum of all, without directly seen emitters and world), `direct` and `indirect` (V, 3, 3, H, W), the
-    light of each lobe before its colour, and `rest` (volumes and whatever no lobe explains).
+    light of each lobe before its colour, `rest` (volumes and whatever no lobe explains), and `traced` as it is in the
+    image.
     """
     v, _, h, w = raw.shape
     raw = raw.float()
@@ -35,9 +39,10 @@ def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
     rest = F.softplus(raw[:, OUTPUTS["rest"]] + DARK) * guides.features[:, FEATURES["alpha"]]
     direct = guides.prior * visibility
     hinted = guides.features[:, FEATURES["hinted"]]
-    arriving = hinted * guides.traced + (1 - hinted) * (direct * guides.colors).sum(1)
+    traced = guides.traced * torch.exp(math.log(MOST_TRACED) * torch.tanh(raw[:, OUTPUTS["traced"]]))
+    arriving = hinted * traced + (1 - hinted) * (direct * guides.colors).sum(1)
     return {"image": arriving + (indirect * guides.colors).sum(1) + rest, "direct": direct, "indirect": indirect,
-            "rest": rest}
+            "rest": rest, "traced": traced}
 
 
 def _softplus_inverse(y: Tensor) -> Tensor:

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from ..network.config import ModelConfig
 from ..network.decoder import DPTDecoder
-from ..network.inputs import EnvironmentInputs
+from ..network.inputs import EnvironmentInputs, encode_light
 from ..network.memory import chunked
 from ..network.renderformer import RenderFormer
 from ..progress import part
@@ -15,7 +15,8 @@ from .encoders import EnvironmentEncoder, TileEncoder
 from .guidance import Guidance
 from .guides import FEATURES
 from .inputs import GuidedInputs, GuidedView
-from .light import OUTPUTS
+from .light import OUTPUTS, decode_image
+from .refiner import Refiner
 
 
 class GuidedRenderFormer(RenderFormer):
@@ -27,6 +28,7 @@ class GuidedRenderFormer(RenderFormer):
         self.environment_encoder = EnvironmentEncoder(config)
         self.guidance = Guidance(config)
         self.view_transformer.out_dpt = DPTDecoder(config, len(FEATURES), len(OUTPUTS))
+        self.refiner = Refiner(len(OUTPUTS) + len(FEATURES) + 3, config.guidance.refiner_width, len(OUTPUTS))
 
     def embed_textures(self, tiles: Tensor) -> Tensor:
         """(T, 13, 2 q, 2 q) material tiles -> (T, D)."""
@@ -55,4 +57,6 @@ class GuidedRenderFormer(RenderFormer):
 
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
         """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
-        return self.view_transformer.out_dpt(features, view.guides.features)
+        raw = self.view_transformer.out_dpt(features, view.guides.features)
+        image = encode_light(decode_image(raw, view.guides))
+        return raw + self.refiner(raw, view.guides.features, image)

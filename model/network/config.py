@@ -41,6 +41,7 @@ class Guidance:
 
     tile_encoder_width: int = 32
     environment_encoder_width: int = 32
+    refiner_width: int = 24
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def test_passes_add_up_to_the_picture(traced, volumes):
     radiance = arriving + (colors * indirect).sum(0) + rng.random((H, W, 3), np.float32) * 0.1
     names = [f"{lobe}_{part}" for lobe in (*LOBES, "volume") for part in ("direct", "indirect")]
     sampled = {name: rng.exponential(size=(H, W, 3)).astype(np.float32) for name in names} if traced else {}
-    passes = light_passes(given, Lobes(radiance, direct, indirect), sampled, volumes)
+    passes = light_passes(given, Lobes(radiance, given.traced, direct, indirect), sampled, volumes)
     assert set(passes) == set(names)
     assert all(np.isfinite(light).all() and light.min() >= 0 for light in passes.values())
     np.testing.assert_allclose(recipe(passes, given), radiance, rtol=1e-4, atol=1e-5)
@@ -58,7 +58,7 @@ def test_traced_light_keeps_the_proportions_of_the_samples():
     dark = np.zeros((3, H, W, 3), np.float32)
     sampled = {f"{lobe}_{part}": 0 * flat for lobe in LOBES for part in ("direct", "indirect")}
     sampled |= {"diffuse_direct": 3 * flat, "glossy_indirect": flat}
-    passes = light_passes(given, Lobes(given.traced, dark, dark), sampled, volumes=False)
+    passes = light_passes(given, Lobes(given.traced, given.traced, dark, dark), sampled, volumes=False)
     np.testing.assert_allclose(0.5 * passes["diffuse_direct"], 0.75 * given.traced, rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(0.5 * passes["glossy_indirect"], 0.25 * given.traced, rtol=1e-4, atol=1e-6)
 
@@ -67,7 +67,7 @@ def test_denoised_light_where_no_sample_found_any_belongs_to_the_lobes():
     given = guides(np.random.default_rng(3), traced=True)
     dark = np.zeros((3, H, W, 3), np.float32)
     sampled = {f"{lobe}_{part}": dark[0] for lobe in LOBES for part in ("direct", "indirect")}
-    passes = light_passes(given, Lobes(given.traced, dark, dark), sampled, volumes=True)
+    passes = light_passes(given, Lobes(given.traced, given.traced, dark, dark), sampled, volumes=True)
     np.testing.assert_allclose(recipe(passes, given), given.traced, rtol=1e-4, atol=1e-5)
     assert passes["volume_indirect"][2:].max() < 1e-5
 
@@ -77,7 +77,7 @@ def test_bands_do_not_show(monkeypatch):
     given = guides(rng, traced=True)
     dark = np.zeros((3, H, W, 3), np.float32)
     sampled = {f"{lobe}_{part}": rng.random((H, W, 3), np.float32) for lobe in LOBES for part in ("direct", "indirect")}
-    lobes = Lobes(given.traced, dark, dark)
+    lobes = Lobes(given.traced, given.traced, dark, dark)
     whole = light_passes(given, lobes, sampled, volumes=False)
     edges = blended(lobes, given, given.normal * 0.5)
     monkeypatch.setattr(bands, "PIXELS", 3 * W)

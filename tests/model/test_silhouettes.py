@@ -32,7 +32,7 @@ def corner():
 def test_an_edge_is_between_its_sides_and_nothing_else_changes(corner):
     guides, normal, light = corner
     radiance = guides.traced + guides.diffuse_color * light
-    found = blended(Lobes(radiance), guides, normal).radiance
+    found = blended(Lobes(radiance, guides.traced), guides, normal).radiance
     np.testing.assert_allclose(found[EDGE], 0.05 + 0.6 * 0.2, rtol=1e-5)
     rest = np.arange(H) != EDGE
     np.testing.assert_allclose(found[rest], radiance[rest], rtol=1e-6)
@@ -41,7 +41,8 @@ def test_an_edge_is_between_its_sides_and_nothing_else_changes(corner):
 def test_light_of_the_lobes_still_makes_the_picture(corner):
     guides, normal, light = corner
     indirect = np.stack([light, light * 0, light * 0])
-    found = blended(Lobes(guides.traced + guides.diffuse_color * light, indirect, indirect), guides, normal)
+    radiance = guides.traced + guides.diffuse_color * light
+    found = blended(Lobes(radiance, guides.traced, indirect, indirect), guides, normal)
     lit = guides.diffuse_color * found.indirect[LOBES.index("diffuse")]
     seen = light > 0
     np.testing.assert_allclose((guides.traced + lit)[seen], found.radiance[seen], rtol=1e-5)
@@ -51,4 +52,4 @@ def test_an_edge_without_a_clean_neighbour_stays(corner):
     guides, normal, light = corner
     radiance = guides.traced + guides.diffuse_color * light
     crowded = np.tile(np.float32((0, -0.4, -0.4)), (H, W, 1))
-    np.testing.assert_allclose(blended(Lobes(radiance), guides, crowded).radiance, radiance, rtol=1e-6)
+    np.testing.assert_allclose(blended(Lobes(radiance, guides.traced), guides, crowded).radiance, radiance, rtol=1e-6)

@@ -46,6 +46,22 @@ def test_inputs_that_were_not_there_start_at_zero(folder):
     assert torch.equal(weight[:, :100], stored[KEY].float()) and not weight[:, 100:].any()
 
 
+def test_outputs_that_were_not_there_start_at_zero(folder):
+    name = "view_transformer.out_dpt.scratch.output_conv2.2.bias"
+    stored = changed(folder, lambda state: state.update({name: state[name][:21].contiguous()}))
+    model = new_network(TINY)
+    start_from(model, folder)
+    bias = dict(model.named_parameters())[name]
+    assert torch.equal(bias[:21], stored[name].float()) and len(bias) > 21 and not bias[21:].any()
+
+
+def test_a_refiner_that_was_not_there_changes_nothing(folder):
+    changed(folder, lambda state: [state.pop(name) for name in list(state) if name.startswith("refiner.")])
+    model = new_network(TINY)
+    start_from(model, folder)
+    assert not model.refiner(torch.randn(1, model.refiner.enter.in_channels, 8, 8)).any()
+
+
 @pytest.mark.parametrize("change, message", [
     (lambda state: state.pop(KEY), f"has no {KEY}"),
     (lambda state: state.update({KEY: torch.zeros(3, 4)}), r"has shape \(3, 4\)"),

@@ -12,25 +12,26 @@ from .errors import TrainingError
 
 
 def start_from(model: nn.Module, folder: Path) -> None:
-    """Take over the weights in folder/model.safetensors; inputs that only `model` has start at zero.
+    """Take over the weights in folder/model.safetensors; inputs and outputs that only `model` has start at zero.
 
-    Raises TrainingError when a tensor is missing there, or has another shape than fewer inputs explain.
+    So does what a refiner adds, where there was none. Raises TrainingError when another tensor is missing there, or has
+    another shape than fewer inputs or outputs explain.
     """
     stored = load_file(folder / "model.safetensors")
     with torch.no_grad():
         for name, p in model.named_parameters():
+            if name not in stored and name.startswith("refiner."):
+                continue
             if name not in stored:
                 raise TrainingError(f"{folder} has no {name}: it holds another network")
             found = stored[name].to(p)
-            if found.shape != p.shape and not _has_fewer_inputs(found, p):
+            if not _fits_into(found, p):
                 raise TrainingError(f"{folder}: {name} has shape {tuple(found.shape)}, not {tuple(p.shape)}")
-            if found.shape == p.shape:
-                p.copy_(found)
-            else:
-                p.zero_()
-                p[:, :found.shape[1]] = found
+            p.zero_()
+            p[tuple(slice(size) for size in found.shape[:2])] = found
 
 
-def _has_fewer_inputs(found: torch.Tensor, p: torch.Tensor) -> bool:
-    return (found.ndim == p.ndim > 1 and found.shape[1] < p.shape[1]
-            and (found.shape[0], *found.shape[2:]) == (p.shape[0], *p.shape[2:]))
+def _fits_into(found: torch.Tensor, p: torch.Tensor) -> bool:
+    """Whether nothing but either the outputs or the inputs, the first two axes, are fewer."""
+    differ = [few < many for few, many in zip(found.shape[:2], p.shape) if few != many]
+    return found.ndim == p.ndim and found.shape[2:] == p.shape[2:] and differ in ([], [True])

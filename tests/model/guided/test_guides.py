@@ -2,6 +2,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 
 from renderformer_v2.model.guided import guides as guides_module
@@ -59,9 +60,19 @@ def test_the_prior_is_the_only_light_of_an_undecided_decoder():
 
 def test_traced_light_stands_for_all_direct_light():
     guides, dark = tensors(hinted=True), torch.full((1, len(OUTPUTS), 64, 64), -30.0)
+    dark[:, OUTPUTS["traced"]] = 0
     image = decode_light(dark, guides)["image"]
     torch.testing.assert_close(image, guides.traced, atol=1e-5, rtol=1e-4)
     assert image.amax() > 0.1 and guides.features[:, FEATURES["hinted"]].min() == 1
+
+
+@pytest.mark.parametrize(("raw", "factor"), [(30.0, 4.0), (-30.0, 0.25)])
+def test_traced_light_is_corrected_within_bounds(raw, factor):
+    guides, outputs = tensors(hinted=True), torch.full((1, len(OUTPUTS), 64, 64), -30.0)
+    outputs[:, OUTPUTS["traced"]] = raw
+    light = decode_light(outputs, guides)
+    torch.testing.assert_close(light["traced"], factor * guides.traced, atol=1e-5, rtol=1e-4)
+    torch.testing.assert_close(light["image"], light["traced"], atol=1e-5, rtol=1e-4)
 
 
 def test_an_undecided_decoder_adds_a_share_of_the_radiosity():
