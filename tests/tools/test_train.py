@@ -181,6 +181,30 @@ def test_configuration_names_wrong_keys(tmp_path):
             TrainConfig.load(path)
 
 
+def test_parts_of_a_network_are_trained_alone(tmp_path):
+    model, path = new_network(TINY), tmp_path / "config.json"
+    path.write_text(changed(parts=["refiner.", "view_transformer.out_dpt."]))
+    TrainConfig.load(path).train(model)
+    trained = {name for name, p in model.named_parameters() if p.requires_grad}
+    assert {name.split(".")[0] for name in trained} == {"refiner", "view_transformer"} and len(trained) > 20
+    path.write_text(changed())
+    TrainConfig.load(path).train(model)
+    assert {name for name, p in model.named_parameters() if not p.requires_grad} == {
+        "transformer.rope_emb.freqs", "view_transformer.transformer.rope_emb.freqs"}
+    path.write_text(changed(parts=["refinery."]))
+    with pytest.raises(TrainingError, match="refinery"):
+        TrainConfig.load(path).train(model)
+
+
+def test_dark_places_count_as_on_a_screen():
+    dark, bright, off = torch.full((1, 3, 32, 32), 0.01), torch.full((1, 3, 32, 32), 0.8), 0.01
+    none = lambda a, b: 0.0  # noqa: E731
+    assert image_loss(dark + off, dark, none) > 3 * image_loss(bright + off, bright, none) > 0
+    too_bright = torch.full((1, 3, 32, 32), 3.0, requires_grad=True)
+    image_loss(too_bright, bright, none).backward()
+    assert (too_bright.grad > 0).all()
+
+
 def test_equal_pictures_cost_nothing():
     picture = torch.rand(1, 3, 32, 32)
     assert float(image_loss(picture, picture, structure_loss)) == pytest.approx(0, abs=1e-6)

@@ -6,6 +6,8 @@ import json
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 
+from torch import nn
+
 from renderformer_v2.model.presets import PRESETS
 
 from .errors import TrainingError
@@ -32,6 +34,7 @@ class TrainConfig:
     clip_norm: float
     average_decay: float         # of the weights' running average, which is what is saved for rendering
     stages: tuple[Stage, ...]    # the last one goes on for as long as the run is given
+    parts: tuple[str, ...] = ("",)  # how the names of the tensors begin that are trained; the others stay
 
     @classmethod
     def load(cls, path: Path) -> TrainConfig:
@@ -47,6 +50,18 @@ class TrainConfig:
             raise TrainingError(f"{path}: stages must be a list of at least one stage")
         stages = (_filled(Stage, stage, f"{path}, stages[{i}]") for i, stage in enumerate(config.stages))
         return replace(config, stages=tuple(stages))
+
+    def train(self, model: nn.Module) -> None:
+        """Switch gradients on for `parts` of a model, but never for the frequencies of its positions, and else off.
+
+        Raises TrainingError for a part that the model does not have.
+        """
+        names = [name for name, _ in model.named_parameters()]
+        for part in self.parts:
+            if not any(name.startswith(part) for name in names):
+                raise TrainingError(f"parts: no tensor's name begins with {part!r}")
+        for name, p in model.named_parameters():
+            p.requires_grad_(name.startswith(tuple(self.parts)) and not name.endswith("rope_emb.freqs"))
 
     def stage(self, step: int) -> Stage:
         return next((s for s in self.stages if step < s.steps), self.stages[-1])

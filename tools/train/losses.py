@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The paper's loss shape: L1 of the log image plus a small perceptual term (paper, Loss Function).
+"""The paper's loss shape: L1 of the log image plus a small perceptual term (paper, Loss Function); and, which the paper
+has not, the error as it is shown on a screen.
 
 The paper's perceptual term is LPIPS. Its backbone is used when its weights are on this machine
 (`lpips` and torchvision's cached AlexNet); otherwise a stand-in without weights compares structure: SSIM and finite
@@ -15,6 +16,8 @@ from torch import Tensor
 from torch.nn import functional as F
 
 PERCEPTUAL_WEIGHT = 0.05
+SHOWN_WEIGHT = 0.25  # of the error as it is seen on a screen, which weighs dark places as an eye does
+SQUARED_WEIGHT = 4.0  # of its square beside its amount: PSNR counts squares
 PYRAMID_LEVELS = 3
 LOBE_WEIGHT = 0.2  # supervision of direct and indirect light per lobe (Cycles' passes), training only
 
@@ -27,7 +30,16 @@ def image_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
     """(V, 3, H, W) linear radiance in network exposure, both."""
     a, b = log_radiance(predicted), log_radiance(target)
     display = lambda y: (y / math.log10(2)).clamp(0, 1)  # noqa: E731
-    return (a - b).abs().mean() + PERCEPTUAL_WEIGHT * perceptual(display(a), display(b))
+    seen = shown(predicted) - shown(target)
+    return ((a - b).abs().mean() + PERCEPTUAL_WEIGHT * perceptual(display(a), display(b))
+            + SHOWN_WEIGHT * (seen.abs() + SQUARED_WEIGHT * seen.square()).mean())
+
+
+def shown(radiance: Tensor) -> Tensor:
+    """sRGB-encoded; beyond 1 it grows slowly, so that what is too bright still knows its way back."""
+    x = radiance.clamp_min(0)
+    curve = 1.055 * x.clamp(0.0031308, 1) ** (1 / 2.4) - 0.055
+    return torch.where(x > 0.0031308, curve, 12.92 * x) + 0.1 * x.clamp_min(1).log()
 
 
 def lobe_loss(light: Tensor, target: Tensor, colors: Tensor) -> Tensor:

@@ -49,8 +49,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     device = torch.device(options.device)
     torch.manual_seed(options.seed)
     model = new_network(PRESETS[config.preset]()).to(device).train()
-    model.transformer.rope_emb.requires_grad_(False)
-    model.view_transformer.transformer.rope_emb.requires_grad_(False)
+    config.train(model)
     if options.start:
         start_from(model, options.start)
     state = TrainingState(model, config.learning_rate, config.weight_decay, config.average_decay)

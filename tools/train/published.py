@@ -46,6 +46,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     variant = pipeline.variant(picture_size(options.data))
     samples = load_samples(options.data, pipeline)
     network = trainable(pipeline.load(variant)).to(device)
+    config.train(network)
     del pipeline  # and with it the image encoder
     state = TrainingState(network, config.learning_rate, config.weight_decay, config.average_decay)
     perceptual = perceptual_term(device)
@@ -62,10 +63,7 @@ def trainable(network: RenderFormer) -> RenderFormer:
     """The network with weights of its own (those that were read may be the file itself), ready for gradients."""
     for p in network.parameters():
         p.data = p.data.clone()
-    network.requires_grad_(True).train()
-    network.transformer.rope_emb.requires_grad_(False)
-    network.view_transformer.transformer.rope_emb.requires_grad_(False)
-    return network
+    return network.requires_grad_(True).train()
 
 
 def copy_bundle(source: Path, target: Path, but: set[str]) -> None:
