@@ -6,6 +6,7 @@ import numpy as np
 
 from .geometry import latlong_uv
 from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels
+from .specular import facing
 
 NOTHING_HIT = 1e10  # depth there, as Blender has it
 
@@ -24,7 +25,7 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
     position, normal, depth = emission.copy(), emission.copy(), np.full(hit.shape, NOTHING_HIT, np.float32)
     if hit.any():
         position[hit] = (scene.triangles[row[hit]] * corner_weights[hit]).sum(-2)
-        normal[hit] = _facing((scene.normals[row[hit]] * corner_weights[hit]).sum(-2), rays[hit])
+        normal[hit] = _unit(facing((scene.normals[row[hit]] * corner_weights[hit]).sum(-2), rays[hit]))
         camera = view.camera_to_world
         depth[hit] = (position[hit] - camera[:3, 3]) @ -camera[:3, 2]
         emission[hit] = scene.emission[row[hit]]
@@ -36,9 +37,8 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
                   triangle.astype(np.int32), weights.astype(np.float32))
 
 
-def _facing(normal: np.ndarray, ray: np.ndarray) -> np.ndarray:
-    normal = normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    return np.where((normal * ray).sum(-1, keepdims=True) > 0, -normal, normal)
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
 def _lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -53,9 +53,11 @@ class Normalization:
         Emission and environment stay in world radiance: they bypass the network.
         """
         hit = (guides.alpha > 0)[..., None]
-        traced = None if guides.traced is None else guides.traced * np.float32(self.exposure)
-        position = np.where(hit, self.points(guides.position), 0).astype(np.float32)
-        return replace(guides, position=position, traced=traced)
+        changed = {name: self.points(array) for name, array in guides.arrays().items() if name.endswith("position")}
+        changed["position"] = np.where(hit, changed["position"], 0).astype(np.float32)
+        if guides.traced is not None:
+            changed["traced"] = guides.traced * np.float32(self.exposure)
+        return replace(guides, **changed)
 
 
 def _fit(scene: RenderScene) -> tuple[np.ndarray, float]:

@@ -12,6 +12,7 @@ from ..model.first_hits import guides_of_hits
 from ..model.geometry import barycentric
 from ..model.progress import report
 from ..model.scene import Guides, RenderScene, View
+from .casting import cast, tree_of
 
 # A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what
 # Cycles saw. Decimated meshes and displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects)
@@ -36,10 +37,10 @@ def cast_guides(scene: RenderScene, view: View) -> Guides:
     weights = np.zeros((view.width * view.height, 2), np.float32)
     rays = view_rays(view)[1]
     if len(seen):
-        tree, eye, flat = _tree(scene.triangles[seen]), view.camera_to_world[:3, 3], rays.reshape(-1, 3)
+        tree, eye, flat = tree_of(scene.triangles[seen]), view.camera_to_world[:3, 3], rays.reshape(-1, 3)
         for first in range(0, len(flat), CHUNK):
             report(first / len(flat), "Finding the triangles that are seen")
-            found, distance = _cast(tree, eye, flat[first:first + CHUNK])
+            found, distance = cast(tree, eye, flat[first:first + CHUNK])
             hit = np.flatnonzero(found >= 0)
             point = eye + distance[hit, None] * flat[first + hit]
             triangle[first + hit] = seen[found[hit]]
@@ -87,7 +88,7 @@ def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen:
 
     Rays are cast through every GRID-th pixel, and where the triangle found there does not hold what is seen.
     """
-    tree = _tree(scene.triangles)
+    tree = tree_of(scene.triangles)
     eye, rows, columns = view.camera_to_world[:3, 3], *np.nonzero(seen)
     on_grid = (rows % GRID == 0) & (columns % GRID == 0)
     triangles, weights = np.full(seen.shape, -1, np.int32), np.zeros((*seen.shape, 2), np.float32)
@@ -121,7 +122,7 @@ def _holding(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
 def _seen_along(tree: BVHTree, scene: RenderScene, eye: np.ndarray, rays: np.ndarray, target: np.ndarray,
                 shines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Triangle (S,) i32 behind unit rays (S, 3) on which Cycles saw `target` (S, 3), and the point (S, 3) f32 on it."""
-    triangle, distance = _cast(tree, eye, rays)
+    triangle, distance = cast(tree, eye, rays)
     point = (eye + distance[:, None] * rays).astype(np.float32)
     unseen_light = scene.is_light[triangle] & ~shines
     tolerance = np.where(unseen_light, UNSEEN_LIGHT_TOLERANCE, TOLERANCE) * np.linalg.norm(target - eye, axis=1)
@@ -131,23 +132,9 @@ def _seen_along(tree: BVHTree, scene: RenderScene, eye: np.ndarray, rays: np.nda
     return triangle, point
 
 
-def _cast(tree: BVHTree, eye: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangle (S,) i32, -1 if none, and distance (S,) f32 for unit rays (S, 3)."""
-    cast, origin = tree.ray_cast, eye.tolist()
-    hits = [cast(origin, ray)[2:] for ray in rays.tolist()]
-    triangle = np.fromiter((-1 if index is None else index for index, _ in hits), np.int32, len(hits))
-    distance = np.fromiter((length or 0.0 for _, length in hits), np.float32, len(hits))
-    return triangle, distance
-
-
 def _weights(triangles: np.ndarray, point: np.ndarray) -> np.ndarray:
     """(S, 2) f32 weights of corners 0 and 1 at points (S, 3) on triangles (S, 3, 3)."""
     return barycentric(triangles, point)[:, :2].clip(0, 1).astype(np.float32)
-
-
-def _tree(triangles: np.ndarray) -> BVHTree:
-    corners = triangles.reshape(-1, 3)
-    return BVHTree.FromPolygons(corners.tolist(), np.arange(len(corners)).reshape(-1, 3).tolist(), all_triangles=True)
 
 
 def _nearest(known: np.ndarray, needed: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from .convert.report import Report
 from .convert.scene import convert
 from .cycles_session import Light
 from .guides import make_guides
+from .reflections import with_ends
 from .settings import FrameSettings
 from .setup import packages
 from .statistics import LayerStatistics
@@ -73,6 +74,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             passes |= output.first_hits(found, settings.exposure)
             with progress.part(0.8, 1.0):
                 guides = make_guides(found, scene, view)
+                if settings.guided:
+                    guides = with_ends(guides, scene, view)
             found |= {key: getattr(guides, key) for key in media.PASSES}  # through smoke and fog these are less noisy
             passes |= output.first_hits(found, settings.exposure)
 

@@ -32,6 +32,8 @@ FEATURES = Channels(
     bounced=(3, COLOR),       # log10(1 + radiosity)
     traced=(3, COLOR),        # log10(1 + traced light)
     hinted=1,                 # 1 if light was traced
+    reflected=(3, COLOR),     # log10(1 + radiosity) of what is seen in mirrors
+    refracted=(3, COLOR),     # and through glass
 )
 BAND_PIXELS = 1 << 17     # computed at once: guides of a large picture are gigabytes
 OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
@@ -52,6 +54,8 @@ class GuideTensors(TensorGroup):
     positions: Tensor = array("V", "R", 3, behaves=POINT)            # mean first hit of every bundle
     bounced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})    # radiosity: radiance of a white diffuse surface
     behind: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # the same of its other side, where light passes
+    reflected: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # radiance of what mirrors show, by radiosity
+    refracted: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # and glass
     traced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # radiance; 0 if nothing was traced
 
 
@@ -64,7 +68,7 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     h, w = guides.alpha.shape
     rows = _rows(w, patch)
     features = light = None
-    bundles, bounced, behind, traced = [], [], [], []
+    bundles, pictures = [], []
     for begin in range(0, h, rows):
         pixels = slice(begin, begin + rows)
         with part(begin / h, (begin + rows) / h):
@@ -73,13 +77,10 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
             features, light = like(band.features, h, 1), like(band.light, h, 1)
         features[:, pixels], light[:, pixels] = band.features, band.light
         bundles.append(band.positions)
-        bounced.append(band.bounced)
-        behind.append(band.behind)
-        traced.append(band.traced)
+        pictures.append(band.pictures)
     lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
-    whole = lambda bands: torch.cat(bands).permute(2, 0, 1)[None]  # noqa: E731
     return GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light), torch.cat(bundles)[None],
-                        whole(bounced), whole(behind), whole(traced))
+                        *torch.cat(pictures, dim=1).permute(0, 3, 1, 2)[:, None])
 
 
 @dataclass
@@ -89,9 +90,7 @@ class _Band:
     features: Tensor   # (C, h, W)
     light: Tensor      # (9, h, W)
     positions: Tensor  # (R, 3)
-    bounced: Tensor    # (h, W, 3)
-    behind: Tensor     # (h, W, 3)
-    traced: Tensor     # (h, W, 3)
+    pictures: Tensor   # (5, h, W, 3): bounced, behind, reflected, refracted, traced
 
 
 def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity, rows: slice,
@@ -110,6 +109,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     light = light.reshape(h, w, 9) * (alpha > 0)
     bounced = gathered(radiosity, position, normal, alpha > 0)
     behind = gathered(radiosity, position, -normal, tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
+    reflected, refracted = (_seen_light(radiosity, guides, name, tensor) for name in ("reflected", "refracted"))
     hinted = torch.full_like(alpha, guides.traced is not None)
     traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
@@ -118,8 +118,18 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     offset = (near - bundles.repeat_interleave(patch, 0).repeat_interleave(patch, 1)) * OFFSET_SCALE * (alpha > 0)
     mirrored = rays - 2 * (rays * normal).sum(-1, keepdim=True) * normal
     features = torch.cat([offset, normal, colors, roughness[..., None], alpha, _log(light), mirrored, _log(bounced),
-                          _log(traced), hinted], -1)
-    return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3), bounced, behind, traced)
+                          _log(traced), hinted, _log(reflected), _log(refracted)], -1)
+    return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3),
+                 torch.stack([bounced, behind, reflected, refracted, traced]))
+
+
+def _seen_light(radiosity: Radiosity, guides: Guides, name: str, tensor) -> Tensor:
+    """(h, W, 3) radiance of the surfaces that the paths of this `name` end at."""
+    parts = [getattr(guides, f"{name}_{kind}") for kind in ("position", "normal", "color")]
+    if parts[0] is None:
+        return torch.zeros(*guides.alpha.shape, 3, device=radiosity.center.device)
+    position, normal, color = map(tensor, parts)
+    return gathered(radiosity, position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0) * color
 
 
 def _log(radiance: Tensor) -> Tensor:

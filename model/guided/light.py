@@ -19,7 +19,8 @@ OUTPUTS = Channels(1, visibility=9, indirect=9, rest=3, traced=3)
 MOST_TRACED = 4.0          # times, and its inverse at least: the factor of traced light
 MAX_VISIBILITY = 1.2       # the prior's glossy lobe is approximate: leave room above 1
 VISIBLE, DARK = 1.5, -6.0  # offsets that start the decoder near "everything visible, nothing indirect"
-BOUNCED, BEHIND = 0.9, 0.4  # shares of the radiosity on a surface and behind glass: where the decoder starts
+# Shares of the radiosity where the decoder starts: on a surface, as seen in mirrors and through glass, behind the glass
+BOUNCED, REFLECTED, REFRACTED, BEHIND = 0.9, 0.9, 0.6, 0.3
 
 
 def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
@@ -33,8 +34,8 @@ def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
     v, _, h, w = raw.shape
     raw = raw.float()
     visibility = MAX_VISIBILITY * torch.sigmoid(raw[:, OUTPUTS["visibility"]] + VISIBLE).reshape(v, 3, 3, h, w)
-    start = torch.cat([_softplus_inverse(BOUNCED * guides.bounced), torch.full_like(raw[:, :3], DARK),
-                       _softplus_inverse(BEHIND * guides.behind)], dim=1)
+    start = _softplus_inverse(torch.cat([BOUNCED * guides.bounced, REFLECTED * guides.reflected,
+                                         REFRACTED * guides.refracted + BEHIND * guides.behind], dim=1))
     indirect = F.softplus(raw[:, OUTPUTS["indirect"]] + start).reshape(v, 3, 3, h, w)
     rest = F.softplus(raw[:, OUTPUTS["rest"]] + DARK) * guides.features[:, FEATURES["alpha"]]
     direct = guides.prior * visibility
@@ -58,7 +59,8 @@ def decode_image(raw: Tensor, guides: GuideTensors) -> Tensor:
 def decode_bands(raw: Tensor, guides: GuideTensors, keys: Sequence[str]) -> dict[str, Tensor]:
     """The `keys` of `decode_light`, in bands of bounded memory."""
     bands, rows = [], band_rows(raw)
-    pictures = (guides.features, guides.colors, guides.prior, guides.bounced, guides.behind, guides.traced)
+    pictures = (guides.features, guides.colors, guides.prior, guides.bounced, guides.behind, guides.reflected,
+                guides.refracted, guides.traced)
     for band in zip(*(x.split(rows, dim=-2) for x in (raw, *pictures)), strict=True):
         report(len(bands) * rows / raw.shape[2])
         light = decode_light(band[0], GuideTensors(*band[1:4], guides.positions, *band[4:]))

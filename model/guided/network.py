@@ -59,4 +59,4 @@ class GuidedRenderFormer(RenderFormer):
         """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
         raw = self.view_transformer.out_dpt(features, view.guides.features)
         image = encode_light(decode_image(raw, view.guides))
-        return raw + self.refiner(raw, view.guides.features, image)
+        return raw + self.refiner(raw, image, view.guides.features)

@@ -19,6 +19,7 @@ from renderformer_v2.rf2_engine.convert.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
 from renderformer_v2.rf2_engine.cycles_session import Light  # noqa: E402
 from renderformer_v2.rf2_engine.guides import make_guides  # noqa: E402
+from renderformer_v2.rf2_engine.reflections import with_ends  # noqa: E402
 
 from .cameras import Setup  # noqa: E402
 
@@ -78,7 +79,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
         few = cycles_session.render_passes(engine, depsgraph, samples=sample.equal, light=Light.ALL, denoise=True)
         found["equal"] = few["combined"]
     rendered = time.perf_counter()
-    sample.guides.append(make_guides(found, sample.scene, view))
+    sample.guides.append(with_ends(make_guides(found, sample.scene, view), sample.scene, view))
     sample.views.append(view)
     sample.passes.append({name: found[name] for name in (*LIGHTING, *(["equal"] if sample.equal else []))})
     guided = time.perf_counter()

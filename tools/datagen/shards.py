@@ -60,8 +60,10 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
         arrays |= {f"volumes.{f.name}": getattr(scene.volumes, f.name) for f in fields(Volumes)}
     for f in fields(View):
         arrays[f"view.{f.name}"] = np.stack([np.asarray(getattr(v, f.name)) for v in views])
-    for name in guides[0].arrays():
-        arrays[f"guides.{name}"] = np.stack([_packed_guide(name, g.arrays()[name]) for g in guides])
+    for name in dict.fromkeys(name for g in guides for name in g.arrays()):
+        # What one view of several has nothing of is black there.
+        nothing = np.zeros_like(next(g.arrays()[name] for g in guides if name in g.arrays()))
+        arrays[f"guides.{name}"] = np.stack([_packed_guide(name, g.arrays().get(name, nothing)) for g in guides])
     for name in passes[0]:
         arrays[f"passes.{name}"] = np.stack([half(p[name]) for p in passes])
     save_arrays(path, arrays)

@@ -120,7 +120,7 @@ def test_bands_of_a_large_picture_change_nothing(monkeypatch):
     tokens = encoder.bundles(whole.features)
     monkeypatch.setattr(guides_module, "BAND_PIXELS", 24 * 128)
     guides = tensors(128, 64)
-    for name in ("features", "colors", "prior", "positions", "bounced", "behind", "traced"):
+    for name in vars(whole):
         torch.testing.assert_close(getattr(guides, name), getattr(whole, name))
     raw = torch.randn(1, len(OUTPUTS), 64, 128, generator=torch.Generator().manual_seed(0))
     image = decode_light(raw, guides)["image"]
