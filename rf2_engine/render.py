@@ -72,9 +72,10 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                                                      light=settings.light, hazy=bool(scene.volumes),
                                                      threads=settings.threads)
             passes |= output.first_hits(found, settings.exposure)
-            with progress.part(0.8, 1.0):
+            with progress.part(0.8, 0.9):
                 guides = make_guides(found, scene, view)
-                if settings.guided:
+            if settings.guided:
+                with progress.part(0.9, 1.0):
                     guides = with_ends(guides, scene, view)
             found |= {key: getattr(guides, key) for key in media.PASSES}  # through smoke and fog these are less noisy
             passes |= output.first_hits(found, settings.exposure)

@@ -64,9 +64,9 @@ def cube(scene, name="Cube", location=(0, 0, 0), of=None):
     return added
 
 
-def sun(scene):
+def sun(scene, rotation=(0.9, 0.2, 0.4)):
     light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     light.data.energy = 3
-    light.rotation_euler = (0.9, 0.2, 0.4)
+    light.rotation_euler = rotation
     scene.collection.objects.link(light)
     return light
