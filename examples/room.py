@@ -87,7 +87,8 @@ def choose_engine():
     """Register the add-on from this source tree, for a file that opens with its engine chosen."""
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from tools import extension
-    extension.load().register()
+    if not hasattr(bpy.types.Scene, "renderformer_v2"):
+        extension.load().register()
     bpy.context.scene.render.engine = "RENDERFORMER_V2"
 
 

@@ -6,11 +6,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..geometry import area_vectors
+from ..geometry import area_vectors, contracted
 from ..network.ordering import hilbert_order
 from ..scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene
 
 PATCHES = 2048
+NEAR = 0.5           # network units from the origin, half a side of the box that is looked at
 AT_ONCE = 64         # triangles that are split before the largest are looked for again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one
 SPECULAR = 0.04      # what a dielectric reflects besides its colour
@@ -34,21 +35,28 @@ def _albedo(scene: RenderScene) -> np.ndarray:
 
 
 def _split(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(S, 3, 3) corners with the largest triangles quartered, and (S,) rows where they come from.
+    """(S, 3, 3) corners with the triangles that look largest quartered, and (S,) rows where they come from.
 
-    Points close to a large patch would see too little of it. There are PATCHES then, or that half as many more than
+    Points close to a large patch would see too little of it, and what is looked at is around the origin. There are PATCHES then, or that half as many more than
     before, which makes room for walls beside fine meshes that are merged afterwards.
     """
     source = np.arange(len(corners))
     wanted = max(PATCHES, len(corners) + PATCHES // 2) if len(corners) else 0
     while room := (wanted - len(corners)) // 3:
-        order = np.argsort(-np.linalg.norm(area_vectors(corners), axis=1), kind="stable")
-        large, rest = np.split(order, [min(room, AT_ONCE)])
+        size = _apparent_size(corners.mean(axis=1), np.linalg.norm(area_vectors(corners), axis=1))
+        order = np.argsort(-size, kind="stable")
+        large, rest = np.split(order, [min(room, AT_ONCE, np.count_nonzero(size > size.max() / 4))])
         middle = (corners[large] + np.roll(corners[large], -1, axis=1)) / 2
         outer = [np.stack([corners[large, i], middle[:, i], middle[:, i - 1]], axis=1) for i in range(3)]
         corners = np.concatenate([corners[rest], *outer, middle])
         source = np.concatenate([source[rest], np.tile(source[large], 4)])
     return corners, source
+
+
+def _apparent_size(center: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """(S,) areas (S,) around centres (S, 3) over the squared distance from which the middle of the scene sees them."""
+    distance = (np.linalg.norm(center, axis=1) - np.sqrt(area)).clip(NEAR)
+    return area / distance**2
 
 
 def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -60,18 +68,19 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Ten
         return center, vector, albedo
     axis = vector.abs().argmax(1, keepdim=True)
     side = (2 * axis + (vector.gather(1, axis) < 0))[:, 0]
-    order = hilbert_order(center)
+    order = hilbert_order(contracted(center))
     order = order[side[order].argsort(stable=True)]
     center, vector, albedo = center[order], vector[order], albedo[order]
     area = vector.norm(dim=-1, keepdim=True)
-    along = area.sqrt().double().cumsum(0)[:, 0]  # by size: a large triangle is a group of its own
+    size = area[:, 0]
+    shown = torch.from_numpy(_apparent_size(center.numpy(), size.numpy()))
+    along = shown.double().sqrt().cumsum(0)  # what looks large is a group of its own
     key = (along / along[-1] * (PATCHES - 1)).long()
 
     def summed(x: Tensor) -> Tensor:
         return torch.zeros(PATCHES, x.shape[-1]).index_add_(0, key, x)
 
     # In the middle of its largest part a group is on a surface, and not between two with a lamp in between.
-    size = area[:, 0]
     largest = torch.zeros(PATCHES).scatter_reduce_(0, key, size, "amax")
     middle = torch.zeros(PATCHES, 3)
     middle[key[size >= largest[key]]] = center[size >= largest[key]]

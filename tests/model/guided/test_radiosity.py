@@ -75,6 +75,17 @@ def test_merged_patches_give_nearly_the_same_light(monkeypatch):
     torch.testing.assert_close(few(points, UP.expand(3, 3)), exact, rtol=0.1, atol=1e-3)
 
 
+@pytest.mark.parametrize("side", [2, 40])
+def test_a_ground_to_the_horizon_lights_what_stands_on_it_as_an_endless_one(side):
+    """Coarse, so that it is split, and fine, so that it is merged: a wall sees it in half of its hemisphere."""
+    ground = floor_scene(side).triangles[:-1] * np.float32((2000, 2000, 0)) - np.float32((0, 0, 0.2))
+    bounce = built(flat(ground, (0.5, 0.5, 0.5)))
+    bounce.leaving = torch.ones_like(bounce.leaving)
+    wall = torch.tensor([[0.0, -1.0, 0.0]])
+    for height in (-0.1, 0.0, 0.3):
+        assert bounce(torch.tensor([[0.1, 0.2, height]]), wall)[0, 0].item() == pytest.approx(0.5, abs=0.06)
+
+
 def test_pixels_between_probes_get_smooth_light_and_edges_stay(monkeypatch):
     """Left half a floor, right half a wall far behind: no light runs from one to the other."""
     position = torch.zeros(16, 32, 3)
