@@ -43,7 +43,7 @@ def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture:
     try:
         with status.stage(NAME):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
-            with status.holding_the_bar():
+            with status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit):
                 found = _render(engine, depsgraph, chosen, settings.threads)
     except RenderCancelled:
         found = {}  # it may have come after the last sample
