@@ -15,6 +15,7 @@ _seconds_per_unit = {
     "Cycles Reference": 4e-6,           # a sample of a pixel
 }
 LEAST_LEARNED = 0.5   # of what was known: a stage that found its work done already says little about the next time
+EVEN_AFTER = 0.1      # of a stage that works at one pace: what was known before counts no more
 OVERTIME = 0.2        # of a stage's time, expected to follow when it takes longer than it should
 
 
@@ -52,12 +53,16 @@ class Frame:
     def begin_stage(self, key: str) -> None:
         self.stage_begin, self.stage_expected = time.perf_counter(), self.expected.pop(key, 0.0)
 
-    def remaining(self, fraction: float) -> float:
-        """Seconds until the frame is done when its stage has come so far: the further, the more its own pace counts."""
+    def remaining(self, fraction: float, even: bool = False) -> float:
+        """Seconds until the frame is done when its stage has come so far: the further, the more its own pace counts.
+
+        `even`: the stage works at one pace, so that it is known early.
+        """
         now = time.perf_counter()
         took = now - self.stage_begin
         as_known = max(self.stage_expected - took, OVERTIME * took)
-        stage = (1 - fraction ** 2) * as_known + fraction * (1 - fraction) * took
+        trust = min(fraction / EVEN_AFTER, 1) if even else fraction ** 2
+        stage = (1 - trust) * as_known + trust * took * (1 - fraction) / max(fraction, 1e-9)
         left = stage + sum(self.expected.values()) + self.layers_left * self.of_layer
         elapsed = now - self.begin
         self.bar = max(self.bar, elapsed / max(elapsed + left, 1e-9))

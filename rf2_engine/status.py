@@ -65,7 +65,7 @@ class Status:
             while not done.wait(HOLD_INTERVAL):
                 now = time.perf_counter()
                 fraction = max(fraction, cycles_progress.fraction(text.read(), now - begin, time_limit))
-                line = _line(words, fraction, estimate.frame.remaining(share * fraction))
+                line = _line(words, fraction, estimate.frame.remaining(share * fraction, even=True))
                 if window:
                     self.engine.update_progress(estimate.frame.bar)
                     status_line.show(line)

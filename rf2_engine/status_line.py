@@ -8,8 +8,9 @@ from __future__ import annotations
 import blf
 import bpy
 
-SIZE = 12                    # of text, in pixels at an interface scale of 1
+SIZE = 11                    # of text, in pixels at an interface scale of 1
 HEIGHT = 22                  # of a line
+LEFT = 13
 SHADE = (0.0, 0.0, 0.0, 0.5)
 
 _text = ""
@@ -42,7 +43,7 @@ def _draw() -> None:
     gpu.state.blend_set("NONE")
     blf.size(0, SIZE * unit)
     blf.color(0, 1, 1, 1, 1)
-    blf.position(0, 8 * unit, bottom + (HEIGHT - SIZE) * unit / 2 + 1, 0)
+    blf.position(0, LEFT * unit, bottom + (HEIGHT - SIZE) * unit / 2 + 1, 0)
     blf.draw(0, _text)
 
 

@@ -73,6 +73,16 @@ def test_a_stage_that_takes_longer_than_expected_stops_the_bar_short_of_its_end(
     assert 1 < frame.remaining(0.0) < 10 and frame.bar < 0.95
 
 
+def test_a_stage_at_one_pace_is_judged_by_it_whatever_it_took_before():
+    estimate.learn("Cycles Reference", 1, 1000.0)
+    frame = estimate.Frame()
+    frame.begin_layer(1, {"Cycles Reference": 1})
+    frame.begin_stage("Cycles Reference")
+    frame.stage_begin -= 5
+    assert frame.remaining(0.25, even=True) == pytest.approx(15, rel=0.1)
+    assert frame.remaining(0.25) > 500
+
+
 def test_memory_counts_what_python_packages_hold():
     before, _ = memory.held()
     block = bytearray(200 << 20)
