@@ -72,7 +72,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             with status.during_cycles(f"First hits{lit_by} {{}}", share=CYCLES_SHARE):
                 found = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
                                                      light=settings.light, hazy=bool(scene.volumes),
-                                                     threads=settings.threads)
+                                                     threads=settings.threads, report=report)
             passes |= output.first_hits(found, settings.exposure)
             with progress.part(CYCLES_SHARE, 1.0):
                 guides = make_guides(found, scene, view)

@@ -45,6 +45,7 @@ def session():
     yield from compare(editor, comparison, found)
     yield from escape(editor, statistics, found)
     yield from reopen(editor, comparison, found)
+    yield from elsewhere(editor, statistics, found)
 
 
 def watch() -> None:
@@ -160,6 +161,17 @@ def reopen(editor, comparison, found):
     chosen.a.kind = "SHOWN"
     yield lambda: comparison.a is not None and "Slot" in comparison.a.name
     found["file_is_the_render"] = bool(np.array_equal(of_file, comparison.a.pixels))
+
+
+def elsewhere(editor, statistics, found):
+    """Cycles' functions have gone; the user goes on working meanwhile."""
+    import cycles.engine
+    lines.clear()
+    del cycles.engine.create
+    editor.spaces.active.image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
+    yield from render(editor, shots=True)
+    found["elsewhere"] = {"report": statistics.last_frame[0].report, "lines": sorted(set(lines), key=lines.index),
+                          "samples": statistics.last_frame[0].reference_samples}
 
 
 bpy.context.preferences.view.show_splash = False

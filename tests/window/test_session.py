@@ -59,3 +59,9 @@ def test_esc_ends_each_stage_and_keeps_our_picture_during_the_reference(found):
 
 def test_a_saved_file_is_compared_like_the_render(found):
     assert found["file_is_the_render"]
+
+
+def test_a_blender_in_the_background_renders_where_cycles_cannot_be_run_inside(found):
+    elsewhere = found["elsewhere"]
+    assert elsewhere["samples"] == 64 and any("in the background" in line for line in elsewhere["report"])
+    assert any(line.startswith("RenderFormer 100 %, Cycles ") for line in elsewhere["lines"])
