@@ -108,8 +108,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     beside = Report()
     samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
-                           weights=settings.weights, seconds=status.seconds, remarks=report.entries + beside.entries,
-                           reference_samples=samples)
+                           weights=settings.weights, seconds=status.seconds,
+                           remarks=[*dict.fromkeys(report.entries + beside.entries)], reference_samples=samples)
 
 
 def _load(status: Status, settings: FrameSettings):

@@ -67,9 +67,11 @@ def create():
 
 
 def texture(pixels: np.ndarray):
-    """A gpu.types.GPUTexture of (H, W, 4), row 0 on top."""
+    """A gpu.types.GPUTexture of (H, W, 4), row 0 on top; where it is too large for the GPU, of every n-th pixel."""
     import gpu
 
+    step = -(-max(pixels.shape[:2]) // gpu.capabilities.max_texture_size_get())
+    pixels = pixels[step // 2::step, step // 2::step]
     height, width, _ = pixels.shape
     values = np.ascontiguousarray(pixels[::-1], np.float32).ravel()
     return gpu.types.GPUTexture((width, height), format="RGBA16F" if np.abs(values).max() < 6e4 else "RGBA32F",

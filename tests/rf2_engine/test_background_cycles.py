@@ -69,7 +69,8 @@ def test_both_runs_are_those_of_cycles_inside(lit, tmp_path, without_cycles, sta
     assert len(started) == 2 and all(process.returncode == 0 for process in started)
     assert not list(folder.iterdir())
     report = statistics.last_frame[0].report
-    assert any("Blender in the background" in line and "parameters_of_the_next_version" in line for line in report)
+    (line,) = [line for line in report if "Blender in the background" in line]
+    assert "parameters_of_the_next_version" in line
     assert statistics.last_frame[0].reference_samples == 4 and lit.render.engine == "RENDERFORMER_V2"
 
 

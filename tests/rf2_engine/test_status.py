@@ -80,6 +80,8 @@ def test_a_stage_at_one_pace_is_judged_by_it_whatever_it_took_before():
     frame.begin_stage("Cycles Reference")
     frame.stage_begin -= 5
     assert frame.remaining(0.25, even=True) == pytest.approx(15, rel=0.1)
+    frame.stage_begin -= 5
+    assert frame.remaining(0.25, even=True) == pytest.approx(10, rel=0.1)  # nothing was heard since
     assert frame.remaining(0.25) > 500
 
 
