@@ -15,7 +15,7 @@ from pathlib import Path
 import bpy
 
 STEP = 0.05       # seconds between two looks
-PATIENCE = 60.0  # seconds for anything that is waited for
+PATIENCE = 120.0  # seconds for anything that is waited for
 F12 = "96"        # as a keycode: its name comes with Alt on a display without a keyboard
 ESC = "Escape"
 
