@@ -8,7 +8,9 @@ import bpy
 import numpy as np
 
 from ..model.errors import RenderCancelled, SceneError
+from . import background_cycles, failure
 from . import passes as pass_table
+from .convert.report import Report
 
 
 @contextmanager
@@ -25,18 +27,26 @@ def scene_kept(engine: bpy.types.RenderEngine, wanted: bool):
         engine.bl_use_gpu_context = False
 
 
+# What Python raises when Cycles' functions are not there, have other parameters or fail.
+INTERNAL = (ImportError, AttributeError, TypeError, RuntimeError, SystemError)
+
+
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
-        wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+        wanted: list[pass_table.Pass], changes: list, report: Report) -> dict[str, np.ndarray]:
     """Render the view layer of `depsgraph`, called `layer`, with its settings as they are.
 
-    Returns {key: (H, W, C) f32} of the `wanted` passes, row 0 on top; the result of `engine` must have them.
+    Returns {key: (H, W, C) f32} of the `wanted` passes, row 0 on top; the result of `engine` must have them. Where
+    Cycles cannot be run inside Blender a Blender in the background renders, with the `changes` that `overrides` gave
+    to the settings, and the report says so.
     Raises RenderCancelled after Esc, SceneError when Cycles stops with an error.
     """
-    with _session(engine) as cycles_engine:
-        cycles_engine.reset(engine, bpy.data, depsgraph)
-        cycles_engine.render(engine, depsgraph)
-        cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
-        found = {} if engine.test_break() else _read(engine.get_result(), layer, wanted)
+    job = background_cycles.Job.of(depsgraph, layer, wanted, changes)
+    try:
+        found = _run_inside(engine, depsgraph, layer, wanted)
+    except INTERNAL as error:
+        if failure.is_out_of_memory(error):
+            raise
+        found = _run_outside(engine, job, wanted, error, report)
     if engine.test_break():
         raise RenderCancelled()
     missing = [p.blender_name for p in wanted if p.key not in found]
@@ -45,21 +55,44 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     return found
 
 
+def _run_inside(engine, depsgraph, layer, wanted) -> dict[str, np.ndarray]:
+    with _session(engine) as cycles_engine:
+        cycles_engine.reset(engine, bpy.data, depsgraph)
+        cycles_engine.render(engine, depsgraph)
+        cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
+        return {} if engine.test_break() else _read(engine.get_result(), layer, wanted)
+
+
+def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[str, np.ndarray]:
+    reason = str(why).splitlines()[0] if str(why) else type(why).__name__
+    try:
+        found = background_cycles.run(engine, job, wanted)
+    except SceneError as error:
+        raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), and {error}") from why
+    report.approximated("Cycles", f"it cannot be run inside this Blender ({reason}), so a Blender in the background "
+                                  "rendered a copy of the scene: expect a few seconds more, and no simulation that is "
+                                  "not baked")
+    return found
+
+
 @contextmanager
 def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     """A function that sets properties of evaluated data, given by dotted path; they are put back in the end.
 
-    The user's scene never sees it: it is the evaluated copy that Cycles reads.
+    The user's scene never sees it: it is the evaluated copy that Cycles reads. `changes` of that function lists what
+    was set, as background_cycles.changed gives it.
     """
-    saved = []
+    saved, changes = [], []
     survives = engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
 
-    def override(data: bpy.types.ID | bpy.types.ViewLayer, settings: dict[str, object]) -> None:
+    def override(data: bpy.types.ID, settings: dict[str, object]) -> None:
         for path, value in settings.items():
             owner, name = _owner(data, path)
             if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
                 saved.append((data, path, getattr(owner, name)))
                 setattr(owner, name, value)
+                changes.append(background_cycles.changed(data, path, value))
+    override.changes = changes
     try:
         yield override
     finally:
@@ -69,7 +102,7 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
                 setattr(owner, name, value)
 
 
-def _owner(data: bpy.types.ID | bpy.types.ViewLayer, path: str) -> tuple[bpy.types.bpy_struct, str]:
+def _owner(data: bpy.types.ID, path: str) -> tuple[bpy.types.bpy_struct, str]:
     parent, _, name = path.rpartition(".")
     return data.path_resolve(parent) if parent else data, name
 

@@ -17,6 +17,7 @@ import addon_utils
 from ..model.errors import SceneError
 from . import compat
 from . import passes as pass_table
+from .convert.report import Report
 from .cycles_run import overrides, run
 
 # The film is always transparent: Cycles then gives coverage as alpha, while the Environment pass still holds the
@@ -78,7 +79,8 @@ class Light(Enum):
 
 
 def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
-                  denoise: bool = False, hazy: bool = False, threads: int = 0) -> dict[str, np.ndarray]:
+                  denoise: bool = False, hazy: bool = False, threads: int = 0,
+                  report: Report | None = None) -> dict[str, np.ndarray]:
     """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render.
 
     `engine` is the RenderEngine inside whose `render` this is called; `threads` 0 leaves them to Blender's setting;
@@ -117,7 +119,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             override(depsgraph.scene_eval, _TRACED | (_DENOISED if compat.has_openimagedenoise() else {}))
             if hazy:
                 override(depsgraph.scene_eval, {"cycles.denoising_prefilter": "ACCURATE"})
-        found = run(engine, depsgraph, layer_name, wanted)
+        found = run(engine, depsgraph, layer_name, wanted, override.changes, report or Report())
 
     combined = found["combined"]
     found["alpha"] = combined[..., 3:].copy()

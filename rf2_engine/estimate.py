@@ -15,6 +15,7 @@ _seconds_per_unit = {
     "Cycles Reference": 4e-6,           # a sample of a pixel
 }
 LEAST_LEARNED = 0.5   # of what was known: a stage that found its work done already says little about the next time
+EVEN_AFTER = 0.1      # of a stage that works at one pace: what was known before counts no more
 OVERTIME = 0.2        # of a stage's time, expected to follow when it takes longer than it should
 
 
@@ -41,6 +42,8 @@ class Frame:
     of_layer: float = 0.0        # seconds of all stages of a layer
     stage_begin: float = 0.0
     stage_expected: float = 0.0
+    even_fraction: float = 0.0   # of a stage at one pace, when it was last heard of
+    even_took: float = 0.0       # seconds until then
 
     def begin_layer(self, layers: int, work: dict[str, float]) -> None:
         """`work` is what the stages of this view layer have to do, by key; the frame has so many layers."""
@@ -51,13 +54,22 @@ class Frame:
 
     def begin_stage(self, key: str) -> None:
         self.stage_begin, self.stage_expected = time.perf_counter(), self.expected.pop(key, 0.0)
+        self.even_fraction = self.even_took = 0.0
 
-    def remaining(self, fraction: float) -> float:
-        """Seconds until the frame is done when its stage has come so far: the further, the more its own pace counts."""
+    def remaining(self, fraction: float, even: bool = False) -> float:
+        """Seconds until the frame is done when its stage has come so far: the further, the more its own pace counts.
+
+        `even`: the stage works at one pace, so that it is known early, but says only now and then how far it is.
+        """
         now = time.perf_counter()
         took = now - self.stage_begin
         as_known = max(self.stage_expected - took, OVERTIME * took)
-        stage = (1 - fraction ** 2) * as_known + fraction * (1 - fraction) * took
+        if even and fraction > self.even_fraction:
+            self.even_fraction, self.even_took = fraction, took
+        pace = (self.even_took if even else took) / max(fraction, 1e-9)
+        by_pace = max(pace - took, OVERTIME * (took - self.even_took)) if even else pace * (1 - fraction)
+        trust = min(fraction / EVEN_AFTER, 1) if even else fraction ** 2
+        stage = (1 - trust) * as_known + trust * by_pace
         left = stage + sum(self.expected.values()) + self.layers_left * self.of_layer
         elapsed = now - self.begin
         self.bar = max(self.bar, elapsed / max(elapsed + left, 1e-9))

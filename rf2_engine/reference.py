@@ -43,8 +43,8 @@ def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture:
     try:
         with status.stage(NAME):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
-            with status.holding_the_bar():
-                found = _render(engine, depsgraph, chosen, settings.threads)
+            with status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit):
+                found = _render(engine, depsgraph, chosen, settings.threads, report)
     except RenderCancelled:
         found = {}  # it may have come after the last sample
         report.skipped(NAME, "it was stopped")
@@ -61,7 +61,7 @@ def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture:
 
 
 def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chosen: FrameReference,
-            threads: int) -> dict[str, np.ndarray]:
+            threads: int, report: Report) -> dict[str, np.ndarray]:
     """{key of passes.REFERENCE: (H, W, C) f32}, row 0 on top."""
     layer = depsgraph.view_layer_eval.name
     wanted = [p for p in pass_table.PASSES if p.key == "combined" or chosen.light_passes and p.source == "lighting"]
@@ -79,5 +79,5 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
             override(depsgraph.scene_eval, {"cycles.denoiser": "OPENIMAGEDENOISE"})
         if threads:
             override(depsgraph.scene_eval, {"render.threads_mode": "FIXED", "render.threads": threads})
-        found = cycles_run.run(engine, depsgraph, layer, wanted)
+        found = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report)
     return {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in found.items()}

@@ -10,11 +10,12 @@ from . import (
     settings,
     shot,
     statistics,
+    status_line,
     viewport,
 )
 from .setup import package_operators, preferences, weights_operators
 
-MODULES = (running, shot, statistics, reference_settings, settings, preferences, engine, package_operators,
+MODULES = (running, shot, statistics, status_line, reference_settings, settings, preferences, engine, package_operators,
            weights_operators, panels, viewport, compare)
 
 

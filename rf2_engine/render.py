@@ -23,6 +23,8 @@ from .setup import packages
 from .statistics import LayerStatistics
 from .status import Status
 
+CYCLES_SHARE = 0.8  # of the first hits; the rest finds the triangles behind them
+
 
 def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
     """Render one view layer into `engine`'s result, or say by name what prevents it and leave a frame that shows so."""
@@ -67,16 +69,18 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         renderer = _load(status, settings)
     with output.unless_stopped(engine, layer) as passes:
         with status.stage("First hits"):
-            with status.holding_the_bar():
+            lit_by = " and direct light" if settings.light is Light.TRACED else ""
+            with status.during_cycles(f"First hits{lit_by} {{}}", share=CYCLES_SHARE):
                 found = cycles_session.render_passes(engine, depsgraph, samples=settings.guide_samples,
                                                      light=settings.light, hazy=bool(scene.volumes),
-                                                     threads=settings.threads)
+                                                     threads=settings.threads, report=report)
             passes |= output.first_hits(found, settings.exposure)
-            with progress.part(0.8, 0.9):
-                guides = make_guides(found, scene, view)
-            if settings.guided:
-                with progress.part(0.9, 1.0):
-                    guides = with_ends(guides, scene, view)
+            with progress.part(CYCLES_SHARE, 1.0):
+                with progress.part(0.0, 0.5):
+                    guides = make_guides(found, scene, view)
+                if settings.guided:
+                    with progress.part(0.5, 1.0):
+                        guides = with_ends(guides, scene, view)
             found |= {key: getattr(guides, key) for key in media.PASSES}  # through smoke and fog these are less noisy
             passes |= output.first_hits(found, settings.exposure)
 
@@ -110,8 +114,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     beside = Report()
     samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
-                           weights=settings.weights, seconds=status.seconds, remarks=report.entries + beside.entries,
-                           reference_samples=samples)
+                           weights=settings.weights, seconds=status.seconds,
+                           remarks=[*dict.fromkeys(report.entries + beside.entries)], reference_samples=samples)
 
 
 def _load(status: Status, settings: FrameSettings):

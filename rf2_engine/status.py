@@ -10,10 +10,11 @@ import bpy
 
 from ..model import progress
 from ..model.errors import RenderCancelled
-from . import estimate, memory, running
+from . import cycles_progress, estimate, memory, running, status_line
 
 REDRAW_INTERVAL = 0.1  # seconds; in background mode every status is a line of output
 HOLD_INTERVAL = 0.02   # seconds between two looks at a bar that somebody else moves too
+PRINT_INTERVAL = 2.0   # seconds between two lines of output about Cycles, in background mode
 
 
 class Status:
@@ -47,27 +48,39 @@ class Status:
             progress.report(1.0)
 
     @contextmanager
-    def holding_the_bar(self, window: bool = not bpy.app.background):
-        """Inside, the bar goes on at our pace although Cycles, whose session moves it too, starts again from 0.
+    def during_cycles(self, words: str, share: float = 1.0, time_limit: float = 0.0,
+                      window: bool = not bpy.app.background):
+        """Inside, while Cycles runs, a line says how far it is, and the bar goes on at our pace.
 
-        Only the bar: its text is Cycles' own meanwhile, for two threads must not set it at the same time.
+        `words` get Cycles' percentage; its run is this `share` of the stage; `time_limit` is its own, in seconds.
+        Cycles moves the bar too, from 0 to 1, and sets Blender's text, which two threads must not do at the same time.
         """
-        done = threading.Event()
+        done, begin = threading.Event(), time.perf_counter()
+        first = _line(words, 0.0, estimate.frame.remaining(0.0))
+        self.engine.update_stats("", first)
+        text = cycles_progress.EngineText(self.engine, first)
 
-        def hold() -> None:
+        def follow() -> None:
+            fraction, said = 0.0, begin
             while not done.wait(HOLD_INTERVAL):
-                estimate.frame.remaining(0.0)
-                self.engine.update_progress(estimate.frame.bar)
+                now = time.perf_counter()
+                fraction = max(fraction, cycles_progress.fraction(text.read(), now - begin, time_limit))
+                line = _line(words, fraction, estimate.frame.remaining(share * fraction, even=True))
+                if window:
+                    self.engine.update_progress(estimate.frame.bar)
+                    status_line.show(line)
+                elif now - said > PRINT_INTERVAL:
+                    said = now
+                    print(f"RenderFormer-V2: {line}", flush=True)
 
-        holder = threading.Thread(target=hold, daemon=True)
-        if window:  # otherwise there is no bar
-            holder.start()
+        follower = threading.Thread(target=follow, daemon=True)
+        follower.start()
         try:
             yield
         finally:
             done.set()
-            if holder.is_alive():
-                holder.join()
+            follower.join()
+            status_line.show("")
 
     def __call__(self, text: str, fraction: float) -> None:
         """Raises RenderCancelled after Esc, or when the add-on is being disabled."""
@@ -76,11 +89,19 @@ class Status:
         now = time.perf_counter()
         if text != self._shown[0] or now - self._shown[1] > REDRAW_INTERVAL:
             self._shown = text, now
-            left = round(estimate.frame.remaining(min(max(fraction, 0.0), 1.0)))
+            left = estimate.frame.remaining(min(max(fraction, 0.0), 1.0))
             used, peak = memory.held()
             self.engine.update_memory_stats(memory_used=used, memory_peak=peak)
-            self.engine.update_stats(self._layer, f"Remaining {left // 60}:{left % 60:02} | {text}")
+            self.engine.update_stats(self._layer, f"Remaining {_time(left)} | {text}")
             self.engine.update_progress(estimate.frame.bar)
 
     def esc_pressed(self) -> bool:
         return self.engine.test_break()
+
+
+def _line(words: str, fraction: float, left: float) -> str:
+    return f"{words.format(f'{int(100 * fraction)} %')}, {_time(left)} left"
+
+
+def _time(seconds: float) -> str:
+    return f"{round(seconds) // 60}:{round(seconds) % 60:02}"

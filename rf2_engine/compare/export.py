@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import tempfile
 from pathlib import Path
 
 import bpy
@@ -39,10 +41,15 @@ class RENDERFORMER_OT_compare_export(bpy.types.Operator, ExportHelper):
         if measured.closeness is None:
             self.report({"ERROR"}, measured.error)
             return {"CANCELLED"}
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".png")
+        path = Path(bpy.path.abspath(bpy.path.ensure_ext(self.filepath, ".png")))
         try:
-            sheet.write(path, context.scene, a, b, measured.closeness, measured.box, comparison.settings().gain)
-            path.with_suffix(".json").write_text(json.dumps(numbers(a, b, measured), indent=2) + "\n")
+            with tempfile.TemporaryDirectory() as folder:  # first both files whole
+                made = Path(folder) / path.name
+                sheet.write(made, context.scene, a, b, measured.closeness, measured.box, comparison.settings().gain)
+                made.with_suffix(".json").write_text(json.dumps(numbers(a, b, measured), indent=2) + "\n")
+                path.parent.mkdir(parents=True, exist_ok=True)
+                for suffix in (".json", ".png"):
+                    shutil.copyfile(made.with_suffix(suffix), path.with_suffix(suffix))
         except (OSError, RuntimeError) as error:
             self.report({"ERROR"}, f"The comparison cannot be written to {path}: {error}")
             return {"CANCELLED"}

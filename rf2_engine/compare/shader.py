@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from mathutils import Matrix
+
 LARGEST_BOX = 8  # texels across that are averaged where a picture is shown smaller than it is
 
 VERTEX = """
 void main()
 {
   place = mix(part.xy, part.zw, corner);
-  gl_Position = projection * vec4(place + vec2(shift, 0.0), 0.0, 1.0) + vec4(half_pixel, 0.0, 0.0);
+  gl_Position = projection * vec4(place, 0.0, 1.0);
 }
 """
 
@@ -51,11 +53,9 @@ def create():
     info.vertex_in(0, "VEC2", "corner")
     info.vertex_out(interface)
     info.fragment_out(0, "VEC4", "color")
-    info.push_constant("MAT4", "projection")
+    info.push_constant("MAT4", "projection")  # all of them together in 128 bytes, which every driver takes
     info.push_constant("VEC4", "part")
     info.push_constant("VEC4", "area")
-    info.push_constant("VEC2", "half_pixel")
-    info.push_constant("FLOAT", "shift")
     info.push_constant("FLOAT", "gain")
     info.push_constant("FLOAT", "opaque")
     info.sampler(0, "FLOAT_2D", "picture")
@@ -67,9 +67,11 @@ def create():
 
 
 def texture(pixels: np.ndarray):
-    """A gpu.types.GPUTexture of (H, W, 4), row 0 on top."""
+    """A gpu.types.GPUTexture of (H, W, 4), row 0 on top; where it is too large for the GPU, of every n-th pixel."""
     import gpu
 
+    step = -(-max(pixels.shape[:2]) // gpu.capabilities.max_texture_size_get())
+    pixels = pixels[step // 2::step, step // 2::step]
     height, width, _ = pixels.shape
     values = np.ascontiguousarray(pixels[::-1], np.float32).ravel()
     return gpu.types.GPUTexture((width, height), format="RGBA16F" if np.abs(values).max() < 6e4 else "RGBA32F",
@@ -88,12 +90,12 @@ def draw(shader, picture, other=None, *, part=(0, 0, 1, 1), area=(0, 0, 1, 1), s
 
     batch = batch_for_shader(shader, "TRI_STRIP", {"corner": [(0, 0), (1, 0), (0, 1), (1, 1)]})
     shader.bind()
-    shader.uniform_float("projection", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix())
     _, _, width, height = gpu.state.viewport_get()
-    shader.uniform_float("half_pixel", (1 / width, 1 / height))  # Blender samples its image at corners of pixels
+    half_pixel = Matrix.Translation((1 / width, 1 / height, 0))  # Blender samples its image at corners of pixels
+    shader.uniform_float("projection", half_pixel @ gpu.matrix.get_projection_matrix()
+                         @ gpu.matrix.get_model_view_matrix() @ Matrix.Translation((shift, 0, 0)))
     shader.uniform_float("part", part)
     shader.uniform_float("area", area)
-    shader.uniform_float("shift", shift)
     shader.uniform_float("gain", gain)
     shader.uniform_float("opaque", float(opaque))
     shader.uniform_sampler("picture", picture)

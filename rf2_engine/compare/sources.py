@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 
 from ...model.color import srgb_to_linear
+from .. import compat
 from . import exr
 from .saving import file_format
 
@@ -60,7 +61,8 @@ class Reader:
         if slot and slot > len(image.render_slots):
             raise SourceError(f"There is no slot {slot}: the render result has {len(image.render_slots)}")
         with tempfile.TemporaryDirectory() as folder, _shown(image, slot), \
-                file_format(self._scene, "OPEN_EXR_MULTILAYER", color_depth="32", exr_codec="NONE"):
+                file_format(self._scene, "OPEN_EXR_MULTILAYER", color_depth="32", exr_codec="NONE",
+                            colorspace=compat.working_space()):
             path = Path(folder) / "passes.exr"
             try:
                 image.save_render(str(path), scene=self._scene)

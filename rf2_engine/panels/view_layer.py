@@ -14,8 +14,8 @@ class RENDERFORMER_PT_override(EnginePanel):
 
     def draw(self, context):
         layout = self.split_layout()
-        layout.prop(context.view_layer, "material_override")
-        layout.prop(context.view_layer, "world_override")
+        layout.prop(context.view_layer, "material_override", text="Material")
+        layout.prop(context.view_layer, "world_override", text="World")
 
 
 register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_override,))

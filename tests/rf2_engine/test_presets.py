@@ -12,7 +12,7 @@ def shipped() -> list[Path]:
     return [path for folder in bpy.utils.preset_paths("renderformer_v2") for path in sorted(Path(folder).glob("*.py"))]
 
 
-@pytest.mark.parametrize("name", ["draft", "normal", "fine"])
+@pytest.mark.parametrize("name", ["Draft", "Normal", "Fine"])
 def test_shipped_presets_set_what_they_say(scene, name):
     (path,) = [path for path in shipped() if path.stem == name]
     settings = scene.renderformer_v2
@@ -22,7 +22,7 @@ def test_shipped_presets_set_what_they_say(scene, name):
 
 
 def test_the_normal_preset_is_what_a_new_scene_has(scene):
-    (path,) = [path for path in shipped() if path.stem == "normal"]
+    (path,) = [path for path in shipped() if path.stem == "Normal"]
     bpy.ops.script.execute_preset(filepath=str(path), menu_idname="RENDERFORMER_PT_presets")
     properties = scene.renderformer_v2.bl_rna.properties
     assert [getattr(scene.renderformer_v2, name) for name in SETTINGS] == pytest.approx(

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a user does in Blender's window from enabling the add-on on: `blender --python session.py -- ZIP FOLDER`."""
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.append(str(Path(__file__).parent))
+from driver import ESC, F12, Driver, area, is_rendering, middle, region  # noqa: E402  it lies beside this file
+
+ARCHIVE, FOLDER = map(Path, sys.argv[sys.argv.index("--") + 1:])
+STAGES = ("Converting the scene", "First hits", "Network", "Cycles Reference")
+PROPERTIES = ("RENDER", "OUTPUT", "VIEW_LAYER", "WORLD", "OBJECT", "DATA", "MATERIAL")
+
+driver, stages, lines = Driver(FOLDER), [], []
+
+
+def session():
+    found = driver.found
+    bpy.ops.extensions.package_install_files(filepath=str(ARCHIVE), repo="user_default", enable_on_install=True)
+    from bl_ext.user_default.renderformer_v2.rf2_engine import statistics
+    from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison
+    watch()
+    scene = bpy.context.scene
+    scene.render.engine = "RENDERFORMER_V2"
+    scene.render.resolution_x, scene.render.resolution_y = 640, 480
+    reference = scene.renderformer_v2.reference
+    reference.use, reference.samples, reference.use_denoising = True, 64, False
+    yield 1.0
+    driver.shot("engine")
+    yield from properties()
+
+    area("VIEW_3D").type = "IMAGE_EDITOR"
+    yield 1.0
+    editor = area("IMAGE_EDITOR")
+    editor.spaces.active.image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT") if any(
+        i.type == "RENDER_RESULT" for i in bpy.data.images) else None
+    editor.spaces.active.show_region_ui = True
+    driver.move(*middle(region(editor)))
+    yield 0.5
+    yield from render(editor, shots=True)
+    found["lines"] = sorted(set(lines), key=lines.index)
+    found["reference_samples"] = statistics.last_frame[0].reference_samples
+    yield from compare(editor, comparison, found)
+    yield from escape(editor, statistics, found)
+    yield from reopen(editor, comparison, found)
+    yield from elsewhere(editor, statistics, found)
+
+
+def watch() -> None:
+    """Note the stages that begin, and the lines that are shown while Cycles runs."""
+    from bl_ext.user_default.renderformer_v2.rf2_engine import status, status_line
+
+    def stage(of, name, part="", real=status.Status.stage):
+        stages.append(name)
+        return real(of, name, part)
+
+    def show(text, real=status_line.show):
+        lines.append(text)
+        real(text)
+    status.Status.stage, status_line.show = stage, show
+
+
+def properties():
+    """Every tab of the Properties editor, as far as it is seen."""
+    space = area("PROPERTIES").spaces.active
+    for name in PROPERTIES:
+        space.context = name
+        yield 0.7
+        driver.shot(f"properties_{name.lower()}")
+
+
+def render(editor, shots=False):
+    stages.clear()
+    driver.key(F12)
+    yield is_rendering
+    if editor.spaces.active.image is None:
+        editor.spaces.active.image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
+    if shots:
+        for stage, name in (("First hits", "tracing"), ("Cycles Reference", "reference_runs")):
+            yield lambda stage=stage: stage in stages
+            yield 1.5
+            driver.shot(name)
+    yield lambda: not is_rendering()
+    yield 1.0
+    if shots:
+        driver.shot("rendered")
+
+
+def compare(editor, comparison, found):
+    chosen = comparison.settings()
+    editor.regions.update()
+    region(editor, "UI").active_panel_category = "Compare"
+    chosen.show = True
+    yield lambda: comparison.measurement is not None and comparison.measurement.closeness is not None
+    yield 1.0
+    driver.shot("split")
+    from bl_ext.user_default.renderformer_v2.rf2_engine.compare import overlay
+    space = region(editor)
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=editor, region=space):
+        x = overlay.split_x(bpy.context)
+    driver.move(space.x + x, middle(space)[1])
+    yield 0.5
+    driver.press()
+    yield 0.3
+    for i in range(1, 9):
+        driver.move(space.x + x + 10 * i, middle(space)[1])
+        yield 0.1
+    driver.press(False)
+    yield 0.5
+    driver.shot("split_dragged")
+    found["split"] = chosen.split
+    for mode in ("SIDE", "BLINK", "DIFFERENCE", "FLIP"):
+        chosen.mode = mode
+        chosen.gain = 10
+        yield 1.0
+        driver.shot(f"compare_{mode.lower()}")
+    path = FOLDER / "sheet.png"
+    bpy.ops.renderformer_v2.compare_export(filepath=str(path))
+    found["exported"] = [each.is_file() for each in (path, path.with_suffix(".json"))]
+    found["closeness"] = comparison.measurement.closeness.psnr
+    chosen.show = False
+
+
+def escape(editor, statistics, found):
+    """Esc in each stage: ours is gone before the reference, and stays after it."""
+    found["escaped"] = {}
+    for stage in STAGES:
+        stages.clear()
+        driver.move(*middle(region(editor)))
+        driver.key(F12)
+        yield lambda stage=stage: stage in stages
+        driver.key(ESC)
+        yield lambda: not is_rendering()
+        yield 1.0
+        (last,) = statistics.last_frame
+        found["escaped"][stage] = "cancelled" if last.cancelled else last.report
+        driver.shot(f"esc_{stage.split()[0].lower()}")
+
+
+def reopen(editor, comparison, found):
+    """The saved file against the render result that it was saved from."""
+    yield from render(editor)
+    path = FOLDER / "passes.exr"
+    from bl_ext.user_default.renderformer_v2.rf2_engine import compat
+    image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
+    compat.set_file_format(bpy.context.scene.render.image_settings, "OPEN_EXR_MULTILAYER")
+    bpy.context.scene.render.image_settings.color_depth = "32"
+    image.save_render(str(path))
+    loaded = bpy.data.images.load(str(path))
+    editor.spaces.active.image = loaded
+    chosen = comparison.settings()
+    chosen.a.kind = chosen.b.kind = "IMAGE"
+    chosen.a.image = chosen.b.image = loaded.name
+    chosen.a.pass_name, chosen.b.pass_name, chosen.mode, chosen.show = "Combined", "Cycles Reference", "SPLIT", True
+    yield lambda: comparison.measurement is not None and comparison.measurement.closeness is not None
+    yield 1.0
+    driver.shot("loaded_file")
+    of_file = comparison.a.pixels.copy()
+    chosen.a.kind = "SHOWN"
+    yield lambda: comparison.a is not None and "Slot" in comparison.a.name
+    found["file_is_the_render"] = bool(np.array_equal(of_file, comparison.a.pixels))
+
+
+def elsewhere(editor, statistics, found):
+    """Cycles' functions have gone; the user goes on working meanwhile."""
+    import cycles.engine
+    lines.clear()
+    del cycles.engine.create
+    editor.spaces.active.image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
+    yield from render(editor, shots=True)
+    found["elsewhere"] = {"report": statistics.last_frame[0].report, "lines": sorted(set(lines), key=lines.index),
+                          "samples": statistics.last_frame[0].reference_samples}
+
+
+bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.view.render_display_type = "NONE"
+driver.run(session())

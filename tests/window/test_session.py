@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A session in Blender's window, with keys, mouse and screenshots.
+
+    RENDERFORMER_V2_BLENDER=/path/to/blender .venv/bin/python -m pytest -m slow tests/window --basetemp FOLDER
+
+needs a display, xdotool, ImageMagick, and PyTorch in that Blender's Python. The screenshots stay under FOLDER.
+"""
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tools.build import build
+
+BLENDER = os.environ.get("RENDERFORMER_V2_BLENDER", "")
+PATIENCE = 540  # seconds
+
+pytestmark = [pytest.mark.slow,
+              pytest.mark.skipif(not BLENDER, reason="RENDERFORMER_V2_BLENDER names no Blender with a window")]
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """What the session wrote down."""
+    folder = tmp_path_factory.mktemp("window")
+    environment = os.environ | {f"BLENDER_USER_{kind}": str(folder / kind.lower()) for kind in (
+        "RESOURCES", "CONFIG", "SCRIPTS", "EXTENSIONS", "DATAFILES")}
+    archive, shots = build(folder), folder / "shots"
+    shots.mkdir()
+    subprocess.run([BLENDER, "--factory-startup", "--window-geometry", "0", "0", "1600",
+                    "900", "--python", str(Path(__file__).with_name("session.py")), "--", str(archive), str(shots)],
+                   env=environment, timeout=PATIENCE, check=True)
+    done = json.loads((shots / "session.json").read_text())
+    assert "error" not in done, done["error"]
+    return done
+
+
+def test_a_line_says_how_far_cycles_is(found):
+    assert any(line.startswith("First hits and direct light ") for line in found["lines"])
+    assert any(line.startswith("RenderFormer 100 %, Cycles ") for line in found["lines"])
+    assert found["reference_samples"] == 64
+
+
+def test_the_split_follows_the_mouse(found):
+    assert found["split"] > 0.55
+
+
+def test_the_comparison_is_exported(found):
+    assert found["exported"] == [True, True] and found["closeness"] > 15
+
+
+def test_esc_ends_each_stage_and_keeps_our_picture_during_the_reference(found):
+    *before, reference = found["escaped"].values()
+    assert before == ["cancelled"] * 3
+    assert any("stopped" in line for line in reference)
+
+
+def test_a_saved_file_is_compared_like_the_render(found):
+    assert found["file_is_the_render"]
+
+
+def test_a_blender_in_the_background_renders_where_cycles_cannot_be_run_inside(found):
+    elsewhere = found["elsewhere"]
+    assert elsewhere["samples"] == 64 and any("in the background" in line for line in elsewhere["report"])
+    assert any(line.startswith("RenderFormer 100 %, Cycles ") for line in elsewhere["lines"])
