@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small scenes, one for each thing that light does: shadow, mirror, glass, colour bleeding, fog, far ground, sky, panel.
+"""Small scenes, one for each thing that light does: shadow, mirror, glass, colour bleeding, fog, ground, sky, panel.
 
     python examples/effects.py OUT_DIR          # OUT_DIR/shadow.blend, ...
     python -m tools.evaluate OUT_DIR -o REPORT_DIR

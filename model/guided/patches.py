@@ -37,8 +37,9 @@ def _albedo(scene: RenderScene) -> np.ndarray:
 def _split(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(S, 3, 3) corners with the triangles that look largest quartered, and (S,) rows where they come from.
 
-    Points close to a large patch would see too little of it, and what is looked at is around the origin. There are PATCHES then, or that half as many more than
-    before, which makes room for walls beside fine meshes that are merged afterwards.
+    Points close to a large patch would see too little of it, and what is looked at is around the origin. There are
+    PATCHES then, or that half as many more than before, which makes room for walls beside fine meshes that are merged
+    afterwards.
     """
     source = np.arange(len(corners))
     wanted = max(PATCHES, len(corners) + PATCHES // 2) if len(corners) else 0

