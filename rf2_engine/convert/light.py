@@ -14,6 +14,7 @@ from ...model.scene import RenderScene, constant_tile
 from . import proxies
 from .beam import HALF_SPACE, spot_beam, spread_beam
 from .lamp_power import ball_power, lamp_strength, normalized
+from .suns import Sun
 
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
 SUN_ANGLE = math.radians(3)   # least diameter of a sun
@@ -139,13 +140,24 @@ def _sun(lamp: PlacedLamp) -> RenderScene:
     if own < SUN_ANGLE:
         was, now = math.degrees(own), math.degrees(SUN_ANGLE)
         lamp.approximated(f"the sun's angle is {now:.0f} instead of {was:.2g} degrees: shadows are softer")
-    angle = np.clip(own, SUN_ANGLE, math.radians(170))
     irradiance = lamp.strength * (1 if normalized(lamp.light) else math.pi * math.sin(own / 2) ** 2)
-    distance = SUN_DISTANCE * lamp.scene_radius
+    return _distant_disk(irradiance, own, lamp.frame, lamp.scene_center, lamp.scene_radius, lamp.detail)
+
+
+def convert_sun(sun: Sun, center: np.ndarray, radius: float, detail: Detail = FINE) -> RenderScene:
+    """Triangles of a sun in the world; center (3,) and radius: bounding sphere of the scene, world units."""
+    pose = np.eye(3)
+    pose[:, 2] = sun.toward
+    return _distant_disk(sun.irradiance, sun.angle, _rotation(pose), np.asarray(center, np.float64), max(radius, 1e-6),
+                         detail)
+
+
+def _distant_disk(irradiance, angle, frame, scene_center, scene_radius, detail: Detail) -> RenderScene:
+    angle = np.clip(angle, SUN_ANGLE, math.radians(170))
+    distance = SUN_DISTANCE * scene_radius
     size = 2 * distance * math.tan(angle / 2)
-    disk = proxies.disk(size, size, lamp.detail.disk_corners)
-    triangles = disk @ lamp.frame.T + lamp.scene_center - distance * lamp.beam_axis
-    return _flat_scene(triangles, irradiance / (math.pi * math.sin(angle / 2) ** 2), lamp.beam_axis, HALF_SPACE)
+    triangles = proxies.disk(size, size, detail.disk_corners) @ frame.T + scene_center + distance * frame[:, 2]
+    return _flat_scene(triangles, irradiance / (math.pi * math.sin(angle / 2) ** 2), -frame[:, 2], HALF_SPACE)
 
 
 def _rotation(matrix: np.ndarray) -> np.ndarray:
