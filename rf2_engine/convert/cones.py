@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 MOST = 4
-WIDTHS = np.radians([8, 14, 22, 34, 50, 68, 90, 120])            # from the axis to the border
-SOFTNESS = 0.1, 0.6, 1.2                                         # of the border, over the way to the axis
-AXES = 12                                                        # on which cones are tried, and two for what is missing
+WIDTHS = np.radians([8, 14, 22, 32, 45, 60, 75, 90, 120, 150])   # from the axis to the border
+SOFTNESS = 0.1, 0.5, 1.0, 1.5                                    # of the border, over the way to the axis
+AXES = 10                                                        # on which cones are tried, and two for what is missing
 ENOUGH = 0.03                                                    # of the light in the wrong direction
 ROUNDS = 100                                                     # in which strengths settle
 
