@@ -60,12 +60,13 @@ def irradiance(point, normal):
     return math.pi * seen_flat_on(white, 0.02, frame=frame).mean(axis=(0, 1))
 
 
-def seen_flat_on(shader, side, uv=None, frame=None):
+def seen_flat_on(shader, side, uv=None, frame=None, resolution=4):
     """(H, W, 3) picture, row 0 at the bottom, of the middle half of a square plane of this side wearing `shader`.
 
     uv: (4, 2) at its corners, counter-clockwise from the lower left.
     """
     scene, half, frame = bpy.context.scene, side / 2, frame or Matrix()
+    scene.render.resolution_x = scene.render.resolution_y = resolution
     mesh = bpy.data.meshes.new("Plane")
     mesh.from_pydata([(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [], [(0, 1, 2, 3)])
     if uv is not None:
@@ -73,7 +74,7 @@ def seen_flat_on(shader, side, uv=None, frame=None):
     mesh.materials.append(shader)
     plane = bpy.data.objects.new("Plane", mesh)
     data = bpy.data.cameras.new("Camera")
-    data.type, data.ortho_scale, data.clip_start = "ORTHO", half, 1e-4
+    data.type, data.ortho_scale, data.clip_start = "ORTHO", half, 0.9 * half
     camera = bpy.data.objects.new("Camera", data)
     plane.matrix_world, camera.matrix_world = frame, frame @ Matrix.Translation((0, 0, half))
     for obj in (plane, camera):
