@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ... import compat
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -27,7 +29,7 @@ class Profile:
         following = np.where(column == columns - 2, 1, column + 2)
         round_it = np.stack([np.where(column > 0, column - 1, columns - 2), column, column + 1, following])
         weights = _cubic(aside)
-        if columns == 2:  # the same at all angles; Cycles finds nothing beyond the two columns that it makes of one
+        if columns == 2 and compat.ies_of_one_column_bulges():  # it finds nothing beyond the two that it makes of one
             weights[[0, 3]] = 0
         found = np.einsum("c...,r...,cr...->...", weights, _cubic(down), self.candela[round_it[:, None], beside[None]])
         inside = (polar >= self.polar[0]) & (polar <= self.polar[-1])

@@ -60,7 +60,7 @@ def irradiance(point, normal):
     return math.pi * seen_flat_on(white, 0.02, frame=frame).mean(axis=(0, 1))
 
 
-def seen_flat_on(shader, side, uv=None, frame=None, resolution=4):
+def seen_flat_on(shader, side, uv=None, frame=None, resolution=None):
     """(H, W, 3) picture, row 0 at the bottom, of the middle half of a square plane of this side wearing `shader`.
 
     uv: (4, 2) at its corners, counter-clockwise from the lower left.
@@ -79,10 +79,11 @@ def seen_flat_on(shader, side, uv=None, frame=None, resolution=4):
     return pixels
 
 
-def pictured(side, height, frame=None, resolution=4, clip_start=1e-4):
+def pictured(side, height, frame=None, resolution=None, clip_start=1e-4):
     """(H, W, 3) picture, row 0 at the bottom, of what is below a square of this side, looked at from `height`."""
     scene, frame = bpy.context.scene, frame or Matrix()
-    scene.render.resolution_x = scene.render.resolution_y = resolution
+    if resolution:
+        scene.render.resolution_x = scene.render.resolution_y = resolution
     data = bpy.data.cameras.new("Camera")
     data.type, data.ortho_scale, data.clip_start = "ORTHO", side, clip_start
     camera = bpy.data.objects.new("Camera", data)
