@@ -90,10 +90,12 @@ class _Walk:
             part.matrices.append(matrix)
         mesh = self._mesh(obj)
         for index, material in enumerate(slots):
-            coefficients = volume.volume_coefficients(material, self.report)
-            corners = mesh.corners[_slot(mesh, slots) == index] if coefficients else ()
+            corners = mesh.corners[_slot(mesh, slots) == index] if volume.has_volume(material) else ()
             if len(corners):
-                self.found.media.append(mesh_medium(obj.name, matrix, corners, *coefficients))
+                def coefficients(inside, material=material):
+                    points = volume.volume_points(inside, mesh.texture_space, matrix)
+                    return volume.volume_coefficients(material, self.report, points)
+                self.found.media.append(mesh_medium(obj.name, matrix, corners, coefficients, self.report))
 
     def _add_hair(self, obj, what: str) -> None:
         """Cycles shows it, but the network is given triangles alone."""

@@ -15,11 +15,11 @@ from . import medium, reduce, subdivide
 from . import mesh as meshes
 from .camera import clip_start
 from .collect import collect
-from .collected import Collected, LampInstance, Part
+from .collected import Collected, Part
 from .focus import find_focus
-from .light import COARSE, FINE, convert_light
+from .lamps import convert_lamps
 from .material import MaterialTiles
-from .world import convert_world
+from .world import world_light
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
@@ -35,15 +35,18 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     if (space := compat.working_space()) != "Linear Rec.709":
         report.approximated("Working Space", f"{space} is taken for Linear Rec.709: textures, skies are off in colour")
     materials = MaterialTiles(report)
-    with progress.part(0.0, 0.5):
+    with progress.part(0.0, 0.45):
         found = collect(depsgraph, materials.images, report)
+    with progress.part(0.45, 0.5, "Converting the world"):
+        environment, suns = world_light(depsgraph, report)
     focus = steady(np.float32(found.bounds()) if view is None else find_focus(found, view, clip_start(depsgraph)))
     (low, high), beyond = focus, found.beyond(focus)
     if beyond:
         report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
                             f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}); farther away, such as parts of "
                             f"{', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}, it sees less")
-    lamps = _lamps(found.lamps, token_budget // 2, (low + high) / 2, float(np.linalg.norm(high - low)) / 2, report)
+    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    lamps = convert_lamps(found.lamps, suns, token_budget // 2, center, radius, report)
     budget = token_budget - sum(map(len, lamps))
     with progress.part(0.5, 0.7):
         _simplify(found, budget, report)
@@ -51,32 +54,11 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     with progress.part(0.7, 0.9):
         surfaces = _surfaces(found.parts, materials, report)
     scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
-    with progress.part(0.9, 0.95, "Converting volumes"):
+    with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes = medium.cells(found.media, report)
-    with progress.part(0.95, 1.0, "Converting the world"):
-        world = compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
-        scene.environment = convert_world(world, report)
-    scene.focus = focus
+    scene.environment, scene.focus = environment, focus
     scene.validate()
     return scene
-
-
-def _lamps(lamps: list[LampInstance], budget: int, center: np.ndarray, radius: float, report) -> list[RenderScene]:
-    """Triangles of each lamp; too many lamps become coarser, and at last the weakest are left out."""
-    for detail in FINE, COARSE:
-        shapes = [convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail) for lamp in lamps]
-        if sum(map(len, shapes)) <= budget:
-            break
-        report.approximated("Lamps", "their shapes are coarser than usual: raise the Triangle Budget")
-    flux = [(scene.emission.mean(axis=1) * meshes.areas(scene.triangles)).sum() for scene in shapes]
-    kept = []
-    for i in np.argsort(flux)[::-1]:
-        if len(shapes[i]) <= budget:
-            kept.append(i)
-            budget -= len(shapes[i])
-    if len(kept) < len(lamps):
-        report.skipped("Lamps", f"no room for {len(lamps) - len(kept)} of {len(lamps)}: raise the Triangle Budget")
-    return [shapes[i] for i in sorted(kept)]
 
 
 def _simplify(found: Collected, budget: int, report) -> None:

@@ -24,7 +24,7 @@ FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **textur
 
 @dataclass
 class Points:
-    """Where a graph is evaluated. Surfaces fill most of it, the world `direction` alone, lamps `distance` alone."""
+    """Where a graph is evaluated. Surfaces fill most of it, the world `direction` alone, lamps `lamp` alone."""
 
     uv: dict[str, np.ndarray] = field(default_factory=dict)      # (m, 32, 32, 3) f32 per UV layer
     active_uv: str | None = None
@@ -35,7 +35,7 @@ class Points:
     to_world: np.ndarray | None = None                           # (4, 4) f64, of the first instance
     instances: int = 1
     direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
-    distance: float = 1.0                                        # from a lamp to the middle of what is looked at
+    lamp: lamp.LampPoints | None = None
     camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
 
     @cached_property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from . import lamp
 from .node_call import NodeCall
 
 LIT = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0, "Ray Length": 1.0}
@@ -42,6 +43,8 @@ def _normal_reflectance(ior):
 
 
 def geometry(n: NodeCall):
+    if n.points.lamp is not None:
+        return lamp.coordinate(n)
     name, direction = n.output.name, n.points.direction
     if direction is not None and name in ("Position", "Normal", "True Normal", "Incoming"):
         return direction if name == "Position" else -direction

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....model.geometry import latlong_uv, rotation_matrix
+from . import lamp
 from .image import sample
 from .inputs import world_position
 from .node_call import NodeCall
@@ -14,6 +15,8 @@ WORLD_COORDINATES = ("Generated", "Object", "Normal", "Reflection", "UV")
 
 
 def coordinate(n: NodeCall):
+    if n.points.lamp is not None:
+        return lamp.coordinate(n)
     name, direction = n.output.name, n.points.direction
     if direction is not None:
         if name not in WORLD_COORDINATES:
