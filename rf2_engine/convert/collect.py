@@ -16,7 +16,7 @@ from .mesh import TriangleMesh
 from .report import Report
 from .shading import volume
 from .vdb import volume_medium
-from .visibility import is_shown
+from .visibility import hidden_in_renders, is_shown
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
@@ -41,6 +41,7 @@ class _Walk:
     def __init__(self, depsgraph, images, report):
         self.depsgraph, self.images, self.report = depsgraph, images, report
         self.layer = depsgraph.view_layer_eval
+        self.hidden = hidden_in_renders(depsgraph)
         self.dark = dark_emitters(depsgraph, report)
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
@@ -51,9 +52,13 @@ class _Walk:
         for i, instance in enumerate(self.depsgraph.object_instances):
             with progress.part(i / total, (i + 1) / total, f"Reading objects, {i + 1} of {total}"):
                 progress.report()
-                if instance.show_self:
+                if instance.show_self and not self._is_hidden(instance):
                     self._add(instance)
         return self.found
+
+    def _is_hidden(self, instance) -> bool:
+        host = instance.parent if instance.is_instance else instance.object
+        return host is not None and host.original in self.hidden
 
     def _add(self, instance) -> None:
         obj = instance.object

@@ -30,6 +30,20 @@ def is_shown(instance, layer, report) -> bool:
     return True
 
 
+def hidden_in_renders(depsgraph) -> set:
+    """Original objects that a viewport's depsgraph holds although renders hide them; empty for that of a render."""
+    if depsgraph.mode == "RENDER":
+        return set()
+    layer, shown = depsgraph.view_layer, set()
+    waiting = [layer.layer_collection]
+    while waiting:
+        found = waiting.pop()
+        if not found.exclude and not found.collection.hide_render:
+            shown.update(obj for obj in found.collection.objects if not obj.hide_render)
+            waiting += found.children
+    return set(layer.objects) - shown
+
+
 def _is_gas(obj) -> bool:
     """Whether Cycles shows the smoke and fire inside the domain that this mesh is, and never the mesh."""
     return any(modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings
