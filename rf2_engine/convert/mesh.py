@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...model.geometry import area_vectors
-
-FARTHEST = 1e15  # coordinates beyond count as infinite: their squares would not fit into float32
+from .report import AS_GOOD_AS_INFINITE
 
 
 @dataclass
@@ -128,7 +127,7 @@ def unit_or(vectors: np.ndarray, fallback: np.ndarray) -> np.ndarray:
 
 
 def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
-    finite = (np.abs(mesh.corners) < FARTHEST).all(axis=(1, 2))
+    finite = (np.abs(mesh.corners) < AS_GOOD_AS_INFINITE).all(axis=(1, 2))
     if not finite.all():
         report.refused(name, f"{np.count_nonzero(~finite)} triangles with vertices that are not finite were dropped")
         mesh = mesh.take(finite)

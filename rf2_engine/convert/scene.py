@@ -68,6 +68,8 @@ def _lamps(lamps: list[LampInstance], budget: int, center: np.ndarray, radius: f
         if sum(map(len, shapes)) <= budget:
             break
         report.approximated("Lamps", "their shapes are coarser than usual: raise the Triangle Budget")
+    for lamp, shape in zip(lamps, shapes, strict=True):
+        shape.emission = report.finite(lamp.name, "its light", shape.emission)
     flux = [(scene.emission.mean(axis=1) * meshes.areas(scene.triangles)).sum() for scene in shapes]
     kept = []
     for i in np.argsort(flux)[::-1]:
