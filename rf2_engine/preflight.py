@@ -18,6 +18,7 @@ from . import costs, failure, memory, model_cache, render
 from .convert.camera import convert_camera
 from .convert.report import Remark, Report
 from .convert.scene import convert
+from .limits import report_limits
 from .registering import handlers
 from .settings import FrameSettings
 
@@ -90,6 +91,7 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     scene = depsgraph.scene_eval
     settings, blenders = FrameSettings.of(scene), scene.render
     render.check(scene, settings, report)
+    report_limits(depsgraph, report)
     width, height = (side * blenders.resolution_percentage // 100
                      for side in (blenders.resolution_x, blenders.resolution_y))
     border = render.border_of(width, height, blenders)

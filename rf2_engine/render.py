@@ -29,6 +29,7 @@ from .convert.report import Report
 from .convert.scene import convert
 from .cycles_session import Light
 from .guides import make_guides
+from .limits import report_limits
 from .settings import FrameSettings
 from .setup import packages
 from .statistics import LayerStatistics
@@ -64,6 +65,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     settings = FrameSettings.of(depsgraph.scene_eval)
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
     check(depsgraph.scene_eval, settings, report)
+    report_limits(depsgraph, report)
     width, height = engine.resolution_x, engine.resolution_y
     border = border_of(width, height, depsgraph.scene_eval.render)
     expected, loaded = work(width, height, border, settings), model_cache.is_loaded()

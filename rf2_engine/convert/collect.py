@@ -13,7 +13,7 @@ from .light_linking import dark_emitters
 from .material import MaterialTiles
 from .medium import mesh_medium
 from .mesh import TriangleMesh
-from .report import Report
+from .report import AS_GOOD_AS_INFINITE, Report
 from .shading import volume
 from .vdb import volume_medium
 from .visibility import hidden_in_renders, is_shown
@@ -65,8 +65,8 @@ class _Walk:
         if obj.type in WITHOUT_SURFACE or not is_shown(instance, self.layer, self.report):
             return
         matrix = np.array(instance.matrix_world, np.float64)
-        if not np.isfinite(matrix).all():
-            self.report.refused(obj.name, "its transform is not finite")
+        if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
+            self.report.refused(obj.name, "its transform is not finite, or as good as infinite")
         elif obj.type == "MESH":
             self._add_mesh(obj, matrix)
         elif obj.type == "LIGHT":
@@ -102,6 +102,8 @@ class _Walk:
 
     def _add_hair(self, obj, what: str) -> None:
         """Cycles shows it, but the network is given triangles alone."""
+        if what != OF_CYCLES["POINTCLOUD"] and not self.layer.use_strand:
+            return
         self.report.approximated(obj.name, f"{what} can be seen, but the network does not know of it: shadows and "
                                            "reflections of it come with Traced Hints alone")
 

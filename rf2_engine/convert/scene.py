@@ -68,8 +68,11 @@ def _lamps(lamps: list[LampInstance], budget: int, center: np.ndarray, radius: f
         if sum(map(len, shapes)) <= budget:
             break
         report.approximated("Lamps", "their shapes are coarser than usual: raise the Triangle Budget")
-    for lamp, shape in zip(lamps, shapes, strict=True):
-        shape.emission = report.finite(lamp.name, "its light", shape.emission)
+    for i, lamp in enumerate(lamps):
+        if not meshes.within_reach(shapes[i].triangles).all():
+            report.refused(lamp.name, "its size or place is beyond what numbers can hold: reset them")
+            shapes[i] = RenderScene()
+        shapes[i].emission = report.finite(lamp.name, "its light", shapes[i].emission)
     flux = [(scene.emission.mean(axis=1) * meshes.areas(scene.triangles)).sum() for scene in shapes]
     kept = []
     for i in np.argsort(flux)[::-1]:
@@ -166,11 +169,13 @@ def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScen
             for matrix in part.matrices:
                 progress.report(1.0)
                 corners, normals = meshes.transform(part.mesh, matrix)
-                solid = meshes.has_area(corners)
-                if not solid.any():
+                near, solid = meshes.within_reach(corners), meshes.has_area(corners)
+                if not near.all():
+                    report.refused(part.name, "it reaches farther than numbers do: reset its transform")
+                elif not solid.any():
                     report.skipped(part.name, "it is scaled to nothing")
                 for name, values in zip(rows, (corners, normals, emission, tile_index), strict=True):
-                    rows[name].append(values[solid & there])
+                    rows[name].append(values[near & solid & there])
     scene = RenderScene(tiles=materials.tiles)
     for name, values in rows.items():
         if values:

@@ -2,7 +2,7 @@
 """Which of the depsgraph's instances the rendered view layer shows, and what of their visibility is lost."""
 from __future__ import annotations
 
-RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_shadow")
+RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow")
 
 
 def is_shown(instance, layer, report) -> bool:

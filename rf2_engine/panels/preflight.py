@@ -47,6 +47,7 @@ class RENDERFORMER_OT_preflight(bpy.types.Operator):
 
     def execute(self, context):
         window_manager = context.window_manager
+        context.scene.update_tag()  # what a script sets of Cycles' settings reaches no depsgraph by itself
         window_manager.progress_begin(0, 100)
         try:
             found = preflight.run(context.evaluated_depsgraph_get(),
