@@ -121,7 +121,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         output.write(engine, layer, picture)
     beside = Report()
     samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0
-    costs.learn_memory(settings.setup, loaded, status.memory_added, view.width * view.height, len(scene))
+    if tokens:  # otherwise the network had nothing to do
+        costs.learn_memory(settings.setup, loaded, status.memory_added, view.width * view.height, len(scene))
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
                            weights=settings.weights, seconds=status.seconds, remarks=report.entries + beside.entries,
                            reference_samples=samples)

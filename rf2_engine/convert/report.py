@@ -42,11 +42,12 @@ class Report:
 
     def finite(self, name: str, what: str, values: np.ndarray) -> np.ndarray:
         """`values`, with 0 for NaN and the largest half float for (as good as) infinity; reported if there are any."""
-        if (np.abs(values) < AS_GOOD_AS_INFINITE).all():
+        most = min(AS_GOOD_AS_INFINITE, float(np.finfo(values.dtype).max))
+        if (np.abs(values) <= most).all():
             return values
         self.refused(name, f"{what} holds values that are not finite, or as good as infinite")
-        known = np.nan_to_num(values)
-        known = np.where(np.abs(known) < AS_GOOD_AS_INFINITE, known, np.copysign(HALF_MAX, known))
+        known = np.nan_to_num(values, posinf=np.inf, neginf=-np.inf)
+        known = np.where(np.abs(known) <= most, known, np.copysign(HALF_MAX, known))
         return known.astype(values.dtype)
 
     def lines(self) -> list[str]:

@@ -11,7 +11,7 @@ from .layout import Layout
 
 
 @pytest.fixture(autouse=True)
-def nothing_learned(monkeypatch):
+def nothing_learned(scene, monkeypatch):  # after the add-on has read what it knows
     monkeypatch.setattr(costs, "_measured", {})
     monkeypatch.setattr(costs, "_memory", {})
 
@@ -58,6 +58,13 @@ def test_all_view_layers_are_counted(scene, tmp_path):
     scene.view_layers.new("Second")
     two = look(scene)
     assert two.layers == 2 and two.seconds > 1.2 * one.seconds and "one of 2" in two.lines[0]
+
+
+def test_a_render_without_the_network_says_nothing_of_its_memory(scene, tmp_path):
+    cube(scene, location=(0, -50, 0))  # behind the camera
+    press_f12(scene, tmp_path)
+    found = look(scene)
+    assert statistics.last_frame[0].tokens == 0 and found.memory is None and found.seconds is None
 
 
 def test_nothing_of_the_user_changes(scene):
