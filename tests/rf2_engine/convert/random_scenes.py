@@ -10,9 +10,8 @@ MODIFIERS = {  # and what keeps their work small; without simulations and Skin, 
     "DECIMATE": {}, "DISPLACE": {}, "EDGE_SPLIT": {}, "HOOK": {}, "LATTICE": {}, "MASK": {}, "MIRROR": {},
     "MULTIRES": {}, "NORMAL_EDIT": {}, "OCEAN": {"resolution": 2, "viewport_resolution": 2}, "SHRINKWRAP": {},
     "SIMPLE_DEFORM": {}, "SCREW": {"steps": 4, "render_steps": 4, "iterations": 1}, "SMOOTH": {}, "SOLIDIFY": {},
-    "SUBSURF": {"levels": 1},
-    "TRIANGULATE": {}, "UV_PROJECT": {}, "WAVE": {}, "WEIGHTED_NORMAL": {}, "WELD": {}, "WIREFRAME": {},
-    "PARTICLE_INSTANCE": {}, "FLUID": {},
+    "SUBSURF": {"levels": 1}, "TRIANGULATE": {}, "UV_PROJECT": {}, "WAVE": {}, "WEIGHTED_NORMAL": {}, "WELD": {},
+    "WIREFRAME": {}, "PARTICLE_INSTANCE": {}, "FLUID": {},
 }
 TARGETS = ("object", "target", "mirror_object", "origin", "object_offset", "start_position_object")
 RAYS = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
@@ -113,9 +112,9 @@ class RandomScene:
         return curve
 
     def _surface(self):
-        surface = bpy.data.curves.new("Surface", "SURFACE")
-        surface.splines.new("NURBS").points.add(3)
-        return surface
+        made = bpy.data.curves.new("Surface", "SURFACE")
+        made.splines.new("NURBS").points.add(3)
+        return made
 
     def _text(self):
         text = bpy.data.curves.new("Text", "FONT")

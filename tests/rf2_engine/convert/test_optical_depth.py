@@ -62,7 +62,6 @@ def of_cycles() -> np.ndarray:
     scene.collection.objects.link(camera)
     scene.camera = camera
     scene.render.resolution_x = scene.render.resolution_y = SIZE
-    scene.cycles.volume_step_rate = 0.1
     scene.render.filepath = os.path.join(bpy.app.tempdir, "depth.exr")
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(scene.render.filepath)
@@ -87,7 +86,7 @@ def of_cells(volumes) -> np.ndarray:
 
 @pytest.mark.parametrize("shape", [box, egg, grid])
 def test_optical_depth_is_that_of_cycles(shape, converted, tmp_path):
-    empty_cycles_scene(samples=4)
+    empty_cycles_scene(samples=64)  # Cycles 5 decides by chance where a ray through smoke ends
     shape(tmp_path)
     bpy.context.object.data.materials.append(absorbing())
     expected, found = of_cycles(), of_cells(converted().volumes)
