@@ -118,8 +118,7 @@ class RandomScene:
 
     def _text(self):
         text = bpy.data.curves.new("Text", "FONT")
-        text.body, text.extrude = self.some(["", "a", "\u00e9\n\u4e2d"]), self.some([0, 0.1])
-        text.size = self.some([0, 1, 1e-9])
+        text.body, text.extrude, text.size = self.some(["", "a", "\u00e9\n"]), self.some([0, 0.1]), self.some([0, 1])
         return text
 
     def _ball(self):
@@ -132,9 +131,9 @@ class RandomScene:
     def _other(self):
         kinds = ["volumes", "hair_curves", "pointclouds", "lattices", "armatures", "lightprobes", "speakers", "cameras"]
         kind = self.some([name for name in kinds if hasattr(bpy.data, name)] + [None, None])
-        if kind is None:
+        holder = kind and getattr(bpy.data, kind)
+        if holder is None:
             return None  # an empty
-        holder = getattr(bpy.data, kind)
         return holder.new("Probe", "SPHERE") if kind == "lightprobes" else holder.new("Data")
 
     def _arrange(self, obj) -> None:
@@ -172,10 +171,7 @@ class RandomScene:
 
     def _modify(self, obj) -> None:
         kind = self.some(list(MODIFIERS))
-        try:
-            modifier = obj.modifiers.new(kind, kind)
-        except (TypeError, RuntimeError):
-            return
+        modifier = obj.modifiers.new(kind, kind)
         if modifier is None:
             return  # not for objects of this type
         for name, value in MODIFIERS[kind].items():
