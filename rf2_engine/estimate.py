@@ -1,33 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of a frame is done, judged by what its stages cost when they last ran on this machine."""
+"""How much of a frame is done, judged by what its stages cost when they last ran on this machine (costs.py)."""
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
 
-# Seconds for a unit of a stage's work, by the stage's key: at first of a processor with two cores, later as measured.
-_seconds_per_unit = {
-    "Converting the scene": 1.0,        # the scene
-    "First hits": 2.5e-6,               # a sample of a pixel
-    "Loading the network": 3.0,         # once
-    "Network, scene": 3e-4,             # a triangle of the budget
-    "Network, view": 2e-5,              # a pixel
-    "Cycles Reference": 4e-6,           # a sample of a pixel
-}
-LEAST_LEARNED = 0.5   # of what was known: a stage that found its work done already says little about the next time
+from . import costs
+
 EVEN_AFTER = 0.1      # of a stage that works at one pace: what was known before counts no more
 OVERTIME = 0.2        # of a stage's time, expected to follow when it takes longer than it should
-
-
-def seconds(key: str, work: float) -> float:
-    """What so many units of a stage's work are expected to take."""
-    return _seconds_per_unit.get(key, 0.0) * work
-
-
-def learn(key: str, work: float, took: float) -> None:
-    """Remember that so many units of a stage's work took so many seconds."""
-    if work:
-        _seconds_per_unit[key] = max(took / work, LEAST_LEARNED * _seconds_per_unit.get(key, 0.0))
 
 
 @dataclass
@@ -45,11 +26,11 @@ class Frame:
     even_fraction: float = 0.0   # of a stage at one pace, when it was last heard of
     even_took: float = 0.0       # seconds until then
 
-    def begin_layer(self, layers: int, work: dict[str, float]) -> None:
+    def begin_layer(self, layers: int, work: dict[str, float], setup: str = "") -> None:
         """`work` is what the stages of this view layer have to do, by key; the frame has so many layers."""
         self.layers_begun += 1
         self.layers_left = max(layers - self.layers_begun, 0)
-        self.expected = {key: seconds(key, units) for key, units in work.items()}
+        self.expected = {key: costs.seconds(key, units, setup) for key, units in work.items()}
         self.of_layer = sum(self.expected.values())
 
     def begin_stage(self, key: str) -> None:

@@ -10,13 +10,26 @@ from ..model.errors import RenderCancelled, SceneError
 from ..model.lighting import Lobes
 from ..model.presets import BUNDLED
 from ..model.silhouettes import blended
-from . import compat, cycles_run, cycles_session, failure, model_cache, output, reference, running, shot, statistics
+from . import (
+    compat,
+    costs,
+    cycles_run,
+    cycles_session,
+    failure,
+    model_cache,
+    output,
+    reference,
+    running,
+    shot,
+    statistics,
+)
 from . import passes as pass_table
 from .convert.camera import convert_camera
 from .convert.report import Report
 from .convert.scene import convert
 from .cycles_session import Light
 from .guides import make_guides
+from .limits import report_limits
 from .settings import FrameSettings
 from .setup import packages
 from .statistics import LayerStatistics
@@ -42,7 +55,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     else:
         statistics.last_frame.append(done)
         statistics.stamp(engine)
-        _tell(engine, report)
+        _tell(engine, done)
 
 
 def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str, status: Status,
@@ -53,15 +66,19 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     model_cache.begin_import()
     settings = FrameSettings.of(depsgraph.scene_eval)
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
-    _check(depsgraph.scene_eval, settings, report)
-    border = _border(engine, depsgraph.scene_eval.render)
-    status.expect(layer, _layers(depsgraph.scene_eval), _work(engine, border, settings))
+    check(depsgraph.scene_eval, settings, report)
+    report_limits(depsgraph, report)
+    width, height = engine.resolution_x, engine.resolution_y
+    border = border_of(width, height, depsgraph.scene_eval.render)
+    expected, loaded = work(width, height, border, settings), model_cache.is_loaded()
+    status.expect(layer, layers(depsgraph.scene_eval), expected, settings.setup)
 
     with status.stage("Converting the scene"):
-        view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, border, report)
-        whole = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)  # without its border
+        view = convert_camera(depsgraph, width, height, border, report)
+        whole = convert_camera(depsgraph, width, height, None)  # without its border
         scene = convert(depsgraph, whole, token_budget=settings.token_budget, max_edge=settings.max_edge,
                         report=report, steady=shot.steady(depsgraph))
+    expected["Network, scene"] = len(scene)
     has_content = len(scene) or scene.volumes
     renderer = None
     if has_content and settings.weights != BUNDLED:  # wrong weights are found before Cycles has worked for nothing
@@ -107,6 +124,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         output.write(engine, layer, picture)
     beside = Report()
     samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0
+    if tokens:  # otherwise the network had nothing to do
+        costs.learn_memory(settings.setup, loaded, status.memory_added, view.width * view.height, len(scene))
     return LayerStatistics(layer, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
                            weights=settings.weights, seconds=status.seconds,
                            remarks=[*dict.fromkeys(report.entries + beside.entries)], reference_samples=samples)
@@ -117,15 +136,15 @@ def _load(status: Status, settings: FrameSettings):
         return model_cache.renderer(settings.weights, settings.device, settings.precision)
 
 
-def _layers(scene: bpy.types.Scene) -> int:
+def layers(scene: bpy.types.Scene) -> int:
     """How many view layers this frame renders."""
     return 1 if scene.render.use_single_layer else sum(layer.use for layer in scene.view_layers)
 
 
-def _work(engine: bpy.types.RenderEngine, border: tuple[int, int, int, int] | None,
-          settings: FrameSettings) -> dict[str, float]:
-    """What the stages of one view layer have to do, in the units of estimate.py."""
-    x0, x1, y0, y1 = border or (0, engine.resolution_x, 0, engine.resolution_y)
+def work(width: int, height: int, border: tuple[int, int, int, int] | None,
+         settings: FrameSettings) -> dict[str, float]:
+    """What the stages of one view layer have to do, in the units of costs.py."""
+    x0, x1, y0, y1 = border or (0, width, 0, height)
     pixels = (x1 - x0) * (y1 - y0)
     return {"Converting the scene": 1, "First hits": pixels * settings.guide_samples,
             "Loading the network": not model_cache.is_loaded(),
@@ -133,7 +152,7 @@ def _work(engine: bpy.types.RenderEngine, border: tuple[int, int, int, int] | No
             reference.NAME: pixels * settings.reference.samples if settings.reference else 0}
 
 
-def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:
+def check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:
     """Report what the whole picture lacks. Raises SceneError for what cannot be rendered."""
     if scene.render.use_multiview:
         raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '
@@ -147,20 +166,20 @@ def _check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> N
         report.approximated(scene.camera.name, "depth of field is left out")
 
 
-def _border(engine: bpy.types.RenderEngine, settings: bpy.types.RenderSettings) -> tuple[int, int, int, int] | None:
+def border_of(width: int, height: int, settings: bpy.types.RenderSettings) -> tuple[int, int, int, int] | None:
     """Pixels (x0, x1, y0, y1) from the bottom left, rounded as Blender does; None without a render border."""
     if not settings.use_border:
         return None
-    size = np.float32([engine.resolution_x, engine.resolution_x, engine.resolution_y, engine.resolution_y])
+    size = np.float32([width, width, height, height])
     border = np.float32([settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y])
     return tuple((border * size).astype(int).tolist())
 
 
-def _tell(engine: bpy.types.RenderEngine, report: Report) -> None:
+def _tell(engine: bpy.types.RenderEngine, done: LayerStatistics) -> None:
     """Print what the picture lacks; one warning if something is missing from it altogether."""
-    for line in report.lines():
+    for line in done.report:
         print(f"RenderFormer-V2: {line}")
-    lost = sum(remark.kind != "approximated" for remark in report.entries)
+    lost = sum(remark.kind != "approximated" and remark.name != reference.NAME for remark in done.remarks)
     if lost:
         engine.report({"WARNING"}, f"{lost} things are not in the picture: see RenderFormer-V2 > Last Render")
 

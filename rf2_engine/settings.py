@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
@@ -125,6 +126,12 @@ class FrameSettings:
     def guided(self) -> bool:
         """Whether the network may be helped: the published one draws its picture alone."""
         return bool(self.light_passes)
+
+    @property
+    def setup(self) -> str:
+        """What the costs of a render belong to (costs.py)."""
+        return " ".join([Path(self.weights).name, self.device, self.precision, f"{self.threads or 'all'} threads",
+                         self.light.name.lower()])
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> FrameSettings:

@@ -13,10 +13,10 @@ from .light_linking import dark_emitters
 from .material import MaterialTiles
 from .medium import mesh_medium
 from .mesh import TriangleMesh
-from .report import Report
+from .report import AS_GOOD_AS_INFINITE, Report
 from .shading import volume
 from .vdb import volume_medium
-from .visibility import is_shown
+from .visibility import hidden_in_renders, is_shown
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
@@ -41,6 +41,7 @@ class _Walk:
     def __init__(self, depsgraph, images, report):
         self.depsgraph, self.images, self.report = depsgraph, images, report
         self.layer = depsgraph.view_layer_eval
+        self.hidden = hidden_in_renders(depsgraph)
         self.dark = dark_emitters(depsgraph, report)
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
@@ -51,17 +52,21 @@ class _Walk:
         for i, instance in enumerate(self.depsgraph.object_instances):
             with progress.part(i / total, (i + 1) / total, f"Reading objects, {i + 1} of {total}"):
                 progress.report()
-                if instance.show_self:
+                if instance.show_self and not self._is_hidden(instance):
                     self._add(instance)
         return self.found
+
+    def _is_hidden(self, instance) -> bool:
+        host = instance.parent if instance.is_instance else instance.object
+        return host is not None and host.original in self.hidden
 
     def _add(self, instance) -> None:
         obj = instance.object
         if obj.type in WITHOUT_SURFACE or not is_shown(instance, self.layer, self.report):
             return
         matrix = np.array(instance.matrix_world, np.float64)
-        if not np.isfinite(matrix).all():
-            self.report.refused(obj.name, "its transform is not finite")
+        if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
+            self.report.refused(obj.name, "its transform is not finite, or as good as infinite")
         elif obj.type == "MESH":
             self._add_mesh(obj, matrix)
         elif obj.type == "LIGHT":
@@ -99,6 +104,8 @@ class _Walk:
 
     def _add_hair(self, obj, what: str) -> None:
         """Cycles shows it, but the network is given triangles alone."""
+        if what != OF_CYCLES["POINTCLOUD"] and not self.layer.use_strand:
+            return
         self.report.approximated(obj.name, f"{what} can be seen, but the network does not know of it: shadows and "
                                            "reflections of it come with Traced Hints alone")
 

@@ -12,6 +12,7 @@ from ...model.guided.clusters import clusters
 from ...model.scene import RenderScene
 from .collected import LampInstance
 from .light import COARSE, FINE, convert_light, convert_sun
+from .mesh import within_reach
 from .suns import Sun
 
 FACING, COLOR = 0.3, 0.1  # how much differences in these count beside a distance of the scene's radius
@@ -28,7 +29,8 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
         near = []
         for i, lamp in enumerate(lamps):
             progress.report(i / len(lamps))
-            near.append(convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail))
+            near.append(_within_numbers(
+                convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail), lamp.name, report))
         near = [shape for shape in near if shape.is_light.any()]
         room = budget - sum(map(len, distant))
         if sum(map(len, near)) <= room:
@@ -40,6 +42,14 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
     report.approximated("Lamps", f"{len(fewer)} stand for {len(near)}, each for those around it: raise the Triangle "
                                  "Budget")
     return fewer + distant
+
+
+def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
+    """The lamp, or no triangles if numbers cannot hold it; what is brighter than they can hold is said."""
+    if not within_reach(shape.triangles).all():
+        report.refused(name, "its size or place is beyond what numbers can hold: reset them")
+        return RenderScene()
+    return replace(shape, emission=report.finite(name, "its light", shape.emission))
 
 
 def _merged(shapes: list[RenderScene], most: int, center: np.ndarray, radius: float) -> list[RenderScene]:

@@ -105,6 +105,8 @@ class MaterialTiles:
         if evaluator.depends_on_ray:
             lighting = Evaluator(replace(points, camera_ray=False), self.images, self.report, material.name)
             closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
+        if (closure.emission < 0).any():
+            self.report.approximated(material.name, "negative light is left out")
         if not closure.weight.any() and not closure.emission.any() and has_surface(material):
             self.report.approximated(material.name, "no surface shader reaches the Material Output: it is black")
         return parameters(closure), _height(material, output)

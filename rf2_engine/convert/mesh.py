@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...model.geometry import area_vectors
-
-FARTHEST = 1e15  # coordinates beyond count as infinite: their squares would not fit into float32
+from .report import AS_GOOD_AS_INFINITE
 
 
 @dataclass
@@ -106,6 +105,11 @@ def areas(corners: np.ndarray) -> np.ndarray:
     return np.linalg.norm(area_vectors(corners.astype(np.float64)), axis=1)
 
 
+def within_reach(corners: np.ndarray) -> np.ndarray:
+    """(n,) bool: no coordinate of the triangle is NaN, or infinite, or as good as that."""
+    return (np.abs(corners) < AS_GOOD_AS_INFINITE).all(axis=(1, 2))
+
+
 def has_area(corners: np.ndarray) -> np.ndarray:
     """(n,) bool: the triangle is not a line or a point at the precision of its own coordinates."""
     longest = np.square(longest_edges(corners))
@@ -128,7 +132,7 @@ def unit_or(vectors: np.ndarray, fallback: np.ndarray) -> np.ndarray:
 
 
 def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
-    finite = (np.abs(mesh.corners) < FARTHEST).all(axis=(1, 2))
+    finite = within_reach(mesh.corners)
     if not finite.all():
         report.refused(name, f"{np.count_nonzero(~finite)} triangles with vertices that are not finite were dropped")
         mesh = mesh.take(finite)

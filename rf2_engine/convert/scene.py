@@ -146,11 +146,13 @@ def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScen
             for matrix in part.matrices:
                 progress.report(1.0)
                 corners, normals = meshes.transform(part.mesh, matrix)
-                solid = meshes.has_area(corners)
-                if not solid.any():
+                near, solid = meshes.within_reach(corners), meshes.has_area(corners)
+                if not near.all():
+                    report.refused(part.name, "it reaches farther than numbers do: reset its transform")
+                elif not solid.any():
                     report.skipped(part.name, "it is scaled to nothing")
                 for name, values in zip(rows, (corners, normals, emission, tile_index), strict=True):
-                    rows[name].append(values[solid & there])
+                    rows[name].append(values[near & solid & there])
     scene = RenderScene(tiles=materials.tiles)
     for name, values in rows.items():
         if values:

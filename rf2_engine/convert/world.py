@@ -73,7 +73,10 @@ def _band(output, first_row, fineness, images, report, name) -> np.ndarray:
     rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)
     evaluator = Evaluator(Points(direction=latlong_directions(rows, height, width)), images, report, name)
     emission = closure_at(NodeCall(evaluator, output), "Surface").emission
-    radiance = np.maximum(report.finite(name, "its light", emission), 0)
+    emission = report.finite(name, "its light", emission)
+    if (emission < 0).any():
+        report.approximated(name, "negative light is left out")
+    radiance = np.maximum(emission, 0)
     radiance = np.broadcast_to(radiance, (len(rows), width, 3)).reshape(BAND_ROWS, fineness, -1, fineness, 3)
     weight = np.sin(np.pi * (rows + 0.5) / height).reshape(BAND_ROWS, fineness)
     weight = weight / weight.sum(axis=1, keepdims=True) / fineness

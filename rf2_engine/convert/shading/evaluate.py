@@ -6,6 +6,7 @@ not depend on the point keep the bare shape (1,) or (3,), so "is this material h
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -18,6 +19,7 @@ from .image import ImageCache
 from .node_call import NodeCall
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
+MIDDLE = np.full(1, 0.5, np.float32)
 FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS, **sky.FUNCTIONS,
              **lamp.FUNCTIONS, **noise.FUNCTIONS}
 
@@ -64,27 +66,32 @@ class Evaluator:
         end, output, inner = graph.source(socket, frames)
         if output is None:
             return cast(_default(end), socket.type, end.type)
-        key = (output.node.as_pointer(), output.as_pointer(), tuple(f.as_pointer() for f in inner))
-        if key not in self._memo:
-            self._memo[key] = np.asarray(self._computed(NodeCall(self, output.node, output, inner)), np.float32)
-        return cast(self._memo[key], socket.type, output.type)
+        n = NodeCall(self, output.node, output, inner)
+        found = self.remembered(n, FUNCTIONS.get(n.kind, average), MIDDLE)
+        return cast(np.asarray(found, np.float32), socket.type, output.type)
 
-    def _computed(self, n: NodeCall) -> np.ndarray:
+    def remembered(self, n: NodeCall, function: Callable, left_out):
+        """function(n), computed once; `left_out` at the end of too long a chain, and where a node feeds itself."""
+        key = (function, n.node.as_pointer(), n.output.as_pointer(), tuple(frame.as_pointer() for frame in n.frames))
+        if key in self._memo:
+            return self._memo[key]
         if self._depth == LONGEST_CHAIN:
             n.approximated("so long a chain of nodes leads here that it is left out; bake it to an image")
-            return np.full(1, 0.5, np.float32)
+            return left_out
         self._depth += 1
+        self._memo[key] = left_out
         try:
-            return FUNCTIONS.get(n.kind, average)(n)
+            self._memo[key] = function(n)
         finally:
             self._depth -= 1
+        return self._memo[key]
 
 
 def average(n: NodeCall) -> np.ndarray:
     """Mean of a node's colour inputs (Brick, Magic ...), else the middle of [0, 1], where noises have theirs."""
     n.approximated(f"{n.node.bl_label} cannot be evaluated, its average is used; bake it to an image")
     found = [n.evaluator.value(s, n.frames) for s in n.node.inputs if s.enabled and s.type == "RGBA"]
-    return sum(found) / len(found) if found else np.full(1, 0.5, np.float32)
+    return sum(found) / len(found) if found else MIDDLE
 
 
 def interpolated(corners: np.ndarray) -> np.ndarray:

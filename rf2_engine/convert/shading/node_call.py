@@ -62,7 +62,10 @@ class NodeCall:
             return vector
         if points.direction is not None:
             return points.direction
-        return np.zeros(3, np.float32) if points.corners is None else points.generated
+        if points.corners is None:
+            self.approximated("a texture in the light of a lamp or in a volume is evaluated at one point")
+            return np.zeros(3, np.float32)
+        return points.generated
 
     def source(self, key) -> NodeCall | None:
         """The node that feeds an input, None if there is none."""

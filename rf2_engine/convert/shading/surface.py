@@ -12,7 +12,7 @@ from .normal_map import tangent_normal
 def closure_at(n: NodeCall, key) -> Closure:
     """Closure that a shader brings to an input of `n`; nothing linked is no closure at all."""
     shader = n.source(key)
-    return Closure() if shader is None else SHADERS.get(shader.kind, unknown)(shader)
+    return Closure() if shader is None else n.evaluator.remembered(shader, SHADERS.get(shader.kind, unknown), Closure())
 
 
 def unknown(n: NodeCall):

@@ -77,7 +77,9 @@ def _volume_output(material):
 def coefficients_at(n: NodeCall, key) -> tuple[np.ndarray, np.ndarray]:
     """Scattering and absorption that a shader brings to an input of `n`; 0 when nothing is linked."""
     shader = n.source(key)
-    return (NONE, NONE) if shader is None else SHADERS.get(shader.kind, unknown)(shader)
+    if shader is None:
+        return NONE, NONE
+    return n.evaluator.remembered(shader, SHADERS.get(shader.kind, unknown), (NONE, NONE))
 
 
 def unknown(n: NodeCall):
