@@ -18,11 +18,24 @@ def scene_kept(engine: bpy.types.RenderEngine, wanted: bool):
     Cycles asks Blender to free it as soon as it has its own copy. Blender does not where Persistent Data is on, nor for
     an engine with a GPU context; that flag is looked at afresh each time, and we need no context.
     """
-    engine.bl_use_gpu_context = wanted
+    engine.bl_use_gpu_context, engine.emptied = wanted, False
     try:
         yield
     finally:
         engine.bl_use_gpu_context = False
+
+
+def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
+    """Evaluate again what the last run has left of the objects, if need be, inside `scene_kept`.
+
+    Where nobody looks at the scene meanwhile Cycles throws away what modifiers made of objects, and a second run would
+    show them without their modifiers.
+    """
+    if engine.emptied:
+        engine.emptied = False
+        for evaluated in depsgraph.objects:
+            evaluated.original.update_tag(refresh={"DATA"})
+        depsgraph.update()
 
 
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
@@ -32,11 +45,13 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     Returns {key: (H, W, C) f32} of the `wanted` passes, row 0 on top; the result of `engine` must have them.
     Raises RenderCancelled after Esc, SceneError when Cycles stops with an error.
     """
+    emptied = _empties(engine, depsgraph)
     with _session(engine) as cycles_engine:
         cycles_engine.reset(engine, bpy.data, depsgraph)
         cycles_engine.render(engine, depsgraph)
         cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         found = {} if engine.test_break() else _read(engine.get_result(), layer, wanted)
+    engine.emptied = emptied
     if engine.test_break():
         raise RenderCancelled()
     missing = [p.blender_name for p in wanted if p.key not in found]
@@ -51,6 +66,7 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
 
     The user's scene never sees it: it is the evaluated copy that Cycles reads.
     """
+    renew(engine, depsgraph)  # now, for it undoes whatever is set
     saved = []
     survives = engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
 
@@ -85,6 +101,13 @@ def _session(engine: bpy.types.RenderEngine):
     finally:
         cycles_engine.free(engine)
         engine.session = None
+
+
+def _empties(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether a run leaves objects without what modifiers made of them, in a scene that is kept."""
+    settings = depsgraph.scene_eval.render
+    unwatched = bpy.app.background or settings.use_lock_interface
+    return engine.bl_use_gpu_context and unwatched and not settings.use_persistent_data
 
 
 def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
