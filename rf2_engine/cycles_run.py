@@ -74,7 +74,8 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
         for path, value in settings.items():
             owner, name = _owner(data, path)
             if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
-                saved.append((data, path, getattr(owner, name)))
+                before = getattr(owner, name)
+                saved.append((data, path, before.copy() if hasattr(before, "copy") else before))
                 setattr(owner, name, value)
     try:
         yield override

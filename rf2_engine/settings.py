@@ -70,6 +70,17 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "Cycles' part of the time grows with it; the network's does not",
     )
 
+    lens_samples: IntProperty(
+        name="Lens Samples", default=1, min=1, soft_max=64, max=1024,
+        description="Points of the lens from which the picture is rendered, for the camera's depth of field; 1 leaves "
+                    "it out. The network renders the picture as often, and Cycles its part twice as often",
+    )
+    shutter_samples: IntProperty(
+        name="Shutter Samples", default=1, min=1, soft_max=64, max=1024,
+        description="Moments at which the picture is rendered while the shutter is open, for motion blur; 1 leaves it "
+                    "out. The network renders the picture as often, and where more than the camera moves, its first "
+                    "half too. With lens samples every sample has a point and a moment, and the larger number counts",
+    )
     light: EnumProperty(
         name="Light", update=_passes_change,
         items=(

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What there is to know of a frame before it is rendered: its rectangle, its work, and what cannot be."""
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..model.errors import SceneError
+from . import compat, model_cache, reference
+from .blur import Blur
+from .convert.report import Report
+from .cycles_session import Light
+from .settings import FrameSettings
+
+Border = tuple[int, int, int, int]
+
+
+def border(engine: bpy.types.RenderEngine, settings: bpy.types.RenderSettings) -> Border | None:
+    """Pixels (x0, x1, y0, y1) from the bottom left, rounded as Blender does; None without a render border."""
+    if not settings.use_border:
+        return None
+    size = np.float32([engine.resolution_x, engine.resolution_x, engine.resolution_y, engine.resolution_y])
+    corners = np.float32([settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y])
+    return tuple((corners * size).astype(int).tolist())
+
+
+def layers(scene: bpy.types.Scene) -> int:
+    """How many view layers this frame renders."""
+    return 1 if scene.render.use_single_layer else sum(layer.use for layer in scene.view_layers)
+
+
+def work(engine: bpy.types.RenderEngine, part: Border | None, settings: FrameSettings, blur: Blur) -> dict[str, float]:
+    """What the stages of one view layer have to do, in the units of estimate.py."""
+    x0, x1, y0, y1 = part or (0, engine.resolution_x, 0, engine.resolution_y)
+    pixels = (x1 - x0) * (y1 - y0)
+    return {"Converting the scene": blur.scenes,
+            "First hits": pixels * settings.guide_samples * (2 * blur.samples if blur else 1),
+            "Loading the network": not model_cache.is_loaded(),
+            "Network, scene": settings.token_budget * blur.shutter, "Network, view": pixels * blur.samples,
+            reference.NAME: pixels * settings.reference.samples if settings.reference else 0}
+
+
+def check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:
+    """Report what the whole picture lacks. Raises SceneError for what cannot be rendered."""
+    if scene.render.use_multiview:
+        raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '
+                         "switch it off in Output Properties")
+    if settings.light is Light.TRACED and not compat.has_openimagedenoise():
+        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise "
+                                        "Samples, or set Light to Network Alone")
