@@ -21,12 +21,7 @@ from . import compat
 from . import passes as pass_table
 from .cycles_run import overrides, run
 
-# The film is always transparent: Cycles then gives coverage as alpha, while the Environment pass still holds the
-# world seen directly (measured: Env = world * (1 - alpha) in both film modes), so an opaque film is
-# combined + environment.
 _ALWAYS = {
-    "render.film_transparent": True,
-    "cycles.film_transparent_glass": False,
     "cycles.film_exposure": 1.0,
     "cycles.use_adaptive_sampling": False,
     "cycles.use_sample_subset": False,
@@ -80,10 +75,16 @@ class Light(Enum):
 
 
 class Look(NamedTuple):
-    """How a session looks: by default through a pinhole where the camera is, at one moment."""
+    """How a session looks: by default through a pinhole where the camera is, at one moment, on a transparent film.
+
+    Cycles then gives coverage as alpha, while the Environment pass still holds the world seen directly (measured: Env =
+    world * (1 - alpha) in both film modes), so an opaque film is combined + environment.
+    """
 
     lens: bool = False     # with the depth of field of the scene
     shutter: bool = False  # with its motion blur
+    glass: bool = False    # the film is transparent behind glass too
+    opaque: bool = False   # the film is opaque: alpha is 1, but for holdouts
     place: Callable[[Callable], None] | None = None  # moves the camera: given the function of cycles_run.overrides
 
 
@@ -95,8 +96,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                   threads: int = 0) -> dict[str, np.ndarray]:
     """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render.
 
-    `engine` is the RenderEngine inside whose `render` this is called; `look` is not for Light.ALL, whose camera is the
-    scene's; `threads` 0 leaves them to Blender's setting;
+    `engine` is the RenderEngine inside whose `render` this is called; the camera of Light.ALL is the scene's, whatever
+    `look` says; `threads` 0 leaves them to Blender's setting;
     `hazy` says that smoke or fog leaves noise in the first hits, which the denoiser then must not take for texture.
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
@@ -119,7 +120,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     for p in wanted:  # those that were registered are there already, and stay as they are
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
-    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise}
+    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise,
+                          "render.film_transparent": not look.opaque, "cycles.film_transparent_glass": look.glass}
     if threads:
         settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
     with overrides(engine, depsgraph) as override:

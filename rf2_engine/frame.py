@@ -6,12 +6,13 @@ import bpy
 import numpy as np
 
 from ..model.errors import SceneError
-from . import compat, model_cache, reference
-from .blur import Blur
+from . import compat, model_cache, passes, reference
 from .convert.report import Report
 from .cycles_session import Light
+from .optics import Optics
 from .settings import FrameSettings
 
+LONGEST_NAME = 63  # bytes of view layer, pass and channel together, of every engine, in a multilayer file
 Border = tuple[int, int, int, int]
 
 
@@ -29,22 +30,30 @@ def layers(scene: bpy.types.Scene) -> int:
     return 1 if scene.render.use_single_layer else sum(layer.use for layer in scene.view_layers)
 
 
-def work(engine: bpy.types.RenderEngine, part: Border | None, settings: FrameSettings, blur: Blur) -> dict[str, float]:
+def work(engine: bpy.types.RenderEngine, part: Border | None, settings: FrameSettings,
+         optics: Optics) -> dict[str, float]:
     """What the stages of one view layer have to do, in the units of estimate.py."""
     x0, x1, y0, y1 = part or (0, engine.resolution_x, 0, engine.resolution_y)
     pixels = (x1 - x0) * (y1 - y0)
-    return {"Converting the scene": blur.scenes,
-            "First hits": pixels * settings.guide_samples * (2 * blur.samples if blur else 1),
+    return {"Converting the scene": optics.scenes,
+            "First hits": pixels * settings.guide_samples * (2 * optics.samples if optics else 1),
             "Loading the network": not model_cache.is_loaded(),
-            "Network, scene": settings.token_budget * blur.shutter, "Network, view": pixels * blur.samples,
+            "Network, scene": settings.token_budget * optics.shutter, "Network, view": pixels * optics.samples,
             reference.NAME: pixels * settings.reference.samples if settings.reference else 0}
 
 
-def check(scene: bpy.types.Scene, settings: FrameSettings, report: Report) -> None:
+def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Report) -> None:
     """Report what the whole picture lacks. Raises SceneError for what cannot be rendered."""
+    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     if scene.render.use_multiview:
         raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '
                          "switch it off in Output Properties")
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
         report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise "
                                         "Samples, or set Light to Network Alone")
+    names = passes.of_session(layer, passes.asked_light(layer, settings.light_passes))
+    names += passes.REFERENCE if settings.reference else ()
+    longest = max((p.blender_name for p in names), key=len)
+    if (room := LONGEST_NAME - len(f".{longest}.X")) < len(layer.name.encode()):
+        report.approximated(layer.name, f"Blender cuts names in multilayer files: with more than {room} letters in the "
+                                        f'name of the view layer, passes such as "{longest}" get lost')

@@ -79,14 +79,14 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
 def guides_of_no_triangle(passes: dict[str, np.ndarray]) -> Guides:
     """All but where things are, of `passes` (cycles_session.render_passes) that were seen from several places."""
     alpha, length = passes["alpha"][..., 0].clip(0, 1), np.linalg.norm(passes["normal"], axis=-1, keepdims=True)
-    covered = alpha[..., None] > COVERED  # a denoiser spreads a little
+    covered = (alpha > COVERED) | passes["transmission_color"].any(axis=-1)  # a denoiser spreads a little
     return Guides(
         position=np.zeros_like(passes["position"]), normal=passes["normal"] / np.where(length > 0, length, 1),
         diffuse_color=passes["diffuse_color"], glossy_color=passes["glossy_color"],
         transmission_color=passes["transmission_color"], emission=passes["emission"],
         environment=passes["environment"], depth=passes["depth"][..., 0], alpha=alpha,
         hit_triangle=np.full(alpha.shape, -1, np.int32), hit_barycentric=np.zeros((*alpha.shape, 2), np.float32),
-        traced=passes["traced"] * covered if "traced" in passes else None)
+        traced=passes["traced"] * covered[..., None] if "traced" in passes else None)
 
 
 def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen: np.ndarray,

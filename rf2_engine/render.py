@@ -11,10 +11,10 @@ from ..model.lighting import Lobes
 from ..model.presets import BUNDLED
 from . import cycles_run, cycles_session, failure, frame, model_cache, output, reference, running, statistics
 from . import passes as pass_table
-from .blur import Blur
 from .convert.report import Report
 from .guides import guides_of_no_triangle, make_guides
 from .layer import Layer
+from .optics import Optics
 from .settings import FrameSettings
 from .setup import packages
 from .statistics import LayerStatistics
@@ -25,11 +25,11 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     """Render one view layer into `engine`'s result, or say by name what prevents it and leave a frame that shows so."""
     layer = depsgraph.view_layer_eval.name  # Cycles frees the depsgraph: whatever is needed later is read now
     running.mark(engine.bl_idname)
-    status, report, blur = Status(engine), Report(), Blur.of(depsgraph)
-    twice = bool(blur) or reference.is_wanted(depsgraph.scene_eval)
+    status, report, optics = Status(engine), Report(), Optics.of(depsgraph)
+    twice = optics.sessions > 1 or reference.is_wanted(depsgraph.scene_eval)
     try:
         with progress.reporting(status), cycles_run.scene_kept(engine, twice):
-            done = _render_layer(engine, depsgraph, layer, blur, status, report)
+            done = _render_layer(engine, depsgraph, layer, optics, status, report)
     except RenderCancelled:
         statistics.last_frame.append(LayerStatistics(layer, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
@@ -42,31 +42,34 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         _tell(engine, report)
 
 
-def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str, blur: Blur,
+def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str, optics: Optics,
                   status: Status, report: Report) -> LayerStatistics:
     packages.require()
     cycles_session.require()
     threads.sleep_while_waiting()
     model_cache.begin_import()
-    settings = FrameSettings.of(depsgraph.scene_eval)
+    settings = FrameSettings.of(depsgraph.scene_eval, depsgraph.view_layer_eval)
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
-    frame.check(depsgraph.scene_eval, settings, report)
-    blur.report(depsgraph, report)
+    frame.check(depsgraph, settings, report)
+    optics = optics.possible(settings.light, depsgraph, report)
     border = frame.border(engine, depsgraph.scene_eval.render)
-    status.expect(layer, frame.layers(depsgraph.scene_eval), frame.work(engine, border, settings, blur))
-    job = Layer(engine, depsgraph, settings, blur, border, status, report, lit)
+    status.expect(layer, frame.layers(depsgraph.scene_eval), frame.work(engine, border, settings, optics))
+    job = Layer(engine, depsgraph, settings, optics, border, status, report, lit)
 
-    with status.stage("Converting the scene", share=1 / blur.scenes):
+    with status.stage("Converting the scene", share=1 / optics.scenes):
         view, scene = job.view(), job.scene()
     has_content = len(scene) or scene.volumes
     renderer = None
     if has_content and settings.weights != BUNDLED:  # wrong weights are found before Cycles has worked for nothing
         renderer = _load(status, settings)
     with output.unless_stopped(engine, layer) as passes:
-        with status.stage("First hits", share=1 / 2 if blur else 1):
-            found = job.first_hits(scene, blur.look(), settings.guide_samples * blur.samples)
+        with status.stage("First hits", share=1 / 2 if optics else 1):
+            opacity = job.opacity(view)
+            found = job.first_hits(scene, optics.look(), settings.guide_samples * optics.samples)
             passes |= output.first_hits(found, settings.exposure)
-            if blur:
+            if optics.samples == 1 and not found["transmission_color"].any():  # no glass to see the film through
+                job.optics = optics = Optics()
+            if optics:
                 guides = guides_of_no_triangle(found)
             else:
                 with progress.part(0.8, 1.0):
@@ -75,7 +78,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                 passes |= output.first_hits(found, settings.exposure)
 
         def combined(radiance: np.ndarray) -> np.ndarray:
-            return output.composite(radiance, guides, settings.film_transparent, settings.exposure)
+            return output.composite(radiance, guides, opacity, settings.exposure)
 
         def show(lobes: Lobes) -> None:
             output.write(engine, layer, passes | {"combined": combined(lobes.radiance)})
@@ -85,10 +88,10 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             first = guides.diffuse_color + guides.glossy_color + guides.transmission_color
         show(Lobes(first))
         radiance, tokens, light = np.zeros((view.height, view.width, 3), np.float32), 0, {}
-        if guides.alpha.any() and has_content:
+        if has_content and (guides.alpha.any() or guides.transmission_color.any()):
             renderer = renderer or _load(status, settings)  # PyTorch was imported meanwhile
             with threads.team(settings.threads):
-                if blur:
+                if optics:
                     lobes, tokens = job.blurred(renderer, scene, guides, show)
                 else:
                     encoded = job.encoded(renderer, scene, view)

@@ -14,7 +14,7 @@ def draw_lens(self, context) -> None:
         draw_text(self.layout, "This engine has no such camera: set Type to Perspective or Orthographic")
 
 
-def draw_depth_of_field(self, context) -> None:
+def draw_lens_samples(self, context) -> None:
     """Below Cycles' own settings of the focus: how many samples there are, which is the scene's."""
     layout = self.layout
     layout.prop(context.scene.renderformer_v2, "lens_samples")

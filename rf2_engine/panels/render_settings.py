@@ -57,6 +57,10 @@ class RENDERFORMER_PT_film(EnginePanel):
         layout, scene = self.split_layout(), context.scene
         layout.prop(scene.cycles, "film_exposure")
         layout.prop(scene.render, "film_transparent", text="Transparent")
+        glass = layout.column()
+        glass.active = scene.render.film_transparent and scene.renderformer_v2.light == "TRACED"
+        glass.prop(scene.cycles, "film_transparent_glass", text="Transparent Glass")
+        glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness Threshold")
         column = layout.column()
         column.prop(scene.cycles, "pixel_filter_type", text="Pixel Filter")
         if scene.cycles.pixel_filter_type != "BOX":
