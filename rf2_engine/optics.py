@@ -46,9 +46,10 @@ class Optics:
     def of(cls, depsgraph: bpy.types.Depsgraph) -> Optics:
         """What the scene wants and our settings allow."""
         wanted, scene = _wanted(depsgraph), depsgraph.scene_eval
+        cycles = getattr(scene, "cycles", None)  # an add-on, which may be switched off
         return cls(scene.renderformer_v2.lens_samples if "lens" in wanted else 1,
                    scene.renderformer_v2.shutter_samples if "shutter" in wanted else 1,
-                   scene.render.film_transparent and scene.cycles.film_transparent_glass,
+                   scene.render.film_transparent and getattr(cycles, "film_transparent_glass", False),
                    not scene.render.film_transparent and has_holdouts(depsgraph))
 
     def possible(self, light: Light, depsgraph: bpy.types.Depsgraph, report: Report) -> Optics:
