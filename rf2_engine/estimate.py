@@ -19,8 +19,8 @@ class Frame:
     bar: float = 0.0             # never falls
     layers_begun: int = 0
     layers_left: int = 0
-    expected: dict[str, float] = field(default_factory=dict)  # seconds of the layer's stages that have not begun
-    of_layer: float = 0.0        # seconds of all stages of a layer
+    stages: dict[str, float] = field(default_factory=dict)    # seconds of the layer's stages, by key
+    expected: dict[str, float] = field(default_factory=dict)  # of what of them has not begun
     stage_begin: float = 0.0
     stage_expected: float = 0.0
     even_fraction: float = 0.0   # of a stage at one pace, when it was last heard of
@@ -30,11 +30,14 @@ class Frame:
         """`work` is what the stages of this view layer have to do, by key; the frame has so many layers."""
         self.layers_begun += 1
         self.layers_left = max(layers - self.layers_begun, 0)
-        self.expected = {key: costs.seconds(key, units, setup) for key, units in work.items()}
-        self.of_layer = sum(self.expected.values())
+        self.stages = {key: costs.seconds(key, units, setup) for key, units in work.items()}
+        self.expected = dict(self.stages)
 
-    def begin_stage(self, key: str) -> None:
-        self.stage_begin, self.stage_expected = time.perf_counter(), self.expected.pop(key, 0.0)
+    def begin_stage(self, key: str, share: float = 1.0) -> None:
+        """This share of a stage begins."""
+        before = self.expected.get(key, 0.0)
+        self.expected[key] = max(before - share * self.stages.get(key, 0.0), 0.0)
+        self.stage_begin, self.stage_expected = time.perf_counter(), before - self.expected[key]
         self.even_fraction = self.even_took = 0.0
 
     def remaining(self, fraction: float, even: bool = False) -> float:
@@ -51,7 +54,7 @@ class Frame:
         by_pace = max(pace - took, OVERTIME * (took - self.even_took)) if even else pace * (1 - fraction)
         trust = min(fraction / EVEN_AFTER, 1) if even else fraction ** 2
         stage = (1 - trust) * as_known + trust * by_pace
-        left = stage + sum(self.expected.values()) + self.layers_left * self.of_layer
+        left = stage + sum(self.expected.values()) + self.layers_left * sum(self.stages.values())
         elapsed = now - self.begin
         self.bar = max(self.bar, elapsed / max(elapsed + left, 1e-9))
         return left

@@ -14,11 +14,12 @@ from bpy.app.handlers import persistent
 
 from ..model import presets, progress
 from ..model.errors import RenderCancelled
-from . import costs, failure, memory, model_cache, render
+from . import costs, failure, frame, memory, model_cache
 from .convert.camera import convert_camera
 from .convert.report import Remark, Report
 from .convert.scene import convert
 from .limits import report_limits
+from .optics import Optics
 from .registering import handlers
 from .settings import FrameSettings
 
@@ -89,18 +90,20 @@ def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Prefligh
 
 def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: float) -> Preflight:
     scene = depsgraph.scene_eval
-    settings, blenders = FrameSettings.of(scene), scene.render
-    render.check(scene, settings, report)
+    settings, blenders = FrameSettings.of(scene, depsgraph.view_layer_eval), scene.render
+    frame.check(depsgraph, settings, report)
     report_limits(depsgraph, report)
+    optics = Optics.of(depsgraph).possible(settings.light, depsgraph, report)
     width, height = (side * blenders.resolution_percentage // 100
                      for side in (blenders.resolution_x, blenders.resolution_y))
-    border = render.border_of(width, height, blenders)
+    border = frame.border(width, height, blenders)
     view = convert_camera(depsgraph, width, height, border, report)
     found = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
                     max_edge=settings.max_edge, report=report)
     _report_differences(depsgraph, report)
-    work, layers, loaded = render.work(width, height, border, settings), render.layers(scene), model_cache.is_loaded()
-    work |= {"Converting the scene": 0, "Network, scene": len(found)}
+    work, layers = frame.work(width, height, border, settings, optics), frame.layers(scene)
+    work |= {"Converting the scene": optics.scenes - 1, "Network, scene": len(found) * optics.shutter}
+    loaded = model_cache.is_loaded()
     converting, stages = time.perf_counter() - begin, costs.measured_seconds(work, settings.setup)
     added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(found))
     lights, cells = int(found.is_light.sum()), len(found.volumes or ())

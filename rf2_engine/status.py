@@ -23,6 +23,7 @@ class Status:
     def __init__(self, engine: bpy.types.RenderEngine) -> None:
         self.engine = engine
         self.seconds: dict[str, float] = {}
+        self.sample = ""  # "Sample 3 of 16", or nothing
         self._layer = ""
         self._work: dict[str, float] = {}
         self._setup = ""
@@ -40,18 +41,25 @@ class Status:
         estimate.frame.begin_layer(layers, work, setup)
 
     @contextmanager
-    def stage(self, name: str, part: str = ""):
-        """Time what runs inside under `name`; a stage in several parts has a key for each, "name, part"."""
+    def stage(self, name: str, part: str = "", share: float = 1.0):
+        """Time what runs inside under `name`; a stage in several parts has a key for each, "name, part".
+
+        One that is entered several times says what share of its work is done each time.
+        """
         key = f"{name}, {part}" if part else name
         with progress.part(0.0, 1.0, name):
-            estimate.frame.begin_stage(key)
+            estimate.frame.begin_stage(key, share)
             progress.report(0.0)
             begin = time.perf_counter()
             yield
             took = time.perf_counter() - begin
             self.seconds[name] = self.seconds.get(name, 0.0) + took
-            costs.learn(key, self._work.get(key, 0.0), took, self._setup)
+            costs.learn(key, share * self._work.get(key, 0.0), took, self._setup)
             progress.report(1.0)
+
+    def skip(self, key: str, share: float) -> None:
+        """This share of a stage need not be done."""
+        estimate.frame.begin_stage(key, share)
 
     @contextmanager
     def during_cycles(self, words: str, share: float = 1.0, time_limit: float = 0.0,
@@ -99,7 +107,8 @@ class Status:
             used, peak = memory.held()
             self._most = max(self._most, used)
             self.engine.update_memory_stats(memory_used=used, memory_peak=peak)
-            self.engine.update_stats(self._layer, f"Remaining {_time(left)} | {text}")
+            words = (f"Remaining {_time(left)}", self.sample, text)
+            self.engine.update_stats(self._layer, " | ".join(filter(None, words)))
             self.engine.update_progress(estimate.frame.bar)
 
     @property

@@ -25,8 +25,7 @@ def is_shown(instance, layer, report) -> bool:
     if obj.is_shadow_catcher:
         report.approximated(obj.name, "a shadow catcher is shown like any object")
     if host.holdout_get(view_layer=layer):  # its own, or that of a collection
-        report.approximated(obj.name, "a holdout lights the scene like any object, and is black unless the "
-                                      "film is transparent")
+        report.approximated(obj.name, "a holdout lights the scene like any object")
     return True
 
 
@@ -42,6 +41,14 @@ def hidden_in_renders(depsgraph) -> set:
             shown.update(obj for obj in found.collection.objects if not obj.hide_render)
             waiting += found.children
     return set(layer.objects) - shown
+
+
+def has_holdouts(depsgraph) -> bool:
+    """Whether an object or a material of the view layer may cut a hole into the film."""
+    layer = depsgraph.view_layer_eval
+    trees = (data for data in depsgraph.ids if data.id_type == "NODETREE")
+    return (any(obj.holdout_get(view_layer=layer) for obj in depsgraph.objects)
+            or any(node.type == "HOLDOUT" for tree in trees for node in tree.nodes))
 
 
 def _is_gas(obj) -> bool:
