@@ -45,6 +45,7 @@ class _Walk:
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
         self._parts: dict[tuple, list[Part]] = {}
+        self._homogeneous: dict[tuple, bool] = {}  # material and layers of meshes -> it emits
 
     def run(self) -> Collected:
         total = len(self.depsgraph.object_instances)
@@ -104,7 +105,7 @@ class _Walk:
         mesh = self._mesh(obj)
         slot = _slot(mesh, slots)
         surface = np.array([volume.has_surface(material) for material in slots])
-        emits = np.array([self._emits(material, mesh, matrix) for material in slots])
+        emits, textured = np.array([self._probe(material, mesh, matrix) for material in slots]).T
         parts, flux_gain = [], 0.0 if obj.original in self.dark else 1.0
         for kind in (False, True):
             chosen = (surface & (emits == kind))[slot]
@@ -112,22 +113,30 @@ class _Walk:
                 part = mesh.take(chosen)
                 part.slot = slot[chosen]
                 parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind, obj.visible_camera,
-                                  flux_gain=flux_gain))
+                                  is_textured=bool(textured[slot[chosen]].any()), flux_gain=flux_gain))
         return parts
 
     def _slots(self, obj) -> list:
         override = self.layer.material_override
         return [override] if override else meshes.material_slots(obj)
 
-    def _emits(self, material, mesh: TriangleMesh, matrix: np.ndarray) -> bool:
-        """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs."""
+    def _probe(self, material, mesh: TriangleMesh, matrix: np.ndarray) -> tuple[bool, bool]:
+        """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs, and
+        whether it is not the same all over them."""
+        layers = (*mesh.uv, mesh.active_uv, *mesh.colors, mesh.active_color)
+        key = material and material.as_pointer(), layers
+        if key in self._homogeneous:
+            return self._homogeneous[key], False
         probe = MaterialTiles(Report())
         probe.images = self.images
         some = mesh.take(np.linspace(0, len(mesh) - 1, PROBES).astype(int)) if len(mesh) else mesh
         square = np.resize(UNIT_SQUARE, (len(some), 3, 2))
         white = np.ones((len(some), 3, 4), np.float32)
         some = replace(some, uv=dict.fromkeys(mesh.uv, square), colors=dict.fromkeys(mesh.colors, white))
-        return probe.triangle_tiles(material, some, matrix)[1].any()
+        tiles, emission = probe.triangle_tiles(material, some, matrix)
+        if len(tiles) and len(np.unique(tiles)) == 1:
+            self._homogeneous[key] = bool(emission.any())
+        return bool(emission.any()), len(np.unique(tiles)) > 1
 
     def _mesh(self, obj) -> TriangleMesh:
         pointer = obj.data.as_pointer()
