@@ -14,7 +14,6 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..model.scene import View
-
 from .registering import handlers
 
 LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way

@@ -36,11 +36,10 @@ def fit(found: Collected, budget: int, sight: Sight | None, hits: Hits | None, w
     """
     parts = found.parts
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
-    if not parts or counts @ copies <= budget and np.maximum(counts, wanted) @ copies <= budget:
+    if not parts or counts @ copies <= budget:
         return
     shown = _shares_of_picture(parts, sight, hits)
-    if counts @ copies > budget:
-        parts, shown, wanted = _levels(*_kept(parts, shown, wanted, budget, report))
+    parts, shown, wanted = _levels(*_kept(parts, shown, wanted, budget, report))
     found.parts = parts
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
     detail = np.array([_curvature(part.mesh) + (TEXTURE if part.is_textured else FLAT) for part in parts])

@@ -44,7 +44,8 @@ class _Walk:
         self.dark = dark_emitters(depsgraph, report)
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
-        self._parts: dict[tuple, list[Part]] = {}
+        self._parts: dict[tuple, tuple[list[Part], list[tuple]]] = {}
+        self._shown: dict[tuple, bool] = {}
         self._homogeneous: dict[tuple, bool] = {}  # material and layers of meshes -> it emits
 
     def run(self) -> Collected:
@@ -58,13 +59,13 @@ class _Walk:
 
     def _add(self, instance) -> None:
         obj = instance.object
-        if obj.type in WITHOUT_SURFACE or not is_shown(instance, self.layer, self.report):
+        if obj.type in WITHOUT_SURFACE or not self._is_shown(instance):
             return
         matrix = np.array(instance.matrix_world, np.float64)
         if not np.isfinite(matrix).all():
             self.report.refused(obj.name, "its transform is not finite")
         elif obj.type == "MESH":
-            self._add_mesh(obj, matrix)
+            self._add_mesh(obj, matrix, instance.matrix_world.is_negative)
         elif obj.type == "LIGHT":
             if obj.original not in self.dark:
                 self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
@@ -77,24 +78,38 @@ class _Walk:
         else:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
-    def _add_mesh(self, obj, matrix: np.ndarray) -> None:
+    def _is_shown(self, instance) -> bool:
+        """Asked once for all instances of an object by another."""
+        obj, parent = instance.object, instance.parent
+        key = obj.original.as_pointer(), obj.type, instance.is_instance and parent and parent.original.as_pointer()
+        if key not in self._shown:
+            self._shown[key] = is_shown(instance, self.layer, self.report)
+        return self._shown[key]
+
+    def _add_mesh(self, obj, matrix: np.ndarray, mirrored: bool) -> None:
         if any(s.settings.type == "HAIR" and s.settings.render_type == "PATH" for s in obj.particle_systems):
             self._add_hair(obj, "particle hair")
         slots = self._slots(obj)
-        mirrored = np.linalg.det(matrix[:3, :3]) < 0
         key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark,
                *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
-            self._parts[key] = self._split(obj, slots, matrix, mirrored)
-            self.found.parts += self._parts[key]
-        for part in self._parts[key]:
+            self._parts[key] = self._split(obj, slots, matrix, mirrored), self._filled(obj, slots)
+            self.found.parts += self._parts[key][0]
+        parts, filled = self._parts[key]
+        for part in parts:
             part.matrices.append(matrix)
-        mesh = self._mesh(obj)
+        for corners, coefficients in filled:
+            self.found.media.append(mesh_medium(obj.name, matrix, corners, *coefficients))
+
+    def _filled(self, obj, slots: list) -> list[tuple]:
+        """Corners of the triangles, and coefficients, of each volume material of a mesh."""
+        mesh, filled = self._mesh(obj), []
         for index, material in enumerate(slots):
             coefficients = volume.volume_coefficients(material, self.report)
             corners = mesh.corners[_slot(mesh, slots) == index] if coefficients else ()
             if len(corners):
-                self.found.media.append(mesh_medium(obj.name, matrix, corners, *coefficients))
+                filled.append((corners, coefficients))
+        return filled
 
     def _add_hair(self, obj, what: str) -> None:
         """Cycles shows it, but the network is given triangles alone."""

@@ -96,9 +96,7 @@ def _clustered(points: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.n
 
 def _welded(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shared (v, 3) f32 points and (n, 3) i32 faces; corners are one point if their coordinates are equal."""
-    flat = corners.reshape(-1, 3).astype(np.float32) + np.float32(0)  # -0 and 0 are one point
-    bits = np.ascontiguousarray(flat).view(np.uint32).astype(np.uint64)
-    key = bits @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+    flat, key = corners.reshape(-1, 3).astype(np.float32), meshes.corner_keys(corners).ravel()
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     return flat[first], inverse.reshape(-1, 3).astype(np.int32)
 

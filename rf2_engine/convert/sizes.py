@@ -30,12 +30,14 @@ class Sizes:
     def wanted(self, parts: list[Part], budget: int) -> np.ndarray:
         """(k,) how many triangles each part would have if those that look large were divided as finely as wanted."""
         counts = np.array([len(part.mesh) for part in parts], np.int64)
-        if self.sight is None:
+        coarse = [i for i, part in enumerate(parts) if counts[i] * len(part.matrices) <= budget and not part.emits]
+        if self.sight is None or not coarse:
             return counts
-        for i, part in enumerate(parts):
-            if len(part.mesh) * len(part.matrices) <= budget and not part.emits:
-                looks = self._looks(part, self._corners(part, _largest(part, self._distance)))
-                counts[i] += int(np.maximum(np.square(looks / self.max_edge) - 1, 0).sum().clip(0, budget))
+        corners, gain = self._seen([parts[i] for i in coarse])
+        looks = self.sight.size(corners, meshes.longest_edges(corners)) * gain
+        more = np.maximum(np.square(looks / self.max_edge) - 1, 0)
+        begin = np.cumsum(counts[coarse]) - counts[coarse]
+        counts[coarse] += np.add.reduceat(more, begin).clip(0, budget).astype(np.int64)
         return counts
 
     def subdivide(self, parts: list[Part], budget: int) -> None:
@@ -49,8 +51,7 @@ class Sizes:
                                   for part in parts])
         looks = None
         if self.sight is not None:
-            nearest = np.concatenate([self._corners(part, _largest(part, self._distance)) for part in parts])
-            gain = np.repeat([self._gain(part) for part in parts], counts)
+            nearest, gain = self._seen(parts)
 
             def looks(weights: np.ndarray, parent: np.ndarray) -> np.ndarray:
                 pieces = weights @ nearest[parent]
@@ -63,12 +64,11 @@ class Sizes:
             if np.count_nonzero(mine) > counts[i]:
                 part.mesh = subdivide.pieces(part.mesh, parent[mine] - counts[:i].sum(), weights[mine])
 
-    def _looks(self, part: Part, corners: np.ndarray) -> np.ndarray:
-        return self.sight.size(corners, meshes.longest_edges(corners)) * self._gain(part)
-
-    @staticmethod
-    def _gain(part: Part) -> float:
-        return part.is_shown * (TEXTURED if part.is_textured else 1.0)
+    def _seen(self, parts: list[Part]) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 3, 3) world corners of the instance of each part that looks largest, and (n,) what their size counts."""
+        corners = np.concatenate([self._corners(part, _largest(part, self._distance)) for part in parts])
+        gain = [part.is_shown * (TEXTURED if part.is_textured else 1.0) for part in parts]
+        return corners, np.repeat(gain, [len(part.mesh) for part in parts])
 
     @staticmethod
     def _corners(part: Part, matrix: np.ndarray) -> np.ndarray:
