@@ -8,6 +8,7 @@ import numpy as np
 
 from ...model import progress
 from . import mesh as meshes
+from . import strands
 from .collected import Collected, LampInstance, Part
 from .light_linking import dark_emitters
 from .material import MaterialTiles
@@ -21,7 +22,7 @@ from .visibility import is_shown
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
                    "SPEAKER"}
-OF_CYCLES = {"CURVES": "hair curves", "POINTCLOUD": "point clouds"}  # in the first hits, but no triangles
+STRANDS = {"CURVES": strands.curves_mesh, "POINTCLOUD": strands.cloud_mesh}
 DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
 DEFAULT_MEDIUM = (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
@@ -71,8 +72,8 @@ class _Walk:
                 self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
         elif obj.type == "VOLUME":
             self._add_volume(obj, matrix)
-        elif obj.type in OF_CYCLES:
-            self._add_hair(obj, OF_CYCLES[obj.type])
+        elif obj.type in STRANDS:
+            self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data), matrix)
         elif obj.type in DRAWINGS:
             self.report.approximated(obj.name, "a drawing is laid over the picture, and neither lights it nor is lit")
         else:
@@ -87,8 +88,10 @@ class _Walk:
         return self._shown[key]
 
     def _add_mesh(self, obj, matrix: np.ndarray, mirrored: bool) -> None:
-        if any(s.settings.type == "HAIR" and s.settings.render_type == "PATH" for s in obj.particle_systems):
-            self._add_hair(obj, "particle hair")
+        for system in obj.particle_systems:
+            if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
+                self._add_strands(obj, system.as_pointer(), lambda s=system: strands.particles_mesh(obj, s), matrix,
+                                  system.settings.material - 1)
         slots = self._slots(obj)
         key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark,
                *(m and m.as_pointer() for m in slots))
@@ -111,10 +114,22 @@ class _Walk:
                 filled.append((corners, coefficients))
         return filled
 
-    def _add_hair(self, obj, what: str) -> None:
-        """Cycles shows it, but the network is given triangles alone."""
-        self.report.approximated(obj.name, f"{what} can be seen, but the network does not know of it: shadows and "
-                                           "reflections of it come with Traced Hints alone")
+    def _add_strands(self, obj, pointer: int, read, matrix: np.ndarray, slot: int = 0) -> None:
+        """Hair or points, which `read` gives as a mesh, wearing the material of a slot."""
+        slots = self._slots(obj)
+        key = pointer, obj.visible_camera, obj.original in self.dark, *(m and m.as_pointer() for m in slots)
+        if key not in self._parts:
+            self.report.approximated(obj.name, "its hair or points are a few larger ones for the network: what is not "
+                                               "traced of their shadows and reflections is coarse")
+            mesh, material = read(), slots[min(slot, len(slots) - 1)]
+            emits, textured = self._probe(material, mesh, matrix) if len(mesh) else (False, False)
+            gain = 0.0 if obj.original in self.dark else 1.0
+            parts = [Part(obj.name, mesh, [material], bool(emits), obj.visible_camera, is_textured=bool(textured),
+                          flux_gain=gain)] if len(mesh) else []
+            self._parts[key] = parts, []
+            self.found.parts += parts
+        for part in self._parts[key][0]:
+            part.matrices.append(matrix)
 
     def _split(self, obj, slots: list, matrix: np.ndarray, mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)
