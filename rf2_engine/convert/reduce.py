@@ -42,7 +42,6 @@ def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> Trian
     points, faces, owner = _with_fins(*_welded(mesh.corners), mesh)
     progress.report(0.1)
     tree = BVHTree.FromPolygons(points.tolist(), faces.tolist(), all_triangles=True)
-    upright = meshes.face_normals(points[faces])
     progress.report(0.3)
     corners = _reduced(points if lens is None else lens.enter(points), faces, target)
     if lens is not None:
@@ -53,7 +52,8 @@ def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> Trian
     with progress.part(0.5, 1.0):
         nearest = _nearest(corners, tree)
     centre, face = nearest[:, 3], meshes.face_normals(corners)
-    fin = (centre >= len(mesh)) & (np.abs((upright[centre] * face).sum(axis=1)) > 0.7)
+    there = meshes.face_normals(points[faces[centre]])
+    fin = (centre >= len(mesh)) & (np.abs((there * face).sum(axis=1)) > 0.7)
     # Separate pieces are never merged: if that leaves too many triangles, the largest are kept.
     kept = np.argsort(np.where(fin, 0, -meshes.areas(corners)), kind="stable")[:min(target, np.count_nonzero(~fin))]
     if len(kept) == 0:
