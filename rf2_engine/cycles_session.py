@@ -55,8 +55,7 @@ _DENOISED = {
     "cycles.denoising_quality": "BALANCED",
 }
 # Only camera rays see anything: none is cast towards a light, and what costs a third of the time is left out.
-_UNLIT = {f"visible_{ray}": False for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")} | {
-    "is_shadow_catcher": False}  # they would be black and half transparent: there is no shadow to catch
+_UNLIT = {f"visible_{ray}": False for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")}
 _WORLD_UNLIT = {f"cycles_visibility.{ray}": False for ray in ("diffuse", "glossy", "transmission", "scatter")}
 
 
@@ -129,6 +128,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         override(depsgraph.scene_eval, settings)
         if light is not Light.ALL:
             _set_camera(depsgraph, look, override)
+            for evaluated in _objects(depsgraph):  # catchers would be black: they are shown like any object
+                override(evaluated, {"is_shadow_catcher": False})
         if light is Light.NONE:
             _leave_out_light(depsgraph, override, occluding=view_layer.use_pass_ambient_occlusion)
         elif light is Light.TRACED:
@@ -162,5 +163,10 @@ def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) 
     override(depsgraph.scene_eval, _FIRST_HITS_ONLY)
     if world := compat.world(depsgraph):
         override(world, _WORLD_UNLIT)
-    for evaluated in depsgraph.objects:
+    for evaluated in _objects(depsgraph):
         override(evaluated, _UNLIT | ({"visible_shadow": evaluated.visible_shadow} if occluding else {}))
+
+
+def _objects(depsgraph: bpy.types.Depsgraph) -> list[bpy.types.Object]:
+    """All evaluated ones, those too that show only as instances of others."""
+    return [data for data in depsgraph.ids if isinstance(data, bpy.types.Object)]

@@ -20,6 +20,7 @@ class Part:
     emits: bool
     is_shown: bool                                             # to the camera
     matrices: list[np.ndarray] = field(default_factory=list)  # (4, 4) f64 each, object to world
+    is_textured: bool = False                                  # materials vary across triangles
     flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
 
 

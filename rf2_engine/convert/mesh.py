@@ -44,7 +44,7 @@ class TriangleMesh:
 def read_mesh(mesh, name: str, report) -> TriangleMesh:
     """Copy an evaluated `bpy.types.Mesh`; `name` is the object that the report mentions.
 
-    Triangles with corners that are not finite and triangles without area are left out and reported.
+    Triangles with corners that are not finite, without area, or with the corners of another are left out and reported.
     """
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
@@ -140,8 +140,28 @@ def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
     if not solid.all():
         report.refused(name, f"{np.count_nonzero(~solid)} triangles without area were dropped")
         mesh = mesh.take(solid)
+    first = _first_of_its_place(mesh.corners)
+    if len(first) < len(mesh):
+        report.approximated(name, f"{len(mesh) - len(first)} triangles that lie where others are were dropped")
+        mesh = mesh.take(first)
     normals = unit_or(mesh.normals, face_normals(mesh.corners)[:, None])
     return replace(mesh.mapped(lambda layer: np.nan_to_num(layer, posinf=0, neginf=0)), normals=normals)
+
+
+def _first_of_its_place(corners: np.ndarray) -> np.ndarray:
+    """Indices, in order, of all triangles but those with the same three corners as one before."""
+    point = corner_keys(corners)
+    one = point.sum(axis=1) ^ (point[:, 0] * point[:, 1] * point[:, 2])  # whatever the order of the corners
+    if np.diff(np.sort(one)).all():
+        return np.arange(len(one))
+    return np.sort(np.unique(one, return_index=True)[1])
+
+
+def corner_keys(corners: np.ndarray) -> np.ndarray:
+    """(n, 3) u64 of (n, 3, 3) f32 corners, alike for equal coordinates."""
+    bits = np.ascontiguousarray(corners.astype(np.float32) + np.float32(0)).view(np.uint32)  # -0 and 0 are one
+    mixed = bits.astype(np.uint64) @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+    return mixed | np.uint64(1)
 
 
 def _render_color(mesh) -> str | None:

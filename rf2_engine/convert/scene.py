@@ -7,29 +7,32 @@ import functools
 import numpy as np
 
 from ...model import progress
-from ...model.geometry import contracted
 from ...model.normalize import Normalization
 from ...model.scene import RenderScene, View
 from .. import compat
-from . import medium, reduce, subdivide
+from . import medium
 from . import mesh as meshes
+from .budget import fit
 from .camera import clip_start
 from .collect import collect
-from .collected import Collected, Part
+from .collected import Part
 from .focus import find_focus
 from .lamps import convert_lamps
 from .material import MaterialTiles
+from .seen import look
+from .sight import sight_of
+from .sizes import Sizes
 from .world import world_light
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda focus: focus) -> RenderScene:
+            steady=lambda focus, view: (focus, view)) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
     view: of the whole picture, whose surroundings become the network's box (focus.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
-    steady: given the box found here, the one to take.
+    steady: given the box found here and the view, the box to take and the view to allot triangles by.
     Raises SceneError when the scene cannot be converted at all.
     """
     if (space := compat.working_space()) != "Linear Rec.709":
@@ -39,7 +42,13 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
         found = collect(depsgraph, materials.images, report)
     with progress.part(0.45, 0.5, "Converting the world"):
         environment, suns = world_light(depsgraph, report)
-    focus = steady(np.float32(found.bounds()) if view is None else find_focus(found, view, clip_start(depsgraph)))
+    sight, hits, focus = None, None, np.float32(found.bounds())
+    if view is not None:
+        hits = look(found, view, clip_start(depsgraph))
+        focus, allotted_by = steady(find_focus(found, view, hits), view)
+        if allotted_by is not view:
+            hits = look(found, allotted_by, clip_start(depsgraph))
+        sight = sight_of(allotted_by, hits)
     (low, high), beyond = focus, found.beyond(focus)
     if beyond:
         report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
@@ -48,9 +57,10 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     lamps = convert_lamps(found.lamps, suns, token_budget // 2, center, radius, report)
     budget = token_budget - sum(map(len, lamps))
+    size = Sizes(max_edge, Normalization.of(RenderScene(focus=focus)), sight)
     with progress.part(0.5, 0.7):
-        _simplify(found, budget, report)
-    _subdivide(found, budget, max_edge, Normalization.of(RenderScene(focus=focus)))
+        fit(found, budget, sight, hits, size.wanted(found.parts, budget), report)
+    size.subdivide(found.parts, budget)
     with progress.part(0.7, 0.9):
         surfaces = _surfaces(found.parts, materials, report)
     scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
@@ -59,79 +69,6 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     scene.environment, scene.focus = environment, focus
     scene.validate()
     return scene
-
-
-def _simplify(found: Collected, budget: int, report) -> None:
-    _drop_small_instances(found, budget, report)
-    parts = found.parts
-    shares = reduce.share_budget([len(part.mesh) for part in parts], [len(part.matrices) for part in parts], budget)
-    for i, (part, share) in enumerate(zip(parts, shares, strict=True)):
-        before = len(part.mesh)
-        if share >= before:
-            continue
-        area = meshes.areas(part.mesh.corners).sum()
-        with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying meshes, {i + 1} of {len(parts)}"):
-            part.mesh = reduce.simplify(part.mesh, int(share))
-        part.flux_gain *= area / meshes.areas(part.mesh.corners).sum()
-        report.approximated(part.name, f"simplified from {before} to {len(part.mesh)} triangles")
-
-
-def _drop_small_instances(found: Collected, budget: int, report) -> None:
-    """Leave out the smallest instances (lights last) if not even the coarsest shape of all of them fits."""
-    least = [min(len(part.mesh), reduce.COARSEST) for part in found.parts]
-    instances = [(part.emits, _scale(matrix) * float(np.ptp(part.mesh.corners, axis=(0, 1)).max()), i, matrix)
-                 for i, part in enumerate(found.parts) for matrix in part.matrices]
-    if sum(least[i] for _, _, i, _ in instances) <= budget:
-        return
-    kept = [[] for _ in found.parts]
-    for _, _, i, matrix in sorted(instances, key=lambda instance: instance[:2], reverse=True):
-        if least[i] <= budget:
-            kept[i].append(matrix)
-            budget -= least[i]
-    for part, matrices in zip(found.parts, kept, strict=True):
-        dropped = len(part.matrices) - len(matrices)
-        if dropped:
-            report.skipped(part.name, f"no room for {dropped} of its {len(part.matrices)} instances: "
-                                      f"raise the Triangle Budget")
-        part.matrices = matrices
-    found.parts = [part for part in found.parts if part.matrices]
-
-
-def _subdivide(found: Collected, budget: int, max_edge: float, frame: Normalization) -> None:
-    """Split large triangles of all parts together, so that the largest of the whole scene come first.
-
-    How large they are is measured in the network's box, outside of which space is contracted.
-    """
-    parts = found.parts
-    if not parts:
-        return
-    counts = np.array([len(part.mesh) for part in parts])
-    copies = np.array([len(part.matrices) for part in parts])
-    cost = np.where([part.emits for part in parts], 0, copies)
-    corners = np.concatenate([frame.points(_nearest(part, frame)) for part in parts])
-    parent, weights = subdivide.subdivide(corners, np.repeat(cost, counts), max_edge, budget - int(counts @ copies),
-                                          contracted)
-    owner = np.repeat(np.arange(len(parts)), counts)[parent]
-    for i, part in enumerate(parts):
-        mine = owner == i
-        if np.count_nonzero(mine) > counts[i]:
-            part.mesh = subdivide.pieces(part.mesh, parent[mine] - counts[:i].sum(), weights[mine])
-
-
-def _nearest(part: Part, frame: Normalization) -> np.ndarray:
-    """(n, 3, 3) world corners of the instance that is largest in the network's contracted space."""
-    middle = part.mesh.corners.mean(axis=(0, 1))
-
-    def size(matrix: np.ndarray) -> float:
-        place = frame.points(matrix[:3, :3] @ middle + matrix[:3, 3])
-        return _scale(matrix) / max(float(place @ place), 1)
-
-    matrix = max(part.matrices, key=size)
-    return part.mesh.corners @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def _scale(matrix: np.ndarray) -> float:
-    return float(np.linalg.norm(matrix[:3, :3]))
 
 
 def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:

@@ -70,14 +70,6 @@ def test_visibility_and_unsupported_kinds(converted, add_mesh, report):
     assert remark.kind == "approximated" and "laid over the picture" in remark.message
 
 
-def test_hair_is_said_to_be_seen_but_unknown_to_the_network(converted, report):
-    hair = bpy.data.objects.new("Hair", bpy.data.hair_curves.new("Hair"))
-    bpy.context.scene.collection.objects.link(hair)
-    converted()
-    (remark,) = [remark for remark in report.entries if remark.name == "Hair"]
-    assert remark.kind == "approximated" and "can be seen" in remark.message
-
-
 def test_lamps_and_surfaces_share_one_budget(converted):
     bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=64)
     bpy.ops.object.light_add(type="POINT", location=(0, 0, 5))
