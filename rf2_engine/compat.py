@@ -33,3 +33,8 @@ def working_space() -> str:
     """Name of the space in which the file's colours are numbers; it can be chosen from Blender 5 on."""
     colorspace = getattr(bpy.data, "colorspace", None)
     return colorspace.working_space if colorspace else "Linear Rec.709"
+
+
+def voronoi_uses_pcg() -> bool:
+    """How the cells of Voronoi Texture are hashed: since Blender 5 another pattern comes out."""
+    return bpy.app.version >= (5, 0)

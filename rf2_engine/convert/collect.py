@@ -13,6 +13,7 @@ from .light_linking import dark_emitters
 from .material import MaterialTiles
 from .medium import mesh_medium
 from .mesh import TriangleMesh
+from .place import Place
 from .report import Report
 from .shading import volume
 from .vdb import volume_medium
@@ -45,6 +46,7 @@ class _Walk:
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
         self._parts: dict[tuple, list[Part]] = {}
+        self._emitting: dict[tuple, bool] = {}  # by mesh and material
 
     def run(self) -> Collected:
         total = len(self.depsgraph.object_instances)
@@ -63,7 +65,7 @@ class _Walk:
         if not np.isfinite(matrix).all():
             self.report.refused(obj.name, "its transform is not finite")
         elif obj.type == "MESH":
-            self._add_mesh(obj, matrix)
+            self._add_mesh(obj, Place.of(instance, self.depsgraph.scene_eval.frame_current_final))
         elif obj.type == "LIGHT":
             if obj.original not in self.dark:
                 self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
@@ -76,38 +78,37 @@ class _Walk:
         else:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
-    def _add_mesh(self, obj, matrix: np.ndarray) -> None:
+    def _add_mesh(self, obj, place: Place) -> None:
         if any(s.settings.type == "HAIR" and s.settings.render_type == "PATH" for s in obj.particle_systems):
             self._add_hair(obj, "particle hair")
-        slots = self._slots(obj)
-        mirrored = np.linalg.det(matrix[:3, :3]) < 0
-        key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark,
+        slots, mesh = self._slots(obj), self._mesh(obj)
+        emits = tuple(self._emits(material, obj.data, mesh, place) for material in slots)
+        mirrored = np.linalg.det(place.matrix[:3, :3]) < 0
+        key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark, emits,
                *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
-            self._parts[key] = self._split(obj, slots, matrix, mirrored)
+            self._parts[key] = self._split(obj, slots, emits, mirrored)
             self.found.parts += self._parts[key]
         for part in self._parts[key]:
-            part.matrices.append(matrix)
-        mesh = self._mesh(obj)
+            part.places.append(place)
         for index, material in enumerate(slots):
             coefficients = volume.volume_coefficients(material, self.report)
             corners = mesh.corners[_slot(mesh, slots) == index] if coefficients else ()
             if len(corners):
-                self.found.media.append(mesh_medium(obj.name, matrix, corners, *coefficients))
+                self.found.media.append(mesh_medium(obj.name, place.matrix, corners, *coefficients))
 
     def _add_hair(self, obj, what: str) -> None:
         """Cycles shows it, but the network is given triangles alone."""
         self.report.approximated(obj.name, f"{what} can be seen, but the network does not know of it: shadows and "
                                            "reflections of it come with Traced Hints alone")
 
-    def _split(self, obj, slots: list, matrix: np.ndarray, mirrored: bool) -> list[Part]:
+    def _split(self, obj, slots: list, emits: tuple[bool, ...], mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)
         slot = _slot(mesh, slots)
         surface = np.array([volume.has_surface(material) for material in slots])
-        emits = np.array([self._emits(material, mesh, matrix) for material in slots])
         parts, flux_gain = [], 0.0 if obj.original in self.dark else 1.0
         for kind in (False, True):
-            chosen = (surface & (emits == kind))[slot]
+            chosen = (surface & (np.array(emits) == kind))[slot]
             if chosen.any():
                 part = mesh.take(chosen)
                 part.slot = slot[chosen]
@@ -119,15 +120,21 @@ class _Walk:
         override = self.layer.material_override
         return [override] if override else meshes.material_slots(obj)
 
-    def _emits(self, material, mesh: TriangleMesh, matrix: np.ndarray) -> bool:
+    def _emits(self, material, data, mesh: TriangleMesh, place: Place) -> bool:
         """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs."""
+        key = data.as_pointer(), material and material.as_pointer()
+        if key in self._emitting:
+            return self._emitting[key]
         probe = MaterialTiles(Report())
         probe.images = self.images
         some = mesh.take(np.linspace(0, len(mesh) - 1, PROBES).astype(int)) if len(mesh) else mesh
         square = np.resize(UNIT_SQUARE, (len(some), 3, 2))
         white = np.ones((len(some), 3, 4), np.float32)
         some = replace(some, uv=dict.fromkeys(mesh.uv, square), colors=dict.fromkeys(mesh.colors, white))
-        return probe.triangle_tiles(material, some, matrix)[1].any()
+        emits = bool(probe.triangle_tiles(material, some, place)[1].any())
+        if not probe.is_placed(material):
+            self._emitting[key] = emits
+        return emits
 
     def _mesh(self, obj) -> TriangleMesh:
         pointer = obj.data.as_pointer()

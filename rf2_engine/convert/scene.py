@@ -19,6 +19,7 @@ from .collected import Collected, LampInstance, Part
 from .focus import find_focus
 from .light import COARSE, FINE, convert_light
 from .material import MaterialTiles
+from .surfaces import dressed
 from .world import convert_world
 
 
@@ -49,7 +50,7 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
         _simplify(found, budget, report)
     _subdivide(found, budget, max_edge, Normalization.of(RenderScene(focus=focus)))
     with progress.part(0.7, 0.9):
-        surfaces = _surfaces(found.parts, materials, report)
+        surfaces = dressed(found.parts, materials, report)
     scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
     with progress.part(0.9, 0.95, "Converting volumes"):
         scene.volumes = medium.cells(found.media, report)
@@ -97,22 +98,22 @@ def _simplify(found: Collected, budget: int, report) -> None:
 def _drop_small_instances(found: Collected, budget: int, report) -> None:
     """Leave out the smallest instances (lights last) if not even the coarsest shape of all of them fits."""
     least = [min(len(part.mesh), reduce.COARSEST) for part in found.parts]
-    instances = [(part.emits, _scale(matrix) * float(np.ptp(part.mesh.corners, axis=(0, 1)).max()), i, matrix)
-                 for i, part in enumerate(found.parts) for matrix in part.matrices]
+    instances = [(part.emits, _scale(place.matrix) * float(np.ptp(part.mesh.corners, axis=(0, 1)).max()), i, place)
+                 for i, part in enumerate(found.parts) for place in part.places]
     if sum(least[i] for _, _, i, _ in instances) <= budget:
         return
     kept = [[] for _ in found.parts]
-    for _, _, i, matrix in sorted(instances, key=lambda instance: instance[:2], reverse=True):
+    for _, _, i, place in sorted(instances, key=lambda instance: instance[:2], reverse=True):
         if least[i] <= budget:
-            kept[i].append(matrix)
+            kept[i].append(place)
             budget -= least[i]
-    for part, matrices in zip(found.parts, kept, strict=True):
-        dropped = len(part.matrices) - len(matrices)
+    for part, places in zip(found.parts, kept, strict=True):
+        dropped = len(part.places) - len(places)
         if dropped:
-            report.skipped(part.name, f"no room for {dropped} of its {len(part.matrices)} instances: "
+            report.skipped(part.name, f"no room for {dropped} of its {len(part.places)} instances: "
                                       f"raise the Triangle Budget")
-        part.matrices = matrices
-    found.parts = [part for part in found.parts if part.matrices]
+        part.places = places
+    found.parts = [part for part in found.parts if part.places]
 
 
 def _subdivide(found: Collected, budget: int, max_edge: float, frame: Normalization) -> None:
@@ -150,42 +151,3 @@ def _nearest(part: Part, frame: Normalization) -> np.ndarray:
 
 def _scale(matrix: np.ndarray) -> float:
     return float(np.linalg.norm(matrix[:3, :3]))
-
-
-def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:
-    rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
-    for i, part in enumerate(parts):
-        with progress.part(i / len(parts), (i + 1) / len(parts), f"Reading materials, {i + 1} of {len(parts)}"):
-            tile_index, emission = _materials(part, materials)
-            there = tile_index >= 0
-            if not there.all():
-                report.approximated(part.name, f"{np.count_nonzero(~there)} of its {len(there)} triangles, transparent "
-                                               "nearly everywhere, are left out")
-            for matrix in part.matrices:
-                progress.report(1.0)
-                corners, normals = meshes.transform(part.mesh, matrix)
-                solid = meshes.has_area(corners)
-                if not solid.any():
-                    report.skipped(part.name, "it is scaled to nothing")
-                for name, values in zip(rows, (corners, normals, emission, tile_index), strict=True):
-                    rows[name].append(values[solid & there])
-    scene = RenderScene(tiles=materials.tiles)
-    for name, values in rows.items():
-        if values:
-            setattr(scene, name, np.concatenate(values))
-    count = len(scene.triangles)
-    scene.beam_axis, scene.beam_cosine = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
-    return scene
-
-
-def _materials(part: Part, materials: MaterialTiles) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) i32 tile and (n, 3) f32 radiance of the triangles of a part."""
-    mesh = part.mesh
-    tile_index, emission = np.zeros(len(mesh), np.int32), np.zeros((len(mesh), 3), np.float32)
-    slots = np.unique(mesh.slot)
-    for i, slot in enumerate(slots):
-        rows = np.flatnonzero(mesh.slot == slot)
-        with progress.part(i / len(slots), (i + 1) / len(slots)):
-            tile_index[rows], emission[rows] = materials.triangle_tiles(
-                part.materials[slot], mesh.take(rows), part.matrices[0], len(part.matrices))
-    return tile_index, emission * np.float32(part.flux_gain)
