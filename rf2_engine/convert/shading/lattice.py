@@ -25,10 +25,10 @@ class Lattice:
             self.strides = np.append(np.cumprod(self.extent[:0:-1])[::-1], 1)
 
     def __getitem__(self, offset) -> np.ndarray:
-        """(c, m) values at the cells moved by an offset (d,)."""
+        """(c, m) values at the cells moved by one offset (d,), or each by its own (d, m)."""
         if self.table is None:
-            return self.function(self.cell + np.array(offset)[:, None])
-        return self.table.take(self.index + int(np.dot(self.strides, offset)), axis=1)
+            return self.function(self.cell + np.reshape(offset, (len(self.cell), -1)))
+        return self.table.take(self.index + np.dot(self.strides, offset), axis=1)
 
 
 def in_blocks(function, at: np.ndarray, *more) -> list[np.ndarray]:

@@ -27,9 +27,9 @@ def voronoi(n: NodeCall):
         feature = "F1"
 
     def octave(points, randomness, smoothness, exponent):
-        cells = Cells(points, randomness, 2 if feature == "SMOOTH_F1" else 1, node.distance, exponent)
+        cells = Cells(points, randomness, node.distance, exponent)
         if feature == "SMOOTH_F1":
-            return smooth(cells, smoothness)
+            return smooth(cells, smoothness, n.output.name == "Distance")
         if feature in ("F1", "F2"):
             return nearest(cells, feature == "F2")
         return (to_edge if feature == "DISTANCE_TO_EDGE" else sphere_radius)(cells)[None]

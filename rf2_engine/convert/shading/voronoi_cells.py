@@ -2,8 +2,8 @@
 """Points scattered over a lattice, one in each cell, and what lies nearest to a place among them (Worley 1996)."""
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,7 +13,9 @@ from .hashing import color_of_floats, of_floats, pcg, point_of_floats
 from .lattice import Lattice
 
 FAR = np.float32(3e38)
-SAME_POINT = np.float32(1e-4)  # squared distance of points that share no edge
+FARTHEST = 2                    # cells away from the own one that can be asked for
+LEAST_WIDTH = np.float32(1e-9)
+SAME_POINT = np.float32(1e-4)   # squared distance of points that share no edge
 METRICS = {
     "EUCLIDEAN": lambda way, exponent: np.sqrt(np.square(way).sum(axis=0)),
     "MANHATTAN": lambda way, exponent: np.abs(way).sum(axis=0),
@@ -28,7 +30,6 @@ class Cells:
 
     at: np.ndarray
     randomness: np.ndarray  # (m,)
-    reach: int
     metric: str
     exponent: np.ndarray    # (m,)
 
@@ -36,23 +37,26 @@ class Cells:
         self.cell = np.floor(self.at)
         self.part = self.at - self.cell
         self.whole = self.cell.astype(np.int64)
-        self.points = Lattice(scattered, self.whole, -self.reach, self.reach)
+        self.points = Lattice(scattered, self.whole, -FARTHEST, FARTHEST)
 
-    def offsets(self):
-        """Of the neighbours, x fastest."""
-        around = range(-self.reach, self.reach + 1)
-        return [offset[::-1] for offset in itertools.product(around, repeat=len(self.at))]
+    @cached_property
+    def colors(self) -> Lattice:
+        """(3, m) at an offset."""
+        return Lattice(colored, self.whole, -FARTHEST, FARTHEST)
+
+    def offsets(self, reach: int = 1) -> np.ndarray:
+        """(k, d) of the neighbours, x fastest."""
+        side = 2 * reach + 1
+        return np.indices([side] * len(self.at)).reshape(len(self.at), -1).T[:, ::-1] - reach
 
     def point(self, offset) -> np.ndarray:
         """(d, m) the point in a neighbour, from the corner of the own cell."""
-        return self.points[offset] * self.randomness + np.float32(offset)[:, None]
+        return self.points[offset] * self.randomness + np.float32(offset).reshape(len(self.at), -1)
 
-    def distance(self, way) -> np.ndarray:
+    def distance(self, offset) -> np.ndarray:
+        """(m,) from here to the point in a neighbour."""
+        way = self.point(offset) - self.part
         return np.abs(way[0]) if len(way) == 1 else METRICS[self.metric](way, self.exponent)
-
-    def colors(self, offset) -> np.ndarray:
-        """(m, 3) of the neighbours at offsets (d,) or (d, m)."""
-        return colored(self.whole + np.reshape(offset, (len(self.at), -1)))
 
 
 def scattered(cell: np.ndarray) -> np.ndarray:
@@ -63,44 +67,48 @@ def scattered(cell: np.ndarray) -> np.ndarray:
 
 
 def colored(cell: np.ndarray) -> np.ndarray:
-    """(d, m) integers -> (m, 3) f32."""
+    """(d, ...) integers -> (3, ...) f32."""
     if len(cell) == 1 or not compat.voronoi_uses_pcg():
-        return color_of_floats(*cell.astype(np.float32))
-    return pcg(cell if len(cell) > 2 else np.concatenate([cell, 0 * cell[:1]]))[:3].T
+        return np.moveaxis(color_of_floats(*cell.astype(np.float32)), -1, 0)
+    return pcg(cell if len(cell) > 2 else np.concatenate([cell, 0 * cell[:1]]))[:3]
 
 
 def nearest(cells: Cells, rank: int):
     """Distance (m,), colour (m, 3) and position (m, d) of the nearest point, or of the second one at rank 1."""
-    nowhere = np.full(cells.at.shape[1], FAR), np.zeros_like(cells.at), np.zeros_like(cells.at)
-    best = [nowhere] * (rank + 1)
-    for offset in cells.offsets():
-        point = cells.point(offset)
-        found = cells.distance(point - cells.part), point, np.broadcast_to(np.float32(offset)[:, None], point.shape)
-        for i, known in enumerate(best):
+    offsets, count = cells.offsets(), cells.at.shape[1]
+    ranks = [(np.full(count, FAR), np.zeros(count, np.int64)) for _ in range(rank + 1)]
+    for which, offset in enumerate(offsets):
+        found = cells.distance(offset), which
+        for i, known in enumerate(ranks):
             closer = found[0] < known[0]
-            best[i] = tuple(np.where(closer, new, old) for new, old in zip(found, known, strict=True))
-            found = tuple(np.where(closer, old, new) for new, old in zip(found, known, strict=True))
-    distance, point, offset = best[rank]
-    return distance, cells.colors(offset.astype(np.int64)), (point + cells.cell).T
+            ranks[i] = tuple(np.where(closer, new, old) for new, old in zip(found, known, strict=True))
+            if i < rank:
+                found = tuple(np.where(closer, old, new) for new, old in zip(found, known, strict=True))
+    distance, which = ranks[rank]
+    offset = offsets[which].T
+    return distance, cells.colors[offset].T, (cells.point(offset) + cells.cell).T
 
 
-def smooth(cells: Cells, smoothness: np.ndarray):
-    """As `nearest` of rank 0, blended over a width (m,)."""
-    distance = color = position = None
-    smoothness = np.maximum(smoothness, 1e-9)
-    for offset in cells.offsets():
-        point = cells.point(offset)
-        here = cells.distance(point - cells.part)
+def smooth(cells: Cells, smoothness: np.ndarray, only_distance: bool = False):
+    """As `nearest` of rank 0, blended over a width (m,); colour and position are 0 where they are not wanted."""
+    distance, others = None, (np.zeros((3, 1), np.float32), np.zeros((len(cells.at), 1), np.float32))
+    smoothness = np.maximum(smoothness, LEAST_WIDTH)
+    for offset in cells.offsets(FARTHEST):
+        here = cells.distance(offset)
         if distance is None:
-            distance, color, position, share = here, np.float32(0), np.float32(0), np.ones_like(here)
+            distance, share = here, np.ones_like(here)
         else:
             share = smoothstep(0.5 + 0.5 * (distance - here) / smoothness)
+            if not share.any():
+                continue
         less = smoothness * share * (1 - share)
         distance = mixed(distance, here, share) - less
-        less = less / (1 + 3 * smoothness)
-        color = mixed(color, cells.colors(offset).T, share) - less
-        position = mixed(position, point, share) - less
-    return distance, color.T, (position + cells.cell).T
+        if not only_distance:
+            less = less / (1 + 3 * smoothness)
+            found = cells.colors[offset], cells.point(offset)
+            others = tuple(mixed(old, new, share) - less for old, new in zip(others, found, strict=True))
+    color, position = others
+    return distance, np.broadcast_to(color.T, (len(distance), 3)), (position + cells.cell).T
 
 
 def to_edge(cells: Cells) -> np.ndarray:
@@ -125,17 +133,10 @@ def to_edge(cells: Cells) -> np.ndarray:
 def sphere_radius(cells: Cells) -> np.ndarray:
     """(m,) half the way from the nearest point to the point that is nearest to that one."""
     offsets = cells.offsets()
-    centre, own, least = np.zeros_like(cells.at), np.zeros(cells.at.shape, np.int64), FAR
+    squares = [np.square(cells.point(offset) - cells.part).sum(axis=0) for offset in offsets]
+    own = offsets[np.argmin(squares, axis=0)].T
+    center, result = cells.point(own), FAR
     for offset in offsets:
-        point = cells.point(offset)
-        squared = np.square(point - cells.part).sum(axis=0)
-        closer = squared < least
-        own = np.where(closer, np.array(offset)[:, None], own)
-        centre, least = np.where(closer, point, centre), np.minimum(squared, least)
-    result = FAR
-    for offset in offsets:
-        if any(offset):
-            other = own + np.array(offset)[:, None]
-            point = other + scattered(cells.whole + other) * cells.randomness
-            result = np.minimum(result, np.square(point - centre).sum(axis=0))
+        if offset.any():
+            result = np.minimum(result, np.square(cells.point(own + offset[:, None]) - center).sum(axis=0))
     return np.sqrt(result) / 2
