@@ -92,6 +92,10 @@ class NodeCall:
         within = "".join(f' in "{group.node_tree.name}"' for group in self.frames)
         self.evaluator.report.approximated(self.evaluator.owner, f'node "{self.node.name}"{within}: {message}')
 
+    def folded(self, message: str) -> None:
+        """Tell the user what of the whole surface is lost: once, however many nodes of it lose the same."""
+        self.evaluator.report.approximated(self.evaluator.owner, message)
+
     def _input(self, key):
         if isinstance(key, int):
             return self.node.inputs[key]

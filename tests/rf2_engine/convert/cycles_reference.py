@@ -79,10 +79,17 @@ def seen_flat_on(shader, side, uv=None, frame=None):
     for obj in (plane, camera):
         scene.collection.objects.link(obj)
     scene.camera = camera
+    pixels = rendered(scene)
+    for block in (plane, camera):
+        bpy.data.objects.remove(block)
+    return pixels
+
+
+def rendered(scene):
+    """(H, W, 3) picture, row 0 at the bottom."""
     scene.render.filepath = os.path.join(bpy.app.tempdir, "reference.exr")
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], -1)[..., :3]
-    for collection, block in ((bpy.data.images, image), (bpy.data.objects, plane), (bpy.data.objects, camera)):
-        collection.remove(block)
+    pixels = np.array(image.pixels[:], np.float32).reshape(image.size[1], image.size[0], -1)[..., :3]
+    bpy.data.images.remove(image)
     return pixels

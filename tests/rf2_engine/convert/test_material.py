@@ -11,8 +11,8 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import Mate
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.mesh import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.closure import effective_ior
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.functions import FUNCTIONS
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.layers import effective_ior
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.spectrum import blackbody_color
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
 

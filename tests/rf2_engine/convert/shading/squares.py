@@ -5,7 +5,6 @@ A pixel of a square is a texel of the tile that the evaluator makes of the same 
 """
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 
 import bpy
@@ -19,7 +18,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.image import ImageCache
 
-from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
+from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered
 
 CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
 TILT = np.array([0.37, -0.23])  # of the squares, so that three dimensions are seen
@@ -106,7 +105,7 @@ def compare(cases: list[Case]) -> list[tuple[np.ndarray, np.ndarray, list[str]]]
         emitters.append(emission)
         _square(i, made, (2 * (i % columns), 2 * (i // columns), 0))
     _camera(scene, columns, rows)
-    picture, found = _rendered(scene), []
+    picture, found = rendered(scene), []
     places = {instance.object.name: Place.of(instance, scene.frame_current)
               for instance in bpy.context.evaluated_depsgraph_get().object_instances}
     for i, emission in enumerate(emitters):
@@ -155,15 +154,6 @@ def _camera(scene, columns, rows):
     scene.render.resolution_x, scene.render.resolution_y = columns * TILE_SIZE, rows * TILE_SIZE
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
     bpy.context.view_layer.update()
-
-
-def _rendered(scene) -> np.ndarray:
-    scene.render.filepath = os.path.join(bpy.app.tempdir, "squares.exr")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.array(image.pixels[:], np.float32).reshape(image.size[1], image.size[0], -1)[..., :3]
-    bpy.data.images.remove(image)
-    return pixels
 
 
 def error(ours: np.ndarray, cycles: np.ndarray) -> float:
