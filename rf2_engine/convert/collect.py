@@ -132,7 +132,7 @@ class _Walk:
         white = np.ones((len(some), 3, 4), np.float32)
         some = replace(some, uv=dict.fromkeys(mesh.uv, square), colors=dict.fromkeys(mesh.colors, white))
         emits = bool(probe.triangle_tiles(material, some, place)[1].any())
-        if not probe.is_placed(material):
+        if probe.sharing(material, place) is None:
             self._emitting[key] = emits
         return emits
 

@@ -29,6 +29,7 @@ from .shading.node_call import NodeCall
 from .shading.surface import closure_at
 from .shading.volume import has_surface
 
+SCALE_DIGITS = 3             # squares of sizes that differ by less are the same
 CHUNK = 256                  # triangles evaluated at once
 HEIGHT_UNIT = 0.025          # world units of displacement at height 1
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
@@ -46,6 +47,7 @@ class MaterialTiles:
         self._count = 0
         self._constant: dict[bytes, int] = {}
         self._placed: set[int] = set()  # pointers of materials that look different from place to place
+        self._scaled: set[int] = set()  # and of those that look different by size
 
     @property
     def tiles(self) -> np.ndarray:
@@ -57,8 +59,8 @@ class MaterialTiles:
         """Tiles and emission of n triangles that all wear `material` (a bpy Material or None).
 
         Returns tile index (n,) i32, -1 where there is as good as nothing (CLEAR), and radiance (n, 3) f32. A
-        homogeneous material has one tile, one with textures a tile per triangle. `is_placed` tells afterwards whether
-        another instance would look different.
+        homogeneous material has one tile, one with textures a tile per triangle. `sharing` tells afterwards which
+        other instances look the same.
         """
         n = len(mesh)
         emission = np.zeros((n, 3), np.float32)
@@ -113,11 +115,19 @@ class MaterialTiles:
         height = _height(material, output)
         if evaluator.depends_on_place:
             self._placed.add(material.as_pointer())
+        if evaluator.depends_on_scale:
+            self._scaled.add(material.as_pointer())
         return parameters(closure), height
 
-    def is_placed(self, material) -> bool:
-        """Whether what `triangle_tiles` found of this material is that of one place alone."""
-        return material is not None and material.as_pointer() in self._placed
+    def sharing(self, material, place: Place):
+        """What places have in common that share what `triangle_tiles` found of this material, which comes first."""
+        pointer = material and material.as_pointer()
+        if pointer in self._placed:
+            return id(place)
+        if pointer in self._scaled:
+            linear = place.matrix[:3, :3]
+            return tuple(np.round(linear.T @ linear, SCALE_DIGITS).ravel())
+        return None
 
     def _constant_index(self, tile: np.ndarray) -> int:
         key = tile.tobytes()
@@ -151,7 +161,7 @@ def _height(material, output: NodeCall | None) -> np.ndarray:
 
 def _normal_scale(n: NodeCall) -> np.ndarray:
     """(1,), or (m, 1, 1, 1) of an object scaled unevenly: how much its matrix lengthens the normal of a triangle."""
-    linear = n.placed().matrix[:3, :3]
+    linear = n.scaled()
     scale = np.linalg.svd(linear, compute_uv=False)
     if np.ptp(scale) < 1e-3 * scale.max():
         return scale[:1].astype(np.float32)

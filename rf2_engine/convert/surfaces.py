@@ -50,17 +50,17 @@ def _instance(part: Part, place: Place, materials: MaterialTiles, shared: dict, 
 def _materials(part: Part, place: Place, materials: MaterialTiles, shared: dict) -> tuple[np.ndarray, np.ndarray]:
     """(n,) i32 tile and (n, 3) f32 radiance of the triangles of an instance of a part.
 
-    shared: by material slot what all instances have in common, filled here.
+    shared: by material slot and MaterialTiles.sharing what instances have in common, filled here.
     """
     mesh = part.mesh
     tile_index, emission = np.zeros(len(mesh), np.int32), np.zeros((len(mesh), 3), np.float32)
     slots = np.unique(mesh.slot)
     for i, slot in enumerate(slots):
-        rows, material, found = np.flatnonzero(mesh.slot == slot), part.materials[slot], shared.get(slot)
+        rows, material = np.flatnonzero(mesh.slot == slot), part.materials[slot]
+        found = shared.get((slot, materials.sharing(material, place)))
         with progress.part(i / len(slots), (i + 1) / len(slots)):
             if found is None:
                 found = materials.triangle_tiles(material, mesh.take(rows), place)
-                if not materials.is_placed(material):
-                    shared[slot] = found
+                shared[slot, materials.sharing(material, place)] = found
             tile_index[rows], emission[rows] = found
     return tile_index, emission * np.float32(part.flux_gain)

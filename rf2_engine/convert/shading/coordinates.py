@@ -67,17 +67,17 @@ def geometry(n: NodeCall):
         raise Unknown(f'"{name}" is not known')
     if name == "Position":
         return world_position(n)
-    normal = _to_world(n, points.face_normal if name == "True Normal" else points.normal)
+    normal = normals_in_world(n, points.face_normal if name == "True Normal" else points.normal)
     if name != "Tangent":
         return normal
     x, y, _ = np.split(points.generated - 0.5, 3, axis=-1)
-    around = _to_world(n, joined(-y, x, 0 * x))
+    around = normals_in_world(n, joined(-y, x, 0 * x))
     return np.cross(normal, unit(np.cross(around, normal)))
 
 
-def _to_world(n: NodeCall, normals: np.ndarray) -> np.ndarray:
-    inverse = np.linalg.pinv(n.placed().matrix[:3, :3])
-    return unit(normals @ np.float32(inverse))
+def normals_in_world(n: NodeCall, normals: np.ndarray) -> np.ndarray:
+    """Unit normals in the world's frame of normals in the object's."""
+    return unit(normals @ np.float32(np.linalg.pinv(n.placed().matrix[:3, :3])))
 
 
 def world_position(n: NodeCall) -> np.ndarray:

@@ -57,6 +57,21 @@ class Points:
         return face_normals(self.corners).astype(np.float32)[:, None, None]
 
     @property
+    def edges(self) -> np.ndarray:
+        """(m, 2, 3) f32 ways along a row and a column of the tile, from its first texel on."""
+        return self.corners[:, :2] - self.corners[:, 2:]
+
+    @property
+    def uv_edges(self) -> np.ndarray | None:
+        """(m, 2, 2) f32, the same in the active UV layer; None where there is none."""
+        layer = self.uv.get(self.active_uv)
+        if layer is None:
+            return None
+        last = layer.shape[1] - 1
+        ways = np.stack([layer[:, 0, last] - layer[:, 0, 0], layer[:, last, 0] - layer[:, 0, 0]], axis=1)
+        return ways[..., :2] * np.float32(layer.shape[1] / last)
+
+    @property
     def generated(self) -> np.ndarray:
         """(m, 32, 32, 3) f32, 0 to 1 across the mesh's texture space."""
         middle, half = self.texture_space
@@ -71,6 +86,7 @@ class Evaluator:
         self.material_index = 0
         self.depends_on_ray = False    # whether a Light Path was asked
         self.depends_on_place = False  # whether the result is that of one instance
+        self.depends_on_scale = False  # whether it is that of instances of one size
         self._memo: dict = {}
         self._depth = 0
 

@@ -9,6 +9,7 @@ from . import (
     lamp,
     maths,
     noise,
+    normal_map,
     object_info,
     pattern,
     sky,
@@ -19,5 +20,6 @@ from . import (
 )
 
 FUNCTIONS = (blend.FUNCTIONS | colors.FUNCTIONS | coordinates.FUNCTIONS | gabor.FUNCTIONS | inputs.FUNCTIONS
-             | lamp.FUNCTIONS | maths.FUNCTIONS | noise.FUNCTIONS | object_info.FUNCTIONS | pattern.FUNCTIONS
-             | sky.FUNCTIONS | spectrum.FUNCTIONS | texture.FUNCTIONS | vectors.FUNCTIONS | voronoi.FUNCTIONS)
+             | lamp.FUNCTIONS | maths.FUNCTIONS | noise.FUNCTIONS | normal_map.FUNCTIONS | object_info.FUNCTIONS
+             | pattern.FUNCTIONS | sky.FUNCTIONS | spectrum.FUNCTIONS | texture.FUNCTIONS | vectors.FUNCTIONS
+             | voronoi.FUNCTIONS)

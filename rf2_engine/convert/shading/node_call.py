@@ -81,6 +81,11 @@ class NodeCall:
         self.evaluator.depends_on_place = True
         return self.points.place
 
+    def scaled(self) -> np.ndarray:
+        """(3, 3) matrix of the surface, for what does not depend on how it is turned."""
+        self.evaluator.depends_on_scale = True
+        return self.points.place.matrix[:3, :3]
+
     def source(self, key) -> NodeCall | None:
         """The node that feeds an input, None if there is none."""
         socket = self._input(key)

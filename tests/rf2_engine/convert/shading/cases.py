@@ -72,6 +72,11 @@ SOME = [
     *(Case("ShaderNodeNewGeometry", output=name) for name in ("Position", "Normal", "True Normal")),
     Case("ShaderNodeTexCoord", output="Normal"), Case("ShaderNodeTexCoord", output="Generated"),
     *(Case("ShaderNodeParticleInfo", output=name) for name in ("Random", "Size")),
+    Case("ShaderNodeBump", {"Height": "height", "Distance": 0.4, "Strength": 0.7}),
+    Case("ShaderNodeBump", {"Height": "height", "Distance": 0.4}, {"invert": True}),
+    *(Case("ShaderNodeNormalMap", {"Color": "color", "Strength": 0.8}, {"space": space})
+      for space in "TANGENT OBJECT WORLD BLENDER_OBJECT".split()),
+    Case("ShaderNodeNormalMap", {"Color": "color", "Strength": 1.7}),
     Case("ShaderNodeHairInfo", output="Is Strand"),
 ]
 EVERY = [

@@ -61,12 +61,20 @@ def _channel(tree, at, index):
     return parts.outputs[index]
 
 
+def _height(tree, at):
+    waves = tree.nodes.new("ShaderNodeVectorMath")
+    waves.operation = "SINE"
+    tree.links.new(_scaled(tree, at, 2.5, 0.3), waves.inputs[0])
+    return _channel(tree, waves.outputs[0], 0)
+
+
 SOURCES = {
     "at": lambda tree, at: at,                                     # (x, y, z) of the object, x and y from -1 to 1
     "color": lambda tree, at: _scaled(tree, at, 0.5, 0.5),         # x and y from 0 to 1
     "other": lambda tree, at: _scaled(tree, at, -0.31, 0.45),
     "steps": _steps,                                               # the same over squares of 4 x 4 pixels
     "x": lambda tree, at: _channel(tree, at, 0), "y": lambda tree, at: _channel(tree, at, 1),
+    "height": lambda tree, at: _height(tree, at),
     "step": lambda tree, at: _channel(tree, _steps(tree, at), 0),
 }
 

@@ -7,6 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, NORMAL, ROUGHNESS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from mathutils import Euler, Matrix
 
@@ -179,6 +180,30 @@ def test_normal_map_and_roughness_reach_their_channels(image):
     np.testing.assert_allclose(tile[ROUGHNESS, 0, [0, 31]], pixels[0, [0, 7], 1], atol=1e-3)
     mapped = 2 * pixels[0, 7, :3] - 1
     np.testing.assert_allclose(tile[NORMAL, 0, 31], 0.5 * mapped + 0.5 * np.array([0, 0, 1]), atol=2e-3)
+
+
+@pytest.mark.parametrize("uv, size, expected", [
+    ([(1, 0), (0, 1), (0, 0)], 1, (-0.2, 0)), ([(1, 0), (0, 1), (0, 0)], 2, (-0.1, 0)),
+    ([(0, 1), (1, 0), (0, 0)], 1, (-0.2, 0)), ([(1, 1), (0, 0), (0, 1)], 1, (-0.2, 0))], ids=str)
+def test_a_bump_becomes_a_tile_of_normals(uv, size, expected):
+    """U rises by 1 over 2 units, whichever way the UV map lies: a slope of 0.2 at a distance of 0.4."""
+    empty_cycles_scene()
+    made, tree, shader = material("ShaderNodeBsdfDiffuse")
+    bump, at = tree.nodes.new("ShaderNodeBump"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    bump.inputs["Distance"].default_value, bump.inputs["Strength"].default_value = 0.4, 1
+    tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["UV"], at.inputs[0])
+    tree.links.new(at.outputs["X"], bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], shader.inputs["Normal"])
+    report = Report()
+    tiles = MaterialTiles(report)
+    place = Place(np.diag([size, size, size, 1.0]))
+    index, _ = tiles.triangle_tiles(made, triangles(1, np.float32([uv])), place)
+    normal = np.array([*expected, 1]) / np.linalg.norm([*expected, 1])
+    np.testing.assert_allclose(tiles.tiles[index[0], NORMAL], np.tile(normal[:, None, None], (1, 32, 32)), atol=2e-3)
+    assert not report.entries
+    moved = Place(Matrix.LocRotScale((3, 1, 2), Euler((0.2, 0.3, 0.4)), (size,) * 3))
+    assert tiles.sharing(made, place) == tiles.sharing(made, Place(np.array(moved.matrix)))
+    assert tiles.sharing(made, place) != tiles.sharing(made, Place(3 * place.matrix))
 
 
 def test_missing_file_is_magenta_and_named(tmp_path):
