@@ -6,6 +6,8 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, ROUGHNESS
 
+from tests.rf2_engine.convert.cycles_reference import material, rendered
+
 
 @pytest.fixture
 def pair(add_mesh, add_material):
@@ -67,3 +69,45 @@ def test_custom_properties_of_objects(pair, converted):
     node.attribute_type, node.attribute_name = "OBJECT", "wear"
     scene = converted()
     np.testing.assert_allclose(scene.tiles[scene.tile_index, ROUGHNESS, 0, 0], (0.25, 0.75))
+
+
+@pytest.mark.parametrize("kind, output", [
+    ("ObjectInfo", "Random"), ("TexCoord", "Generated"), ("TexCoord", "UV"), ("ParticleInfo", "Size"),
+    ("ParticleInfo", "Location")])
+def test_instances_are_told_apart_as_in_cycles(scene, add_mesh, converted, kind, output):
+    made, tree, emission = material("ShaderNodeEmission", "Told", Strength=1.0)
+    made.cycles.emission_sampling = "NONE"
+    node = tree.nodes.new("ShaderNode" + kind)
+    if kind == "TexCoord":
+        node.from_instancer = True
+    away = tree.nodes.new("ShaderNodeVectorMath")  # so that every instance shines
+    away.inputs[1].default_value = (2, 2, 2)
+    tree.links.new(node.outputs[output], away.inputs[0])
+    tree.links.new(away.outputs[0], emission.inputs["Color"])
+    tips = 0.3 * np.concatenate([np.eye(3), -np.eye(3)])
+    leaf = add_mesh("Leaf", tips, [(a, b, c) for a in (0, 3) for b in (1, 4) for c in (2, 5)], [made])
+    corners = np.array([(x, y, 0) for y in (-1.5, -0.5, 0.5, 1.5) for x in (-1.5, -0.5, 0.5, 1.5)])
+    tree = add_mesh("Tree", corners, [(i, i + 1, i + 5, i + 4) for i in (0, 1, 2, 4, 5, 6, 8, 9, 10)])
+    tree.data.uv_layers.new(name="UVMap").data.foreach_set("uv", np.random.default_rng(0).random(72))
+    if kind == "ParticleInfo":
+        grown = tree.modifiers.new("Leaves", "PARTICLE_SYSTEM").particle_system.settings
+        grown.count, grown.frame_end, grown.lifetime, grown.size_random = 5, 1, 100, 0.5
+        grown.physics_type, grown.render_type, grown.instance_object = "NO", "OBJECT", leaf
+        grown.particle_size = 0.6
+    else:
+        leaf.parent, tree.instance_type = tree, "FACES"
+    tree.show_instancer_for_render = False
+    scene.camera.location, scene.camera.rotation_euler, scene.camera.data.type = (0, 0, 5), (0, 0, 0), "ORTHO"
+    scene.camera.data.ortho_scale, scene.render.engine = 4, "CYCLES"
+    scene.render.resolution_x = scene.render.resolution_y = 64
+    scene.cycles.samples, scene.cycles.use_denoising = 1, False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    found = converted()
+    picture = rendered(scene)
+    middle = found.triangles.mean(axis=1)[:, :2]
+    instances = found.emission.any(axis=1) & (np.abs(middle).max(axis=1) > 0.4)  # the leaf itself lies in the middle
+    pixel = ((middle[instances] + 2) * 16).astype(int)
+    shown = picture[pixel[:, 1], pixel[:, 0]]
+    assert len(shown) > 16 and (output == "Generated" or np.ptp(shown, axis=0).max() > 0.1)  # faces give no Generated
+    np.testing.assert_allclose(found.emission[instances], shown, atol=0.02)

@@ -59,13 +59,13 @@ SOME = [
     rotate("AXIS_ANGLE"), rotate("EULER_XYZ", invert=True), transform("NORMAL", "OBJECT", "WORLD"),
     Case("ShaderNodeBlackbody", {"Temperature": 4000.0}),
 
-    of_color("RGBToBW"), of_color("Gamma", Gamma=1.7), of_color("Invert", Fac=0.7),
-    of_color("BrightContrast", Bright=0.1, Contrast=0.4),
-    of_color("HueSaturation", Hue=0.7, Saturation=1.3, Value=0.9, Fac=0.8),
-    Case("ShaderNodeValToRGB", {"Fac": "x"}, prepare=striped("EASE")), texture("Checker", Scale=3.3),
+    of_color("RGBToBW"), of_color("Gamma", Gamma=1.7), Case("ShaderNodeInvert", {0: 0.7, 1: "color"}),
+    Case("ShaderNodeBrightContrast", {0: "color", 1: 0.1, 2: 0.4}),
+    Case("ShaderNodeHueSaturation", {0: 0.7, 1: 1.3, 2: 0.9, 3: 0.8, 4: "color"}),
+    Case("ShaderNodeValToRGB", {0: "x"}, prepare=striped("EASE")), texture("Checker", Scale=3.3),
     *(Case("ShaderNodeMapping", {0: "at", 1: (0.2, 0.1, 0.3), 2: (0.2, 0.4, 0.5), 3: (0.8, 1.3, 1)},
            {"vector_type": k}) for k in ("POINT", "TEXTURE", "VECTOR", "NORMAL")),
-    Case("ShaderNodeVectorCurve", {"Vector": "at", "Fac": 0.8}, prepare=bent),
+    Case("ShaderNodeVectorCurve", {0: 0.8, 1: "at"}, prepare=bent),
     Case("ShaderNodeRGBCurve", {"Color": "color"}, prepare=bent),
     Case("ShaderNodeNormal", {"Normal": "at"}, output="Dot"),
     *(Case("ShaderNodeObjectInfo", output=i) for i in range(6)),
@@ -110,7 +110,7 @@ EVERY = [
     *(noise(d, kind, o, n, Detail=2.4, Roughness=0.6, Lacunarity=1.9, **extra) for d, kind, o, n in itertools.product(
         DIMENSIONS, FRACTALS, range(2), (False, True)) for extra in ({}, {"Distortion": 0.7})),
     *(mix(kind, clamp_result=c) for kind in BLENDS for c in (False, True)),
-    *(Case("ShaderNodeMixRGB", {"Fac": "x", "Color1": "color", "Color2": "other"}, {"blend_type": k})
+    *(Case("ShaderNodeMixRGB", {0: "x", 1: "color", 2: "other"}, {"blend_type": k})
       for k in BLENDS),
     Case("ShaderNodeMix", {"A": "x", "B": "y", "Factor": 0.3}, {"data_type": "FLOAT"}),
     Case("ShaderNodeMix", {"A": "at", "B": "other", "Factor": "x"}, {"data_type": "VECTOR", "clamp_factor": False}),
@@ -124,14 +124,14 @@ EVERY = [
     *(rotate(k, invert=i) for k in "AXIS_ANGLE X_AXIS Y_AXIS Z_AXIS EULER_XYZ".split() for i in (False, True)),
     *(transform(k, s, t) for k in ("POINT", "VECTOR", "NORMAL") for s, t in (("OBJECT", "WORLD"), ("WORLD", "OBJECT"))),
     *(Case("ShaderNodeBlackbody", {"Temperature": t}) for t in (500.0, 1000.0, 2500.0, 6500.0, 11000.0, 15000.0)),
-    of_color("RGBToBW"), of_color("Gamma", Gamma=1.7), of_color("Invert", Fac=0.7),
-    of_color("BrightContrast", Bright=0.1, Contrast=0.4),
-    *(of_color("HueSaturation", Hue=h, Saturation=1.3, Value=0.9, Fac=0.8) for h in (0.2, 0.5, 0.9)),
-    Case("ShaderNodeVectorCurve", {"Vector": "at", "Fac": 0.8}, prepare=bent),
-    Case("ShaderNodeRGBCurve", {"Color": "color", "Fac": 0.8}, prepare=bent),
+    of_color("RGBToBW"), of_color("Gamma", Gamma=1.7), Case("ShaderNodeInvert", {0: 0.7, 1: "color"}),
+    Case("ShaderNodeBrightContrast", {0: "color", 1: 0.1, 2: 0.4}),
+    *(Case("ShaderNodeHueSaturation", {0: h, 1: 1.3, 2: 0.9, 3: 0.8, 4: "color"}) for h in (0.2, 0.5, 0.9)),
+    Case("ShaderNodeVectorCurve", {0: 0.8, 1: "at"}, prepare=bent),
+    Case("ShaderNodeRGBCurve", {0: 0.8, 1: "color"}, prepare=bent),
     Case("ShaderNodeRGBCurve", {"Color": "at"}, prepare=bent),
-    Case("ShaderNodeFloatCurve", {"Value": "x", "Factor": 0.8}, prepare=bent),
-    *(Case("ShaderNodeValToRGB", {"Fac": "x"}, output=o, prepare=striped(k, m)) for o, k, m in itertools.product(
+    Case("ShaderNodeFloatCurve", {0: 0.8, 1: "x"}, prepare=bent),
+    *(Case("ShaderNodeValToRGB", {0: "x"}, output=o, prepare=striped(k, m)) for o, k, m in itertools.product(
         range(2), "LINEAR CONSTANT EASE CARDINAL B_SPLINE".split(), ("RGB", "HSV", "HSL"))),
     *(Case("ShaderNodeNormal", {"Normal": "at"}, output=name) for name in ("Normal", "Dot")),
     *(Case("ShaderNodeMapping", {0: "at", 1: (0.2, 0.1, 0.3), 2: (0.2, 0.4, 0.5), 3: (0.8, 1.3, 1)},
@@ -146,6 +146,3 @@ EVERY = [
 if bpy.app.version < (5, 0):
     EVERY += [Case("ShaderNodeCombineHSV", {0: "x", 1: 0.4, 2: "y"}),
              *(Case("ShaderNodeSeparateHSV", {0: "color"}, output=i) for i in range(3))]
-else:
-    EVERY += [Case("ShaderNodeRadialTiling", {"Vector": "at", "Sides": 5.0, "Roundness": 0.4}, output=i)
-             for i in range(4)]
