@@ -38,3 +38,8 @@ def working_space() -> str:
 def ies_of_one_column_bulges() -> bool:
     """Whether Cycles brightens IES profiles that are alike all around by up to an eighth on one side, as 4.5 does."""
     return bpy.app.version < (5, 0)
+
+
+def voronoi_uses_pcg() -> bool:
+    """How the cells of Voronoi Texture are hashed: since Blender 5 another pattern comes out."""
+    return bpy.app.version >= (5, 0)

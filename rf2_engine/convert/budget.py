@@ -86,7 +86,7 @@ def _shares(counts: np.ndarray, floor: int, wanted: np.ndarray) -> np.ndarray:
 
 
 def _copies(part: Part) -> int:
-    return len(part.matrices)
+    return len(part.places)
 
 
 def _shares_of_picture(parts: list[Part], sight: Sight | None, hits: Hits | None) -> list[np.ndarray]:
@@ -132,8 +132,8 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
         if not keep.all():
             report.skipped(part.name, f"no room for {np.count_nonzero(~keep)} of its {len(keep)} instances: "
                                       f"raise the Triangle Budget")
-            part.matrices = [matrix for matrix, k in zip(part.matrices, keep, strict=True) if k]
-        if part.matrices:
+            part.places = [place for place, k in zip(part.places, keep, strict=True) if k]
+        if part.places:
             kept.append((part, share[keep], want))
     return [list(column) for column in zip(*kept)]
 
@@ -147,7 +147,7 @@ def _levels(parts: list[Part], shown: list[np.ndarray], wanted):
             level[:] = 0
         for one in np.unique(level):
             rows = np.flatnonzero(level == one)
-            split.append((replace(part, matrices=[part.matrices[i] for i in rows]), share[rows], want))
+            split.append((replace(part, places=[part.places[i] for i in rows]), share[rows], want))
     return [list(column) for column in zip(*split)]
 
 

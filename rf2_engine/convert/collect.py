@@ -14,6 +14,7 @@ from .light_linking import dark_emitters
 from .material import MaterialTiles
 from .medium import mesh_medium
 from .mesh import TriangleMesh
+from .place import Place
 from .report import AS_GOOD_AS_INFINITE, Report
 from .shading import volume
 from .vdb import volume_medium
@@ -49,6 +50,7 @@ class _Walk:
         self._parts: dict[tuple, tuple[list[Part], list[tuple]]] = {}
         self._shown: dict[tuple, bool] = {}
         self._homogeneous: dict[tuple, bool] = {}  # material and layers of meshes -> it emits
+        self._probed: dict[tuple, tuple[bool, bool]] = {}  # by mesh and material, where all instances are alike
 
     def run(self) -> Collected:
         total = len(self.depsgraph.object_instances)
@@ -71,18 +73,23 @@ class _Walk:
         if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
             self.report.refused(obj.name, "its transform is not finite, or as good as infinite")
         elif obj.type == "MESH":
-            self._add_mesh(obj, matrix, instance.matrix_world.is_negative)
+            self._add_mesh(obj, self._place(instance), instance.matrix_world.is_negative)
         elif obj.type == "LIGHT":
             if obj.original not in self.dark:
                 self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
         elif obj.type == "VOLUME":
             self._add_volume(obj, matrix)
         elif obj.type in STRANDS:
-            self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data), matrix)
+            if obj.type == "POINTCLOUD" or self.layer.use_strand:
+                self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data),
+                                  self._place(instance))
         elif obj.type in DRAWINGS:
             self.report.approximated(obj.name, "a drawing is laid over the picture, and neither lights it nor is lit")
         else:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
+
+    def _place(self, instance) -> Place:
+        return Place.of(instance, self.depsgraph.scene_eval.frame_current_final)
 
     def _is_shown(self, instance) -> bool:
         """Asked once for all instances of an object by another."""
@@ -92,25 +99,26 @@ class _Walk:
             self._shown[key] = is_shown(instance, self.layer, self.report)
         return self._shown[key]
 
-    def _add_mesh(self, obj, matrix: np.ndarray, mirrored: bool) -> None:
-        for system in obj.particle_systems:
+    def _add_mesh(self, obj, place: Place, mirrored: bool) -> None:
+        for system in obj.particle_systems if self.layer.use_strand else ():
             if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-                self._add_strands(obj, system.as_pointer(), lambda s=system: strands.particles_mesh(obj, s), matrix,
+                self._add_strands(obj, system.as_pointer(), lambda s=system: strands.particles_mesh(obj, s), place,
                                   system.settings.material - 1)
-        slots = self._slots(obj)
-        key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark,
+        slots, mesh = self._slots(obj), self._mesh(obj)
+        probed = tuple(self._probe(material, obj.data.as_pointer(), mesh, place) for material in slots)
+        key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark, probed,
                *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
-            self._parts[key] = self._split(obj, slots, matrix, mirrored), self._filled(obj, slots)
+            self._parts[key] = self._split(obj, slots, probed, mirrored), self._filled(obj, slots)
             self.found.parts += self._parts[key][0]
         parts, filled = self._parts[key]
         for part in parts:
-            part.matrices.append(matrix)
-        space = self._mesh(obj).texture_space if filled else None
+            part.places.append(place)
         for corners, material in filled:
             def coefficients(inside, material=material):
-                return volume.volume_coefficients(material, self.report, volume.volume_points(inside, space, matrix))
-            self.found.media.append(mesh_medium(obj.name, matrix, corners, coefficients, self.report))
+                points = volume.volume_points(inside, mesh.texture_space, place)
+                return volume.volume_coefficients(material, self.report, points)
+            self.found.media.append(mesh_medium(obj.name, place.matrix, corners, coefficients, self.report))
 
     def _filled(self, obj, slots: list) -> list[tuple]:
         """Corners of the triangles, and the material, of each volume material of a mesh."""
@@ -121,7 +129,7 @@ class _Walk:
                 filled.append((corners, material))
         return filled
 
-    def _add_strands(self, obj, pointer: int, read, matrix: np.ndarray, slot: int = 0) -> None:
+    def _add_strands(self, obj, pointer: int, read, place: Place, slot: int = 0) -> None:
         """Hair or points, which `read` gives as a mesh, wearing the material of a slot."""
         slots = self._slots(obj)
         key = pointer, obj.visible_camera, obj.original in self.dark, *(m and m.as_pointer() for m in slots)
@@ -129,20 +137,20 @@ class _Walk:
             self.report.approximated(obj.name, "its hair or points are a few larger ones for the network: what is not "
                                                "traced of their shadows and reflections is coarse")
             mesh, material = read(), slots[min(slot, len(slots) - 1)]
-            emits, textured = self._probe(material, mesh, matrix) if len(mesh) else (False, False)
+            emits, textured = self._probe(material, pointer, mesh, place) if len(mesh) else (False, False)
             gain = 0.0 if obj.original in self.dark else 1.0
-            parts = [Part(obj.name, mesh, [material], bool(emits), obj.visible_camera, is_textured=bool(textured),
+            parts = [Part(obj.name, mesh, [material], emits, obj.visible_camera, is_textured=textured,
                           flux_gain=gain)] if len(mesh) else []
             self._parts[key] = parts, []
             self.found.parts += parts
         for part in self._parts[key][0]:
-            part.matrices.append(matrix)
+            part.places.append(place)
 
-    def _split(self, obj, slots: list, matrix: np.ndarray, mirrored: bool) -> list[Part]:
+    def _split(self, obj, slots: list, probed: tuple[tuple[bool, bool], ...], mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)
         slot = _slot(mesh, slots)
         surface = np.array([volume.has_surface(material) for material in slots])
-        emits, textured = np.array([self._probe(material, mesh, matrix) for material in slots]).T
+        emits, textured = np.array(probed).T
         parts, flux_gain = [], 0.0 if obj.original in self.dark else 1.0
         for kind in (False, True):
             chosen = (surface & (emits == kind))[slot]
@@ -157,23 +165,29 @@ class _Walk:
         override = self.layer.material_override
         return [override] if override else meshes.material_slots(obj)
 
-    def _probe(self, material, mesh: TriangleMesh, matrix: np.ndarray) -> tuple[bool, bool]:
+    def _probe(self, material, pointer: int, mesh: TriangleMesh, place: Place) -> tuple[bool, bool]:
         """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs, and
         whether it is not the same all over them."""
         layers = (*mesh.uv, mesh.active_uv, *mesh.colors, mesh.active_color)
         key = material and material.as_pointer(), layers
         if key in self._homogeneous:
             return self._homogeneous[key], False
+        own = pointer, key[0]
+        if own in self._probed:
+            return self._probed[own]
         probe = MaterialTiles(Report())
         probe.images = self.images
         some = mesh.take(np.linspace(0, len(mesh) - 1, PROBES).astype(int)) if len(mesh) else mesh
         square = np.resize(UNIT_SQUARE, (len(some), 3, 2))
         white = np.ones((len(some), 3, 4), np.float32)
         some = replace(some, uv=dict.fromkeys(mesh.uv, square), colors=dict.fromkeys(mesh.colors, white))
-        tiles, emission = probe.triangle_tiles(material, some, matrix)
-        if len(tiles) and len(np.unique(tiles)) == 1:
-            self._homogeneous[key] = bool(emission.any())
-        return bool(emission.any()), len(np.unique(tiles)) > 1
+        tiles, emission = probe.triangle_tiles(material, some, place)
+        found = bool(emission.any()), len(np.unique(tiles)) > 1
+        if probe.sharing(material, place) is None:
+            self._probed[own] = found
+            if len(tiles) and not found[1]:
+                self._homogeneous[key] = found[0]
+        return found
 
     def _mesh(self, obj) -> TriangleMesh:
         pointer = obj.data.as_pointer()

@@ -11,17 +11,16 @@ from ...model.normalize import Normalization
 from ...model.scene import RenderScene, View
 from .. import compat
 from . import medium
-from . import mesh as meshes
 from .budget import fit
 from .camera import clip_start
 from .collect import collect
-from .collected import Part
 from .focus import find_focus
 from .lamps import convert_lamps
 from .material import MaterialTiles
 from .seen import look
 from .sight import sight_of
 from .sizes import Sizes
+from .surfaces import dressed
 from .world import world_light
 
 
@@ -62,51 +61,10 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
         fit(found, budget, sight, hits, size.wanted(found.parts, budget), report)
     size.subdivide(found.parts, budget)
     with progress.part(0.7, 0.9):
-        surfaces = _surfaces(found.parts, materials, report)
+        surfaces = dressed(found.parts, materials, report)
     scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes = medium.cells(found.media, report)
     scene.environment, scene.focus = environment, focus
     scene.validate()
     return scene
-
-
-def _surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:
-    rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
-    for i, part in enumerate(parts):
-        with progress.part(i / len(parts), (i + 1) / len(parts), f"Reading materials, {i + 1} of {len(parts)}"):
-            tile_index, emission = _materials(part, materials)
-            there = tile_index >= 0
-            if not there.all():
-                report.approximated(part.name, f"{np.count_nonzero(~there)} of its {len(there)} triangles, transparent "
-                                               "nearly everywhere, are left out")
-            for matrix in part.matrices:
-                progress.report(1.0)
-                corners, normals = meshes.transform(part.mesh, matrix)
-                near, solid = meshes.within_reach(corners), meshes.has_area(corners)
-                if not near.all():
-                    report.refused(part.name, "it reaches farther than numbers do: reset its transform")
-                elif not solid.any():
-                    report.skipped(part.name, "it is scaled to nothing")
-                for name, values in zip(rows, (corners, normals, emission, tile_index), strict=True):
-                    rows[name].append(values[near & solid & there])
-    scene = RenderScene(tiles=materials.tiles)
-    for name, values in rows.items():
-        if values:
-            setattr(scene, name, np.concatenate(values))
-    count = len(scene.triangles)
-    scene.beam_axis, scene.beam_cosine = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
-    return scene
-
-
-def _materials(part: Part, materials: MaterialTiles) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) i32 tile and (n, 3) f32 radiance of the triangles of a part."""
-    mesh = part.mesh
-    tile_index, emission = np.zeros(len(mesh), np.int32), np.zeros((len(mesh), 3), np.float32)
-    slots = np.unique(mesh.slot)
-    for i, slot in enumerate(slots):
-        rows = np.flatnonzero(mesh.slot == slot)
-        with progress.part(i / len(slots), (i + 1) / len(slots)):
-            tile_index[rows], emission[rows] = materials.triangle_tiles(
-                part.materials[slot], mesh.take(rows), part.matrices[0], len(part.matrices))
-    return tile_index, emission * np.float32(part.flux_gain)

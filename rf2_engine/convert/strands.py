@@ -85,7 +85,9 @@ def _spread(count: int, thin: float) -> np.ndarray:
 
 
 def _points(data) -> np.ndarray:
-    return _read(data.attributes["position"].data, "vector", 3)
+    if (position := data.attributes.get("position")) is None:  # there are no points
+        return np.zeros((0, 3), np.float32)
+    return _read(position.data, "vector", 3)
 
 
 def _radius(data, default: float) -> np.ndarray:

@@ -2,7 +2,7 @@
 """Sky Texture by single scattering of sunlight in a clear atmosphere (Nishita et al. 1993).
 
 Air, aerosol and ozone thin out with height; sunlight is followed to points along the view ray and scattered once. Ten
-wavelengths are gathered into Rec.709 with the observer of inputs.py. Lengths are metres, radiances W/(m^2 sr).
+wavelengths are gathered into Rec.709 with the observer of spectrum.py. Lengths are metres, radiances W/(m^2 sr).
 """
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from ....model import progress
-from .inputs import XYZ_TO_REC709, observer
 from .node_call import NodeCall
+from .spectrum import XYZ_TO_REC709, observer
 
 EARTH, TOP = 6.36e6, 6.42e6
 NM = np.linspace(390.0, 750.0, 10)

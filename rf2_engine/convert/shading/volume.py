@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..place import Place
 from . import graph
 from .evaluate import Evaluator, Points
 from .image import ImageCache
@@ -44,9 +45,9 @@ class VolumePoints(Points):
         return self.inside
 
 
-def volume_points(inside: np.ndarray, texture_space: np.ndarray, to_world: np.ndarray) -> VolumePoints:
-    """inside: (..., 3) in the frame of the object; texture_space (2, 3) as mesh.py gives it; to_world (4, 4)."""
-    return VolumePoints(corners=np.zeros((0, 3, 3), np.float32), texture_space=texture_space, to_world=to_world,
+def volume_points(inside: np.ndarray, texture_space: np.ndarray, place: Place) -> VolumePoints:
+    """inside: (..., 3) in the frame of the object; texture_space (2, 3) as mesh.py gives it."""
+    return VolumePoints(corners=np.zeros((0, 3, 3), np.float32), texture_space=texture_space, place=place,
                         inside=inside.astype(np.float32))
 
 

@@ -90,10 +90,16 @@ def pictured(side, height, frame=None, resolution=None, clip_start=1e-4):
     camera.matrix_world = frame @ Matrix.Translation((0, 0, height))
     scene.collection.objects.link(camera)
     scene.camera = camera
+    pixels = rendered(scene)
+    bpy.data.objects.remove(camera)
+    return pixels
+
+
+def rendered(scene):
+    """(H, W, 3) picture, row 0 at the bottom."""
     scene.render.filepath = os.path.join(bpy.app.tempdir, "reference.exr")
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], -1)[..., :3]
-    for collection, block in ((bpy.data.images, image), (bpy.data.objects, camera)):
-        collection.remove(block)
+    pixels = np.array(image.pixels[:], np.float32).reshape(image.size[1], image.size[0], -1)[..., :3]
+    bpy.data.images.remove(image)
     return pixels
