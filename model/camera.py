@@ -47,6 +47,17 @@ def view_rays_at(view: View, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, 
     return c2w[:3, 3].astype(np.float32), directions.astype(np.float32)
 
 
+def through_lens(view: View, offset: np.ndarray, distance: float) -> View:
+    """The pinhole moved by `offset` (3,), world, within the plane of its picture; what is `distance` world units ahead
+    along the axis stays where it is in the picture: one point of a lens that is focused there.
+    """
+    moved = np.asarray(view.camera_to_world, np.float64).copy()
+    right, up, _ = moved[:3, :3].T @ offset
+    moved[:3, 3] += offset
+    principal = view.principal + view.focal * np.array([right, -up]) / distance
+    return replace(view, camera_to_world=moved.astype(np.float32), principal=principal.astype(np.float32))
+
+
 def square_view(camera_to_world: np.ndarray, fov_degrees: float, resolution: int,
                 crop: tuple[int, int, int, int] | None = None) -> View:
     """A square image of `resolution` pixels with full field of view `fov_degrees`, as in the paper's data.

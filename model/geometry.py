@@ -7,7 +7,9 @@ import numpy as np
 
 def area_vectors(corners: np.ndarray) -> np.ndarray:
     """(..., 3, 3) corners -> (..., 3): the triangle's normal times its area."""
-    return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]) / 2
+    u, v = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
+    (ux, uy, uz), (vx, vy, vz) = ((edge[..., 0], edge[..., 1], edge[..., 2]) for edge in (u, v))
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=-1) / 2
 
 
 def contracted(points):

@@ -36,6 +36,29 @@ class Lobes:
         return Lobes(**{f.name: x[..., rows, :, :] for f in fields(self) if (x := getattr(self, f.name)) is not None})
 
 
+class MeanLobes:
+    """What a network makes of one picture that was seen from several places, or at several moments."""
+
+    def __init__(self) -> None:
+        self._count, self._sums = 0, {}
+
+    def add(self, lobes: Lobes, guides: Guides) -> None:
+        """`lobes` of one view with its own `guides`."""
+        colors = np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
+        light = {"added": lobes.radiance - (0 if lobes.traced is None else lobes.traced)}
+        light |= {name: x * colors for name, x in (("direct", lobes.direct), ("indirect", lobes.indirect))
+                  if x is not None}
+        self._count += 1
+        self._sums = {name: x + self._sums.get(name, 0) for name, x in light.items()}
+
+    def under(self, guides: Guides) -> Lobes:
+        """The mean, with the colours and the traced light of `guides`, which are those of the whole picture."""
+        mean = {name: x / self._count for name, x in self._sums.items()}
+        colors = np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
+        lobes = {name: x / np.maximum(colors, FAINT) for name, x in mean.items() if name != "added"}
+        return Lobes(mean["added"] + (0 if guides.traced is None else guides.traced), guides.traced, **lobes)
+
+
 def light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
                  volumes: bool) -> dict[str, np.ndarray]:
     """{"diffuse_direct": (H, W, 3) f32, ..., "volume_indirect"}, which make `lobes.radiance` by the recipe.

@@ -33,3 +33,13 @@ def working_space() -> str:
     """Name of the space in which the file's colours are numbers; it can be chosen from Blender 5 on."""
     colorspace = getattr(bpy.data, "colorspace", None)
     return colorspace.working_space if colorspace else "Linear Rec.709"
+
+
+def ies_of_one_column_bulges() -> bool:
+    """Whether Cycles brightens IES profiles that are alike all around by up to an eighth on one side, as 4.5 does."""
+    return bpy.app.version < (5, 0)
+
+
+def voronoi_uses_pcg() -> bool:
+    """How the cells of Voronoi Texture are hashed: since Blender 5 another pattern comes out."""
+    return bpy.app.version >= (5, 0)

@@ -20,7 +20,7 @@ def scene_kept(engine: bpy.types.RenderEngine, wanted: bool):
     Cycles asks Blender to free it as soon as it has its own copy. Blender does not where Persistent Data is on, nor for
     an engine with a GPU context; that flag is looked at afresh each time, and we need no context.
     """
-    engine.bl_use_gpu_context = wanted
+    engine.bl_use_gpu_context, engine.emptied = wanted, False
     try:
         yield
     finally:
@@ -29,6 +29,19 @@ def scene_kept(engine: bpy.types.RenderEngine, wanted: bool):
 
 # What Python raises when Cycles' functions are not there, have other parameters or fail.
 INTERNAL = (ImportError, AttributeError, TypeError, RuntimeError, SystemError)
+
+
+def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
+    """Evaluate again what the last run has left of the objects, if need be, inside `scene_kept`.
+
+    Where nobody looks at the scene meanwhile Cycles throws away what modifiers made of objects, and a second run would
+    show them without their modifiers.
+    """
+    if engine.emptied:
+        engine.emptied = False
+        for evaluated in depsgraph.objects:
+            evaluated.original.update_tag(refresh={"DATA"})
+        depsgraph.update()
 
 
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
@@ -40,9 +53,10 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     to the settings, and the report says so.
     Raises RenderCancelled after Esc, SceneError when Cycles stops with an error.
     """
-    job = background_cycles.Job.of(depsgraph, layer, wanted, changes)
+    job, emptied = background_cycles.Job.of(depsgraph, layer, wanted, changes), _empties(engine, depsgraph)
     try:
         found = _run_inside(engine, depsgraph, layer, wanted)
+        engine.emptied = emptied
     except INTERNAL as error:
         if failure.is_out_of_memory(error):
             raise
@@ -82,6 +96,7 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     The user's scene never sees it: it is the evaluated copy that Cycles reads. `changes` of that function lists what
     was set, as background_cycles.changed gives it.
     """
+    renew(engine, depsgraph)  # now, for it undoes whatever is set
     saved, changes = [], []
     survives = engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
 
@@ -89,7 +104,8 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
         for path, value in settings.items():
             owner, name = _owner(data, path)
             if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
-                saved.append((data, path, getattr(owner, name)))
+                before = getattr(owner, name)
+                saved.append((data, path, before.copy() if hasattr(before, "copy") else before))
                 setattr(owner, name, value)
                 changes.append(background_cycles.changed(data, path, value))
     override.changes = changes
@@ -118,6 +134,13 @@ def _session(engine: bpy.types.RenderEngine):
     finally:
         cycles_engine.free(engine)
         engine.session = None
+
+
+def _empties(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether a run leaves objects without what modifiers made of them, in a scene that is kept."""
+    settings = depsgraph.scene_eval.render
+    unwatched = bpy.app.background or settings.use_lock_interface
+    return engine.bl_use_gpu_context and unwatched and not settings.use_persistent_data
 
 
 def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:

@@ -7,7 +7,9 @@ cycles_run.scene_kept), so everything else must be taken from the depsgraph befo
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum, auto
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -20,12 +22,7 @@ from . import passes as pass_table
 from .convert.report import Report
 from .cycles_run import overrides, run
 
-# The film is always transparent: Cycles then gives coverage as alpha, while the Environment pass still holds the
-# world seen directly (measured: Env = world * (1 - alpha) in both film modes), so an opaque film is
-# combined + environment.
 _ALWAYS = {
-    "render.film_transparent": True,
-    "cycles.film_transparent_glass": False,
     "cycles.film_exposure": 1.0,
     "cycles.use_adaptive_sampling": False,
     "cycles.use_sample_subset": False,
@@ -58,8 +55,7 @@ _DENOISED = {
     "cycles.denoising_quality": "BALANCED",
 }
 # Only camera rays see anything: none is cast towards a light, and what costs a third of the time is left out.
-_UNLIT = {f"visible_{ray}": False for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")} | {
-    "is_shadow_catcher": False}  # they would be black and half transparent: there is no shadow to catch
+_UNLIT = {f"visible_{ray}": False for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")}
 _WORLD_UNLIT = {f"cycles_visibility.{ray}": False for ray in ("diffuse", "glossy", "transmission", "scatter")}
 
 
@@ -78,12 +74,30 @@ class Light(Enum):
     ALL = auto()     # the scene's own bounces
 
 
+class Look(NamedTuple):
+    """How a session looks: by default through a pinhole where the camera is, at one moment, on a transparent film.
+
+    Cycles then gives coverage as alpha, while the Environment pass still holds the world seen directly (measured: Env =
+    world * (1 - alpha) in both film modes), so an opaque film is combined + environment.
+    """
+
+    lens: bool = False     # with the depth of field of the scene
+    shutter: bool = False  # with its motion blur
+    glass: bool = False    # the film is transparent behind glass too
+    opaque: bool = False   # the film is opaque: alpha is 1, but for holdouts
+    place: Callable[[Callable], None] | None = None  # moves the camera: given the function of cycles_run.overrides
+
+
+PINHOLE = Look()
+
+
 def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
-                  denoise: bool = False, hazy: bool = False, threads: int = 0,
-                  report: Report | None = None) -> dict[str, np.ndarray]:
+                  look: Look = PINHOLE, denoise: bool = False, hazy: bool = False,
+                  threads: int = 0, report: Report | None = None) -> dict[str, np.ndarray]:
     """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render.
 
-    `engine` is the RenderEngine inside whose `render` this is called; `threads` 0 leaves them to Blender's setting;
+    `engine` is the RenderEngine inside whose `render` this is called; the camera of Light.ALL is the scene's, whatever
+    `look` says; `threads` 0 leaves them to Blender's setting;
     `hazy` says that smoke or fog leaves noise in the first hits, which the denoiser then must not take for texture.
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
@@ -106,13 +120,16 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     for p in wanted:  # those that were registered are there already, and stay as they are
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
-    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise}
+    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise,
+                          "render.film_transparent": not look.opaque, "cycles.film_transparent_glass": look.glass}
     if threads:
         settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
     with overrides(engine, depsgraph) as override:
         override(depsgraph.scene_eval, settings)
         if light is not Light.ALL:
-            _as_a_pinhole(depsgraph, override)
+            _set_camera(depsgraph, look, override)
+            for evaluated in _objects(depsgraph):  # catchers would be black: they are shown like any object
+                override(evaluated, {"is_shadow_catcher": False})
         if light is Light.NONE:
             _leave_out_light(depsgraph, override, occluding=view_layer.use_pass_ambient_occlusion)
         elif light is Light.TRACED:
@@ -130,12 +147,15 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     return found
 
 
-def _as_a_pinhole(depsgraph: bpy.types.Depsgraph, override) -> None:
-    """The network knows no other camera, and no shutter."""
+def _set_camera(depsgraph: bpy.types.Depsgraph, look: Look, override) -> None:
     scene, layer = depsgraph.scene_eval, bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
-    override(scene, {f'view_layers["{layer}"].use_motion_blur': False})
-    if scene.camera and scene.camera.type == "CAMERA":
+    override(scene, {"cycles.rolling_shutter_type": "NONE"})
+    if not look.shutter:
+        override(scene, {f'view_layers["{layer}"].use_motion_blur': False})
+    if not look.lens and scene.camera and scene.camera.type == "CAMERA":
         override(scene.camera.data, {"dof.use_dof": False})
+    if look.place is not None:
+        look.place(override)
 
 
 def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) -> None:
@@ -143,5 +163,10 @@ def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) 
     override(depsgraph.scene_eval, _FIRST_HITS_ONLY)
     if world := compat.world(depsgraph):
         override(world, _WORLD_UNLIT)
-    for evaluated in depsgraph.objects:
+    for evaluated in _objects(depsgraph):
         override(evaluated, _UNLIT | ({"visible_shadow": evaluated.visible_shadow} if occluding else {}))
+
+
+def _objects(depsgraph: bpy.types.Depsgraph) -> list[bpy.types.Object]:
+    """All evaluated ones, those too that show only as instances of others."""
+    return [data for data in depsgraph.ids if isinstance(data, bpy.types.Object)]

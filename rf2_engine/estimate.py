@@ -1,33 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of a frame is done, judged by what its stages cost when they last ran on this machine."""
+"""How much of a frame is done, judged by what its stages cost when they last ran on this machine (costs.py)."""
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
 
-# Seconds for a unit of a stage's work, by the stage's key: at first of a processor with two cores, later as measured.
-_seconds_per_unit = {
-    "Converting the scene": 1.0,        # the scene
-    "First hits": 2.5e-6,               # a sample of a pixel
-    "Loading the network": 3.0,         # once
-    "Network, scene": 3e-4,             # a triangle of the budget
-    "Network, view": 2e-5,              # a pixel
-    "Cycles Reference": 4e-6,           # a sample of a pixel
-}
-LEAST_LEARNED = 0.5   # of what was known: a stage that found its work done already says little about the next time
+from . import costs
+
 EVEN_AFTER = 0.1      # of a stage that works at one pace: what was known before counts no more
 OVERTIME = 0.2        # of a stage's time, expected to follow when it takes longer than it should
-
-
-def seconds(key: str, work: float) -> float:
-    """What so many units of a stage's work are expected to take."""
-    return _seconds_per_unit.get(key, 0.0) * work
-
-
-def learn(key: str, work: float, took: float) -> None:
-    """Remember that so many units of a stage's work took so many seconds."""
-    if work:
-        _seconds_per_unit[key] = max(took / work, LEAST_LEARNED * _seconds_per_unit.get(key, 0.0))
 
 
 @dataclass
@@ -38,22 +19,25 @@ class Frame:
     bar: float = 0.0             # never falls
     layers_begun: int = 0
     layers_left: int = 0
-    expected: dict[str, float] = field(default_factory=dict)  # seconds of the layer's stages that have not begun
-    of_layer: float = 0.0        # seconds of all stages of a layer
+    stages: dict[str, float] = field(default_factory=dict)    # seconds of the layer's stages, by key
+    expected: dict[str, float] = field(default_factory=dict)  # of what of them has not begun
     stage_begin: float = 0.0
     stage_expected: float = 0.0
     even_fraction: float = 0.0   # of a stage at one pace, when it was last heard of
     even_took: float = 0.0       # seconds until then
 
-    def begin_layer(self, layers: int, work: dict[str, float]) -> None:
+    def begin_layer(self, layers: int, work: dict[str, float], setup: str = "") -> None:
         """`work` is what the stages of this view layer have to do, by key; the frame has so many layers."""
         self.layers_begun += 1
         self.layers_left = max(layers - self.layers_begun, 0)
-        self.expected = {key: seconds(key, units) for key, units in work.items()}
-        self.of_layer = sum(self.expected.values())
+        self.stages = {key: costs.seconds(key, units, setup) for key, units in work.items()}
+        self.expected = dict(self.stages)
 
-    def begin_stage(self, key: str) -> None:
-        self.stage_begin, self.stage_expected = time.perf_counter(), self.expected.pop(key, 0.0)
+    def begin_stage(self, key: str, share: float = 1.0) -> None:
+        """This share of a stage begins."""
+        before = self.expected.get(key, 0.0)
+        self.expected[key] = max(before - share * self.stages.get(key, 0.0), 0.0)
+        self.stage_begin, self.stage_expected = time.perf_counter(), before - self.expected[key]
         self.even_fraction = self.even_took = 0.0
 
     def remaining(self, fraction: float, even: bool = False) -> float:
@@ -70,7 +54,7 @@ class Frame:
         by_pace = max(pace - took, OVERTIME * (took - self.even_took)) if even else pace * (1 - fraction)
         trust = min(fraction / EVEN_AFTER, 1) if even else fraction ** 2
         stage = (1 - trust) * as_known + trust * by_pace
-        left = stage + sum(self.expected.values()) + self.layers_left * self.of_layer
+        left = stage + sum(self.expected.values()) + self.layers_left * sum(self.stages.values())
         elapsed = now - self.begin
         self.bar = max(self.bar, elapsed / max(elapsed + left, 1e-9))
         return left

@@ -2,6 +2,8 @@
 """The network's `Guides`: from Cycles' first-hit passes, or from the token triangles alone."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mathutils.bvhtree import BVHTree
@@ -70,16 +72,22 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
         shines = (passes["emission"] > 0).any(axis=-1)
         triangle[seen], weights[seen] = _first_triangles(scene, view, position, seen, shines)
     source = _nearest(seen, covered)
+    guides = replace(guides_of_no_triangle(passes), position=position.reshape(-1, 3)[source],
+                     hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source])
+    return media.smoothed(guides, scene.volumes, view)
 
-    length = np.linalg.norm(passes["normal"], axis=-1, keepdims=True)
-    guides = Guides(
-        position=position.reshape(-1, 3)[source], normal=passes["normal"] / np.where(length > 0, length, 1),
+
+def guides_of_no_triangle(passes: dict[str, np.ndarray]) -> Guides:
+    """All but where things are, of `passes` (cycles_session.render_passes) that were seen from several places."""
+    alpha, length = passes["alpha"][..., 0].clip(0, 1), np.linalg.norm(passes["normal"], axis=-1, keepdims=True)
+    covered = (alpha > COVERED) | passes["transmission_color"].any(axis=-1)  # a denoiser spreads a little
+    return Guides(
+        position=np.zeros_like(passes["position"]), normal=passes["normal"] / np.where(length > 0, length, 1),
         diffuse_color=passes["diffuse_color"], glossy_color=passes["glossy_color"],
         transmission_color=passes["transmission_color"], emission=passes["emission"],
         environment=passes["environment"], depth=passes["depth"][..., 0], alpha=alpha,
-        hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source],
-        traced=passes["traced"] * covered[..., None] if "traced" in passes else None)  # a denoiser spreads a little
-    return media.smoothed(guides, scene.volumes, view)
+        hit_triangle=np.full(alpha.shape, -1, np.int32), hit_barycentric=np.zeros((*alpha.shape, 2), np.float32),
+        traced=passes["traced"] * covered[..., None] if "traced" in passes else None)
 
 
 def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen: np.ndarray,

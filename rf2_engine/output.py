@@ -17,12 +17,15 @@ ERROR_CHECKER = 16  # pixels
 ERROR_COLORS = np.array([[0.6, 0.0, 0.4, 1.0], [0.05, 0.0, 0.04, 1.0]], np.float32)
 
 
-def composite(radiance: np.ndarray, guides: Guides, film_transparent: bool, exposure: float) -> np.ndarray:
-    """(H, W, 4) f32 Combined, premultiplied: surfaces and volumes + emitters seen directly + the world behind them."""
+def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, exposure: float) -> np.ndarray:
+    """(H, W, 4) f32 Combined, premultiplied: surfaces and volumes + emitters seen directly + the world behind them.
+
+    opacity (H, W): alpha of an opaque film, 1 but where holdouts are; None of a transparent one.
+    """
     color = radiance + guides.emission
     alpha = guides.alpha
-    if not film_transparent:
-        color, alpha = color + guides.environment, np.ones_like(alpha)
+    if opacity is not None:
+        color, alpha = color + guides.environment, opacity
     return np.dstack([color * exposure, alpha]).astype(np.float32)
 
 

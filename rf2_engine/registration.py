@@ -2,9 +2,11 @@
 """Everything the add-on registers, in order, and taken back in the reverse order."""
 from . import (
     compare,
+    costs,
     engine,
     model_cache,
     panels,
+    preflight,
     reference_settings,
     running,
     settings,
@@ -15,8 +17,8 @@ from . import (
 )
 from .setup import package_operators, preferences, weights_operators
 
-MODULES = (running, shot, statistics, status_line, reference_settings, settings, preferences, engine, package_operators,
-           weights_operators, panels, viewport, compare)
+MODULES = (running, shot, costs, statistics, status_line, preflight, reference_settings, settings, preferences, engine,
+           package_operators, weights_operators, panels, viewport, compare)
 
 
 def register() -> None:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user can choose: one property group, `scene.renderformer_v2`."""
+"""What the user can choose: `scene.renderformer_v2`, and what a view layer has instead of it."""
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
@@ -70,6 +71,17 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "Cycles' part of the time grows with it; the network's does not",
     )
 
+    lens_samples: IntProperty(
+        name="Lens Samples", default=1, min=1, soft_max=64, max=1024,
+        description="Points of the lens from which the picture is rendered, for the camera's depth of field; 1 leaves "
+                    "it out. The network renders the picture as often, and Cycles its part twice as often",
+    )
+    shutter_samples: IntProperty(
+        name="Shutter Samples", default=1, min=1, soft_max=64, max=1024,
+        description="Moments at which the picture is rendered while the shutter is open, for motion blur; 1 leaves it "
+                    "out. The network renders the picture as often, and where more than the camera moves, its first "
+                    "half too. With lens samples every sample has a point and a moment, and the larger number counts",
+    )
     light: EnumProperty(
         name="Light", update=_passes_change,
         items=(
@@ -104,6 +116,14 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         return os.path.expanduser(bpy.path.abspath(self.weights_folder))
 
 
+class RenderFormerLayerSettings(bpy.types.PropertyGroup):
+    samples: IntProperty(
+        name="Samples", default=0, min=0, soft_max=64, max=1024,
+        description="Rays through each pixel of this view layer, instead of the Samples in Render Properties; "
+                    "0 takes those",
+    )
+
+
 @dataclass(frozen=True)
 class FrameSettings:
     """What was chosen for one frame, keyframes included; it outlives the evaluated scene that it was read from."""
@@ -126,13 +146,23 @@ class FrameSettings:
         """Whether the network may be helped: the published one draws its picture alone."""
         return bool(self.light_passes)
 
+    @property
+    def setup(self) -> str:
+        """What the costs of a render belong to (costs.py)."""
+        return " ".join([Path(self.weights).name, self.device, self.precision, f"{self.threads or 'all'} threads",
+                         self.light.name.lower()])
+
     @classmethod
-    def of(cls, scene: bpy.types.Scene) -> FrameSettings:
-        """Of an evaluated scene. Raises CheckpointError as RenderFormerSettings.weights does."""
+    def of(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> FrameSettings:
+        """Of an evaluated scene and the view layer that is rendered, which may have samples of its own.
+
+        Raises CheckpointError as RenderFormerSettings.weights does.
+        """
         ours, blenders = scene.renderformer_v2, scene.render
         weights, holder = ours.weights(), ours if ours.threads_mode == "FIXED" else blenders
-        return cls(weights, ours.device, ours.precision, ours.token_budget, ours.max_edge, ours.guide_samples,
-                   _light(ours.light, weights), light_passes(scene),
+        samples = view_layer.renderformer_v2.samples if view_layer else 0
+        return cls(weights, ours.device, ours.precision, ours.token_budget, ours.max_edge,
+                   samples or ours.guide_samples, _light(ours.light, weights), light_passes(scene),
                    holder.threads if holder.threads_mode == "FIXED" else 0,
                    blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
 
@@ -163,9 +193,13 @@ def _is_published(weights: str) -> bool:
 
 def register() -> None:
     bpy.utils.register_class(RenderFormerSettings)
+    bpy.utils.register_class(RenderFormerLayerSettings)
+    bpy.types.ViewLayer.renderformer_v2 = PointerProperty(type=RenderFormerLayerSettings, name="RenderFormer-V2")
     bpy.types.Scene.renderformer_v2 = PointerProperty(type=RenderFormerSettings, name="RenderFormer-V2")
 
 
 def unregister() -> None:
     del bpy.types.Scene.renderformer_v2
+    del bpy.types.ViewLayer.renderformer_v2
+    bpy.utils.unregister_class(RenderFormerLayerSettings)
     bpy.utils.unregister_class(RenderFormerSettings)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The network's box held still over a shot: light flickers in a scene that is fitted anew for every frame.
+"""The network's box, and the view that triangles are allotted by, held still over a shot: light flickers in a scene
+that is fitted and simplified anew for every frame.
 
 A shot lasts from the first frame of a render job, for as long as the camera stays the same and looks at about the
 same place.
@@ -12,23 +13,24 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ..model.scene import View
 from .registering import handlers
 
 LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way
 FARTHEST = 1.0      # between their centres, in sides of the kept one
 
-_boxes: dict[tuple[str, str, str], np.ndarray] = {}  # by scene, view layer and camera
+_kept: dict[tuple[str, str, str], tuple[np.ndarray, View]] = {}  # by scene, view layer and camera
 
 
-def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[np.ndarray], np.ndarray]:
-    """A function that takes the box (2, 3) of this frame and gives the one of its shot."""
+def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[np.ndarray, View], tuple[np.ndarray, View]]:
+    """A function that takes the box (2, 3) and the view of this frame and gives those of its shot."""
     scene = depsgraph.scene_eval
     key = scene.name, depsgraph.view_layer_eval.name, scene.camera.name if scene.camera else ""
 
-    def settled(box: np.ndarray) -> np.ndarray:
-        if key not in _boxes or _has_left(_boxes[key], box):
-            _boxes[key] = box
-        return _boxes[key]
+    def settled(box: np.ndarray, view: View) -> tuple[np.ndarray, View]:
+        if key not in _kept or _has_left(_kept[key][0], box):
+            _kept[key] = box, view
+        return _kept[key]
 
     return settled
 
@@ -41,12 +43,12 @@ def _has_left(kept: np.ndarray, box: np.ndarray) -> bool:
 
 @persistent
 def _begin(*_):
-    _boxes.clear()
+    _kept.clear()
 
 
 register, _remove_handlers = handlers(("render_init", _begin))
 
 
 def unregister() -> None:
-    _boxes.clear()
+    _kept.clear()
     _remove_handlers()

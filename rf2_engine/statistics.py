@@ -43,9 +43,27 @@ class LayerStatistics:
         """The remarks, a sentence each."""
         return [str(remark) for remark in self.remarks]
 
+    @property
+    def lines(self) -> list[str]:
+        """All of it as text."""
+        if self.error or self.cancelled:
+            return [f"{self.layer}: {self.error or 'cancelled'}"]
+        width, height = self.size
+        return [f"{self.layer}: {width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens, "
+                f"weights {self.weights}",
+                *(f"{stage}: {seconds:.2f} s" for stage, seconds in self.seconds.items()), *self.report]
+
+
+def as_text() -> str:
+    """The last frame, all view layers."""
+    return "\n".join(line for layer in last_frame for line in layer.lines)
+
 
 def stamp(engine: bpy.types.RenderEngine) -> None:
-    """Write into the metadata of the result what the frame has taken so far, all view layers together."""
+    """Write into the metadata of the result what the frame has taken so far and what it lacks, all view layers.
+
+    A picture that is saved keeps it; .blend files hold no pictures.
+    """
     done = [layer for layer in last_frame if not (layer.error or layer.cancelled)]
     result = engine.get_result()
     for layer in done:  # for Compare, by pass
@@ -53,6 +71,8 @@ def stamp(engine: bpy.types.RenderEngine) -> None:
         if layer.reference_samples:
             result.stamp_data_add_field(f"{layer.layer}.{REFERENCE}.seconds", f"{layer.reference_seconds:.2f}")
     result.stamp_data_add_field("RenderFormer-V2 seconds", f"{sum(layer.picture_seconds for layer in done):.2f}")
+    if report := "\n".join(dict.fromkeys(line for layer in done for line in layer.report)):
+        result.stamp_data_add_field("RenderFormer-V2 report", report)
     if any(layer.reference_samples for layer in done):
         seconds = sum(layer.reference_seconds for layer in done)
         result.stamp_data_add_field(f"{REFERENCE} seconds", f"{seconds:.2f}")
@@ -77,6 +97,7 @@ def _show(*_):
 
 register, _remove_handlers = handlers(
     ("render_init", _clear), ("render_pre", _clear),  # a render may fail before its first frame
+    ("load_post", _clear),                            # the picture is gone, too
     ("render_complete", _show), ("render_cancel", _show))
 
 

@@ -10,7 +10,7 @@ import bpy
 
 from ..model import progress
 from ..model.errors import RenderCancelled
-from . import cycles_progress, estimate, memory, running, status_line
+from . import costs, cycles_progress, estimate, memory, running, status_line
 
 REDRAW_INTERVAL = 0.1  # seconds; in background mode every status is a line of output
 HOLD_INTERVAL = 0.02   # seconds between two looks at a bar that somebody else moves too
@@ -23,29 +23,43 @@ class Status:
     def __init__(self, engine: bpy.types.RenderEngine) -> None:
         self.engine = engine
         self.seconds: dict[str, float] = {}
+        self.sample = ""  # "Sample 3 of 16", or nothing
         self._layer = ""
         self._work: dict[str, float] = {}
+        self._setup = ""
         self._shown = ("", 0.0)
+        self._at_first = memory.held()
+        self._most = self._at_first[0]
 
-    def expect(self, layer: str, layers: int, work: dict[str, float]) -> None:
-        """Say what this view layer's stages have to do, by the keys of `stage`, and how many layers the frame has."""
-        self._work = work
+    def expect(self, layer: str, layers: int, work: dict[str, float], setup: str) -> None:
+        """Say what this view layer's stages have to do, by the keys of `stage`, and how many layers the frame has.
+
+        setup: what their costs belong to (costs.py).
+        """
+        self._work, self._setup = work, setup
         self._layer = layer if layers > 1 else ""
-        estimate.frame.begin_layer(layers, work)
+        estimate.frame.begin_layer(layers, work, setup)
 
     @contextmanager
-    def stage(self, name: str, part: str = ""):
-        """Time what runs inside under `name`; a stage in several parts has a key for each, "name, part"."""
+    def stage(self, name: str, part: str = "", share: float = 1.0):
+        """Time what runs inside under `name`; a stage in several parts has a key for each, "name, part".
+
+        One that is entered several times says what share of its work is done each time.
+        """
         key = f"{name}, {part}" if part else name
         with progress.part(0.0, 1.0, name):
-            estimate.frame.begin_stage(key)
+            estimate.frame.begin_stage(key, share)
             progress.report(0.0)
             begin = time.perf_counter()
             yield
             took = time.perf_counter() - begin
             self.seconds[name] = self.seconds.get(name, 0.0) + took
-            estimate.learn(key, self._work.get(key, 0.0), took)
+            costs.learn(key, share * self._work.get(key, 0.0), took, self._setup)
             progress.report(1.0)
+
+    def skip(self, key: str, share: float) -> None:
+        """This share of a stage need not be done."""
+        estimate.frame.begin_stage(key, share)
 
     @contextmanager
     def during_cycles(self, words: str, share: float = 1.0, time_limit: float = 0.0,
@@ -91,9 +105,18 @@ class Status:
             self._shown = text, now
             left = estimate.frame.remaining(min(max(fraction, 0.0), 1.0))
             used, peak = memory.held()
+            self._most = max(self._most, used)
             self.engine.update_memory_stats(memory_used=used, memory_peak=peak)
-            self.engine.update_stats(self._layer, f"Remaining {_time(left)} | {text}")
+            words = (f"Remaining {_time(left)}", self.sample, text)
+            self.engine.update_stats(self._layer, " | ".join(filter(None, words)))
             self.engine.update_progress(estimate.frame.bar)
+
+    @property
+    def memory_added(self) -> float:
+        """MiB that this process has held beyond what it held at first."""
+        _, peak = memory.held()
+        most = peak if peak > self._at_first[1] else self._most
+        return max(most - self._at_first[0], 0.0)
 
     def esc_pressed(self) -> bool:
         return self.engine.test_break()

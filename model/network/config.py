@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from ..errors import CheckpointError
 
 SWIN_WINDOW = 8  # ray tokens along a side (docs/network.md 8.3)
+ENVIRONMENT_GRID = (4, 8)  # patches of a panorama, rows x columns
 
 _AT_LEAST_ONE = (
     "latent_dim", "num_layers", "num_heads", "dim_feedforward", "texture_encode_patch_size", "texture_channels",
@@ -95,6 +96,12 @@ class ModelConfig:
     def granularity(self) -> int:
         """Pixels: a picture's sides are multiples of a Swin window of ray bundles."""
         return self.patch_size * SWIN_WINDOW
+
+    def sequence_length(self, lights: int, others: int) -> int:
+        """Tokens of a scene of so many emitting triangles, and other triangles and volume cells (docs/network.md 5)."""
+        rows, columns = ENVIRONMENT_GRID
+        environment = 2 * rows * columns if self.use_env_lighting else 0  # LDR and HDR
+        return self.num_register_tokens + environment + lights + others + others // self.summary_block_size
 
     def validate(self) -> ModelConfig:
         """Return self; raises CheckpointError for a network that this implementation does not have."""

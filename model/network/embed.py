@@ -8,14 +8,12 @@ from torch.nn import functional as F
 
 from ..environment import direction_map
 from ..progress import part
-from .config import ModelConfig
+from .config import ENVIRONMENT_GRID, ModelConfig
 from .inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
 from .memory import chunked
 from .nerf import nerf_encode, nerf_width
 from .norm import Linear, RMSNorm
 from .sequence import centroids, learned_token
-
-ENVIRONMENT_GRID = (4, 8)  # patches, rows x columns
 
 
 class VolumeEncoder(nn.Module):

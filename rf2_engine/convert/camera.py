@@ -26,7 +26,9 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
     if camera.type != "CAMERA":
         raise SceneError(f'"{camera.name}" is used as the camera but is a {camera.type.lower()}: choose a camera')
     if camera.data.type not in {"PERSP", "ORTHO"}:
-        raise SceneError(f'Camera "{camera.name}" is {camera.data.type.lower()}: set its type to Perspective')
+        kind = "panoramic" if camera.data.type == "PANO" else camera.data.type.lower()
+        raise SceneError(f'Camera "{camera.name}" is {kind}, which no network was trained for: set its Type to '
+                         "Perspective with a wide lens, or to Orthographic, in Camera Properties > Lens")
     projection = np.array(camera.calc_matrix_camera(
         depsgraph, x=width, y=height, scale_x=scene.render.pixel_aspect_x, scale_y=scene.render.pixel_aspect_y))
     camera_to_world, mirror = _rigid(np.array(camera.matrix_world, np.float64), camera.name, report)

@@ -8,20 +8,22 @@ import numpy as np
 
 from ...model import progress
 from . import mesh as meshes
+from . import strands
 from .collected import Collected, LampInstance, Part
 from .light_linking import dark_emitters
 from .material import MaterialTiles
 from .medium import mesh_medium
 from .mesh import TriangleMesh
-from .report import Report
+from .place import Place
+from .report import AS_GOOD_AS_INFINITE, Report
 from .shading import volume
 from .vdb import volume_medium
-from .visibility import is_shown
+from .visibility import hidden_in_renders, is_shown
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
                    "SPEAKER"}
-OF_CYCLES = {"CURVES": "hair curves", "POINTCLOUD": "point clouds"}  # in the first hits, but no triangles
+STRANDS = {"CURVES": strands.curves_mesh, "POINTCLOUD": strands.cloud_mesh}
 DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
 DEFAULT_MEDIUM = (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
@@ -41,70 +43,114 @@ class _Walk:
     def __init__(self, depsgraph, images, report):
         self.depsgraph, self.images, self.report = depsgraph, images, report
         self.layer = depsgraph.view_layer_eval
+        self.hidden = hidden_in_renders(depsgraph)
         self.dark = dark_emitters(depsgraph, report)
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
-        self._parts: dict[tuple, list[Part]] = {}
+        self._parts: dict[tuple, tuple[list[Part], list[tuple]]] = {}
+        self._shown: dict[tuple, bool] = {}
+        self._homogeneous: dict[tuple, bool] = {}  # material and layers of meshes -> it emits
+        self._probed: dict[tuple, tuple[bool, bool]] = {}  # by mesh and material, where all instances are alike
 
     def run(self) -> Collected:
         total = len(self.depsgraph.object_instances)
         for i, instance in enumerate(self.depsgraph.object_instances):
             with progress.part(i / total, (i + 1) / total, f"Reading objects, {i + 1} of {total}"):
                 progress.report()
-                if instance.show_self:
+                if instance.show_self and not self._is_hidden(instance):
                     self._add(instance)
         return self.found
 
+    def _is_hidden(self, instance) -> bool:
+        host = instance.parent if instance.is_instance else instance.object
+        return host is not None and host.original in self.hidden
+
     def _add(self, instance) -> None:
         obj = instance.object
-        if obj.type in WITHOUT_SURFACE or not is_shown(instance, self.layer, self.report):
+        if obj.type in WITHOUT_SURFACE or not self._is_shown(instance):
             return
         matrix = np.array(instance.matrix_world, np.float64)
-        if not np.isfinite(matrix).all():
-            self.report.refused(obj.name, "its transform is not finite")
+        if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
+            self.report.refused(obj.name, "its transform is not finite, or as good as infinite")
         elif obj.type == "MESH":
-            self._add_mesh(obj, matrix)
+            self._add_mesh(obj, self._place(instance), instance.matrix_world.is_negative)
         elif obj.type == "LIGHT":
             if obj.original not in self.dark:
                 self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
         elif obj.type == "VOLUME":
             self._add_volume(obj, matrix)
-        elif obj.type in OF_CYCLES:
-            self._add_hair(obj, OF_CYCLES[obj.type])
+        elif obj.type in STRANDS:
+            if obj.type == "POINTCLOUD" or self.layer.use_strand:
+                self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data),
+                                  self._place(instance))
         elif obj.type in DRAWINGS:
             self.report.approximated(obj.name, "a drawing is laid over the picture, and neither lights it nor is lit")
         else:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
-    def _add_mesh(self, obj, matrix: np.ndarray) -> None:
-        if any(s.settings.type == "HAIR" and s.settings.render_type == "PATH" for s in obj.particle_systems):
-            self._add_hair(obj, "particle hair")
-        slots = self._slots(obj)
-        mirrored = np.linalg.det(matrix[:3, :3]) < 0
-        key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark,
+    def _place(self, instance) -> Place:
+        return Place.of(instance, self.depsgraph.scene_eval.frame_current_final)
+
+    def _is_shown(self, instance) -> bool:
+        """Asked once for all instances of an object by another."""
+        obj, parent = instance.object, instance.parent
+        key = obj.original.as_pointer(), obj.type, instance.is_instance and parent and parent.original.as_pointer()
+        if key not in self._shown:
+            self._shown[key] = is_shown(instance, self.layer, self.report)
+        return self._shown[key]
+
+    def _add_mesh(self, obj, place: Place, mirrored: bool) -> None:
+        for system in obj.particle_systems if self.layer.use_strand else ():
+            if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
+                self._add_strands(obj, system.as_pointer(), lambda s=system: strands.particles_mesh(obj, s), place,
+                                  system.settings.material - 1)
+        slots, mesh = self._slots(obj), self._mesh(obj)
+        probed = tuple(self._probe(material, obj.data.as_pointer(), mesh, place) for material in slots)
+        key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark, probed,
                *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
-            self._parts[key] = self._split(obj, slots, matrix, mirrored)
-            self.found.parts += self._parts[key]
-        for part in self._parts[key]:
-            part.matrices.append(matrix)
-        mesh = self._mesh(obj)
+            self._parts[key] = self._split(obj, slots, probed, mirrored), self._filled(obj, slots)
+            self.found.parts += self._parts[key][0]
+        parts, filled = self._parts[key]
+        for part in parts:
+            part.places.append(place)
+        for corners, material in filled:
+            def coefficients(inside, material=material):
+                points = volume.volume_points(inside, mesh.texture_space, place)
+                return volume.volume_coefficients(material, self.report, points)
+            self.found.media.append(mesh_medium(obj.name, place.matrix, corners, coefficients, self.report))
+
+    def _filled(self, obj, slots: list) -> list[tuple]:
+        """Corners of the triangles, and the material, of each volume material of a mesh."""
+        mesh, filled = self._mesh(obj), []
         for index, material in enumerate(slots):
-            coefficients = volume.volume_coefficients(material, self.report)
-            corners = mesh.corners[_slot(mesh, slots) == index] if coefficients else ()
+            corners = mesh.corners[_slot(mesh, slots) == index] if volume.has_volume(material) else ()
             if len(corners):
-                self.found.media.append(mesh_medium(obj.name, matrix, corners, *coefficients))
+                filled.append((corners, material))
+        return filled
 
-    def _add_hair(self, obj, what: str) -> None:
-        """Cycles shows it, but the network is given triangles alone."""
-        self.report.approximated(obj.name, f"{what} can be seen, but the network does not know of it: shadows and "
-                                           "reflections of it come with Traced Hints alone")
+    def _add_strands(self, obj, pointer: int, read, place: Place, slot: int = 0) -> None:
+        """Hair or points, which `read` gives as a mesh, wearing the material of a slot."""
+        slots = self._slots(obj)
+        key = pointer, obj.visible_camera, obj.original in self.dark, *(m and m.as_pointer() for m in slots)
+        if key not in self._parts:
+            self.report.approximated(obj.name, "its hair or points are a few larger ones for the network: what is not "
+                                               "traced of their shadows and reflections is coarse")
+            mesh, material = read(), slots[min(slot, len(slots) - 1)]
+            emits, textured = self._probe(material, pointer, mesh, place) if len(mesh) else (False, False)
+            gain = 0.0 if obj.original in self.dark else 1.0
+            parts = [Part(obj.name, mesh, [material], emits, obj.visible_camera, is_textured=textured,
+                          flux_gain=gain)] if len(mesh) else []
+            self._parts[key] = parts, []
+            self.found.parts += parts
+        for part in self._parts[key][0]:
+            part.places.append(place)
 
-    def _split(self, obj, slots: list, matrix: np.ndarray, mirrored: bool) -> list[Part]:
+    def _split(self, obj, slots: list, probed: tuple[tuple[bool, bool], ...], mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)
         slot = _slot(mesh, slots)
         surface = np.array([volume.has_surface(material) for material in slots])
-        emits = np.array([self._emits(material, mesh, matrix) for material in slots])
+        emits, textured = np.array(probed).T
         parts, flux_gain = [], 0.0 if obj.original in self.dark else 1.0
         for kind in (False, True):
             chosen = (surface & (emits == kind))[slot]
@@ -112,22 +158,36 @@ class _Walk:
                 part = mesh.take(chosen)
                 part.slot = slot[chosen]
                 parts.append(Part(obj.name, part.mirrored() if mirrored else part, slots, kind, obj.visible_camera,
-                                  flux_gain=flux_gain))
+                                  is_textured=bool(textured[slot[chosen]].any()), flux_gain=flux_gain))
         return parts
 
     def _slots(self, obj) -> list:
         override = self.layer.material_override
         return [override] if override else meshes.material_slots(obj)
 
-    def _emits(self, material, mesh: TriangleMesh, matrix: np.ndarray) -> bool:
-        """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs."""
+    def _probe(self, material, pointer: int, mesh: TriangleMesh, place: Place) -> tuple[bool, bool]:
+        """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs, and
+        whether it is not the same all over them."""
+        layers = (*mesh.uv, mesh.active_uv, *mesh.colors, mesh.active_color)
+        key = material and material.as_pointer(), layers
+        if key in self._homogeneous:
+            return self._homogeneous[key], False
+        own = pointer, key[0]
+        if own in self._probed:
+            return self._probed[own]
         probe = MaterialTiles(Report())
         probe.images = self.images
         some = mesh.take(np.linspace(0, len(mesh) - 1, PROBES).astype(int)) if len(mesh) else mesh
         square = np.resize(UNIT_SQUARE, (len(some), 3, 2))
         white = np.ones((len(some), 3, 4), np.float32)
         some = replace(some, uv=dict.fromkeys(mesh.uv, square), colors=dict.fromkeys(mesh.colors, white))
-        return probe.triangle_tiles(material, some, matrix)[1].any()
+        tiles, emission = probe.triangle_tiles(material, some, place)
+        found = bool(emission.any()), len(np.unique(tiles)) > 1
+        if probe.sharing(material, place) is None:
+            self._probed[own] = found
+            if len(tiles) and not found[1]:
+                self._homogeneous[key] = found[0]
+        return found
 
     def _mesh(self, obj) -> TriangleMesh:
         pointer = obj.data.as_pointer()

@@ -8,6 +8,7 @@ import numpy as np
 
 from .medium import Medium
 from .mesh import TriangleMesh
+from .place import Place
 
 
 @dataclass
@@ -19,8 +20,14 @@ class Part:
     materials: list
     emits: bool
     is_shown: bool                                             # to the camera
-    matrices: list[np.ndarray] = field(default_factory=list)  # (4, 4) f64 each, object to world
+    places: list[Place] = field(default_factory=list)
+    is_textured: bool = False                                  # materials vary across triangles
     flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
+
+    @property
+    def matrices(self) -> list[np.ndarray]:
+        """(4, 4) f64 each, object to world."""
+        return [place.matrix for place in self.places]
 
 
 @dataclass

@@ -6,61 +6,27 @@ Radiance leaves a lamp triangle through its front only, within its beam (model/s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.scene import RenderScene, constant_tile
+from ...model.geometry import area_vectors
+from ...model.scene import RenderScene
 from . import proxies
 from .beam import HALF_SPACE, spot_beam, spread_beam
-from .lamp_power import ball_power, lamp_strength, normalized
+from .cones import Cone
+from .emitting import DARK, black, shining
+from .lamp_power import ball_power, lamp_light, normalized
+from .placed_lamp import Detail, PlacedLamp, beams, half_angle_of, rotation
+from .suns import Sun
 
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
 SUN_ANGLE = math.radians(3)   # least diameter of a sun
 SUN_DISTANCE = 50             # scene radii
 LEAST_SPREAD = math.radians(2)  # of an area lamp: narrower beams are lost in the precision of their cosines
 CELL = 0.35                   # scene radii: wanted side of one cell of an area lamp
-TILES = np.stack([constant_tile((1, 1, 1), roughness=1, ior=1), constant_tile((0, 0, 0), roughness=1, ior=1)])
-EMITTING, BLACK = 0, 1        # rows of TILES
-
-
-@dataclass(frozen=True)
-class Detail:
-    """Of how many triangles the shapes are that stand in for lamps."""
-
-    ball_faces: int
-    disk_corners: int
-    shade_sides: int
-    most_cells: int  # along one side of an area lamp
-
-
+DOWN, NOWHERE = np.array([0.0, 0.0, -1.0]), np.zeros(3)  # where a lamp shines in its frame; of light without a beam
+WIDEST_SHADE = math.radians(80)  # of the black shade around a lamp that shines one way
 FINE, COARSE = Detail(20, 12, 8, 4), Detail(8, 6, 4, 1)
-
-
-@dataclass
-class PlacedLamp:
-    """A lamp's strength, its pose without scale (it shines along -Z), and the scene it stands in."""
-
-    light: object             # bpy Light
-    strength: np.ndarray      # (3,)
-    name: str
-    report: object
-    place: np.ndarray         # (3,)
-    frame: np.ndarray         # (3, 3) rotation
-    scale: np.ndarray         # (3,)
-    scene_center: np.ndarray  # (3,)
-    scene_radius: float
-    detail: Detail
-
-    @property
-    def beam_axis(self) -> np.ndarray:
-        return -self.frame[:, 2]
-
-    def placed(self, triangles: np.ndarray) -> np.ndarray:
-        return triangles @ self.frame.T + self.place
-
-    def approximated(self, message: str) -> None:
-        self.report.approximated(self.name, message)
 
 
 def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray, radius: float,
@@ -71,15 +37,16 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
     bounding sphere of the scene, world units, which decides where a sun stands and how small a lamp may be.
     """
     matrix, center = np.asarray(matrix_world, np.float64), np.asarray(center, np.float64)
-    strength = lamp_strength(light, name, report, float(np.linalg.norm(matrix[:3, 3] - center)))
-    if strength is None:
+    frame = rotation(matrix)
+    given = lamp_light(light, name, report, frame, float(np.linalg.norm(matrix[:3, 3] - center)))
+    if given is None:
         return DARK
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if not all(scale[axis] for axis in NEEDED_AXES[light.type]):
         report.skipped(name, "a lamp scaled to nothing gives no light: reset its scale")
         return DARK
     return CONVERTERS[light.type](PlacedLamp(
-        light, strength, name, report, matrix[:3, 3], _rotation(matrix), scale, center, max(radius, 1e-6), detail))
+        light, given, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail))
 
 
 def _area(lamp: PlacedLamp) -> RenderScene:
@@ -101,29 +68,54 @@ def _area(lamp: PlacedLamp) -> RenderScene:
         lamp.approximated(f"its spread is {now:.0f} instead of {was:.2g} degrees")
     elif spread < math.pi - 0.01:
         lamp.approximated(f"a spread of {math.degrees(spread):.0f} degrees falls off a little differently")
-    gain, cosines = spread_beam(spread)
-    radiance = gain * lamp.strength / (math.pi * (proxies.area(front) if normalized(light) else 1))
-    behind = back[:, ::-1] + [0, 0, 0.01 * size.min()]
-    return _flat_scene(lamp.placed(front), radiance, lamp.beam_axis, cosines).appended(_black(lamp.placed(behind)))
+    gain, border = spread_beam(spread)
+    per_watt = 1 / (math.pi * (proxies.area(front) if normalized(light) else 1))
+    scene = black(lamp.placed(back[:, ::-1] + [0, 0, 0.01 * size.min()]))
+    for strength, axis, cosines in beams(lamp, Cone(gain * lamp.strength, DOWN, border), facing=True):
+        radiance = per_watt * strength * _textured(front, size, lamp.given.places)
+        scene = shining(lamp.placed(front), radiance, lamp.frame @ axis, cosines).appended(scene)
+    return scene
+
+
+def _textured(front: np.ndarray, size: np.ndarray, places: np.ndarray | None) -> np.ndarray:
+    """(n, 3) or (1,) share of its mean light that each triangle of an area lamp gives: that of the places nearest."""
+    if places is None:
+        return np.ones(1)
+    across = (np.arange(len(places)) + 0.5) / len(places) - 0.5
+    at = np.stack(np.meshgrid(across, across, indexing="xy"), axis=-1).reshape(-1, 2) * size
+    nearest = np.linalg.norm(at[:, None] - front.mean(axis=1)[None, :, :2], axis=-1).argmin(axis=1)
+    share, areas = np.ones((len(front), 3)), np.linalg.norm(area_vectors(front), axis=-1)
+    for i in range(len(front)):
+        if (nearest == i).any():
+            share[i] = places.reshape(-1, 3)[nearest == i].mean(axis=0)
+    return share * areas.sum() / np.maximum(areas @ share, 1e-30)
 
 
 def _point(lamp: PlacedLamp) -> RenderScene:
-    triangles = proxies.ball(_ball_radius(lamp), lamp.detail.ball_faces)
-    radiance = ball_power(lamp.light, lamp.strength) / (math.pi * proxies.area(triangles))
-    return _flat_scene(triangles + lamp.place, radiance)
+    return _ball(lamp, beams(lamp, Cone(lamp.strength, NOWHERE, (0.0, 0.0))), half_angle=math.pi)
 
 
 def _spot(lamp: PlacedLamp) -> RenderScene:
-    """A ball with a beam, and a black shade that makes the cone for a network that does not know beams."""
     x, y, z = lamp.scale
     if abs(x - y) > 1e-3 * max(x, y):
         lamp.approximated("the elliptic cone of a spot scaled unevenly is shown round")
     cosines = spot_beam(lamp.light, math.sqrt(x * y) / max(z, 1e-12))
+    return _ball(lamp, beams(lamp, Cone(lamp.strength, DOWN, cosines)), half_angle=math.acos(cosines[0]))
+
+
+def _ball(lamp: PlacedLamp, kept: list[Cone], half_angle: float) -> RenderScene:
+    """A ball for each beam, and a black shade that makes the cone for a network that does not know beams."""
     size = _ball_radius(lamp)
     triangles = proxies.ball(size, lamp.detail.ball_faces)
-    radiance = ball_power(lamp.light, lamp.strength) / (math.pi * proxies.area(triangles))
-    shade = proxies.shade(math.acos(cosines[0]), size, lamp.detail.shade_sides)
-    return _flat_scene(lamp.placed(triangles), radiance, lamp.beam_axis, cosines).appended(_black(lamp.placed(shade)))
+    scene = DARK
+    for strength, axis, cosines in kept:
+        radiance = ball_power(lamp.light, strength) / (math.pi * proxies.area(triangles))
+        scene = scene.appended(shining(lamp.placed(triangles), radiance, lamp.frame @ axis, cosines))
+    if lamp.given.directions is not None:
+        half_angle = min(half_angle, half_angle_of(lamp.given.directions))
+    if half_angle > WIDEST_SHADE and lamp.light.type != "SPOT":
+        return scene
+    return scene.appended(black(lamp.placed(proxies.shade(half_angle, size, lamp.detail.shade_sides))))
 
 
 def _ball_radius(lamp: PlacedLamp) -> float:
@@ -139,45 +131,25 @@ def _sun(lamp: PlacedLamp) -> RenderScene:
     if own < SUN_ANGLE:
         was, now = math.degrees(own), math.degrees(SUN_ANGLE)
         lamp.approximated(f"the sun's angle is {now:.0f} instead of {was:.2g} degrees: shadows are softer")
-    angle = np.clip(own, SUN_ANGLE, math.radians(170))
     irradiance = lamp.strength * (1 if normalized(lamp.light) else math.pi * math.sin(own / 2) ** 2)
-    distance = SUN_DISTANCE * lamp.scene_radius
+    return _distant_disk(irradiance, own, lamp.frame, lamp.scene_center, lamp.scene_radius, lamp.detail)
+
+
+def convert_sun(sun: Sun, center: np.ndarray, radius: float, detail: Detail = FINE) -> RenderScene:
+    """Triangles of a sun in the world; center (3,) and radius: bounding sphere of the scene, world units."""
+    pose = np.eye(3)
+    pose[:, 2] = sun.toward
+    return _distant_disk(sun.irradiance, sun.angle, rotation(pose), np.asarray(center, np.float64), max(radius, 1e-6),
+                         detail)
+
+
+def _distant_disk(irradiance, angle, frame, scene_center, scene_radius, detail: Detail) -> RenderScene:
+    angle = np.clip(angle, SUN_ANGLE, math.radians(170))
+    distance = SUN_DISTANCE * scene_radius
     size = 2 * distance * math.tan(angle / 2)
-    disk = proxies.disk(size, size, lamp.detail.disk_corners)
-    triangles = disk @ lamp.frame.T + lamp.scene_center - distance * lamp.beam_axis
-    return _flat_scene(triangles, irradiance / (math.pi * math.sin(angle / 2) ** 2), lamp.beam_axis, HALF_SPACE)
+    triangles = proxies.disk(size, size, detail.disk_corners) @ frame.T + scene_center + distance * frame[:, 2]
+    return shining(triangles, irradiance / (math.pi * math.sin(angle / 2) ** 2), -frame[:, 2], HALF_SPACE)
 
 
-def _rotation(matrix: np.ndarray) -> np.ndarray:
-    """(3, 3) orthonormal and right-handed: the lamp's +Z kept, scale, shear and mirror removed."""
-    x, z = _unit(matrix[:3, 0]), _unit(matrix[:3, 2])
-    x = x - z * (x @ z)
-    x = _unit(x if np.linalg.norm(x) > 1e-6 else np.cross(z, np.eye(3)[np.abs(z).argmin()]))
-    return np.stack([x, np.cross(z, x), z], axis=1)
-
-
-def _unit(vector: np.ndarray) -> np.ndarray:
-    return vector / (np.linalg.norm(vector) or 1)
-
-
-def _black(triangles) -> RenderScene:
-    return _flat_scene(triangles, np.zeros(3), tile=BLACK)
-
-
-def _flat_scene(triangles, radiance, axis=(0, 0, 0), cosines=(0, 0), tile: int = EMITTING) -> RenderScene:
-    """Flat triangles that share radiance, beam and tile."""
-    n = len(triangles)
-
-    def each(value, *shape):
-        return np.broadcast_to(np.float32(value), (n, *shape)).copy()
-
-    flat = np.repeat(proxies.normals(triangles)[:, None], 3, axis=1) if n else triangles
-    return RenderScene(
-        triangles=triangles.astype(np.float32), normals=flat.astype(np.float32), emission=each(radiance, 3),
-        beam_axis=each(axis, 3), beam_cosine=each(cosines, 2), tile_index=np.full(n, tile, np.int32),
-        tiles=TILES.copy(), seen=np.zeros(n, bool))
-
-
-DARK = _flat_scene(np.zeros((0, 3, 3)), np.zeros(3))
 NEEDED_AXES = {"AREA": (0, 1, 2), "POINT": (), "SPOT": (0, 1, 2), "SUN": (2,)}  # at scale 0 Cycles shows no light
 CONVERTERS = {"AREA": _area, "POINT": _point, "SPOT": _spot, "SUN": _sun}

@@ -20,6 +20,7 @@ from ...model.scene import (
     constant_tile,
 )
 from .mesh import TriangleMesh, face_normals
+from .place import Place
 from .shading import graph
 from .shading.closure import Closure, SurfaceParameters, lobe, parameters
 from .shading.evaluate import Evaluator, Points, interpolated
@@ -28,7 +29,7 @@ from .shading.node_call import NodeCall
 from .shading.surface import closure_at
 from .shading.volume import has_surface
 
-IDENTITY = np.eye(4)
+SCALE_DIGITS = 3             # squares of sizes that differ by less are the same
 CHUNK = 256                  # triangles evaluated at once
 HEIGHT_UNIT = 0.025          # world units of displacement at height 1
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
@@ -45,6 +46,8 @@ class MaterialTiles:
         self._chunks: list[np.ndarray] = []
         self._count = 0
         self._constant: dict[bytes, int] = {}
+        self._placed: set[int] = set()  # pointers of materials that look different from place to place
+        self._scaled: set[int] = set()  # and of those that look different by size
 
     @property
     def tiles(self) -> np.ndarray:
@@ -52,13 +55,12 @@ class MaterialTiles:
         empty = np.zeros((0, TILE_CHANNELS, TILE_SIZE, TILE_SIZE), np.float16)
         return np.concatenate([empty, *self._chunks])
 
-    def triangle_tiles(self, material, mesh: TriangleMesh, to_world=IDENTITY,
-                       instances: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    def triangle_tiles(self, material, mesh: TriangleMesh, place: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Tiles and emission of n triangles that all wear `material` (a bpy Material or None).
 
-        to_world: (4, 4) matrix of the first of so many instances. Returns tile index (n,) i32, -1 where there is as
-        good as nothing (CLEAR), and radiance (n, 3) f32. A homogeneous material has one tile, one with textures a tile
-        per triangle.
+        Returns tile index (n,) i32, -1 where there is as good as nothing (CLEAR), and radiance (n, 3) f32. A
+        homogeneous material has one tile, one with textures a tile per triangle. `sharing` tells afterwards which
+        other instances look the same.
         """
         n = len(mesh)
         emission = np.zeros((n, 3), np.float32)
@@ -71,7 +73,7 @@ class MaterialTiles:
             part = slice(start, min(start + CHUNK, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
-                surface, height = self._evaluate(material, _points(mesh.take(part), to_world, instances))
+                surface, height = self._evaluate(material, _points(mesh.take(part), place or Place()))
             emission[part] = self.report.finite(material.name, "its emission", _triangle_mean(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
             reflects |= surface.base_color.any()
@@ -96,6 +98,7 @@ class MaterialTiles:
     def _evaluate(self, material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
         tree = material.node_tree if material.use_nodes else None
         evaluator = Evaluator(points, self.images, self.report, material.name)
+        evaluator.material_index = material.pass_index
         if tree is None:
             color = np.array(material.diffuse_color[:3], np.float32)
             return parameters(lobe(color)), np.zeros(1, np.float32)
@@ -104,10 +107,29 @@ class MaterialTiles:
         closure = Closure() if output is None else closure_at(output, "Surface")
         if evaluator.depends_on_ray:
             lighting = Evaluator(replace(points, camera_ray=False), self.images, self.report, material.name)
+            lighting.material_index = material.pass_index
             closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
+            evaluator.depends_on_place |= lighting.depends_on_place
+        if (closure.emission < 0).any():
+            self.report.approximated(material.name, "negative light is left out")
         if not closure.weight.any() and not closure.emission.any() and has_surface(material):
             self.report.approximated(material.name, "no surface shader reaches the Material Output: it is black")
-        return parameters(closure), _height(material, output)
+        height = _height(material, output)
+        if evaluator.depends_on_place:
+            self._placed.add(material.as_pointer())
+        if evaluator.depends_on_scale:
+            self._scaled.add(material.as_pointer())
+        return parameters(closure), height
+
+    def sharing(self, material, place: Place):
+        """What places have in common that share what `triangle_tiles` found of this material, which comes first."""
+        pointer = material and material.as_pointer()
+        if pointer in self._placed:
+            return id(place)
+        if pointer in self._scaled:
+            linear = place.matrix[:3, :3]
+            return tuple(np.round(linear.T @ linear, SCALE_DIGITS).ravel())
+        return None
 
     def _constant_index(self, tile: np.ndarray) -> int:
         key = tile.tobytes()
@@ -141,10 +163,8 @@ def _height(material, output: NodeCall | None) -> np.ndarray:
 
 def _normal_scale(n: NodeCall) -> np.ndarray:
     """(1,), or (m, 1, 1, 1) of an object scaled unevenly: how much its matrix lengthens the normal of a triangle."""
-    linear = n.points.to_world[:3, :3]
+    linear = n.scaled()
     scale = np.linalg.svd(linear, compute_uv=False)
-    if n.points.instances > 1:
-        n.approximated("all instances of a mesh are displaced as far as the first one, whatever their scale")
     if np.ptp(scale) < 1e-3 * scale.max():
         return scale[:1].astype(np.float32)
     normals = face_normals(n.points.corners)
@@ -164,10 +184,10 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
     return tiles
 
 
-def _points(mesh: TriangleMesh, to_world, instances: int) -> Points:
+def _points(mesh: TriangleMesh, place: Place) -> Points:
     uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
     colors = {name: interpolated(layer) for name, layer in mesh.colors.items()}
-    return Points(uv, mesh.active_uv, colors, mesh.active_color, mesh.corners, mesh.texture_space, to_world, instances,
+    return Points(uv, mesh.active_uv, colors, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals, place,
                   camera_ray=True)
 
 

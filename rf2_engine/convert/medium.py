@@ -17,7 +17,8 @@ from ...model.scene import Volumes
 MAX_CELLS = 1024          # what the published networks were trained with (docs/scene-input.md 2.4)
 CELLS = 8                 # cells per axis of a box
 VOXELS = 4                # voxels per axis of a cell
-OCCUPIED = 0.5            # a cell whose densest voxel is not above this fraction of the box's maximum is dropped
+OCCUPIED = 0.02           # a cell whose densest voxel is not above this fraction of the box's maximum is dropped
+FINE_MEDIA = 16, 128      # of the largest begin with CELLS per axis, with half as many; all others with a quarter
 
 
 @dataclass
@@ -68,13 +69,14 @@ def cells(media: list[Medium], report) -> Volumes | None:
 
     Boxes are drawn with fewer, larger cells (the finest first) when they do not fit, and the report says so.
     """
-    per_axis = [CELLS] * len(media)
-    parts = []
+    per_axis, parts = [CELLS] * len(media), []
+    for rank, i in enumerate(np.argsort([-np.prod(medium.size) for medium in media], kind="stable")):
+        per_axis[i] = CELLS >> sum(rank >= most for most in FINE_MEDIA)
     for i, medium in enumerate(media):
         with progress.part(0.7 * i / len(media), 0.7 * (i + 1) / len(media)):
-            parts.append(_occupied(medium, CELLS))
+            parts.append(_occupied(medium, per_axis[i]))
     too_many = surplus = sum(map(len, parts)) - MAX_CELLS
-    finest_first = [(float(np.prod(medium.size)), i) for i, medium in enumerate(media)]
+    finest_first = [(float(np.prod(medium.size) * (CELLS / per_axis[i]) ** 3), i) for i, medium in enumerate(media)]
     heapq.heapify(finest_first)
     with progress.part(0.7, 1.0):
         while surplus > 0 and finest_first:
@@ -121,17 +123,23 @@ def _occupied(medium: Medium, per_axis: int) -> Volumes:
                    *(np.tile(row, (count, 1)).astype(np.float32) for row in rows))
 
 
-def mesh_medium(name: str, matrix: np.ndarray, corners: np.ndarray, scattering, absorption) -> Medium:
-    """The inside of a closed mesh filled with density 1.
+def mesh_medium(name: str, matrix: np.ndarray, corners: np.ndarray, coefficients: Callable, report) -> Medium:
+    """The inside of a closed mesh, filled evenly or as its shader says.
 
-    corners: (n, 3, 3) in the frame of the object; coefficients (3,) per world unit.
+    corners: (n, 3, 3) in the frame of the object; coefficients: scattering and absorption per world unit at places
+    (..., 3) of that frame, (3,) each or (..., 3).
     """
     flat = corners.reshape(-1, 3).astype(np.float64)
     rotation, center, size = box_around(matrix, flat)
     local = ((flat @ matrix[:3, :3].T + matrix[:3, 3] - center) @ rotation) / np.maximum(size, 1e-30)
     tree = BVHTree.FromPolygons(local.tolist(), np.arange(len(local)).reshape(-1, 3).tolist(), all_triangles=True)
 
-    def density(resolution: int) -> np.ndarray:
+    def shader(places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Scattering, absorption, and the mean over the colours of both, at world places."""
+        scattering, absorption = coefficients((places - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T)
+        return scattering, absorption, (scattering + absorption).mean(axis=-1)
+
+    def filling(resolution: int) -> np.ndarray:
         centres = (np.arange(resolution) + 0.5) / resolution - 0.5
         filled = np.zeros((resolution,) * 3, np.float32)
         for i, x in enumerate(centres):
@@ -143,7 +151,20 @@ def mesh_medium(name: str, matrix: np.ndarray, corners: np.ndarray, scattering, 
                     filled[i, j, (centres > enter) & (centres < leave)] = 1
         return filled
 
-    return Medium(name, rotation, center, size, np.asarray(scattering), np.asarray(absorption), density)
+    medium = Medium(name, rotation, center, size, np.zeros(3), np.zeros(3), filling)
+    scattering, absorption, extinction = shader(medium.points(2))
+    if extinction.ndim == 0:
+        medium.scattering, medium.absorption = scattering, absorption
+        return medium
+    scattering, absorption, extinction = shader(medium.points(CELLS))
+    tints = (scattering / np.maximum(extinction[..., None], 1e-12)).reshape(-1, 3)[extinction.ravel() > 0]
+    if len(tints) and np.ptp(tints, axis=0).max() > 0.05:
+        report.approximated(name, "the colour of its volume varies, and is shown as its mean")
+    total = max(float(extinction.sum()), 1e-12)
+    medium.scattering, medium.absorption = (np.broadcast_to(c, (*extinction.shape, 3)).sum(axis=(0, 1, 2)) / total
+                                            for c in (scattering, absorption))
+    medium.density = lambda n: filling(n) * shader(medium.points(n))[2].astype(np.float32)
+    return medium
 
 
 def _crossings(tree, x: float, y: float) -> list[float]:

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...model.geometry import area_vectors
-
-FARTHEST = 1e15  # coordinates beyond count as infinite: their squares would not fit into float32
+from .report import AS_GOOD_AS_INFINITE
 
 
 @dataclass
@@ -45,7 +44,7 @@ class TriangleMesh:
 def read_mesh(mesh, name: str, report) -> TriangleMesh:
     """Copy an evaluated `bpy.types.Mesh`; `name` is the object that the report mentions.
 
-    Triangles with corners that are not finite and triangles without area are left out and reported.
+    Triangles with corners that are not finite, without area, or with the corners of another are left out and reported.
     """
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
@@ -106,6 +105,11 @@ def areas(corners: np.ndarray) -> np.ndarray:
     return np.linalg.norm(area_vectors(corners.astype(np.float64)), axis=1)
 
 
+def within_reach(corners: np.ndarray) -> np.ndarray:
+    """(n,) bool: no coordinate of the triangle is NaN, or infinite, or as good as that."""
+    return (np.abs(corners) < AS_GOOD_AS_INFINITE).all(axis=(1, 2))
+
+
 def has_area(corners: np.ndarray) -> np.ndarray:
     """(n,) bool: the triangle is not a line or a point at the precision of its own coordinates."""
     longest = np.square(longest_edges(corners))
@@ -128,7 +132,7 @@ def unit_or(vectors: np.ndarray, fallback: np.ndarray) -> np.ndarray:
 
 
 def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
-    finite = (np.abs(mesh.corners) < FARTHEST).all(axis=(1, 2))
+    finite = within_reach(mesh.corners)
     if not finite.all():
         report.refused(name, f"{np.count_nonzero(~finite)} triangles with vertices that are not finite were dropped")
         mesh = mesh.take(finite)
@@ -136,8 +140,32 @@ def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
     if not solid.all():
         report.refused(name, f"{np.count_nonzero(~solid)} triangles without area were dropped")
         mesh = mesh.take(solid)
+    first = _first_of_its_place(mesh.corners)
+    if len(first) < len(mesh):
+        report.approximated(name, f"{len(mesh) - len(first)} triangles that lie where others are were dropped")
+        mesh = mesh.take(first)
     normals = unit_or(mesh.normals, face_normals(mesh.corners)[:, None])
     return replace(mesh.mapped(lambda layer: np.nan_to_num(layer, posinf=0, neginf=0)), normals=normals)
+
+
+def _first_of_its_place(corners: np.ndarray) -> np.ndarray:
+    """Indices, in order, of all triangles but those with the same three corners as one before."""
+    one = corner_keys(corners).sum(axis=1)  # whatever the order of the corners
+    if np.diff(np.sort(one)).all():
+        return np.arange(len(one))
+    return np.sort(np.unique(one, return_index=True)[1])
+
+
+def corner_keys(corners: np.ndarray) -> np.ndarray:
+    """(n, 3) u64 of (n, 3, 3) f32 corners, alike for equal coordinates, and for no others by any likely chance."""
+    bits = np.ascontiguousarray(corners.astype(np.float32) + np.float32(0)).view(np.uint32)  # -0 and 0 are one
+    key = np.zeros(bits.shape[:2], np.uint64)
+    for axis in range(3):  # round coordinates differ in few bits, so these are mixed well (Steele et al. 2014)
+        key = (key + bits[..., axis]) * np.uint64(0x9E3779B97F4A7C15)
+        key = (key ^ key >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
+        key = (key ^ key >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
+        key ^= key >> np.uint64(31)
+    return key
 
 
 def _render_color(mesh) -> str | None:

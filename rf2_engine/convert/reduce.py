@@ -13,33 +13,19 @@ from ...model.errors import SceneError
 from ...model.geometry import barycentric
 from . import mesh as meshes
 from .mesh import TriangleMesh
+from .sight import Lens
 
-COARSEST = 8     # no mesh is simplified further, unless it has fewer triangles to begin with
-KEPT_WHOLE = 64  # a mesh this small keeps all its triangles as long as the budget allows
-
-
-def share_budget(counts, copies, budget: int) -> np.ndarray:
-    """(k,) int triangles each mesh may keep so that sum(copies * result) <= budget.
-
-    counts: (k,) triangles per mesh; copies: (k,) instances of it. Meshes shrink in proportion, small ones last, and
-    none below `COARSEST`: for that many the budget must suffice.
-    """
-    counts, copies = np.asarray(counts, np.int64), np.asarray(copies, np.int64)
-    if (counts * copies).sum() <= budget:
-        return counts
-    floor = KEPT_WHOLE
-    while floor > COARSEST and (np.minimum(counts, floor) * copies).sum() > budget:
-        floor //= 2
-    low, high = 0.0, 1.0
-    for _ in range(40):
-        ratio = (low + high) / 2
-        fits = (_shrunk(counts, floor, ratio) * copies).sum() <= budget
-        low, high = (ratio, high) if fits else (low, ratio)
-    return _shrunk(counts, floor, low)
+COARSEST = 8            # no mesh is simplified further, unless it has fewer triangles to begin with
+KEPT_WHOLE = 64         # a mesh this small keeps all its triangles as long as the budget allows
+MANY = 64               # a mesh this many times too fine is first made coarser by cubes of 1 / FINE of the new edges,
+FINE, COARSE = 64, 8    # and one that QSlim leaves STUCK times too fine, of 1 / COARSE
+STUCK = 1.05
+UNIT = 2.0              # the new edges, for QSlim
+SEAMS = 0.1             # of the edges at most are kept for where UVs are cut
 
 
-def simplify(mesh: TriangleMesh, target: int) -> TriangleMesh:
-    """At most `target` triangles of about the same shape.
+def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> TriangleMesh:
+    """At most `target` triangles of about the same shape, as judged through `lens`, or in the object's own frame.
 
     Normals, UVs, colours and material slots come from the nearest original triangle.
     Raises SceneError if the simplifier is not installed.
@@ -47,25 +33,27 @@ def simplify(mesh: TriangleMesh, target: int) -> TriangleMesh:
     if len(mesh) <= target:
         return mesh
     try:
-        import fast_simplification
+        import fast_simplification  # noqa: F401
     except ImportError as error:
         raise SceneError("The scene has more triangles than the Triangle Budget, and the package that reduces them, "
                          "fast-simplification, is missing: use Render Properties > RenderFormer-V2 > Install Packages, "
                          "or raise the budget") from error
     progress.report(0.0)
-    points, faces, owner = _with_fins(*_welded(mesh.corners), mesh.slot)
+    points, faces, owner = _with_fins(*_welded(mesh.corners), mesh)
     progress.report(0.1)
     tree = BVHTree.FromPolygons(points.tolist(), faces.tolist(), all_triangles=True)
-    upright = meshes.face_normals(points[faces])
-    progress.report(0.2)
-    points, faces = fast_simplification.simplify(points, faces, target_count=target)
-    corners = points[faces].astype(np.float32)
+    progress.report(0.3)
+    corners = _reduced(points if lens is None else lens.enter(points), faces, target)
+    if lens is not None:
+        corners = lens.leave(corners)
+    corners = corners.reshape(-1, 3, 3).astype(np.float32)
     corners = corners[np.isfinite(corners).all(axis=(1, 2))]
     corners = corners[meshes.has_area(corners)]
     with progress.part(0.5, 1.0):
         nearest = _nearest(corners, tree)
     centre, face = nearest[:, 3], meshes.face_normals(corners)
-    fin = (centre >= len(mesh)) & (np.abs((upright[centre] * face).sum(axis=1)) > 0.7)
+    there = meshes.face_normals(points[faces[centre]])
+    fin = (centre >= len(mesh)) & (np.abs((there * face).sum(axis=1)) > 0.7)
     # Separate pieces are never merged: if that leaves too many triangles, the largest are kept.
     kept = np.argsort(np.where(fin, 0, -meshes.areas(corners)), kind="stable")[:min(target, np.count_nonzero(~fin))]
     if len(kept) == 0:
@@ -74,35 +62,80 @@ def simplify(mesh: TriangleMesh, target: int) -> TriangleMesh:
     return _dressed(corners[kept], mesh, owner[nearest[kept]])
 
 
-def _shrunk(counts: np.ndarray, floor: int, ratio: float) -> np.ndarray:
-    return np.maximum(np.minimum(counts, floor), (counts * ratio).astype(np.int64))
+def _reduced(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndarray:
+    """(3 m, 3) f64 corners of about `target` triangles that approximate the surface.
+
+    Of fine meshes points closer than a small part of the new edges are merged first, which is quick; so they are, a
+    little coarser, where QSlim gets stuck: it turns no sliver over, and coarsens all around it instead.
+    """
+    import fast_simplification
+    edge = np.sqrt(meshes.areas(points[faces]).sum() / target)
+    for cell in (edge / FINE if len(faces) > MANY * target else 0, edge / COARSE):
+        merged, left = _clustered(points, faces, cell) if cell else (points, faces)
+        if len(left) <= target:
+            return merged[left].reshape(-1, 3)
+        # Its steps towards larger errors suit lengths of about 1.
+        found, shape = fast_simplification.simplify(merged * (UNIT / edge), left, target_count=target)
+        if len(shape) <= STUCK * target:
+            break
+    return (found * (edge / UNIT))[shape].reshape(-1, 3)
+
+
+def _clustered(points: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points and faces with one point for all in a cube of this side, that nearest to their mean."""
+    place = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
+    size = place.max(axis=0) + 1
+    _, inverse, count = np.unique((place[:, 0] * size[1] + place[:, 1]) * size[2] + place[:, 2],
+                                  return_inverse=True, return_counts=True)
+    mean = np.stack([np.bincount(inverse, points[:, i]) for i in range(3)], axis=1) / count[:, None]
+    order = np.lexsort((np.square(points - mean[inverse]).sum(axis=1), inverse))
+    chosen = order[np.cumsum(count) - count]
+    faces = inverse[faces].astype(np.int32)
+    return points[chosen], faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
 
 
 def _welded(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shared (v, 3) f32 points and (n, 3) i32 faces; corners are one point if their coordinates are equal."""
-    flat = corners.reshape(-1, 3).astype(np.float32) + np.float32(0)  # -0 and 0 are one point
-    bits = np.ascontiguousarray(flat).view(np.uint32).astype(np.uint64)
-    key = bits @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+    flat, key = corners.reshape(-1, 3).astype(np.float32), meshes.corner_keys(corners).ravel()
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     return flat[first], inverse.reshape(-1, 3).astype(np.int32)
 
 
-def _with_fins(points: np.ndarray, faces: np.ndarray, slot: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points and faces with an upright triangle on every edge where the mesh or a material ends; the face of each.
+def _with_fins(points: np.ndarray, faces: np.ndarray, mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points and faces with an upright triangle on every edge where the mesh or a material ends or UVs are cut; the
+    face of each.
 
     QSlim alone sees no error in cutting the corners off a flat wall; fins keep such edges in place.
     """
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    turned = edges[:, 0] > edges[:, 1]
     low, high = np.sort(edges, axis=1).astype(np.int64).T
-    key = (low * len(points) + high) * (int(slot.max()) + 1) + np.repeat(slot, 3)
-    _, first, count = np.unique(key, return_index=True, return_counts=True)
-    ends = np.sort(first[count == 1])
+    key = (low * len(points) + high) * (int(mesh.slot.max()) + 1) + np.repeat(mesh.slot, 3)
+    ends = _single(key)
+    for layer in mesh.uv.values():
+        seams = _single(_with_uv(key, layer, turned))
+        if len(seams) < SEAMS * len(edges):  # else there is an island for every few triangles
+            ends = np.union1d(ends, seams)
     start, end = points[edges[ends]].transpose(1, 0, 2)
     height = np.linalg.norm(end - start, axis=1, keepdims=True)
     tips = (start + end) / 2 + height * meshes.face_normals(points[faces[ends // 3]])
     fins = np.column_stack([edges[ends, ::-1], len(points) + np.arange(len(ends))])
-    return (np.concatenate([points, tips]).astype(np.float32), np.concatenate([faces, fins]).astype(np.int32),
+    return (np.concatenate([points, tips]).astype(np.float64), np.concatenate([faces, fins]).astype(np.int32),
             np.concatenate([np.arange(len(faces)), ends // 3]))
+
+
+def _single(key: np.ndarray) -> np.ndarray:
+    """Indices of what occurs once."""
+    _, first, count = np.unique(key, return_index=True, return_counts=True)
+    return np.sort(first[count == 1])
+
+
+def _with_uv(key: np.ndarray, layer: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    """Keys (3 n,) of edges that differ where the UVs (n, 3, 2) at their ends do."""
+    uv = np.round(np.nan_to_num(layer) * 65536).astype(np.int64) @ (1, 0x9E3779B1)
+    ends = np.stack([uv, np.roll(uv, -1, axis=1)], axis=-1).reshape(-1, 2)
+    ends = np.where(turned[:, None], ends[:, ::-1], ends)
+    return key * 0x2545F4914F6CDD1D + ends @ (0x1D8E4E27C47D124F, 0x369DEA0F31A53F85)
 
 
 def _nearest(corners: np.ndarray, tree: BVHTree) -> np.ndarray:

@@ -8,6 +8,8 @@ import numpy as np
 
 from ...model.color import HALF_MAX
 
+AS_GOOD_AS_INFINITE = 1e15  # squares of what is beyond do not fit into float32
+
 
 class Remark(NamedTuple):
     """One thing that the picture does not show as it is; as text, a sentence."""
@@ -39,11 +41,14 @@ class Report:
         self._add("refused", name, message)
 
     def finite(self, name: str, what: str, values: np.ndarray) -> np.ndarray:
-        """`values`, with 0 for NaN and the largest half float for infinity; reported when there are any."""
-        if np.isfinite(values).all():
+        """`values`, with 0 for NaN and the largest half float for (as good as) infinity; reported if there are any."""
+        most = min(AS_GOOD_AS_INFINITE, float(np.finfo(values.dtype).max))
+        if (np.abs(values) <= most).all():
             return values
-        self.refused(name, f"{what} holds values that are not finite")
-        return np.nan_to_num(values, posinf=HALF_MAX, neginf=-HALF_MAX)
+        self.refused(name, f"{what} holds values that are not finite, or as good as infinite")
+        known = np.nan_to_num(values, posinf=np.inf, neginf=-np.inf)
+        known = np.where(np.abs(known) <= most, known, np.copysign(HALF_MAX, known))
+        return known.astype(values.dtype)
 
     def lines(self) -> list[str]:
         """One sentence per remark, ready to print."""

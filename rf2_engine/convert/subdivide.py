@@ -11,18 +11,23 @@ from .mesh import TriangleMesh
 
 
 def subdivide(corners: np.ndarray, cost: np.ndarray, max_edge: float, budget: int,
-              warp=lambda points: points) -> tuple[np.ndarray, np.ndarray]:
+              warp=lambda points: points, looks=None) -> tuple[np.ndarray, np.ndarray]:
     """Bisect the longest edges, largest triangles first, until none is above `max_edge` or `budget` is used up.
 
     corners: (n, 3, 3); cost: (n,) int, tokens that one more piece of the triangle takes (0 = must stay whole);
-    budget: tokens that may be added. Edges are measured in units of `max_edge` after `warp` of their ends.
+    budget: tokens that may be added. Edges are measured in units of `max_edge` after `warp` of their ends, or where
+    that gives more by `looks`: of weights (m, 3, 3) and parents (m,), as returned, how large (m,) pieces look.
     Returns parent (m,) i64, the triangle each piece came from, and weights (m, 3, 3) f32, [piece, corner, parent
     corner], the barycentric coordinates of its corners; the pieces of a triangle cover it exactly.
     """
+    def sizes(weights: np.ndarray, parent: np.ndarray) -> np.ndarray:
+        size = meshes.longest_edges(warp(weights @ corners[parent]))
+        return np.where(cost[parent] > 0, size if looks is None else np.maximum(size, looks(weights, parent)), 0)
+
     parent = np.arange(len(corners))
     weights = np.tile(np.eye(3, dtype=np.float32), (len(corners), 1, 1))
+    size = sizes(weights, parent)
     while len(parent):
-        size = np.where(cost[parent] > 0, meshes.longest_edges(warp(weights @ corners[parent])), 0)
         # Only the largest third of the sizes per round, so that a short budget goes to the largest triangles.
         chosen = np.flatnonzero(size > max(max_edge, 0.7 * size.max()))
         chosen = chosen[np.argsort(-size[chosen], kind="stable")]
@@ -31,7 +36,8 @@ def subdivide(corners: np.ndarray, cost: np.ndarray, max_edge: float, budget: in
             break
         budget -= int(cost[parent[chosen]].sum())
         first, second = _halves(weights[chosen], warp(weights[chosen] @ corners[parent[chosen]]))
-        weights[chosen] = first
+        weights[chosen], size[chosen] = first, sizes(first, parent[chosen])
+        size = np.concatenate([size, sizes(second, parent[chosen])])
         weights = np.concatenate([weights, second])
         parent = np.concatenate([parent, parent[chosen]])
     return parent, weights

@@ -2,7 +2,7 @@
 """Which of the depsgraph's instances the rendered view layer shows, and what of their visibility is lost."""
 from __future__ import annotations
 
-RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_shadow")
+RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow")
 
 
 def is_shown(instance, layer, report) -> bool:
@@ -25,9 +25,30 @@ def is_shown(instance, layer, report) -> bool:
     if obj.is_shadow_catcher:
         report.approximated(obj.name, "a shadow catcher is shown like any object")
     if host.holdout_get(view_layer=layer):  # its own, or that of a collection
-        report.approximated(obj.name, "a holdout lights the scene like any object, and is black unless the "
-                                      "film is transparent")
+        report.approximated(obj.name, "a holdout lights the scene like any object")
     return True
+
+
+def hidden_in_renders(depsgraph) -> set:
+    """Original objects that a viewport's depsgraph holds although renders hide them; empty for that of a render."""
+    if depsgraph.mode == "RENDER":
+        return set()
+    layer, shown = depsgraph.view_layer, set()
+    waiting = [layer.layer_collection]
+    while waiting:
+        found = waiting.pop()
+        if not found.exclude and not found.collection.hide_render:
+            shown.update(obj for obj in found.collection.objects if not obj.hide_render)
+            waiting += found.children
+    return set(layer.objects) - shown
+
+
+def has_holdouts(depsgraph) -> bool:
+    """Whether an object or a material of the view layer may cut a hole into the film."""
+    layer = depsgraph.view_layer_eval
+    trees = (data for data in depsgraph.ids if data.id_type == "NODETREE")
+    return (any(obj.holdout_get(view_layer=layer) for obj in depsgraph.objects)
+            or any(node.type == "HOLDOUT" for tree in trees for node in tree.nodes))
 
 
 def _is_gas(obj) -> bool:

@@ -2,20 +2,39 @@
 """The world's light as a latitude-longitude map (docs/scene-input.md 7)."""
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...model import progress
 from ...model.geometry import latlong_directions
 from ...model.scene import ENVIRONMENT_SHAPE
+from .. import compat
+from .light import SUN_ANGLE
 from .shading import graph
 from .shading.evaluate import Evaluator, Points
 from .shading.image import ImageCache
 from .shading.node_call import NodeCall
 from .shading.surface import closure_at
+from .suns import Sun, split_suns
 
 MAX_SUPERSAMPLING = 4  # rays per texel and axis; larger images are reduced first
 BAND_ROWS = 16        # texel rows evaluated at once
 VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmission", "scatter": "Volume Scatter"}
+
+
+def world_light(depsgraph, report) -> tuple[np.ndarray | None, list[Sun]]:
+    """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these."""
+    world = compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
+    environment = convert_world(world, report)
+    if environment is None:
+        return None, []
+    environment, suns = split_suns(environment)
+    if suns:
+        what = f"{len(suns)} small bright places of it light" if len(suns) > 1 else "a small bright place of it lights"
+        report.approximated(world.name, f"{what} the scene as a sun lamp does, {math.degrees(SUN_ANGLE):.0f} degrees "
+                                        "wide or more")
+    return environment, suns
 
 
 def convert_world(world, report) -> np.ndarray | None:
@@ -54,7 +73,10 @@ def _band(output, first_row, fineness, images, report, name) -> np.ndarray:
     rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)
     evaluator = Evaluator(Points(direction=latlong_directions(rows, height, width)), images, report, name)
     emission = closure_at(NodeCall(evaluator, output), "Surface").emission
-    radiance = np.maximum(report.finite(name, "its light", emission), 0)
+    emission = report.finite(name, "its light", emission)
+    if (emission < 0).any():
+        report.approximated(name, "negative light is left out")
+    radiance = np.maximum(emission, 0)
     radiance = np.broadcast_to(radiance, (len(rows), width, 3)).reshape(BAND_ROWS, fineness, -1, fineness, 3)
     weight = np.sin(np.pi * (rows + 0.5) / height).reshape(BAND_ROWS, fineness)
     weight = weight / weight.sum(axis=1, keepdims=True) / fineness

@@ -1,8 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Our panels, and Blender's ordinary panels shown for this engine too; they stand in the order of registration."""
 from ..registering import modules
-from . import adopted, again, camera, last_render, material, passes, presets, reference, render_settings, view_layer
+from . import (
+    adopted,
+    again,
+    camera,
+    last_render,
+    material,
+    passes,
+    preflight,
+    presets,
+    reference,
+    remarks,
+    render_settings,
+    view_layer,
+)
 
-MODULES = (presets, render_settings, reference, last_render, passes, view_layer, material, camera, again, adopted)
+MODULES = (remarks, presets, render_settings, preflight, reference, last_render, passes, view_layer, material, camera,
+           again, adopted)
 
 register, unregister = modules(MODULES)

@@ -11,6 +11,7 @@ from inspect import isfunction
 import bpy
 from bl_ui import properties_render
 
+from .camera import draw_lens_samples
 from .panel import EnginePanel
 
 METHODS = ("draw", "draw_header", "draw_header_preset")
@@ -43,11 +44,19 @@ def _is_seen(context) -> bool:
 
 def _classes() -> tuple[type, ...]:
     from cycles import ui  # an add-on, which may be switched off: its module is there all the same
+
+    def draw_focus(panel, context):
+        ui.CYCLES_CAMERA_PT_dof.draw(panel, context)
+        draw_lens_samples(panel, context)
     light = again(ui.CYCLES_LIGHT_PT_light, lambda context: context.light)
     return (
         again(properties_render.RENDER_PT_simplify),
         again(properties_render.RENDER_PT_simplify_viewport),
         again(properties_render.RENDER_PT_simplify_render),
+        again(ui.CYCLES_CAMERA_PT_dof, lambda context: context.camera, draw=draw_focus,
+              bl_options={"DEFAULT_CLOSED"}),
+        again(ui.CYCLES_CAMERA_PT_dof_aperture, lambda context: context.camera),
+        again(ui.CYCLES_RENDER_PT_motion_blur_curve, bl_parent_id="RENDERFORMER_PT_motion_blur"),
         light, ui.node_panel(light),  # in Properties, and in the Shader Editor's sidebar
         again(ui.CYCLES_LIGHT_PT_beam_shape, _has_beam),
         again(ui.CYCLES_LIGHT_PT_nodes, lambda context: context.light, bl_options={"DEFAULT_CLOSED"}),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render Properties: the engine's settings, film, performance, and what does not act yet."""
+"""Render Properties: the engine's settings, film, blur, performance."""
 from __future__ import annotations
 
 import bpy
@@ -57,6 +57,10 @@ class RENDERFORMER_PT_film(EnginePanel):
         layout, scene = self.split_layout(), context.scene
         layout.prop(scene.cycles, "film_exposure")
         layout.prop(scene.render, "film_transparent", text="Transparent")
+        glass = layout.column()
+        glass.active = scene.render.film_transparent and scene.renderformer_v2.light == "TRACED"
+        glass.prop(scene.cycles, "film_transparent_glass", text="Transparent Glass")
+        glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness Threshold")
         column = layout.column()
         column.prop(scene.cycles, "pixel_filter_type", text="Pixel Filter")
         if scene.cycles.pixel_filter_type != "BOX":
@@ -79,22 +83,36 @@ class RENDERFORMER_PT_performance(EnginePanel):
             layout.operator("renderformer_v2.free_model")
 
 
+class RENDERFORMER_PT_depth_of_field(EnginePanel):
+    bl_label = "Depth of Field"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, camera = self.split_layout(), context.scene.camera
+        layout.prop(context.scene.renderformer_v2, "lens_samples")
+        if camera and camera.type == "CAMERA" and not camera.data.dof.use_dof:
+            draw_text(layout, f"Depth of Field of the camera {camera.name} is off", icon="INFO")
+
+
 class RENDERFORMER_PT_motion_blur(EnginePanel):
     bl_label = "Motion Blur"
     bl_context = "render"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context):
-        row = self.layout.row()
-        row.active = False
-        row.prop(context.scene.render, "use_motion_blur", text="")
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
 
     def draw(self, context):
-        draw_text(self.layout, "This engine shows every frame at one moment", icon="INFO")
-        column = self.split_layout().column()
-        column.active = False
-        column.prop(context.scene.render, "motion_blur_shutter")
+        layout, settings, render = self.split_layout(), context.scene.renderformer_v2, context.scene.render
+        layout.active = render.use_motion_blur
+        layout.prop(settings, "shutter_samples")
+        if render.use_motion_blur and settings.shutter_samples == 1:
+            draw_text(layout, "Every frame shows one moment until there are more samples", icon="INFO")
+        layout.prop(render, "motion_blur_position", text="Position")
+        layout.prop(render, "motion_blur_shutter")
 
 
 register, unregister = bpy.utils.register_classes_factory((
-    RENDERFORMER_PT_settings, RENDERFORMER_PT_film, RENDERFORMER_PT_motion_blur, RENDERFORMER_PT_performance))
+    RENDERFORMER_PT_settings, RENDERFORMER_PT_film, RENDERFORMER_PT_depth_of_field, RENDERFORMER_PT_motion_blur,
+    RENDERFORMER_PT_performance))

@@ -16,6 +16,7 @@ class RENDERFORMER_PT_override(EnginePanel):
         layout = self.split_layout()
         layout.prop(context.view_layer, "material_override", text="Material")
         layout.prop(context.view_layer, "world_override", text="World")
+        layout.prop(context.view_layer.renderformer_v2, "samples")
 
 
 register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_override,))

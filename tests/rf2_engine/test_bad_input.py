@@ -110,8 +110,8 @@ def test_values_that_are_not_finite_are_reported_by_name(scene, tmp_path, change
     assert any(line.startswith(f"refused {name}: ") for line in last_frame[0].report)
 
 
-@pytest.mark.parametrize("strength, energy", [(3e-7, 3), (1e30, 3), (0, 1e-12)])
-def test_light_too_faint_to_count_does_no_harm(scene, tmp_path, strength, energy):
+@pytest.mark.parametrize("strength, energy", [(3e-7, 3), (3e38, 3), (0, 1e-12), (0, 3e38)])
+def test_light_too_faint_or_too_bright_to_count_does_no_harm(scene, tmp_path, strength, energy):
     box, lamp = cube(scene), sun(scene)
     set_input("Emission Color", (1, 1, 1, 1))(box, lamp)
     set_input("Emission Strength", strength)(box, lamp)

@@ -33,9 +33,15 @@ def panels():
 @pytest.mark.parametrize("panel, expected", [
     ("RENDERFORMER_PT_settings", {"weights_source", "device", "precision", "light", "token_budget", "max_edge",
                                   "guide_samples"}),
-    ("RENDERFORMER_PT_film", {"film_exposure", "film_transparent", "pixel_filter_type", "filter_width"}),
+    ("RENDERFORMER_PT_film", {"film_exposure", "film_transparent", "film_transparent_glass", "pixel_filter_type",
+                              "filter_width"}),
+    ("RENDERFORMER_PT_depth_of_field", {"lens_samples"}),
+    ("RENDERFORMER_CAMERA_PT_dof", {"use_dof", "focus_object", "focus_distance", "lens_samples"}),
+    ("RENDERFORMER_CAMERA_PT_dof_aperture", {"aperture_fstop", "aperture_blades", "aperture_ratio"}),
+    ("RENDERFORMER_PT_motion_blur", {"use_motion_blur", "shutter_samples", "motion_blur_position",
+                                     "motion_blur_shutter"}),
     ("RENDERFORMER_PT_performance", {"threads_mode", "threads", "use_persistent_data"}),
-    ("RENDERFORMER_PT_override", {"material_override", "world_override"}),
+    ("RENDERFORMER_PT_override", {"material_override", "world_override", "samples"}),
     ("RENDERFORMER_OBJECT_PT_visibility", {"hide_render", "is_shadow_catcher", "is_holdout"}),
     ("RENDERFORMER_OBJECT_PT_visibility_ray_visibility", {"visible_camera", "visible_diffuse", "visible_shadow"}),
     ("RENDERFORMER_WORLD_PT_ray_visibility", {"camera", "diffuse", "glossy"}),
@@ -61,11 +67,13 @@ def test_a_sun_has_no_beam(scene):
     assert not panels()["RENDERFORMER_LIGHT_PT_beam_shape"].poll(context)
 
 
-@pytest.mark.parametrize("panel, name", [("RENDERFORMER_PT_depth_of_field", "use_dof"),
-                                         ("RENDERFORMER_PT_motion_blur", "use_motion_blur")])
-def test_what_does_not_act_yet_says_so(scene, panel, name):
-    layout = drawn(scene, panels()[panel])
-    assert name in layout.shown and not layout.active and "This engine" in " ".join(layout.texts)
+@pytest.mark.parametrize("panel, switch", [("RENDERFORMER_CAMERA_PT_dof", "lens_samples"),
+                                           ("RENDERFORMER_PT_motion_blur", "shutter_samples")])
+def test_blur_that_is_wanted_and_has_one_sample_says_so(scene, panel, switch):
+    scene.camera.data.dof.use_dof = scene.render.use_motion_blur = True
+    assert "more samples" in " ".join(drawn(scene, panels()[panel]).texts)
+    setattr(scene.renderformer_v2, switch, 8)
+    assert not drawn(scene, panels()[panel]).texts
 
 
 def test_a_panoramic_camera_is_warned_of_beside_its_lens(scene):

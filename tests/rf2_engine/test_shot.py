@@ -11,9 +11,9 @@ BOX = np.float32([(-1, -1, 0), (1, 1, 2)])
 
 @pytest.fixture
 def settled(scene):
-    shot._boxes.clear()
-    yield lambda box: shot.steady(bpy.context.evaluated_depsgraph_get())(np.float32(box))
-    shot._boxes.clear()
+    shot._kept.clear()
+    yield lambda box: shot.steady(bpy.context.evaluated_depsgraph_get())(np.float32(box), "this view")[0]
+    shot._kept.clear()
 
 
 def test_a_shot_keeps_the_box_of_its_first_frame(settled):
@@ -48,3 +48,9 @@ def test_every_view_layer_has_its_own(settled, scene):
     with bpy.context.temp_override(view_layer=scene.view_layers.new("Background")):
         np.testing.assert_array_equal(settled(9 * BOX), np.float32(9 * BOX))
     np.testing.assert_array_equal(settled(1.5 * BOX), BOX)
+
+
+def test_triangles_are_allotted_by_the_view_that_came_with_the_box(settled):
+    steady = shot.steady(bpy.context.evaluated_depsgraph_get())
+    assert [steady(box, view)[1] for box, view in ((BOX, "first"), (1.5 * BOX, "second"), (9 * BOX, "third"))] == [
+        "first", "first", "third"]

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What Last Render shows: every view layer of the last frame, with its own numbers, report or error."""
 import bpy
+import OpenEXR
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import statistics
-from bl_ext.user_default.renderformer_v2.rf2_engine.panels import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import last_render, remarks
 from bl_ext.user_default.renderformer_v2.rf2_engine.status import Status
 
-from .f12 import cube, press_f12, sun
+from .f12 import cube, mesh_object, press_f12, sun
 from .layout import Layout
 
 
@@ -30,9 +31,9 @@ def drawn() -> list[str]:
     return shown().texts
 
 
-def shown() -> Layout:
+def shown(method="draw") -> Layout:
     panel = type("Panel", (), {"layout": Layout()})()
-    last_render.RENDERFORMER_PT_report.draw(panel, bpy.context)
+    getattr(last_render.RENDERFORMER_PT_report, method)(panel, bpy.context)
     return panel.layout
 
 
@@ -74,7 +75,7 @@ def test_a_line_of_the_report_selects_its_object(layers, tmp_path):
     catcher = cube(layers, "Catcher", location=(1, 0, 0))
     catcher.is_shadow_catcher = True
     press_f12(layers, tmp_path)
-    (select, *_) = [o for o in shown().operators if o.name == "Catcher"]
+    (select, *_) = [o for o in shown().operators if getattr(o, "name", "") == "Catcher"]
     assert "shadow catcher" in select.remark
     bpy.context.window.scene = layers
     layers.view_layers["Full"].objects.active = None
@@ -83,10 +84,38 @@ def test_a_line_of_the_report_selects_its_object(layers, tmp_path):
     assert [each.name for each in bpy.context.selected_objects] == ["Catcher"]
 
 
+def test_the_report_is_counted_copied_printed_and_saved_with_the_picture(layers, tmp_path, capsys):
+    layers.view_layers["Bare"].use = False
+    cube(layers, "Catcher", location=(1, 0, 0)).is_shadow_catcher = True
+    mesh_object(layers, "Broken", [(0, 0, 0), (1, 0, float("nan")), (0, 1, 0)], [(0, 1, 2)])
+    press_f12(layers, tmp_path)
+    lines = statistics.last_frame[0].report
+    assert any("Catcher" in line for line in lines) and any("Broken" in line for line in lines)
+    printed = capsys.readouterr().out.splitlines()
+    assert [line for line in printed if "RenderFormer-V2: " in line] == [f"RenderFormer-V2: {line}" for line in lines]
+    panel = shown("draw_header_preset")
+    kinds = [remark.kind for remark in statistics.last_frame[0].remarks]
+    assert panel.texts == [str(kinds.count(kind)) for kind in ("approximated", "refused")]
+    assert [o.source for o in shown().operators if hasattr(o, "source")] == ["LAST_RENDER"]
+    assert bpy.ops.renderformer_v2.copy_report(source="LAST_RENDER") == {"FINISHED"}
+    assert statistics.as_text().splitlines()[-len(lines):] == lines
+    with OpenEXR.File(str(tmp_path / "picture.exr")) as file:
+        assert file.header()["RenderFormer-V2 report"].splitlines() == lines
+
+
+def test_another_file_has_no_picture_and_no_report(layers, tmp_path):
+    press_f12(layers, tmp_path)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert statistics.last_frame  # the picture is there, too
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert not bpy.data.images["Render Result"].has_data and not statistics.last_frame
+    assert drawn() == ["Nothing was rendered yet"]
+
+
 def test_a_line_about_a_material_selects_what_wears_it(layers):
     worn = layers.objects["Cube"]
-    assert last_render.users(layers, worn.active_material.name) == [worn]
-    assert not last_render.users(layers, "nothing")
+    assert remarks.users(layers, worn.active_material.name) == [worn]
+    assert not remarks.users(layers, "nothing")
 
 
 def test_a_cancelled_render_says_so(layers, tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ from functools import partialmethod
 import bpy
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine import cycles_progress, estimate, memory, status_line
+from bl_ext.user_default.renderformer_v2.rf2_engine import costs, cycles_progress, estimate, memory, status_line
 from bl_ext.user_default.renderformer_v2.rf2_engine.status import Status
 
 from .f12 import cube, press_f12
@@ -52,19 +52,8 @@ def test_every_frame_of_an_animation_begins_at_nothing(scene, tmp_path, bar):
     assert len(starts) == 2 and all(bar[i][2] < 0.5 for i in starts)
 
 
-def test_what_a_stage_took_is_what_it_is_expected_to_take():
-    estimate.learn("First hits", 1000, 5.0)
-    assert estimate.seconds("First hits", 2000) == pytest.approx(10)
-
-
-def test_a_stage_that_was_already_done_is_not_expected_to_be_so_again():
-    estimate.learn("Network, scene", 1000, 8.0)
-    estimate.learn("Network, scene", 1000, 0.0)
-    assert estimate.seconds("Network, scene", 1000) == pytest.approx(4)
-
-
 def test_a_stage_that_takes_longer_than_expected_stops_the_bar_short_of_its_end():
-    estimate.learn("First hits", 1, 0.01)
+    costs.learn("First hits", 1, 0.01)
     frame = estimate.Frame()
     frame.begin_layer(1, {"First hits": 1})
     frame.begin_stage("First hits")
@@ -74,7 +63,7 @@ def test_a_stage_that_takes_longer_than_expected_stops_the_bar_short_of_its_end(
 
 
 def test_a_stage_at_one_pace_is_judged_by_it_whatever_it_took_before():
-    estimate.learn("Cycles Reference", 1, 1000.0)
+    costs.learn("Cycles Reference", 1, 1000.0)
     frame = estimate.Frame()
     frame.begin_layer(1, {"Cycles Reference": 1})
     frame.begin_stage("Cycles Reference")

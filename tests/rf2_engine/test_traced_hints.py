@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine import compat, render, statistics
+from bl_ext.user_default.renderformer_v2.rf2_engine import compat, layer, statistics
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles_session import Light
 from bl_ext.user_default.renderformer_v2.rf2_engine.guides import make_guides
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
@@ -29,7 +29,7 @@ def guides(monkeypatch):
         seen.append(make_guides(passes, converted, view))
         return seen[-1]
 
-    monkeypatch.setattr(render, "make_guides", spy)
+    monkeypatch.setattr(layer, "make_guides", spy)
     return seen
 
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine import passes
+from bl_ext.user_default.renderformer_v2.rf2_engine import cycles_session, passes, statistics
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert import vdb
 
 from .f12 import material, press_f12
@@ -64,12 +64,18 @@ def no_volumes(scene, layer):
     layer.use_volumes = False
 
 
-CHANGES = (material_override, excluded, indirect_only, no_sky, no_solid, no_volumes)
-HOLDOUTS = (holdout, holdout_of_an_object)  # they cut out a transparent film only
+def holdout_of_a_material(scene, layer):
+    tree = material("Hole").node_tree
+    tree.links.new(tree.nodes.new("ShaderNodeHoldout").outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    bpy.data.objects["Moving"].active_material = bpy.data.materials["Hole"]
 
 
-@pytest.mark.parametrize("change, film_transparent", [*((change, film) for change in CHANGES for film in (False, True)),
-                                                      *((change, True) for change in HOLDOUTS)])
+CHANGES = (material_override, excluded, indirect_only, no_sky, no_solid, no_volumes, holdout, holdout_of_an_object,
+           holdout_of_a_material)
+
+
+@pytest.mark.parametrize("film_transparent", [False, True])
+@pytest.mark.parametrize("change", CHANGES)
 def test_passes_and_alpha_are_those_of_cycles(still_life, tmp_path, change, film_transparent):
     layer = still_life.view_layers[0]
     change(still_life, layer)
@@ -83,3 +89,18 @@ def test_passes_and_alpha_are_those_of_cycles(still_life, tmp_path, change, film
         assert same.mean() > 0.999, name
     alpha, expected = ours["ViewLayer.Combined"][..., 3], cycles["ViewLayer.Combined"][..., 3]
     assert np.isclose(alpha, expected, atol=1e-4).mean() > 0.999
+
+
+def test_a_view_layer_has_its_own_samples_and_its_name_may_be_too_long_for_files(scene, tmp_path, monkeypatch):
+    taken = []
+
+    def render_passes(*arguments, real=cycles_session.render_passes, **options):
+        taken.append(options["samples"])
+        return real(*arguments, **options)
+    monkeypatch.setattr(cycles_session, "render_passes", render_passes)
+    second = scene.view_layers.new("n" * 60)
+    second.renderformer_v2.samples = 3
+    press_f12(scene, tmp_path)
+    assert taken == [1, 3]
+    first, second = (layer.report for layer in statistics.last_frame)
+    assert not any("letters" in line for line in first) and any("letters" in line for line in second)

@@ -92,9 +92,3 @@ def parameters(closure: Closure) -> SurfaceParameters:
         ior=mean(closure.ior, closure.weight, 1.0), transmission=mean(closure.transmission, closure.lobe, 0.0),
         normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
         clear=closure.clear)
-
-
-def effective_ior(ior, level) -> np.ndarray:
-    """Index that reflects at Specular IOR Level 1 like `ior` at `level` (docs/scene-input.md 3.2)."""
-    amplitude = np.minimum(np.sqrt(np.maximum(level, 0)) * np.abs(ior - 1) / (ior + 1), 0.9)
-    return (1 + amplitude) / (1 - amplitude)

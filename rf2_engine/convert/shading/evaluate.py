@@ -6,6 +6,7 @@ not depend on the point keep the bare shape (1,) or (3,), so "is this material h
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -13,18 +14,21 @@ import numpy as np
 
 from ....model.color import LUMINANCE
 from ....model.scene import barycentric_grid
-from . import colors, graph, inputs, lamp, maths, noise, sky, texture
+from ..mesh import face_normals
+from ..place import Place
+from . import graph
+from .arrays import unit
+from .functions import FUNCTIONS
 from .image import ImageCache
-from .node_call import NodeCall
+from .lamp import LampPoints
+from .node_call import NodeCall, Unknown
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
-FUNCTIONS = {**maths.FUNCTIONS, **colors.FUNCTIONS, **inputs.FUNCTIONS, **texture.FUNCTIONS, **sky.FUNCTIONS,
-             **lamp.FUNCTIONS, **noise.FUNCTIONS}
 
 
 @dataclass
 class Points:
-    """Where a graph is evaluated. Surfaces fill most of it, the world `direction` alone, lamps `distance` alone."""
+    """Where a graph is evaluated. Surfaces fill most of it, the world `direction` alone, lamps `lamp` alone."""
 
     uv: dict[str, np.ndarray] = field(default_factory=dict)      # (m, 32, 32, 3) f32 per UV layer
     active_uv: str | None = None
@@ -32,16 +36,41 @@ class Points:
     active_color: str | None = None
     corners: np.ndarray | None = None                            # (m, 3, 3) f32, in the frame of the object
     texture_space: np.ndarray | None = None                      # (2, 3) f32 (mesh.py)
-    to_world: np.ndarray | None = None                           # (4, 4) f64, of the first instance
-    instances: int = 1
+    normals: np.ndarray | None = None                            # (m, 3, 3) f32, likewise
+    place: Place = field(default_factory=Place)
     direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
-    distance: float = 1.0                                        # from a lamp to the middle of what is looked at
+    lamp: LampPoints | None = None
     camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
 
     @cached_property
     def position(self) -> np.ndarray:
         """(m, 32, 32, 3) f32 in the frame of the object."""
         return interpolated(self.corners)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """(m, 32, 32, 3) f32, unit."""
+        return unit(interpolated(self.normals))
+
+    @property
+    def face_normal(self) -> np.ndarray:
+        """(m, 1, 1, 3) f32, unit."""
+        return face_normals(self.corners).astype(np.float32)[:, None, None]
+
+    @property
+    def edges(self) -> np.ndarray:
+        """(m, 2, 3) f32 ways along a row and a column of the tile, from its first texel on."""
+        return self.corners[:, :2] - self.corners[:, 2:]
+
+    @property
+    def uv_edges(self) -> np.ndarray | None:
+        """(m, 2, 2) f32, the same in the active UV layer; None where there is none."""
+        layer = self.uv.get(self.active_uv)
+        if layer is None:
+            return None
+        last = layer.shape[1] - 1
+        ways = np.stack([layer[:, 0, last] - layer[:, 0, 0], layer[:, last, 0] - layer[:, 0, 0]], axis=1)
+        return ways[..., :2] * np.float32(layer.shape[1] / last)
 
     @property
     def generated(self) -> np.ndarray:
@@ -55,7 +84,10 @@ class Evaluator:
 
     def __init__(self, points: Points, images: ImageCache, report, owner: str):
         self.points, self.images, self.report, self.owner = points, images, report, owner
-        self.depends_on_ray = False  # whether a Light Path was asked
+        self.material_index = 0
+        self.depends_on_ray = False    # whether a Light Path was asked
+        self.depends_on_place = False  # whether the result is that of one instance
+        self.depends_on_scale = False  # whether it is that of instances of one size
         self._memo: dict = {}
         self._depth = 0
 
@@ -64,27 +96,38 @@ class Evaluator:
         end, output, inner = graph.source(socket, frames)
         if output is None:
             return cast(_default(end), socket.type, end.type)
-        key = (output.node.as_pointer(), output.as_pointer(), tuple(f.as_pointer() for f in inner))
-        if key not in self._memo:
-            self._memo[key] = np.asarray(self._computed(NodeCall(self, output.node, output, inner)), np.float32)
-        return cast(self._memo[key], socket.type, output.type)
+        n = NodeCall(self, output.node, output, inner)
+        found = self.remembered(n, _computed, Unknown("so long a chain of nodes leads here"))
+        if isinstance(found, Unknown):
+            n.approximated(f'{found}, so "{socket.name}" of "{socket.node.name}" keeps its own value; '
+                           "bake it to an image")
+            return _default(socket)
+        return cast(found, socket.type, output.type)
 
-    def _computed(self, n: NodeCall) -> np.ndarray:
+    def remembered(self, n: NodeCall, function: Callable, left_out):
+        """function(n), computed once; `left_out` at the end of too long a chain, and where a node feeds itself."""
+        key = (function, n.node.as_pointer(), n.output.as_pointer(), tuple(frame.as_pointer() for frame in n.frames))
+        if key in self._memo:
+            return self._memo[key]
         if self._depth == LONGEST_CHAIN:
-            n.approximated("so long a chain of nodes leads here that it is left out; bake it to an image")
-            return np.full(1, 0.5, np.float32)
+            return left_out
         self._depth += 1
+        self._memo[key] = left_out
         try:
-            return FUNCTIONS.get(n.kind, average)(n)
+            self._memo[key] = function(n)
         finally:
             self._depth -= 1
+        return self._memo[key]
 
 
-def average(n: NodeCall) -> np.ndarray:
-    """Mean of a node's colour inputs (Brick, Magic ...), else the middle of [0, 1], where noises have theirs."""
-    n.approximated(f"{n.node.bl_label} cannot be evaluated, its average is used; bake it to an image")
-    found = [n.evaluator.value(s, n.frames) for s in n.node.inputs if s.enabled and s.type == "RGBA"]
-    return sum(found) / len(found) if found else np.full(1, 0.5, np.float32)
+def _computed(n: NodeCall) -> np.ndarray | Unknown:
+    if n.kind not in FUNCTIONS:
+        return Unknown(f"{n.node.bl_label} cannot be evaluated")
+    try:
+        with np.errstate(all="ignore"):
+            return np.asarray(FUNCTIONS[n.kind](n), np.float32)
+    except Unknown as reason:
+        return reason
 
 
 def interpolated(corners: np.ndarray) -> np.ndarray:

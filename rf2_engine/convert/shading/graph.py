@@ -27,7 +27,10 @@ def source(socket, frames=()):
     """Follow an input socket through reroutes, groups and muted nodes.
 
     Returns (input socket whose default applies when nothing is linked, output socket or None, frames of the result).
+    None in place of a socket, which not every output node has, is fed by nothing.
     """
+    if socket is None:
+        return None, None, frames
     for _ in range(MAX_DEPTH):
         link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
         if link is None:

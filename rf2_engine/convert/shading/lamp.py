@@ -1,57 +1,74 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that shape the light of a lamp: Light Falloff and IES Texture."""
+"""Nodes that shape the light of a lamp: Light Falloff, IES Texture, and what coordinates mean there."""
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from . import ies
 from .node_call import NodeCall
 
 WATT_PER_CANDELA = 4 * np.pi / 177.83  # of a lamp that shines evenly, by the luminous efficacy of D65, as in Cycles
 FALLOFF = {"Quadratic": 0, "Linear": 1, "Constant": 2}  # power of the distance that takes the natural falloff back
 
 
+@dataclass(frozen=True)
+class LampPoints:
+    """Where the light of a lamp is looked at: all directions at all places of its surface, by broadcasting."""
+
+    leaving: np.ndarray          # (d, 1, 3) f32 unit directions away from the lamp, in its frame: it shines along -Z
+    frame: np.ndarray            # (3, 3) f32 rotation from there to the world
+    place: np.ndarray | None     # (1, p, 3) f32, 0 to 1 in x and y across an area lamp; None: a lamp without a surface
+    distance: float | None       # to the middle of what is looked at; None: infinitely far
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Of the surface; that of a ball is the direction."""
+        return self.leaving if self.place is None else np.float32((0, 0, -1))
+
+
+def coordinate(n: NodeCall):
+    """An output of Texture Coordinate or Geometry; None when it is not known of lamps."""
+    lamp, name = n.points.lamp, n.output.name
+    if name in ("UV", "Parametric") and lamp.place is not None:
+        return lamp.place
+    in_world = {"Normal": lamp.normal, "True Normal": lamp.normal, "Incoming": lamp.leaving}
+    if n.kind == "ShaderNodeNewGeometry" and name in in_world:
+        return in_world[name] @ lamp.frame.T
+    if n.kind == "ShaderNodeTexCoord" and name == "Normal":
+        return lamp.normal
+    n.approximated(f'"{name}" is not known of lamps, 0.5 is used')
+    return np.full(1, 0.5, np.float32)
+
+
 def light_falloff(n: NodeCall):
     """What it is at the middle of what is looked at: tokens fall off with the square of the distance."""
-    power, square = FALLOFF[n.output.name], n.points.distance ** 2
+    distance = n.points.lamp.distance if n.points.lamp else 1.0
+    if distance is None:
+        return n["Strength"]
+    power, square = FALLOFF[n.output.name], distance ** 2
     smooth = np.maximum(n["Smooth"], 0)
     if power or np.any(smooth > 0):
         n.approximated("light falls off as usual, and is right at the middle of what is looked at")
-    return n["Strength"] * n.points.distance ** power * square / np.maximum(smooth + square, 1e-30)
+    return n["Strength"] * distance ** power * square / np.maximum(smooth + square, 1e-30)
 
 
 def ies_texture(n: NodeCall):
     node = n.node
     try:
-        text = node.ies.as_string() if node.mode == "INTERNAL" else Path(bpy.path.abspath(node.filepath)).read_text(
-            errors="replace")
-        mean = mean_candela(text)
+        profile = ies.read(node.ies.as_string() if node.mode == "INTERNAL" else Path(
+            bpy.path.abspath(node.filepath)).read_text(errors="replace"))
     except (AttributeError, OSError, ValueError, IndexError):
         n.approximated("its IES profile cannot be read, so the lamp is dark; relink the file")
         return np.zeros(1, np.float32)
-    n.approximated("the light of its IES profile is spread evenly over all directions")
-    return n["Strength"] * mean * WATT_PER_CANDELA
-
-
-def mean_candela(text: str) -> float:
-    """Mean over the sphere of the candelas in an IES file (LM-63, photometry of type C).
-
-    Raises ValueError or IndexError when it is none.
-    """
-    _, tilt, rest = text.partition("TILT=")
-    words = rest.replace(",", " ").split()
-    if not tilt or words[0] != "NONE":
-        raise ValueError("an IES file with a tilt or without photometry")
-    numbers = np.array(words[1:], float)
-    factor, (rows, columns) = numbers[2] * numbers[10] * numbers[11], numbers[3:5].astype(int)
-    polar, around, candela = np.split(numbers[13:13 + rows + columns + rows * columns], [rows, rows + columns])
-    candela = candela.reshape(columns, rows)
-    along = candela[0] if columns == 1 else np.diff(around) @ (candela[1:] + candela[:-1]) / 2 / np.ptp(around)
-    angle = (np.arange(1800) + 0.5) / 1800 * np.pi
-    along = np.interp(angle, np.radians(polar), along, left=0, right=0)
-    return float(factor * np.average(along, weights=np.sin(angle)))
+    direction = n.linked("Vector")
+    if direction is None:
+        direction = np.float32((0, 0, -1)) if n.points.lamp is None else n.points.lamp.leaving
+    length = np.linalg.norm(direction, axis=-1, keepdims=True)
+    return n["Strength"] * profile(direction / np.maximum(length, 1e-12)) * np.float32(WATT_PER_CANDELA)
 
 
 FUNCTIONS = {"ShaderNodeLightFalloff": light_falloff, "ShaderNodeTexIES": ies_texture}

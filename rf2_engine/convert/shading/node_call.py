@@ -7,6 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import graph
+from .arrays import joined
+
+
+class Unknown(Exception):
+    """Why a node has no value here; where it leads to, an input keeps its own."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,27 @@ class NodeCall:
             return vector
         if points.direction is not None:
             return points.direction
-        return np.zeros(3, np.float32) if points.corners is None else points.generated
+        if points.corners is None:
+            self.approximated("a texture in the light of a lamp or in a volume is evaluated at one point")
+            return np.zeros(3, np.float32)
+        return points.generated
+
+    def coordinates_in(self, dimensions: str) -> np.ndarray:
+        """(..., d) coordinates of a texture of "1D" to "4D": of its Vector input, of W, or of both."""
+        if dimensions == "1D":
+            return self["W"]
+        space = self.coordinates()[..., :2 if dimensions == "2D" else 3]
+        return joined(space, self["W"]) if dimensions == "4D" else space
+
+    def placed(self):
+        """The Place of the surface, which makes the value one of this instance alone."""
+        self.evaluator.depends_on_place = True
+        return self.points.place
+
+    def scaled(self) -> np.ndarray:
+        """(3, 3) matrix of the surface, for what does not depend on how it is turned."""
+        self.evaluator.depends_on_scale = True
+        return self.points.place.matrix[:3, :3]
 
     def source(self, key) -> NodeCall | None:
         """The node that feeds an input, None if there is none."""
@@ -72,7 +97,12 @@ class NodeCall:
 
     def approximated(self, message: str) -> None:
         """Tell the user what of this node is lost."""
-        self.evaluator.report.approximated(self.evaluator.owner, f'node "{self.node.name}": {message}')
+        within = "".join(f' in "{group.node_tree.name}"' for group in self.frames)
+        self.evaluator.report.approximated(self.evaluator.owner, f'node "{self.node.name}"{within}: {message}')
+
+    def folded(self, message: str) -> None:
+        """Tell the user what of the whole surface is lost: once, however many nodes of it lose the same."""
+        self.evaluator.report.approximated(self.evaluator.owner, message)
 
     def _input(self, key):
         if isinstance(key, int):

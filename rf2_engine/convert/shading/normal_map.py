@@ -1,24 +1,100 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Normal input of a shader in tangent space."""
+"""Bent normals: Normal Map and Bump, in world space as values, in the triangle's UV frame for the tile."""
 from __future__ import annotations
 
 import numpy as np
 
-from .node_call import NodeCall
+from .arrays import dot, joined, mixed, unit
+from .coordinates import normals_in_world
+from .node_call import NodeCall, Unknown
 
 UP = np.array([0.0, 0.0, 1.0], np.float32)
 
 
 def tangent_normal(n: NodeCall) -> np.ndarray:
-    """(..., 3) tangent-space normal, 2 * map - 1, that reaches the Normal input of `n` (docs/scene-input.md 4.4)."""
+    """(..., 3) normal that reaches the Normal input of `n`, in the UV frame (docs/scene-input.md 4.4)."""
     source = n.source("Normal")
-    if source is None:
+    if source is None or (source.kind == "ShaderNodeNewGeometry" and source.output.name == "Normal"):
         return UP
     if source.kind == "ShaderNodeNormalMap" and source.node.space == "TANGENT":
-        return np.clip(UP + source["Strength"] * (2 * source["Color"] - 1 - UP), -1, 1)
+        return np.clip(_tilted(source), -1, 1)
+    if n.points.corners is None:
+        return UP
     if source.kind == "ShaderNodeBump":
-        source.approximated("bump is left out; bake it to a normal map")
-        return tangent_normal(source)
-    if not (source.kind == "ShaderNodeNewGeometry" and source.output.name == "Normal"):
-        source.approximated("only tangent-space normal maps are evaluated, the mesh normal is used")
-    return UP
+        return _bumped(source)
+    world = n["Normal"]
+    return np.einsum("...b,...ab->...a", unit(world), _frame_in_world(n)) if np.any(world) else UP
+
+
+def bump(n: NodeCall):
+    return unit(_combined(_bumped(n), _frame_in_world(n)))
+
+
+def normal_map(n: NodeCall):
+    node, bent = n.node, 2 * n["Color"] - 1
+    if n.points.corners is None:
+        raise Unknown("there is no surface to bend")
+    if node.space == "TANGENT":
+        bent = _combined(_tilted(n), _frame(n.points.edges, n.points.uv_edges, n.points.normal))
+        return normals_in_world(n, bent)
+    if node.space.startswith("BLENDER"):
+        bent = bent * np.float32((1, -1, -1))
+    if node.space.endswith("OBJECT"):
+        bent = normals_in_world(n, bent)
+    return unit(mixed(normals_in_world(n, n.points.normal), unit(bent), np.maximum(n["Strength"], 0)))
+
+
+def _tilted(n: NodeCall) -> np.ndarray:
+    """The UV-frame normal of a normal map in this space."""
+    x, y, z = np.split(2 * n["Color"] - 1, 3, axis=-1)
+    strength = np.maximum(n["Strength"], 0)
+    return joined(x * strength, y * strength, mixed(np.float32(1), z, np.minimum(strength, 1)))
+
+
+def _bumped(n: NodeCall) -> np.ndarray:
+    """(m, 32, 32, 3) UV-frame normal of a height over the tile: the slope from texel to texel."""
+    base, height = tangent_normal(n), n["Height"]
+    if height.ndim == 1 or n.points.corners is None:
+        return base
+    linear = n.scaled()
+    edges = n.points.edges @ np.float32(linear.T)                                 # (m, 2, 3) along columns and rows
+    tangent, other = _across(edges, n.points.uv_edges)
+    axes = np.stack([tangent, other], axis=-1)                                    # (m, 3, 2)
+    along = edges @ axes                                                          # (m, 2, 2)
+    size = height.shape[1]
+    steps = np.stack([np.gradient(height[..., 0], axis=axis) * size for axis in (2, 1)], axis=-1)[..., None]
+    slope = (np.linalg.pinv(along)[:, None, None] @ steps)[..., 0]                # (m, 32, 32, 2)
+    push = -1 if n.node.invert else 1
+    bent = base - joined(push * n["Distance"] * slope, 0 * height)
+    return unit(mixed(base, unit(bent), np.maximum(n["Strength"], 0)))
+
+
+def _across(edges: np.ndarray, uv_edges: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 3) each: the direction in which U grows, and the one at right angles on the side where V does."""
+    along, aside = edges[:, 0], edges[:, 1]
+    tangent, turn = along, np.ones((len(edges), 1), np.float32)
+    if uv_edges is not None:
+        (u1, v1), (u2, v2) = (np.split(uv_edges[:, i], 2, axis=-1) for i in range(2))
+        area = u1 * v2 - u2 * v1
+        tangent = np.where(area != 0, (along * v2 - aside * v1) * np.sign(area), along)
+        turn = np.where(area != 0, np.sign(area), 1)
+    tangent = unit(tangent)
+    return tangent, turn * np.cross(unit(np.cross(along, aside)), tangent)
+
+
+def _frame(edges: np.ndarray, uv_edges: np.ndarray | None, normal: np.ndarray) -> np.ndarray:
+    """(m, 32, 32, 3, 3) rows: tangent, the other tangent, smooth normal (m, 32, 32, 3)."""
+    tangents = [axis[:, None, None] for axis in _across(edges, uv_edges)]
+    return np.stack([unit(axis - normal * dot(axis, normal)) for axis in tangents] + [normal], axis=-2)
+
+
+def _frame_in_world(n: NodeCall) -> np.ndarray:
+    edges = n.points.edges @ np.float32(n.placed().matrix[:3, :3].T)
+    return _frame(edges, n.points.uv_edges, normals_in_world(n, n.points.normal))
+
+
+def _combined(bent: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    return np.einsum("...a,...ab->...b", bent, frame)
+
+
+FUNCTIONS = {"ShaderNodeBump": bump, "ShaderNodeNormalMap": normal_map}

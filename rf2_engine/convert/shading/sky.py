@@ -2,7 +2,7 @@
 """Sky Texture by single scattering of sunlight in a clear atmosphere (Nishita et al. 1993).
 
 Air, aerosol and ozone thin out with height; sunlight is followed to points along the view ray and scattered once. Ten
-wavelengths are gathered into Rec.709 with the observer of inputs.py. Lengths are metres, radiances W/(m^2 sr).
+wavelengths are gathered into Rec.709 with the observer of spectrum.py. Lengths are metres, radiances W/(m^2 sr).
 """
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from ....model import progress
-from .inputs import XYZ_TO_REC709, observer
 from .node_call import NodeCall
+from .spectrum import XYZ_TO_REC709, observer
 
 EARTH, TOP = 6.36e6, 6.42e6
 NM = np.linspace(390.0, 750.0, 10)
@@ -27,6 +27,7 @@ FORWARD = 0.76                                              # of aerosol
 VIEW_STEPS, SUN_STEPS, ELEVATIONS, AZIMUTHS = 32, 12, 40, 41
 LIMB = 0.8                                                  # mean brightness of the darkened disc over its centre
 MIN_SUN_RADIUS = math.radians(0.6)                          # what the map can resolve
+EDGE = math.radians(0.3)                                    # width of the disc's border, so that no ray's place counts
 SCALE = {"PREETHAM": 0.17, "HOSEK_WILKIE": 0.025, "MULTIPLE_SCATTERING": np.array([1.03, 1.34, 1.71])}
 
 
@@ -131,9 +132,9 @@ def _disc(direction, sun, height, amount, radius) -> np.ndarray:
         return np.zeros(3)
     wide = max(radius, MIN_SUN_RADIUS)
     left = _transmitted(_depth(np.array(height), np.array(max(sun[2], 0.0)), amount))
-    radiance = LIMB * TO_REC709 @ (SUN * left) / (math.pi * math.sin(wide) ** 2)
-    inside = direction @ sun >= math.cos(wide)
-    return inside[..., None] * radiance
+    radiance = LIMB * TO_REC709 @ (SUN * left) / (math.pi * (math.sin(wide) ** 2 + EDGE ** 2 / 12))
+    away = 2 * np.arcsin(np.minimum(np.linalg.norm(direction - sun, axis=-1) / 2, 1))
+    return np.clip((wide - away) / EDGE + 0.5, 0, 1)[..., None] * radiance
 
 
 FUNCTIONS = {"ShaderNodeTexSky": sky_texture}

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .closure import BLACK, ONE, WHITE, ZERO, Closure, effective_ior, lobe, window
+from . import layers
+from .arrays import mixed
+from .closure import BLACK, ONE, WHITE, ZERO, Closure, lobe, window
 from .node_call import NodeCall
 from .normal_map import tangent_normal
 
@@ -12,11 +14,11 @@ from .normal_map import tangent_normal
 def closure_at(n: NodeCall, key) -> Closure:
     """Closure that a shader brings to an input of `n`; nothing linked is no closure at all."""
     shader = n.source(key)
-    return Closure() if shader is None else SHADERS.get(shader.kind, unknown)(shader)
+    return Closure() if shader is None else n.evaluator.remembered(shader, SHADERS.get(shader.kind, unknown), Closure())
 
 
 def unknown(n: NodeCall):
-    n.approximated(f"{n.node.bl_label} is shown as Diffuse")
+    n.folded(f"{n.node.bl_label} is shown as Diffuse")
     return lobe(n.get(("Color", "Base Color"), (0.8, 0.8, 0.8)))
 
 
@@ -32,44 +34,58 @@ def add(n: NodeCall):
 def _folded(n: NodeCall, first: Closure, second: Closure) -> Closure:
     """The sum of two closures; what of it one BSDF cannot show is reported."""
     if np.any((first.color.any(axis=-1)) & second.color.any(axis=-1)):
-        n.approximated("two BSDFs are folded into one that lies between them")
+        n.folded("two BSDFs are folded into one that lies between them")
     return first + second
 
 
-UNSUPPORTED = {  # input of Principled BSDF: what is lost when it is not 0
-    "Coat Weight": "coat is left out", "Sheen Weight": "sheen is left out", "Anisotropic": "anisotropy is left out",
-    "Subsurface Weight": "subsurface scattering is shown as diffuse", "Thin Film Thickness": "thin film is left out",
+APPROXIMATED = {  # input of Principled BSDF: what becomes of it when it is not 0
+    "Coat Weight": "coat becomes a stronger, smoother reflection of the surface",
+    "Sheen Weight": "sheen is added to the base colour",
+    "Subsurface Weight": "subsurface scattering is shown as diffuse",
+    "Anisotropic": "anisotropy is left out", "Thin Film Thickness": "thin film is left out",
     "Diffuse Roughness": "diffuse roughness is left out",
 }
 
 
 def principled(n: NodeCall):
-    for name, message in UNSUPPORTED.items():
-        if np.any(n.get(name) > 0):
-            n.approximated(message)
+    for name, message in APPROXIMATED.items():
+        if np.any(n.get(name) != 0):
+            n.folded(message)
     level, ior, alpha = n.get("Specular IOR Level", 0.5), n.get("IOR", 1.5), np.clip(n.get("Alpha", 1), 0, 1)
-    transmission = np.clip(n.get("Transmission Weight"), 0, 1)
+    transmission, metallic = np.clip(n.get("Transmission Weight"), 0, 1), np.clip(n.get("Metallic"), 0, 1)
     if np.any(level * np.abs(n.get("Specular Tint", WHITE) - 1) > 0.01):
-        n.approximated("specular tint is shown as white")
-    ior = (1 - transmission) * effective_ior(ior, level) + transmission * ior
-    surface = lobe(n.get("Base Color"), np.clip(n.get("Metallic"), 0, 1), n.get("Roughness"), ior, transmission,
-                   tangent_normal(n))
+        n.folded("specular tint is shown as white")
+    color, roughness, coat = n.get("Base Color"), n.get("Roughness"), np.clip(n.get("Coat Weight"), 0, 1)
+    if np.any(coat > 0):
+        color = color * mixed(WHITE, n.get("Coat Tint", WHITE), coat)
+        coat = coat * layers.normal_reflectance(n.get("Coat IOR", 1.5))
+        gloss = metallic + transmission + 2 * level * layers.normal_reflectance(ior)
+        roughness = layers.shared_roughness(roughness, gloss, n.get("Coat Roughness"), coat)
+    if np.any(sheen := np.clip(n.get("Sheen Weight"), 0, 1)):
+        color = layers.under_sheen(color, sheen, n.get("Sheen Roughness"), n.get("Sheen Tint", WHITE))
+    ior = mixed(layers.effective_ior(ior, level, coat), ior, transmission)
+    surface = lobe(color, metallic, roughness, ior, transmission, tangent_normal(n))
     surface.emission = n.get("Emission Color", WHITE) * n.get("Emission Strength")
     if np.all(alpha >= 1):
         return surface
-    n.approximated("alpha below 1 is shown as transmission without refraction")
+    n.folded("alpha below 1 is shown as transmission without refraction")
     return surface * alpha + window(WHITE) * (1 - alpha)
 
 
 def diffuse(n: NodeCall):
     if n.kind == "ShaderNodeBsdfDiffuse" and np.any(n["Roughness"] > 0):
-        n.approximated("diffuse roughness is left out")
+        n.folded("diffuse roughness is left out")
     return lobe(n["Color"], normal=tangent_normal(n))
 
 
 def scattering(n: NodeCall):
-    n.approximated(f"{n.node.bl_label} is shown as Diffuse")
+    n.folded(f"{n.node.bl_label} is shown as Diffuse")
     return diffuse(n)
+
+
+def _report_film(n: NodeCall) -> None:
+    if np.any(n.get("Thin Film Thickness") > 0):
+        n.folded("thin film is left out")
 
 
 def glossy(n: NodeCall):
@@ -78,25 +94,30 @@ def glossy(n: NodeCall):
         color = ((ior - 1) ** 2 + k * k) / ((ior + 1) ** 2 + k * k)
     else:
         color = n["Base Color", "Color"]
+        if np.any(np.abs(n.get("Edge Tint", WHITE) - 1) > 0.01):
+            n.folded("the tint of its edges is left out")
     if np.any(n.get("Anisotropy") != 0):
-        n.approximated("anisotropy is left out")
+        n.folded("anisotropy is left out")
+    _report_film(n)
     return lobe(color, ONE, n["Roughness"], normal=tangent_normal(n))
 
 
 def glass(n: NodeCall):
     """Glass tints by its colour at each interface, Principled by the root of its base colour: the colour is squared."""
     if n.kind == "ShaderNodeBsdfRefraction":
-        n.approximated("refraction without reflection is shown as glass")
+        n.folded("refraction without reflection is shown as glass")
+    _report_film(n)
     return lobe(n["Color"] ** 2, ZERO, n["Roughness"], n["IOR"], ONE, tangent_normal(n))
 
 
 def transparent(n: NodeCall):
-    n.approximated("transparency is shown as transmission without refraction")
+    n.folded("transparency is shown as transmission without refraction")
     return window(n["Color"])
 
 
 def specular_workflow(n: NodeCall):
-    """Eevee's Specular BSDF: diffuse plus a mirror lobe of its own colour."""
+    """Diffuse plus a mirror lobe of its own colour."""
+    n.folded(f"{n.node.bl_label}, which Cycles does not know, is shown as in Eevee")
     normal = tangent_normal(n)
     surface = lobe(n["Base Color"], normal=normal) + lobe(n["Specular"], ONE, n["Roughness"], normal=normal)
     surface.emission = n.get("Emissive Color", BLACK)
@@ -108,7 +129,7 @@ def emission(n: NodeCall):
 
 
 def holdout(n: NodeCall):
-    n.approximated("holdout is shown as black")
+    n.folded("holdout is shown as black")
     return lobe(BLACK)
 
 

@@ -1,71 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texture nodes: coordinates, Mapping, Image and Environment Texture, Checker and Gradient."""
+"""Image Texture and Environment Texture."""
 from __future__ import annotations
 
 import numpy as np
 
-from ....model.geometry import latlong_uv, rotation_matrix
+from ....model.geometry import latlong_uv
+from .coordinates import active_uv
 from .image import sample
-from .inputs import world_position
 from .node_call import NodeCall
 from .normal_map import UP
-
-WORLD_COORDINATES = ("Generated", "Object", "Normal", "Reflection", "UV")
-
-
-def coordinate(n: NodeCall):
-    name, direction = n.output.name, n.points.direction
-    if direction is not None:
-        if name not in WORLD_COORDINATES:
-            n.approximated(f'coordinate "{name}" is evaluated as Generated')
-        return direction if name != "Object" or n.node.object is None else _seen_from(n.node.object, direction)
-    if name in ("Generated", "Object") and n.points.corners is not None:
-        if name == "Generated":
-            return n.points.generated
-        return n.points.position if n.node.object is None else _seen_from(n.node.object, world_position(n))
-    if name != "UV":
-        n.approximated(f'coordinate "{name}" is not known per texel, the active UV map is used')
-    return active_uv(n)
-
-
-def _seen_from(obj, points: np.ndarray) -> np.ndarray:
-    """World points (..., 3) in the frame of an object. Cycles takes a direction of the world for a point, too."""
-    matrix = np.array(obj.matrix_world.inverted_safe(), np.float32)
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def uv_map(n: NodeCall):
-    return active_uv(n, n.node.uv_map)
-
-
-def active_uv(n: NodeCall, name: str = "") -> np.ndarray:
-    """UV of the layer `name` (the active one when empty); Cycles reads (0, 0) where a mesh has no such layer."""
-    layer = n.points.uv.get(name or n.points.active_uv)
-    if layer is None:
-        which = f'UV map "{name}"' if name else "UV map"
-        n.approximated(f"the mesh has no {which}, so the whole texture shrinks to one texel; unwrap it")
-        return np.zeros(3, np.float32)
-    return layer
-
-
-def mapping(n: NodeCall):
-    kind = n.node.vector_type
-    vector, location, rotation, scale = (n.get(name) for name in ("Vector", "Location", "Rotation", "Scale"))
-    if rotation.ndim > 1:
-        n.approximated("a rotation that varies over the surface is averaged")
-        rotation = rotation.reshape(-1, 3).mean(axis=0)
-    turn = rotation_matrix(rotation).astype(np.float32)
-    if kind == "TEXTURE":
-        return _divided((vector - location) @ turn, scale)
-    if kind == "NORMAL":
-        normal = _divided(vector, scale) @ turn.T
-        return normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    rotated = (vector * scale) @ turn.T
-    return rotated + location if kind == "POINT" else rotated
-
-
-def _divided(vector, scale):
-    return np.divide(vector, scale, out=np.zeros(np.broadcast(vector, scale).shape, np.float32), where=scale != 0)
 
 
 def image_texture(n: NodeCall):
@@ -116,23 +59,4 @@ def environment_texture(n: NodeCall):
     return sample(pixels, uv, "REPEAT")[..., :3]
 
 
-def checker(n: NodeCall):
-    cell = np.floor(n.coordinates() * n["Scale"] * 0.999999 + 1e-6)
-    first = (cell.sum(axis=-1, keepdims=True) % 2 == 1).astype(np.float32)
-    return first if n.output.name == "Fac" else n["Color1"] * first + n["Color2"] * (1 - first)
-
-
-def gradient(n: NodeCall):
-    x, y, z = np.split(n.coordinates(), 3, axis=-1)
-    ball = np.maximum(1 - np.sqrt(x * x + y * y + z * z), 0)
-    t = np.clip(x, 0, 1)
-    values = {"LINEAR": x, "QUADRATIC": np.maximum(x, 0) ** 2, "EASING": t * t * (3 - 2 * t), "DIAGONAL": (x + y) / 2,
-              "RADIAL": np.arctan2(y, x) / (2 * np.pi) + 0.5, "SPHERICAL": ball, "QUADRATIC_SPHERE": ball * ball}
-    return np.clip(values[n.node.gradient_type], 0, 1)
-
-
-FUNCTIONS = {
-    "ShaderNodeTexCoord": coordinate, "ShaderNodeUVMap": uv_map, "ShaderNodeMapping": mapping,
-    "ShaderNodeTexImage": image_texture, "ShaderNodeTexEnvironment": environment_texture,
-    "ShaderNodeTexChecker": checker, "ShaderNodeTexGradient": gradient,
-}
+FUNCTIONS = {"ShaderNodeTexImage": image_texture, "ShaderNodeTexEnvironment": environment_texture}

@@ -2,8 +2,11 @@
 """Volume shaders to scattering and absorption coefficients; whether a material has a surface at all."""
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from ..place import Place
 from . import graph
 from .evaluate import Evaluator, Points
 from .image import ImageCache
@@ -26,15 +29,38 @@ def has_surface(material) -> bool:
     return link is not None or min(color.default_value[:3]) < 1
 
 
-def volume_coefficients(material, report) -> tuple[np.ndarray, np.ndarray] | None:
+def has_volume(material) -> bool:
+    """Whether a shader reaches its Volume input."""
+    return _volume_output(material) is not None
+
+
+@dataclass
+class VolumePoints(Points):
+    """Places inside of a mesh: `inside` (..., 3) f32 in the frame of the object."""
+
+    inside: np.ndarray | None = None
+
+    @property
+    def position(self) -> np.ndarray:
+        return self.inside
+
+
+def volume_points(inside: np.ndarray, texture_space: np.ndarray, place: Place) -> VolumePoints:
+    """inside: (..., 3) in the frame of the object; texture_space (2, 3) as mesh.py gives it."""
+    return VolumePoints(corners=np.zeros((0, 3, 3), np.float32), texture_space=texture_space, place=place,
+                        inside=inside.astype(np.float32))
+
+
+def volume_coefficients(material, report, points: Points | None = None) -> tuple[np.ndarray, np.ndarray] | None:
     """Scattering and absorption, (3,) f32 RGB each per world unit, or None when there is no Volume shader.
 
-    For a volume object these are the factors of its density grid (docs/scene-input.md 5.6).
+    Of a shader that varies over `points` (n, ..., 3) they are as many. For a volume object these are the factors of its
+    density grid (docs/scene-input.md 5.6).
     """
     output = _volume_output(material)
     if output is None:
         return None
-    evaluator = Evaluator(Points(), ImageCache(report), report, material.name)
+    evaluator = Evaluator(points or Points(), ImageCache(report), report, material.name)
     coefficients = coefficients_at(NodeCall(evaluator, output), "Volume")
     scattering, absorption = (report.finite(material.name, "its volume", np.float32(c)) for c in coefficients)
     return np.maximum(scattering, 0), np.maximum(absorption, 0)
@@ -52,7 +78,9 @@ def _volume_output(material):
 def coefficients_at(n: NodeCall, key) -> tuple[np.ndarray, np.ndarray]:
     """Scattering and absorption that a shader brings to an input of `n`; 0 when nothing is linked."""
     shader = n.source(key)
-    return (NONE, NONE) if shader is None else SHADERS.get(shader.kind, unknown)(shader)
+    if shader is None:
+        return NONE, NONE
+    return n.evaluator.remembered(shader, SHADERS.get(shader.kind, unknown), (NONE, NONE))
 
 
 def unknown(n: NodeCall):

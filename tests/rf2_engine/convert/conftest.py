@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 
@@ -15,10 +16,11 @@ def report():
 
 @pytest.fixture
 def converted(scene, report):
-    """Function that converts the scene; by default nothing is simplified or subdivided."""
-    def run(token_budget=1_000_000, max_edge=1e6):
+    """Function that converts the scene; by default nothing is simplified or subdivided, and no camera looks."""
+    def run(token_budget=1_000_000, max_edge=1e6, seen=False):
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        return convert(depsgraph, None, token_budget=token_budget, max_edge=max_edge, report=report)
+        view = convert_camera(depsgraph, 64, 64, None) if seen else None
+        return convert(depsgraph, view, token_budget=token_budget, max_edge=max_edge, report=report)
     return run
 
 

@@ -60,29 +60,46 @@ def irradiance(point, normal):
     return math.pi * seen_flat_on(white, 0.02, frame=frame).mean(axis=(0, 1))
 
 
-def seen_flat_on(shader, side, uv=None, frame=None):
+def seen_flat_on(shader, side, uv=None, frame=None, resolution=None):
     """(H, W, 3) picture, row 0 at the bottom, of the middle half of a square plane of this side wearing `shader`.
 
     uv: (4, 2) at its corners, counter-clockwise from the lower left.
     """
-    scene, half, frame = bpy.context.scene, side / 2, frame or Matrix()
+    half, frame = side / 2, frame or Matrix()
     mesh = bpy.data.meshes.new("Plane")
     mesh.from_pydata([(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [], [(0, 1, 2, 3)])
     if uv is not None:
         mesh.uv_layers.new(name="UVMap").data.foreach_set("uv", np.ravel(uv))
     mesh.materials.append(shader)
     plane = bpy.data.objects.new("Plane", mesh)
+    plane.matrix_world = frame
+    bpy.context.scene.collection.objects.link(plane)
+    pixels = pictured(half, half, frame, resolution, clip_start=0.9 * half)
+    bpy.data.objects.remove(plane)
+    return pixels
+
+
+def pictured(side, height, frame=None, resolution=None, clip_start=1e-4):
+    """(H, W, 3) picture, row 0 at the bottom, of what is below a square of this side, looked at from `height`."""
+    scene, frame = bpy.context.scene, frame or Matrix()
+    if resolution:
+        scene.render.resolution_x = scene.render.resolution_y = resolution
     data = bpy.data.cameras.new("Camera")
-    data.type, data.ortho_scale, data.clip_start = "ORTHO", half, 1e-4
+    data.type, data.ortho_scale, data.clip_start = "ORTHO", side, clip_start
     camera = bpy.data.objects.new("Camera", data)
-    plane.matrix_world, camera.matrix_world = frame, frame @ Matrix.Translation((0, 0, half))
-    for obj in (plane, camera):
-        scene.collection.objects.link(obj)
+    camera.matrix_world = frame @ Matrix.Translation((0, 0, height))
+    scene.collection.objects.link(camera)
     scene.camera = camera
+    pixels = rendered(scene)
+    bpy.data.objects.remove(camera)
+    return pixels
+
+
+def rendered(scene):
+    """(H, W, 3) picture, row 0 at the bottom."""
     scene.render.filepath = os.path.join(bpy.app.tempdir, "reference.exr")
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], -1)[..., :3]
-    for collection, block in ((bpy.data.images, image), (bpy.data.objects, plane), (bpy.data.objects, camera)):
-        collection.remove(block)
+    pixels = np.array(image.pixels[:], np.float32).reshape(image.size[1], image.size[0], -1)[..., :3]
+    bpy.data.images.remove(image)
     return pixels

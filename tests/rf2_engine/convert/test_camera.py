@@ -69,7 +69,7 @@ def test_orthographic_camera_keeps_its_framing_and_is_reported(scene, report, ad
 
 def test_impossible_cameras_are_errors_that_name_them(scene):
     scene.camera.data.type = "PANO"
-    with pytest.raises(SceneError, match="Camera"):
+    with pytest.raises(SceneError, match='"Camera" is panoramic.* Perspective .* or to Orthographic'):
         view_of(scene, (50, 37))
     scene.camera = None
     with pytest.raises(SceneError, match="no camera"):

@@ -7,6 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import clip_start, convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.collect import collect
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.focus import find_focus
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.seen import look
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.image import ImageCache
 from mathutils import Vector
 
@@ -23,8 +24,8 @@ def focus(scene, report):
 
     def find():
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        return find_focus(collect(depsgraph, ImageCache(report), report), convert_camera(depsgraph, 192, 108, None),
-                          clip_start(depsgraph))
+        found, view = collect(depsgraph, ImageCache(report), report), convert_camera(depsgraph, 192, 108, None)
+        return find_focus(found, view, look(found, view, clip_start(depsgraph)))
     return find
 
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What of a material one BSDF cannot show is reported, and nothing else is."""
+import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 
-from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
+from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered, world
 from tests.rf2_engine.convert.test_material import tile_of
 
 
@@ -28,11 +29,75 @@ def mixed(first, second, kind="ShaderNodeMixShader"):
     (lambda: material("ShaderNodeBsdfPrincipled", Emission_Strength=5.0)[0], "reflects as if"),
     (lambda: material("ShaderNodeBsdfPrincipled", Diffuse_Roughness=0.5)[0], "diffuse roughness"),
     (lambda: material("ShaderNodeBsdfDiffuse", Roughness=0.5)[0], "diffuse roughness"),
+    (lambda: material(Coat_Weight=0.5)[0], "coat"), (lambda: material(Sheen_Weight=0.5)[0], "sheen"),
+    (lambda: material(Subsurface_Weight=0.5)[0], "subsurface"), (lambda: material(Anisotropic=0.5)[0], "anisotropy"),
+    (lambda: material(Thin_Film_Thickness=300.0)[0], "thin film"), (lambda: material(Alpha=0.5)[0], "alpha"),
+    (lambda: material(Specular_Tint=(1, 0.5, 0.5, 1))[0], "specular tint"),
+    (lambda: material("ShaderNodeBsdfGlossy", Anisotropy=0.5)[0], "anisotropy"),
+    (lambda: material("ShaderNodeBsdfMetallic")[0], "edges"),
+    (lambda: material("ShaderNodeBsdfRefraction")[0], "refraction"),
+    (lambda: material("ShaderNodeBsdfTransparent", Color=(0.5, 0.5, 0.5, 1))[0], "transparency"),
+    (lambda: material("ShaderNodeBsdfTranslucent")[0], "as Diffuse"),
+    (lambda: material("ShaderNodeSubsurfaceScattering")[0], "as Diffuse"),
+    (lambda: material("ShaderNodeBsdfHairPrincipled")[0], "as Diffuse"),
+    (lambda: material("ShaderNodeBsdfToon")[0], "as Diffuse"), (lambda: material("ShaderNodeHoldout")[0], "holdout"),
+    (lambda: material("ShaderNodeEeveeSpecular")[0], "Eevee"),
 ])
 def test_what_one_bsdf_cannot_show_is_reported(make, message):
     report = Report()
-    tile_of(make(), report)
-    assert len(report.lines()) == 1 and message in report.lines()[0]
+    made = make()
+    tile_of(made, report)
+    line, = report.lines()
+    assert message in line and made.name in line
+
+
+def test_an_effect_is_reported_once_for_a_material():
+    made, tree, mix = material("ShaderNodeMixShader", "Both")
+    for entry in list(mix.inputs)[-2:]:
+        coated = tree.nodes.new("ShaderNodeBsdfPrincipled")
+        coated.inputs["Coat Weight"].default_value = 1
+        tree.links.new(coated.outputs[0], entry)
+    report = Report()
+    tile_of(made, report)
+    assert sum("coat" in line for line in report.lines()) == 1
+
+
+def white_lit(made) -> float:
+    """Light from a smooth ball in a white world, as Cycles shows it."""
+    scene = bpy.context.scene
+    scene.render.film_transparent = True
+    background = world()[2]
+    background.inputs["Color"].default_value = (1, 1, 1, 1)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=32)
+    ball = bpy.context.object
+    ball.data.materials.append(made)
+    ball.data.shade_smooth()
+    data = bpy.data.cameras.new("Camera")
+    data.type, data.ortho_scale = "ORTHO", 2
+    camera = bpy.data.objects.new("Camera", data)
+    camera.location = (0, 0, 5)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    found = rendered(scene).mean()
+    for obj in (ball, camera):
+        bpy.data.objects.remove(obj)
+    return float(found)
+
+
+@pytest.mark.parametrize("inputs", [
+    dict(Coat_Weight=1.0, Coat_Roughness=0.1), dict(Coat_Weight=0.6, Coat_Tint=(0.5, 0.5, 0.5, 1)),
+    dict(Sheen_Weight=1.0), dict(Sheen_Weight=0.8, Sheen_Roughness=1.0)], ids=str)
+def test_layers_reflect_about_as_much_as_in_cycles(inputs):
+    """As one BSDF at level 1, which is what a tile means, and closer than without the layer."""
+    bpy.context.scene.cycles.samples = 16
+    bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 24
+    base = dict(Base_Color=(0.2, 0.2, 0.2, 1))
+    layered = material(**base, **inputs)[0]
+    tile, _ = tile_of(layered)
+    color, _, roughness, ior = tile[:3], *map(float, tile[3:6])
+    folded = material(Base_Color=(*color, 1), Roughness=roughness, IOR=ior, Specular_IOR_Level=1.0)[0]
+    shown, ours, without = white_lit(layered), white_lit(folded), white_lit(material(**base)[0])
+    assert abs(ours - shown) < 0.5 * abs(without - shown) or abs(ours - shown) < 0.03 * shown
 
 
 @pytest.mark.parametrize("make", [

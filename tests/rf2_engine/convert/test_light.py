@@ -125,57 +125,6 @@ def test_shade_of_a_spot_is_open_along_the_beam_only():
     assert [blocked(a) for a in (0.0, 0.45, 0.6, 1.5, 3.1)] == [False, False, True, True, True]
 
 
-def test_node_tree_of_a_lamp_scales_its_light():
-    empty_cycles_scene()
-    obj = lamp("POINT", POSE, energy=100, shadow_soft_size=0.1)
-    obj.data.use_nodes = True
-    emission = obj.data.node_tree.nodes["Emission"]
-    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (1, 0.5, 0.25, 1), 3
-    point, normal = POINTS[0]
-    np.testing.assert_allclose(integrated(converted(obj), point, normal), irradiance(point, normal), rtol=0.05)
-
-
-@pytest.mark.parametrize("output, smooth", [("Quadratic", 0.0), ("Quadratic", 3.0), ("Linear", 0.0), ("Constant", 0.5)])
-def test_light_falloff_is_right_at_the_middle(output, smooth):
-    empty_cycles_scene()
-    obj, report = lamp("POINT", POSE, energy=20, shadow_soft_size=0.1), Report()
-    obj.data.use_nodes = True
-    tree = obj.data.node_tree
-    node = tree.nodes.new("ShaderNodeLightFalloff")
-    node.inputs["Strength"].default_value, node.inputs["Smooth"].default_value = 2, smooth
-    tree.links.new(node.outputs[output], tree.nodes["Emission"].inputs["Strength"])
-    point, normal = POINTS[0]
-    np.testing.assert_allclose(integrated(converted(obj, report), point, normal), irradiance(point, normal), rtol=0.05)
-    assert bool(report.entries) == (output != "Quadratic" or smooth > 0)
-
-
-IES = """IESNA:LM-63-1995
-TILT=NONE
-1 1000 2.0 3 1 1 2 0 0 0 1.0 1.0 100
-0 90 180
-0
-500 500 500
-"""
-
-
-def test_ies_profile_gives_its_power_evenly_or_says_why_not():
-    empty_cycles_scene()
-    obj, report = lamp("POINT", POSE, energy=2, shadow_soft_size=0.1), Report()
-    obj.data.use_nodes = True
-    tree, text = obj.data.node_tree, bpy.data.texts.new("even.ies")
-    text.write(IES)
-    node = tree.nodes.new("ShaderNodeTexIES")
-    node.mode, node.ies = "INTERNAL", text
-    tree.links.new(node.outputs["Fac"], tree.nodes["Emission"].inputs["Strength"])
-    point, normal = POINTS[0]
-    expected = irradiance(point, normal)
-    assert expected.min() > 0
-    np.testing.assert_allclose(integrated(converted(obj, report), point, normal), expected, rtol=0.05)
-    assert "evenly" in report.lines()[0]
-    text.from_string("no profile")
-    assert len(converted(obj, report)) == 0 and "cannot be read" in report.lines()[1]
-
-
 def test_what_a_lamp_loses_is_reported():
     empty_cycles_scene()
     report = Report()

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shaders as tile parameters: values, emission, groups, mixing and what is reported."""
+import re
+
 import bpy
 import numpy as np
 import pytest
@@ -7,13 +9,17 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.mesh import read_mesh
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.closure import effective_ior
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.inputs import blackbody_color
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.functions import FUNCTIONS
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.layers import effective_ior
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.spectrum import blackbody_color
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
 from tests.rf2_engine.convert.triangles import triangles
+
+UV = np.float32([[(0, 0), (1, 0), (0, 1)]])
 
 
 @pytest.fixture(autouse=True)
@@ -136,7 +142,7 @@ def test_displacement_becomes_height(space, scale, expected):
     output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
     tree.links.new(node.outputs[0], output.inputs["Displacement"])
     tiles = MaterialTiles(Report())
-    index, _ = tiles.triangle_tiles(made, triangles(2), np.diag([*scale, 1.0]))
+    index, _ = tiles.triangle_tiles(made, triangles(2), Place(np.diag([*scale, 1.0])))
     np.testing.assert_allclose(tiles.tiles[index, HEIGHT], expected, atol=1e-3)
 
 
@@ -152,14 +158,50 @@ def test_vertex_colours_vary_inside_a_triangle():
     np.testing.assert_allclose(tile[:3, 0, 0], (0.015625, 0.015625, 0.96875), atol=1e-3)
 
 
-def test_a_report_names_material_and_node():
+def in_group(tree, kind):
+    """Output of a node of a new group in the tree."""
+    group = bpy.data.node_groups.new("Inside", "ShaderNodeTree")
+    group.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketFloat")
+    node, leave = group.nodes.new(kind), group.nodes.new("NodeGroupOutput")
+    group.links.new(node.outputs[0], leave.inputs[0])
+    user = tree.nodes.new("ShaderNodeGroup")
+    user.node_tree = group
+    return user.outputs[0]
+
+
+def test_an_input_keeps_its_value_where_the_node_before_cannot_be_evaluated():
+    made, tree, shader = material(name="Rock", Base_Color=(0.1, 0.2, 0.3, 1), Roughness=0.35)
+    tree.links.new(tree.nodes.new("ShaderNodeUVAlongStroke").outputs[0], shader.inputs["Base Color"])
+    tree.links.new(in_group(tree, "ShaderNodeWireframe"), shader.inputs["Roughness"])
+    report = Report()
+    assert_tile(made, report, base_color=(0.1, 0.2, 0.3), roughness=0.35, ior=1.3294)
+    stroke, wire = report.lines()
+    assert all(word in stroke for word in ("Rock", "UV Along Stroke", '"Base Color" of "Principled BSDF" keeps'))
+    assert all(word in wire for word in ("Rock", '"Wireframe" in "Inside"', '"Roughness" of "Principled BSDF" keeps'))
+
+
+def test_every_node_of_blender_is_evaluated_or_reported():
+    made, tree, shader = material(name="Rock")
+    seen = 0
+    for kind in filter(re.compile("ShaderNode.").match, dir(bpy.types)):
+        try:
+            node = tree.nodes.new(kind)
+        except RuntimeError:
+            continue  # a base class
+        if node.outputs and node.outputs[0].type != "SHADER":
+            tree.links.new(node.outputs[0], shader.inputs["Roughness"])
+            report = Report()
+            MaterialTiles(report).triangle_tiles(made, triangles(1, UV))
+            assert kind in FUNCTIONS or any("keeps its own value" in line for line in report.lines()), kind
+            seen += 1
+    assert seen > 60
+
+
+def test_a_report_names_the_material():
     made, tree, shader = material(name="Rock", Coat_Weight=1.0)
-    cells = tree.nodes.new("ShaderNodeTexVoronoi")
-    tree.links.new(cells.outputs["Color"], shader.inputs["Base Color"])
     report = Report()
     tile_of(made, report)
-    assert all("Rock" in line for line in report.lines())
-    assert any("Voronoi Texture" in line for line in report.lines()) and any("coat" in line for line in report.lines())
+    assert "Rock" in report.lines()[0] and "coat" in report.lines()[0]
     empty, tree, _ = material(name="Empty")
     tree.links.clear()
     assert_tile(empty, report, base_color=(0, 0, 0))
@@ -181,12 +223,12 @@ def test_volume_coefficients_and_surfaces():
     assert not has_surface(made)
 
 
-@pytest.mark.parametrize("kelvin", [1500, 3000, 6500, 10000])
+@pytest.mark.parametrize("kelvin", [500, 1500, 3000, 6500, 10000, 20000])
 def test_black_bodies_have_blenders_colour(kelvin):
     light = bpy.data.lights.new("Lamp", "POINT")
     light.use_temperature, light.temperature = True, kelvin
     bpy.context.view_layer.update()
-    np.testing.assert_allclose(blackbody_color(kelvin), light.temperature_color, rtol=0.05, atol=0.03)
+    np.testing.assert_allclose(blackbody_color(np.array([kelvin])), light.temperature_color, rtol=0.005, atol=0.005)
 
 
 @pytest.mark.parametrize("output, expected", [("Color", (0.1, 0.2, 0.6)), ("Alpha", (0.25,) * 3), ("Fac", (0.3,) * 3)])

@@ -52,3 +52,36 @@ def test_broken_triangles_are_dropped_by_name(converted, add_mesh, report):
     assert len(converted()) == 1
     messages = [message for kind, name, message in report.entries if (kind, name) == ("refused", "broken")]
     assert any("not finite" in m for m in messages) and any("area" in m for m in messages)
+
+
+def test_triangles_in_the_same_place_are_dropped_and_counted(converted, add_mesh, report):
+    add_mesh("double", faces=[(0, 1, 2), (1, 2, 0), (2, 1, 0)])
+    assert len(converted()) == 1
+    assert any(name == "double" and "2 triangles" in message for _, name, message in report.entries)
+
+
+@pytest.mark.parametrize("size", [0.5, 1, 2, 3, 4, 8])
+def test_the_halves_of_a_square_are_two_triangles(converted, report, size):
+    for turned in ((0, 0, 0), (np.pi / 2, 0, 0), (0, np.pi / 2, 0)):
+        bpy.ops.mesh.primitive_plane_add(size=size, location=(10 * size, 0, 0), rotation=turned)
+    assert len(converted()) == 6 and not report.entries
+
+
+def test_no_two_points_of_round_coordinates_are_taken_for_one():
+    side = np.float32([-8, -4, -2, -1, -0.5, 0, 0.25, 0.5, 1, 1.5, 2, 3, 4, 8])
+    points = np.stack(np.meshgrid(side, side, side), -1).reshape(-1, 3)
+    keys = meshes.corner_keys(np.repeat(points[:, None], 3, axis=1))[:, 0]
+    assert len(np.unique(keys)) == len(points)
+    assert len(np.unique((keys[:300, None] + keys[None, :300])[np.triu_indices(300)])) == 300 * 301 // 2
+
+
+def test_meshes_without_triangles_and_huge_ones_are_survived(converted, add_mesh):
+    nan = float("nan")
+    add_mesh("points", faces=[])
+    add_mesh("nothing left", [(nan, nan, nan)] * 3)
+    loose = bpy.data.meshes.new("loose")
+    loose.from_pydata([(0, 0, 0), (1, 0, 0)], [(0, 1)], [])
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("loose", loose))
+    add_mesh("huge", [(0, 0, 0), (1e12, 0, 0), (0, 1e12, 0)])
+    scene = converted(seen=True)
+    assert np.isfinite(scene.triangles).all() and meshes.areas(scene.triangles).sum() == pytest.approx(5e23)

@@ -6,6 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert import mesh as meshes
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert import reduce
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.budget import share_budget
 
 
 def test_budget_keeps_shape(converted, report):
@@ -52,7 +53,7 @@ def test_emission_keeps_its_flux_when_simplified(converted, add_material):
 
 
 def test_small_meshes_are_kept_and_shares_fit():
-    shares = reduce.share_budget([12, 100_000, 3000], [5, 1, 10], 8000)
+    shares = share_budget([12, 100_000, 3000], [5, 1, 10], [1, 100, 10], 8000)
     assert shares[0] == 12 and (shares * [5, 1, 10]).sum() <= 8000 and (shares > 60).tolist() == [False, True, True]
 
 

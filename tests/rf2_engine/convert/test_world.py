@@ -14,27 +14,10 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert
 from mathutils import Euler, Matrix
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, world
+from tests.rf2_engine.convert.token_light import gathered
+from tests.rf2_engine.convert.worlds import image_world, sky_world
 
 STUDIO_LIGHTS = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world")
-
-
-def gathered(environment, normal):
-    """(3,) irradiance of a facet in the open: the map summed over the hemisphere of its normal."""
-    theta = np.pi * (np.arange(256) + 0.5) / 256
-    solid_angle = np.sin(theta) * (np.pi / 256) * (2 * np.pi / 512)
-    cosine = np.maximum(latlong_directions(np.arange(256), 256, 512) @ (np.asarray(normal) / np.linalg.norm(normal)), 0)
-    return np.einsum("rwk,rw,r->k", environment.astype(np.float64), cosine, solid_angle)
-
-
-def image_world(image, rotation=(0, 0, 0), strength=1.0):
-    made, tree, background = world()
-    texture, mapping, coordinate = (tree.nodes.new("ShaderNode" + n) for n in ("TexEnvironment", "Mapping", "TexCoord"))
-    texture.image, mapping.inputs["Rotation"].default_value = image, rotation
-    background.inputs["Strength"].default_value = strength
-    tree.links.new(coordinate.outputs["Generated"], mapping.inputs["Vector"])
-    tree.links.new(mapping.outputs[0], texture.inputs[0])
-    tree.links.new(texture.outputs[0], background.inputs["Color"])
-    return made, texture
 
 
 def test_directions_and_rotation_match_the_specification():
@@ -113,16 +96,6 @@ def test_black_or_absent_worlds_are_none_and_missing_images_magenta():
     made, _ = image_world(image)
     np.testing.assert_allclose(convert_world(made, report)[5, 5], (1, 0, 1))
     assert "gone.exr" in report.lines()[0] and made.name in report.lines()[0]
-
-
-def sky_world(elevation, disc=False):
-    made, tree, background = world()
-    sky = tree.nodes.new("ShaderNodeTexSky")
-    kinds = sky.bl_rna.properties["sky_type"].enum_items.keys()
-    sky.sky_type = "NISHITA" if "NISHITA" in kinds else "SINGLE_SCATTERING"
-    sky.sun_elevation, sky.sun_rotation, sky.sun_disc = elevation, 0.7, disc
-    tree.links.new(sky.outputs[0], background.inputs["Color"])
-    return made
 
 
 @pytest.mark.parametrize("elevation", [0.2, 0.9])

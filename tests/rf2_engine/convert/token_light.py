@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the light tokens of a converted scene say, integrated numerically, to compare with cycles_reference.py."""
+"""What the light tokens and the panorama of a converted scene say, integrated, to compare with cycles_reference.py."""
 import numpy as np
+
+from bl_ext.user_default.renderformer_v2.model.geometry import latlong_directions
 
 
 def integrated(scene, point, normal, cuts=12):
@@ -20,3 +22,11 @@ def integrated(scene, point, normal, cuts=12):
     t = np.clip(((away * scene.beam_axis[:, None]).sum(axis=-1) - outer) / np.maximum(inner - outer, 1e-9), 0, 1)
     beam = np.where(scene.beam_axis.any(axis=1)[:, None], t * t * (3 - 2 * t), 1)
     return (emitted * received * beam / distance[..., 0] ** 2).sum(axis=1) @ scene.emission
+
+
+def gathered(environment, normal):
+    """(3,) irradiance of a facet in the open: the map summed over the hemisphere of its normal."""
+    theta = np.pi * (np.arange(256) + 0.5) / 256
+    solid_angle = np.sin(theta) * (np.pi / 256) * (2 * np.pi / 512)
+    cosine = np.maximum(latlong_directions(np.arange(256), 256, 512) @ (np.asarray(normal) / np.linalg.norm(normal)), 0)
+    return np.einsum("rwk,rw,r->k", environment.astype(np.float64), cosine, solid_angle)

@@ -7,6 +7,8 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator, Points
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.image import ImageCache
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.node_call import NodeCall
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.surface import closure_at
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
 
@@ -42,3 +44,39 @@ def test_input_that_this_blender_does_not_know_has_a_default_or_is_reported(call
     assert not report.entries
     np.testing.assert_array_equal(call["Thin Film", "Film"], [0])
     assert "Rock" in report.lines()[0] and "Thin Film" in report.lines()[0] and call.node.name in report.lines()[0]
+
+
+def test_a_shader_that_feeds_itself_is_left_out_there():
+    """A script can make it; Blender takes the link of the other shader for the invalid one."""
+    empty_cycles_scene()
+    made, tree, shader = material(Base_Color=(0.2, 0.4, 0.6, 1))
+    mix, output = tree.nodes.new("ShaderNodeMixShader"), tree.get_output_node("CYCLES")
+    for node, name in ((mix, 1), (shader, 2)):
+        tree.links.new(node.outputs[0], mix.inputs[name])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    evaluator = Evaluator(Points(), ImageCache(Report()), Report(), "Rock")
+    np.testing.assert_allclose(closure_at(NodeCall(evaluator, output), "Surface").color, (0, 0, 0))
+
+
+def test_shared_shaders_are_evaluated_once():
+    """Sixty Mix Shaders, each of the one before with itself: two to the sixtieth ways lead to the first."""
+    empty_cycles_scene()
+    made, tree, shader = material(Base_Color=(0.2, 0.4, 0.6, 1))
+    output = tree.get_output_node("CYCLES")
+    for _ in range(60):
+        mix = tree.nodes.new("ShaderNodeMixShader")
+        tree.links.new(shader.outputs[0], mix.inputs[1])
+        tree.links.new(shader.outputs[0], mix.inputs[2])
+        shader = mix
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    evaluator = Evaluator(Points(), ImageCache(Report()), Report(), "Rock")
+    np.testing.assert_allclose(closure_at(NodeCall(evaluator, output), "Surface").color, (0.2, 0.4, 0.6), rtol=1e-4)
+
+
+def test_an_output_of_another_kind_has_no_volume():
+    """Cycles takes the output of a lamp in a material, too."""
+    empty_cycles_scene()
+    made, tree, shader = material()
+    tree.nodes.remove(tree.get_output_node("CYCLES"))
+    tree.links.new(shader.outputs[0], tree.nodes.new("ShaderNodeOutputLight").inputs["Surface"])
+    assert has_surface(made) and volume_coefficients(made, Report()) is None

@@ -7,6 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, NORMAL, ROUGHNESS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from mathutils import Euler, Matrix
 
@@ -108,58 +109,13 @@ def test_extension_and_interpolation_match_cycles(image, extension, interpolatio
     assert_same(*tile_and_picture(build), share=1.0 if interpolation == "Linear" else 0.97)
 
 
-@pytest.mark.parametrize("kind", ["POINT", "TEXTURE", "VECTOR", "NORMAL"])
-def test_mapping_matches_cycles(image, kind):
-    def build(tree):
-        texture, color = graph(tree, image)
-        mapping, uv = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
-        mapping.vector_type = kind
-        for name, value in (("Location", (0.2, 0.1, 0.3)), ("Rotation", (0.2, 0.4, 0.5)), ("Scale", (0.8, 1.3, 1))):
-            if name in mapping.inputs and mapping.inputs[name].enabled:
-                mapping.inputs[name].default_value = value
-        tree.links.new(uv.outputs["UV"], mapping.inputs["Vector"])
-        tree.links.new(mapping.outputs[0], texture.inputs["Vector"])
-        return color
-
-    assert_same(*tile_and_picture(build), share=0.97)
+HALF = "ShaderNodeMath", dict(operation="MULTIPLY"), {0: None, 1: 0.5}
+VECTOR = "ShaderNodeVectorMath", dict(operation="ADD"), {0: None, 1: (0.1, 0.2, 0.3)}
 
 
-def blend(mode, factor=0.8):
-    return "ShaderNodeMix", dict(data_type="RGBA", blend_type=mode), {0: factor, 6: None, 7: (0.9, 0.5, 0.2, 1)}
-
-
-CHAINS = {  # name: (node type, settings, inputs by number; None is the image's colour)
-    "multiply": blend("MULTIPLY"), "overlay": blend("OVERLAY"), "screen": blend("SCREEN"), "divide": blend("DIVIDE"),
-    "soft light": blend("SOFT_LIGHT"), "difference": blend("DIFFERENCE"), "linear light": blend("LINEAR_LIGHT"),
-    "invert": ("ShaderNodeInvert", {}, {0: 0.8, 1: None}),
-    "gamma": ("ShaderNodeGamma", {}, {0: None, 1: 1.7}),
-    "contrast": ("ShaderNodeBrightContrast", {}, {0: None, 1: 0.1, 2: 0.3}),
-    "hue": ("ShaderNodeHueSaturation", {}, {0: 0.7, 1: 0.8, 2: 0.9, 3: 0.9, 4: None}),
-    "hsv": ("ShaderNodeSeparateColor", dict(mode="HSV"), {0: None}),
-    "luminance": ("ShaderNodeMath", dict(operation="MULTIPLY"), {0: None, 1: 0.8}),
-    "power": ("ShaderNodeMath", dict(operation="POWER"), {0: None, 1: 2.2}),
-    "pingpong": ("ShaderNodeMath", dict(operation="PINGPONG"), {0: None, 1: 0.3}),
-    "map range": ("ShaderNodeMapRange", dict(interpolation_type="SMOOTHSTEP"),
-                  {0: None, 1: 0.2, 2: 0.7, 3: 0.9, 4: 0.1}),
-    "vector maths": ("ShaderNodeVectorMath", dict(operation="SCALE"), {0: None, 3: 0.6}),
-    "ramp": ("ShaderNodeValToRGB", {}, {0: None}),
-    "curves": ("ShaderNodeRGBCurve", {}, {0: 0.7, 1: None}),
-    "checker": ("ShaderNodeTexChecker", {}, {0: None, 1: (0.1, 0.2, 0.3, 1), 2: (0.9, 0.5, 0.4, 1), 3: 3.3}),
-    "gradient": ("ShaderNodeTexGradient", dict(gradient_type="EASING"), {0: None}),
-}
-
-
-@pytest.mark.parametrize("node", CHAINS.values(), ids=CHAINS)
-def test_node_matches_cycles(image, node):
-    report = Report()
-    assert_same(*tile_and_picture(lambda tree: graph(tree, image, node)[1], report), share=0.97)
-    assert not report.entries
-
-
-def test_a_vector_becomes_a_number_as_in_cycles(image):
-    double = "ShaderNodeVectorMath", dict(operation="ADD"), {0: None, 1: (0.1, 0.2, 0.3)}
-    half = "ShaderNodeMath", dict(operation="MULTIPLY"), {0: None, 1: 0.5}
-    assert_same(*tile_and_picture(lambda tree: graph(tree, image, double, half)[1]), share=0.97)
+@pytest.mark.parametrize("chain", [(HALF,), (VECTOR, HALF)], ids=["colour", "vector"])
+def test_values_become_numbers_as_in_cycles(image, chain):
+    assert_same(*tile_and_picture(lambda tree: graph(tree, image, *chain)[1]), share=0.97)
 
 
 def test_srgb_images_are_decoded(image):
@@ -226,6 +182,30 @@ def test_normal_map_and_roughness_reach_their_channels(image):
     np.testing.assert_allclose(tile[NORMAL, 0, 31], 0.5 * mapped + 0.5 * np.array([0, 0, 1]), atol=2e-3)
 
 
+@pytest.mark.parametrize("uv, size, expected", [
+    ([(1, 0), (0, 1), (0, 0)], 1, (-0.2, 0)), ([(1, 0), (0, 1), (0, 0)], 2, (-0.1, 0)),
+    ([(0, 1), (1, 0), (0, 0)], 1, (-0.2, 0)), ([(1, 1), (0, 0), (0, 1)], 1, (-0.2, 0))], ids=str)
+def test_a_bump_becomes_a_tile_of_normals(uv, size, expected):
+    """U rises by 1 over 2 units, whichever way the UV map lies: a slope of 0.2 at a distance of 0.4."""
+    empty_cycles_scene()
+    made, tree, shader = material("ShaderNodeBsdfDiffuse")
+    bump, at = tree.nodes.new("ShaderNodeBump"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    bump.inputs["Distance"].default_value, bump.inputs["Strength"].default_value = 0.4, 1
+    tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["UV"], at.inputs[0])
+    tree.links.new(at.outputs["X"], bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], shader.inputs["Normal"])
+    report = Report()
+    tiles = MaterialTiles(report)
+    place = Place(np.diag([size, size, size, 1.0]))
+    index, _ = tiles.triangle_tiles(made, triangles(1, np.float32([uv])), place)
+    normal = np.array([*expected, 1]) / np.linalg.norm([*expected, 1])
+    np.testing.assert_allclose(tiles.tiles[index[0], NORMAL], np.tile(normal[:, None, None], (1, 32, 32)), atol=2e-3)
+    assert not report.entries
+    moved = Place(Matrix.LocRotScale((3, 1, 2), Euler((0.2, 0.3, 0.4)), (size,) * 3))
+    assert tiles.sharing(made, place) == tiles.sharing(made, Place(np.array(moved.matrix)))
+    assert tiles.sharing(made, place) != tiles.sharing(made, Place(3 * place.matrix))
+
+
 def test_missing_file_is_magenta_and_named(tmp_path):
     empty_cycles_scene()
     image = bpy.data.images.new("Gone", 4, 4)
@@ -272,54 +252,6 @@ def test_coordinates_of_the_mesh_match_cycles(output):
     report = Report()
     assert_same(*tile_and_picture(build, report), share=0.9)
     assert not report.entries
-
-
-def test_instances_share_what_depends_on_their_place_and_it_is_reported():
-    empty_cycles_scene()
-    made, tree, shader = material("ShaderNodeBsdfDiffuse")
-    tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Position"], shader.inputs["Color"])
-    report = Report()
-    MaterialTiles(report).triangle_tiles(made, triangles(1), np.eye(4), instances=2)
-    assert "all instances" in report.lines()[0]
-
-
-@pytest.mark.parametrize("settings", [
-    dict(), dict(Detail=0.0), dict(Detail=3.6, Roughness=0.7, Lacunarity=2.3), dict(Distortion=1.5), dict(Scale=80.0),
-    dict(normalize=False), dict(output="Color", Detail=1.5)], ids=str)
-def test_noise_matches_cycles(settings):
-    empty_cycles_scene(samples=1)
-    settings = dict(settings)
-    output = settings.pop("output", "Fac")
-
-    def build(tree):
-        node = tree.nodes.new("ShaderNodeTexNoise")
-        for name, value in settings.items():
-            if name in node.inputs:
-                node.inputs[name].default_value = value
-            else:
-                setattr(node, name, value)
-        coordinate = tree.nodes.new("ShaderNodeTexCoord")
-        tree.links.new(coordinate.outputs["Object"], node.inputs["Vector"])
-        return next(o for o in node.outputs if o.name.startswith(output))
-
-    report = Report()
-    assert_same(*tile_and_picture(build, report), share=0.98, atol=0.02)
-    assert not report.entries
-
-
-@pytest.mark.parametrize("settings", [dict(noise_dimensions="2D"), dict(noise_dimensions="1D"),
-                                      dict(noise_dimensions="4D"), dict(noise_type="RIDGED_MULTIFRACTAL")], ids=str)
-def test_other_noises_look_alike_and_are_reported(settings):
-    empty_cycles_scene()
-    made, tree, shader = material("ShaderNodeEmission", Strength=1.0)
-    node = tree.nodes.new("ShaderNodeTexNoise")
-    for name, value in settings.items():
-        setattr(node, name, value)
-    tree.links.new(next(o for o in node.outputs if o.name == "Color"), shader.inputs["Color"])
-    report = Report()
-    _, emission = MaterialTiles(report).triangle_tiles(made, triangles(1))
-    np.testing.assert_allclose(emission, 0.5, atol=0.2)
-    assert len(report.lines()) == 1
 
 
 def test_progress_of_a_noise_never_goes_back():

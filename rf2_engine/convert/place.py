@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a material can know of the instance that wears it: where it stands, its colour, its random number."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .shading.hashing import LARGEST, jenkins
+
+
+@dataclass(frozen=True)
+class Particle:
+    """The particle that an instance stands for; an instance of none is like the first one, at rest."""
+
+    index: int = 0
+    age: float = 0.0       # frames
+    lifetime: float = 0.0
+    location: tuple = (0.0, 0.0, 0.0)
+    size: float = 0.0
+    velocity: tuple = (0.0, 0.0, 0.0)
+    angular_velocity: tuple = (0.0, 0.0, 0.0)
+
+    @property
+    def random(self) -> float:
+        return float(jenkins(self.index, 0) / LARGEST)
+
+
+@dataclass(frozen=True)
+class Place:
+    """One instance of an object."""
+
+    matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # (4, 4) f64, object to world
+    color: tuple = (1.0, 1.0, 1.0, 1.0)
+    index: int = 0
+    random: float = 0.0
+    generated: tuple = (0.0, 0.0, 0.0)  # coordinates of the instancer where it puts the instance
+    uv: tuple = (0.0, 0.0)
+    particle: Particle = Particle()
+    properties: dict = field(default_factory=dict)  # custom ones, numbers and vectors, by name
+    of_instancer: dict = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, instance, frame: float) -> Place:
+        """Copied from a DepsgraphObjectInstance, which lives for one step of the walk alone."""
+        obj = instance.object
+        if instance.is_instance:
+            random = (instance.random_id & 0xffffffff) / LARGEST
+        else:
+            random = jenkins(_of_name(obj.name), 0) / LARGEST
+        own = {**_properties(obj.data), **_properties(obj)}
+        return cls(np.array(instance.matrix_world, np.float64), tuple(obj.color), obj.pass_index, float(random),
+                   tuple(instance.orco), tuple(instance.uv), _particle(instance, frame), own,
+                   {**own, **(_properties(instance.parent) if instance.parent else {})})
+
+
+def _particle(instance, frame: float) -> Particle:
+    system = instance.particle_system if instance.is_instance else None
+    index = instance.persistent_id[0] if system else 0
+    if system is None or not 0 <= index < len(system.particles):
+        return Particle()
+    it = system.particles[index]
+    return Particle(index, frame - it.birth_time, it.lifetime, tuple(it.location), it.size, tuple(it.velocity),
+                    tuple(it.angular_velocity))
+
+
+def _of_name(name: str) -> int:
+    """Cycles' hash of a string."""
+    code = 0
+    for byte in name.encode():
+        code = (code * 37 + byte - 256 * (byte > 127)) & 0xffffffff
+    return code
+
+
+def _properties(block) -> dict:
+    found = {}
+    for name in block.keys() if block is not None else ():
+        value = np.atleast_1d(np.asarray(block[name], object))
+        if value.size <= 4 and all(isinstance(number, (int, float)) for number in value):
+            found[name] = tuple(float(number) for number in value)
+    return found

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A lamp in its place, and in which directions it shines."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .cones import Cone, cones, smoothstep, sphere
+from .lamp_power import LampLight
+
+MOST_LIT = 0.95  # of a lamp's light is within its half angle
+
+
+@dataclass(frozen=True)
+class Detail:
+    """Of how many triangles the shapes are that stand in for lamps."""
+
+    ball_faces: int
+    disk_corners: int
+    shade_sides: int
+    most_cells: int  # along one side of an area lamp
+
+
+@dataclass
+class PlacedLamp:
+    """A lamp's strength, its pose without scale (it shines along -Z), and the scene it stands in."""
+
+    light: object             # bpy Light
+    given: LampLight
+    name: str
+    report: object
+    place: np.ndarray         # (3,)
+    frame: np.ndarray         # (3, 3) rotation
+    scale: np.ndarray         # (3,)
+    scene_center: np.ndarray  # (3,)
+    scene_radius: float
+    detail: Detail
+
+    @property
+    def beam_axis(self) -> np.ndarray:
+        return -self.frame[:, 2]
+
+    @property
+    def strength(self) -> np.ndarray:
+        return self.given.strength
+
+    def placed(self, triangles: np.ndarray) -> np.ndarray:
+        return triangles @ self.frame.T + self.place
+
+    def approximated(self, message: str) -> None:
+        self.report.approximated(self.name, message)
+
+
+def beams(lamp: PlacedLamp, own: Cone, facing: bool = False) -> list[Cone]:
+    """The beam of a lamp, or cones for what its nodes make of it; facing: from a surface and not from a ball."""
+    light = lamp.given.directions
+    if light is None:
+        return [own]
+    cosine = -sphere(len(light))[:, 2]
+    if own.axis.any():
+        light = light * smoothstep(*own.cosines, cosine)[:, None] * (own.strength / np.maximum(lamp.strength, 1e-30))
+    found, wrong = cones(light, np.maximum(cosine, 0) if facing else np.ones_like(cosine))
+    lamp.approximated(f"{len(found)} cones stand for its light, {100 * wrong:.0f} % of which goes elsewhere")
+    return found
+
+
+def half_angle_of(light: np.ndarray) -> float:
+    """Radians around -Z within which nearly all of the light stays."""
+    power, cosine = light.mean(axis=1), -sphere(len(light))[:, 2]
+    order = np.argsort(-cosine)
+    inside = np.searchsorted(np.cumsum(power[order]), MOST_LIT * power.sum())
+    return math.acos(np.clip(cosine[order[min(inside, len(order) - 1)]], -1, 1))
+
+
+def rotation(matrix: np.ndarray) -> np.ndarray:
+    """(3, 3) orthonormal and right-handed: the lamp's +Z kept, scale, shear and mirror removed."""
+    x, z = _unit(matrix[:3, 0]), _unit(matrix[:3, 2])
+    z = z if z.any() else np.array([0.0, 0.0, 1.0])
+    x = x - z * (x @ z)
+    x = _unit(x if np.linalg.norm(x) > 1e-6 else np.cross(z, np.eye(3)[np.abs(z).argmin()]))
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / (np.linalg.norm(vector) or 1)

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where a point lies: Texture Coordinate, UV Map, Geometry."""
+from __future__ import annotations
+
+import numpy as np
+
+from . import lamp
+from .arrays import joined, unit
+from .node_call import NodeCall, Unknown
+
+WORLD_COORDINATES = ("Generated", "Object", "Normal", "Reflection", "UV")
+FRONT = {"Backfacing": "both sides of a face get the front side's material"}
+MIDDLE = {"Pointiness": "edges are not found, so all is as if it were flat",
+          "Random Per Island": "all islands of a mesh get the same number"}
+
+
+def coordinate(n: NodeCall):
+    if n.points.lamp is not None:
+        return lamp.coordinate(n)
+    name, direction, points = n.output.name, n.points.direction, n.points
+    if direction is not None:
+        if name not in WORLD_COORDINATES:
+            n.approximated(f'coordinate "{name}" is evaluated as Generated')
+        return direction if name != "Object" or n.node.object is None else _seen_from(n.node.object, direction)
+    if n.node.from_instancer and name in ("Generated", "UV"):
+        place = n.placed()
+        return np.float32(place.generated) / 2 - 0.5 if name == "Generated" else np.float32((*place.uv, 0))
+    if name == "UV" or points.corners is None:
+        return active_uv(n)
+    if name == "Generated":
+        return points.generated
+    if name == "Normal":
+        return points.normal
+    if name == "Object":
+        return points.position if n.node.object is None else _seen_from(n.node.object, world_position(n))
+    raise Unknown(f'coordinate "{name}" depends on the view')
+
+
+def _seen_from(obj, points: np.ndarray) -> np.ndarray:
+    """World points (..., 3) in the frame of an object. Cycles takes a direction of the world for a point, too."""
+    matrix = np.array(obj.matrix_world.inverted_safe(), np.float32)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def uv_map(n: NodeCall):
+    return np.float32((*n.placed().uv, 0)) if n.node.from_instancer else active_uv(n, n.node.uv_map)
+
+
+def active_uv(n: NodeCall, name: str = "") -> np.ndarray:
+    """UV of the layer `name` (the active one when empty); Cycles reads (0, 0) where a mesh has no such layer."""
+    layer = n.points.uv.get(name or n.points.active_uv)
+    if layer is None:
+        which = f'UV map "{name}"' if name else "UV map"
+        n.approximated(f"the mesh has no {which}, so the whole texture shrinks to one texel; unwrap it")
+        return np.zeros(3, np.float32)
+    return layer
+
+
+def geometry(n: NodeCall):
+    if n.points.lamp is not None:
+        return lamp.coordinate(n)
+    name, points = n.output.name, n.points
+    if points.direction is not None and name in ("Position", "Normal", "True Normal", "Incoming"):
+        return points.direction if name == "Position" else -points.direction
+    if name in FRONT:
+        n.approximated(FRONT[name])
+        return np.zeros(1, np.float32)
+    if name in MIDDLE:
+        n.approximated(MIDDLE[name])
+        return np.full(1, 0.5, np.float32)
+    if points.corners is None or name in ("Incoming", "Parametric"):
+        raise Unknown(f'"{name}" is not known')
+    if name == "Position":
+        return world_position(n)
+    normal = normals_in_world(n, points.face_normal if name == "True Normal" else points.normal)
+    if name != "Tangent":
+        return normal
+    x, y, _ = np.split(points.generated - 0.5, 3, axis=-1)
+    around = normals_in_world(n, joined(-y, x, 0 * x))
+    return np.cross(normal, unit(np.cross(around, normal)))
+
+
+def normals_in_world(n: NodeCall, normals: np.ndarray) -> np.ndarray:
+    """Unit normals in the world's frame of normals in the object's."""
+    return unit(normals @ np.float32(np.linalg.pinv(n.placed().matrix[:3, :3])))
+
+
+def world_position(n: NodeCall) -> np.ndarray:
+    """(m, 32, 32, 3) f32."""
+    matrix = np.float32(n.placed().matrix)
+    return n.points.position @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+FUNCTIONS = {"ShaderNodeTexCoord": coordinate, "ShaderNodeUVMap": uv_map, "ShaderNodeNewGeometry": geometry}

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an instance tells its material: Object Info, Particle Info, and attributes that are not the mesh's."""
+from __future__ import annotations
+
+import numpy as np
+
+from .node_call import NodeCall, Unknown
+
+
+def object_info(n: NodeCall):
+    place, name = n.placed(), n.output.name
+    if name == "Material Index":
+        return _values(n.evaluator.material_index)
+    return _values({"Location": place.matrix[:3, 3], "Color": place.color[:3], "Alpha": place.color[3],
+                    "Object Index": place.index, "Random": place.random}[name])
+
+
+def particle_info(n: NodeCall):
+    return _values(getattr(n.placed().particle, n.output.name.lower().replace(" ", "_")))
+
+
+def of_strands(n: NodeCall):
+    """Curves Info and Point Info: all 0 on meshes."""
+    return np.zeros(3 if n.output.type == "VECTOR" else 1, np.float32)
+
+
+def property_of(n: NodeCall, name: str, kind: str) -> np.ndarray:
+    """(4,) a custom property of the object or of what instances it."""
+    place = n.placed()
+    found = (place.properties if kind == "OBJECT" else place.of_instancer).get(name)
+    if found is None:
+        raise Unknown(f'there is no custom property "{name}"')
+    return np.float32({1: (*found * 3, 1), 2: (*found, 0, 1), 3: (*found, 1)}.get(len(found), found))
+
+
+def _values(of) -> np.ndarray:
+    return np.atleast_1d(np.float32(of))
+
+
+FUNCTIONS = {"ShaderNodeObjectInfo": object_info, "ShaderNodeParticleInfo": particle_info,
+             "ShaderNodeHairInfo": of_strands, "ShaderNodePointInfo": of_strands}

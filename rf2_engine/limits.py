@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings of scene, view layer, objects and lamps that Cycles obeys and this engine does not: a line each."""
+from __future__ import annotations
+
+import bpy
+
+from .convert.report import Report
+
+USUAL_BOUNCES = 4  # diffuse bounces that Cycles traces unless told otherwise
+
+
+def report_limits(depsgraph: bpy.types.Depsgraph, report: Report) -> None:
+    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+    cycles = scene.cycles
+    if min(cycles.max_bounces, cycles.diffuse_bounces) < USUAL_BOUNCES:
+        report.approximated(scene.name, "light bounces as often as it usually does, not as Light Paths say")
+    if cycles.use_fast_gi:
+        report.approximated(scene.name, "Fast GI Approximation is ignored: all light is the network's")
+    if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
+        report.approximated(scene.name, "what Simplify's culling hides lights the scene and casts shadows all the same")
+    if len(layer.lightgroups):
+        report.skipped(layer.name, "its light groups have no passes of their own")
+    for obj in depsgraph.objects:
+        if obj.type == "LIGHT" and obj.data.cycles.max_bounces < USUAL_BOUNCES:
+            report.approximated(obj.name, "its Max Bounces is ignored: its light bounces like any other")
+        elif obj.type == "MESH" and _is_diced(obj, cycles):
+            report.approximated(obj.name, "the network knows its mesh without Adaptive Subdivision")
+
+
+def _is_diced(obj: bpy.types.Object, cycles: bpy.types.PropertyGroup) -> bool:
+    """Whether Cycles subdivides it by its size in the picture: an object's setting in Blender 4, a modifier's in 5."""
+    last = obj.modifiers[-1] if obj.modifiers else None
+    if last is None or last.type != "SUBSURF" or not last.show_render:
+        return False
+    if hasattr(last, "use_adaptive_subdivision"):
+        return last.use_adaptive_subdivision
+    return cycles.feature_set == "EXPERIMENTAL" and obj.cycles.use_adaptive_subdivision

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Preflight, below ours in Render Properties: what F12 will do, before it."""
+from __future__ import annotations
+
+import bpy
+
+from .. import preflight
+from ..engine import RenderFormerEngine
+from ..setup.display import draw_text
+from .panel import EnginePanel
+from .remarks import draw_badges, draw_copy, draw_remarks
+
+
+class RENDERFORMER_PT_preflight(EnginePanel):
+    bl_label = "Preflight"
+    bl_context = "render"
+    bl_parent_id = "RENDERFORMER_PT_settings"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header_preset(self, context):
+        if found := preflight.last.get(context.scene.name):
+            draw_badges(self.layout, found.remarks)
+
+    def draw(self, context):
+        self.layout.operator("renderformer_v2.preflight", icon="VIEWZOOM")
+        if found := preflight.last.get(context.scene.name):
+            column = self.layout.column(align=True)
+            for line in found.lines:
+                draw_text(column, line, icon="ERROR" if found.error else "BLANK1")
+            draw_remarks(column, found.remarks, context.scene)
+            draw_copy(self.layout, "PREFLIGHT")
+
+
+class RENDERFORMER_OT_preflight(bpy.types.Operator):
+    bl_idname = "renderformer_v2.preflight"
+    bl_label = "Look at the Scene"
+    bl_description = ("Convert the scene as a render would, without rendering: how many tokens it has, how long a "
+                      f"render will take, and what it will approximate. Takes at most {preflight.LONGEST:.0f} seconds")
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context):
+        if context.mode.startswith("EDIT"):
+            cls.poll_message_set("Leave Edit Mode first")
+            return False
+        return context.engine == RenderFormerEngine.bl_idname
+
+    def execute(self, context):
+        window_manager = context.window_manager
+        context.scene.update_tag()  # what a script sets of Cycles' settings reaches no depsgraph by itself
+        window_manager.progress_begin(0, 100)
+        try:
+            found = preflight.run(context.evaluated_depsgraph_get(),
+                                  lambda text, fraction: window_manager.progress_update(100 * fraction))
+        finally:
+            window_manager.progress_end()
+        preflight.last[context.scene.name] = found
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_preflight, RENDERFORMER_OT_preflight))

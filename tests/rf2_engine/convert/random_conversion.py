@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Many scenes by seed, each converted: no exception, only numbers that are finite, no endless work."""
+import faulthandler
+import os
+import sys
+import time
+import traceback
+from dataclasses import fields
+
+import bpy
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.model.errors import SceneError
+from bl_ext.user_default.renderformer_v2.model.normalize import Normalization
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
+
+LONGEST = 60.0   # seconds for one of these tiny scenes on a machine that is busy with others
+HANGING = 300.0  # seconds after which the process is ended, with the place where it is
+
+
+def run_seeds(count, build, first=0) -> None:
+    """build(rng) changes the open scene, which is then converted; fails with all seeds that went wrong."""
+    first += int(os.environ.get("RANDOM_SEED", 0))
+    failures = []
+    for seed in range(first, first + count):
+        faulthandler.dump_traceback_later(HANGING, exit=True, file=sys.__stderr__)
+        os.environ["RANDOM_CASE"] = str(seed)  # for whoever looks into a crash
+        try:
+            with np.errstate(all="ignore"):
+                build(np.random.default_rng(seed))
+                _convert()
+        except Exception as error:
+            places = [f"{place.name}:{place.lineno}" for place in traceback.extract_tb(error.__traceback__)[-4:]]
+            failures.append(f"seed {seed}: {error!r} in {' > '.join(places)}")
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+    if failures:
+        pytest.fail("\n".join([f"{len(failures)} of {count}", *failures]), pytrace=False)
+
+
+def _convert() -> None:
+    depsgraph, begin = bpy.context.evaluated_depsgraph_get(), time.perf_counter()
+
+    def in_time(text, fraction):
+        assert 0 <= fraction <= 1 and time.perf_counter() - begin < LONGEST, text
+
+    try:
+        view = convert_camera(depsgraph, 32, 24, None)
+    except SceneError:
+        view = None
+    try:
+        with progress.reporting(in_time):
+            scene = convert(depsgraph, view, token_budget=2000, max_edge=0.3, report=Report())
+    except SceneError:
+        return
+    _require_finite(scene)
+    _require_finite(Normalization.of(scene).scene(scene))
+
+
+def _require_finite(group) -> None:
+    for f in fields(group):
+        value = getattr(group, f.name)
+        if isinstance(value, np.ndarray):
+            assert np.isfinite(value).all(), f"{f.name} is not finite"
+        elif value is not None:
+            _require_finite(value)

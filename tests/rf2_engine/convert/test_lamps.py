@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""More lights than there is room for: how bright the ground is stays what it is in Cycles."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mathutils import Euler, Matrix
+
+from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, lamp, material, seen_flat_on
+from tests.rf2_engine.convert.token_light import integrated
+
+GROUND = 4.0  # metres
+
+
+def mean_irradiance(converted, report):
+    """(3,) of the middle of the ground, by Cycles and by the tokens."""
+    white, _, _ = material("ShaderNodeBsdfDiffuse", "White", Color=(1, 1, 1, 1))
+    measured = np.pi * seen_flat_on(white, 2 * GROUND, resolution=32).mean(axis=(0, 1))
+    scene, at = converted(), (np.arange(9) + 0.5) / 9 * GROUND - GROUND / 2
+    report.converted = scene
+    found = np.mean([integrated(scene, (x, y, 0), (0, 0, 1), cuts=1) for x in at for y in at], axis=0)
+    return measured, found
+
+
+@pytest.mark.parametrize("budget", [pytest.param(1_000_000, marks=pytest.mark.slow), 2048])
+def test_two_hundred_lamps_give_as_much_light(add_mesh, converted, report, budget):
+    empty_cycles_scene(samples=64)
+    random = np.random.default_rng(1)
+    for i in range(200):
+        kind = ("POINT", "AREA", "SPOT")[i % 3]
+        place = Matrix.Translation((*random.uniform(-2, 2, 2), random.uniform(1, 2)))
+        lamp(kind, place @ Euler(random.uniform(-0.4, 0.4, 3)).to_matrix().to_4x4(), energy=random.uniform(1, 9),
+             color=random.uniform(0.2, 1, 3), **(dict(size=0.2) if kind == "AREA" else dict(shadow_soft_size=0.05)))
+    add_mesh("Corner", ((2, 2, -0.05), (-2, -2, -0.05), (2, -2, -0.05)))
+    measured, found = mean_irradiance(lambda: converted(token_budget=budget), report)
+    np.testing.assert_allclose(found, measured, rtol=0.02)
+    assert len(report.converted) <= budget
+    assert any(name == "Lamps" and "stand for 200" in message for _, name, message in report.entries) == (budget < 1e6)
+
+
+@pytest.mark.parametrize("budget", [pytest.param(1_000_000, marks=pytest.mark.slow), 600])
+def test_a_thousand_small_shining_triangles_give_as_much_light(add_mesh, converted, report, budget):
+    empty_cycles_scene(samples=64)
+    random = np.random.default_rng(2)
+    middle = np.concatenate([random.uniform(-2, 2, (1000, 1, 2)), random.uniform(1, 2, (1000, 1, 1))], axis=2)
+    corners = middle + random.normal(0, 0.006, (1000, 3, 3))
+    glow = material("ShaderNodeEmission", "Glow", Color=(1, 0.5, 0.2, 1), Strength=2000.0)[0]
+    add_mesh("Confetti", corners.reshape(-1, 3), np.arange(3000).reshape(-1, 3).tolist(), [glow])
+    measured, found = mean_irradiance(lambda: both_sides(converted(token_budget=budget)), report)
+    assert len(report.converted) <= 2 * budget
+    np.testing.assert_allclose(found, measured, rtol=0.02)
+
+
+def both_sides(scene):
+    """Surfaces shine on both sides, and `integrated` looks at the front."""
+    return scene.appended(replace(scene, triangles=scene.triangles[:, ::-1]))
