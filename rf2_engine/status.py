@@ -73,6 +73,8 @@ class Status:
         first = _line(words, 0.0, estimate.frame.remaining(0.0))
         self.engine.update_stats("", first)
         text = cycles_progress.EngineText(self.engine, first)
+        if window:
+            status_line.show(first)
 
         def follow() -> None:
             fraction, said = 0.0, begin

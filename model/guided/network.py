@@ -57,6 +57,9 @@ class GuidedRenderFormer(RenderFormer):
 
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
         """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
-        raw = self.view_transformer.out_dpt(features, view.guides.features)
-        image = encode_light(decode_image(raw, view.guides))
-        return raw + self.refiner(raw, image, view.guides.features)
+        with part(0.0, 0.6):
+            raw = self.view_transformer.out_dpt(features, view.guides.features)
+        with part(0.6, 0.7):
+            image = encode_light(decode_image(raw, view.guides))
+        with part(0.7, 1.0):
+            return raw + self.refiner(raw, image, view.guides.features)
