@@ -18,10 +18,12 @@ from ..progress import report
 from ..scene import RenderScene
 from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
+from .fog import fog_of
 from .shadow_maps import DistantShadows, LampShadows
 from .sky import SkyVisibility
 
 DISTANT = 15.0  # network units; an emitter beyond stands for a sun, which looks alike from everywhere
+FOGLESS = 3.0   # network units from the centre: nobody looks for fog beyond
 CHUNK = 8192  # pixels at a time: bounds memory with many lights, and the time between two polls
 
 
@@ -40,12 +42,13 @@ class LightPrior:
         self.radiance, self.beam_axis, self.beam_cosine = map(as_tensor, (e.radiance, e.beam_axis, e.beam_cosine))
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
         blocking = as_tensor(scene.triangles[~scene.is_light])
-        self.sky = None if self.environment is None else SkyVisibility(blocking, self.environment)
+        self.fog = fog_of(scene.volumes, device)
+        self.sky = None if self.environment is None else SkyVisibility(blocking, self.environment, self.fog)
         towards = F.normalize(self.origins[self.distant], dim=-1)
         self.shadows = LampShadows(blocking, self.origins[~self.distant]), DistantShadows(blocking, towards)
 
     def arriving(self, position: Tensor, normal: Tensor) -> Tensor:
-        """Shares of diffuse light that arrive past the scene's triangles: (P, 6), RGB of the sky and of emitters.
+        """Shares of diffuse light that arrive past the scene's triangles and through its volumes: (P, 6), RGB of the sky and of emitters.
 
         position, normal (unit): (P, 3).
         """
@@ -55,6 +58,8 @@ class LightPrior:
             seen = x.new_ones(len(x), len(self.origins))
             for which, shadows in zip((~self.distant, self.distant), self.shadows, strict=True):
                 seen[:, which] = shadows(x, n).to(x.dtype)
+            if self.fog is not None:
+                seen *= self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
             direction, sine2, beam = self._beams(x)
             light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
             parts.append(((light * seen) @ self.radiance) / (light @ self.radiance).clamp_min(1e-12))

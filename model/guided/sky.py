@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of the environment's light reaches a surface past the scene's triangles."""
+"""How much of the environment's light reaches a surface past the scene's triangles and through its volumes."""
 from __future__ import annotations
 
 import math
@@ -8,27 +8,31 @@ import torch
 from torch import Tensor
 
 from .environment_prior import EnvironmentPrior
+from .fog import Fog
 from .shadow_maps import DistantShadows
 
 DIRECTIONS = 64
 BLUR = 0.5      # roughness that spreads the environment's radiance over a direction's share of the sphere
+FOGLESS = 2.0   # network units from a point: nobody looks for fog beyond
 CHUNK = 4096    # points at a time
 
 
 class SkyVisibility:
-    """Built from (T, 3, 3) corners of the triangles that stand in the way."""
+    """Built from (T, 3, 3) corners of the triangles, and the volumes, that stand in the way."""
 
-    def __init__(self, triangles: Tensor, environment: EnvironmentPrior):
+    def __init__(self, triangles: Tensor, environment: EnvironmentPrior, fog: Fog | None = None):
         self.towards = sphere_directions(DIRECTIONS).to(triangles.device)
         self.radiance = environment.filtered(self.towards, torch.full_like(self.towards[:, 0], BLUR))
-        self.shadows = DistantShadows(triangles, self.towards)
+        self.shadows, self.fog = DistantShadows(triangles, self.towards), fog
 
     def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
         """(P, 3) share of the environment's RGB irradiance that arrives at points (P, 3) with unit normals (P, 3)."""
         parts = [torch.zeros_like(position[:0])]
         for x, n in zip(position.split(CHUNK), normal.split(CHUNK), strict=True):
-            cosine = (n @ self.towards.T).clamp_min(0)
-            parts.append((cosine * self.shadows(x, n)) @ self.radiance / (cosine @ self.radiance).clamp_min(1e-12))
+            cosine, seen = (n @ self.towards.T).clamp_min(0), self.shadows(x, n).to(x.dtype)
+            if self.fog is not None:
+                seen *= self.fog.passing(x[:, None], x[:, None] + FOGLESS * self.towards)
+            parts.append((cosine * seen) @ self.radiance / (cosine @ self.radiance).clamp_min(1e-12))
         return torch.cat(parts)
 
 
