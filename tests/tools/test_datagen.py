@@ -18,7 +18,7 @@ SEEDS = (8, 9)  # of the mixed profile: full and simple
 
 def generate(folder: Path, seeds=SEEDS, profile: str = "mixed") -> str:
     command = [sys.executable, "-m", "tools.datagen", folder, "--first-seed", seeds[0], "--scenes", len(seeds),
-               "--views", 2, "--resolution", 32, "--samples", 16, "--profile", profile]
+               "--views", 2, "--resolution", 32, "--samples", 16, "--equal", 16, "--profile", profile]
     done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -56,6 +56,7 @@ def test_scene_cameras_guides_and_passes_of_a_sample_belong_together(folder, see
             total = total + getattr(guide, f"{lobe}_color") * (light[f"{lobe}_direct"] + light[f"{lobe}_indirect"])
         # "combined" is denoised and the others are not: compare what denoising keeps.
         assert total.mean() == pytest.approx(light["combined"][..., :3].mean(), rel=0.25)
+        assert not np.array_equal(light["equal"], light["combined"])  # as many samples: their noise is another
 
 
 def test_simple_scenes_have_neither_glass_nor_volumes_nor_textures(folder):

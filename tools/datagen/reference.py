@@ -71,14 +71,14 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
                                report=sample.report)
     converted = time.perf_counter()
     found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, light=Light.ALL, denoise=True)
-    depsgraph.scene_eval.cycles.seed += 1  # noise that hints and reference share would be a hint too many
+    depsgraph.scene_eval.cycles.seed += 1  # noise that they share with the reference would be a hint too many
     hints = cycles_session.render_passes(engine, depsgraph, samples=HINT_SAMPLES, light=Light.TRACED,
                                          hazy=bool(sample.scene.volumes))
     found["traced"] = hints["traced"]
-    depsgraph.scene_eval.cycles.seed -= 1
     if sample.equal:
         few = cycles_session.render_passes(engine, depsgraph, samples=sample.equal, light=Light.ALL, denoise=True)
         found["equal"] = few["combined"]
+    depsgraph.scene_eval.cycles.seed -= 1
     rendered = time.perf_counter()
     sample.guides.append(with_ends(make_guides(found, sample.scene, view), sample.scene, view))
     sample.views.append(view)
