@@ -14,7 +14,7 @@ STEPS = 6          # places on a way that are looked at
 VOXELS = 4         # along a token's cell
 CELLS = 8          # along a volume's box
 REACH = 2.0        # network units from the centre, along each axis, within which volumes count
-SCATTERED = 0.7    # share of the scattered light that does not arrive
+SCATTERED = 0.85   # share of the scattered light that does not arrive
 
 
 class Fog:

@@ -107,8 +107,9 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
                   arriving.reshape(h * w, 6))
     light = light.reshape(h, w, 9) * (alpha > 0)
-    bounced = gathered(radiosity, position, normal, alpha > 0)
-    behind = gathered(radiosity, position, -normal, tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
+    bounced = gathered(radiosity, position, normal, alpha > 0, noisy=True)
+    through = tensor(guides.transmission_color).amax(-1, keepdim=True) > 0
+    behind = gathered(radiosity, position, -normal, through, noisy=True)
     reflected, refracted = (_seen_light(radiosity, guides, name, tensor) for name in ("reflected", "refracted"))
     hinted = torch.full_like(alpha, guides.traced is not None)
     traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
@@ -127,9 +128,10 @@ def _seen_light(radiosity: Radiosity, guides: Guides, name: str, tensor) -> Tens
     """(h, W, 3) radiance of the surfaces that the paths of this `name` end at."""
     parts = [getattr(guides, f"{name}_{kind}") for kind in ("position", "normal", "color")]
     if parts[0] is None:
-        return torch.zeros(*guides.alpha.shape, 3, device=radiosity.center.device)
+        return torch.zeros(*guides.alpha.shape, 3, device=radiosity.normal.device)
     position, normal, color = map(tensor, parts)
-    return gathered(radiosity, position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0) * color
+    return gathered(radiosity, position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0,
+                    noisy=True) * color
 
 
 def _log(radiance: Tensor) -> Tensor:

@@ -16,6 +16,7 @@ from torch.nn import functional as F
 from ..geometry import contracted
 from ..progress import report
 from ..scene import RenderScene
+from .blocking import is_solid, passes_light
 from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
 from .fog import fog_of
@@ -41,7 +42,7 @@ class LightPrior:
         self.distant = self.origins.norm(dim=-1) > DISTANT
         self.radiance, self.beam_axis, self.beam_cosine = map(as_tensor, (e.radiance, e.beam_axis, e.beam_cosine))
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
-        blocking = as_tensor(scene.triangles[~scene.is_light])
+        blocking = as_tensor(scene.triangles[is_solid(scene) & ~scene.is_light & ~passes_light(scene, straight=True)])
         self.fog = fog_of(scene.volumes, device)
         self.sky = None if self.environment is None else SkyVisibility(blocking, self.environment, self.fog)
         towards = F.normalize(self.origins[self.distant], dim=-1)

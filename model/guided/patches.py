@@ -2,6 +2,8 @@
 """The patches that exchange light: a scene's triangles, the largest split, small ones merged to PATCHES at most."""
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -9,6 +11,7 @@ from torch import Tensor
 from ..geometry import area_vectors, contracted
 from ..network.ordering import hilbert_order
 from ..scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene
+from .blocking import is_solid, passes_light
 
 PATCHES = 2048
 NEAR = 0.5           # network units from the origin, half a side of the box that is looked at
@@ -17,13 +20,29 @@ TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like
 SPECULAR = 0.04      # what a dielectric reflects besides its colour
 
 
-def patches(scene: RenderScene) -> tuple[Tensor, Tensor, Tensor]:
-    """Centroids, area vectors and albedo, (S, 3) f32 each, of all triangles that are no lights."""
+@dataclass
+class Patches:
+    """S patches of all triangles that are no lights, and the T triangles that they were split into."""
+
+    center: Tensor   # (S, 3) f32
+    vector: Tensor   # (S, 3) f32, area vectors
+    albedo: Tensor   # (S, 3) f32
+    patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
+    corners: Tensor  # (T, 3, 3) f32
+    solid: Tensor    # (T,) bool, stops light
+    glass: Tensor    # (T,) bool, bends it
+    tint: Tensor     # (T, 3) f32, mean base colour
+
+
+def patches(scene: RenderScene) -> Patches:
     rows = np.flatnonzero(~scene.is_light)
     corners, source = _split(scene.triangles[rows])
     albedo = _albedo(scene)[scene.tile_index[rows]][source]
     center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
-    return _merged(center, vector, albedo)
+    tint = scene.tiles[:, BASE_COLOR].mean(axis=(2, 3), dtype=np.float32)[scene.tile_index]
+    solid = is_solid(scene) & ~passes_light(scene)
+    kinds = (kind[rows][source] for kind in (solid, passes_light(scene) & ~passes_light(scene, straight=True), tint))
+    return Patches(*_merged(center, vector, albedo), *map(torch.from_numpy, (corners, *kinds)))
 
 
 def _albedo(scene: RenderScene) -> np.ndarray:
@@ -60,13 +79,13 @@ def _apparent_size(center: np.ndarray, area: np.ndarray) -> np.ndarray:
     return area / distance**2
 
 
-def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The same of groups of triangles that face the same way and follow each other along the Hilbert curve.
 
-    The centroid is that of the largest triangle of a group.
+    The centroid is that of the largest triangle of a group. And which group each of the (S,) triangles is in.
     """
     if len(center) <= PATCHES:
-        return center, vector, albedo
+        return center, vector, albedo, torch.arange(len(center))
     axis = vector.abs().argmax(1, keepdim=True)
     side = (2 * axis + (vector.gather(1, axis) < 0))[:, 0]
     order = hilbert_order(contracted(center))
@@ -85,4 +104,5 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Ten
     largest = torch.zeros(PATCHES).scatter_reduce_(0, key, size, "amax")
     middle = torch.zeros(PATCHES, 3)
     middle[key[size >= largest[key]]] = center[size >= largest[key]]
-    return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20)
+    group = torch.empty_like(key).scatter_(0, order, key)
+    return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20), group

@@ -11,14 +11,19 @@ GRID = 4          # pixels between two probes, which stand in the middle of thei
 NEAR = 0.05       # network units off a pixel's plane at which a probe counts 1/e
 FACING = 8        # exponent of the cosine between the normals of pixel and probe
 LEAST = 1e-5      # weight that keeps the sum above zero
+TENT = 3 / 8, 1 / 4, 1 / 16  # weights of the 5x5, by how far they are
+SPREADS = (1, 2)  # probes between those of which a probe takes the mean, 5x5 at a time
 
 
-def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal: Tensor, covered: Tensor) -> Tensor:
+def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal: Tensor, covered: Tensor,
+             noisy: bool = False) -> Tensor:
     """(h, w, C) of a `light` that knows (P, C) at points and normals (P, 3); position and normal (h, w, 3).
 
     0 where a pixel is not covered, of which (h, w, 1) tells.
 
     Each pixel takes the mean of the four nearest probes, weighted by how far they are off its plane and turned away.
+    Those of a `noisy` light are made means of the probes around before, weighted alike (Dammertz et al. 2010, the
+    edge-avoiding wavelets that denoise traced light).
     """
     h, w = position.shape[:2]
     place = [(torch.arange(GRID // 2, side, GRID, device=position.device) if side > GRID // 2
@@ -30,17 +35,39 @@ def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal
         return known.new_zeros(h, w, known.shape[-1])
     found = known.new_zeros(*x.shape[:2], known.shape[-1])
     found[valid[..., 0]] = known
+    for spread in SPREADS if noisy else ():
+        found = _mean_around(found, x, n, valid, spread)
     total = weights = 0.0
     for down in (0, 1):
         for right in (0, 1):
             i, y = _neighbour(h, len(place[0]), down, position.device)
             j, z = _neighbour(w, len(place[1]), right, position.device)
             i, j = i[:, None].expand(h, w), j[None].expand(h, w)
-            off = ((x[i, j] - position) * normal).sum(-1, keepdim=True) / NEAR
-            facing = (n[i, j] * normal).sum(-1, keepdim=True).clamp_min(0) ** FACING
-            weight = (y[:, None] * z[None])[..., None] * ((-off.square()).exp() * facing + LEAST) * valid[i, j]
+            alike = _alike(x[i, j] - position, n[i, j], normal)
+            weight = (y[:, None] * z[None])[..., None] * (alike + LEAST) * valid[i, j]
             total, weights = total + weight * found[i, j], weights + weight
     return total / torch.clamp(weights, min=LEAST ** 2) * covered
+
+
+def _alike(away: Tensor, there: Tensor, normal: Tensor) -> Tensor:
+    """(..., 1) up to 1: how much a probe with normal `there`, `away` from a point with a normal, says about it."""
+    off = (away * normal).sum(-1, keepdim=True) / NEAR
+    return (-off.square()).exp() * (there * normal).sum(-1, keepdim=True).clamp_min(0) ** FACING
+
+
+def _mean_around(found: Tensor, x: Tensor, n: Tensor, valid: Tensor, spread: int) -> Tensor:
+    """(h, w, C) of probes, each the mean of 5x5 that stand `spread` apart."""
+    h, w = valid.shape[:2]
+    total, weights = torch.zeros_like(found), torch.zeros_like(valid, dtype=found.dtype)
+    for down in range(-2, 3):
+        for right in range(-2, 3):
+            dy, dx = down * spread, right * spread
+            here = slice(max(-dy, 0), min(h - dy, h)), slice(max(-dx, 0), min(w - dx, w))
+            there = slice(max(dy, 0), min(h + dy, h)), slice(max(dx, 0), min(w + dx, w))
+            weight = TENT[abs(down)] * TENT[abs(right)] * _alike(x[there] - x[here], n[there], n[here]) * valid[there]
+            total[here] += weight * found[there]
+            weights[here] += weight
+    return torch.where(weights > 0, total / weights.clamp_min(1e-12), found)
 
 
 def _neighbour(side: int, count: int, further: int, device) -> tuple[Tensor, Tensor]:

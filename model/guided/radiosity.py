@@ -1,28 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that has bounced between the token triangles, in closed form (docs/architecture.md).
+"""Light that has bounced between the token triangles, gathered by rays that know what stands in between.
 
-Classic radiosity (Goral et al. 1984) with point-to-disk form factors: the light of lamps and sky, shadowed, is sent on
-BOUNCES times without visibility, and from there on as if each bounce kept the same share of light; a surface point
-gathers it. Form factors over a hemisphere sum to 1 at most: more is scaled down. Volumes take their part on the way.
+Radiosity (Goral et al. 1984) between patches whose form factors are counted by rays, as is what arrives at a point
+(Reichert 1992, "A two-pass radiosity method"). What shines on the patches first is the light prior's. Only what lies
+behind glass, where that cannot reach, is looked for by the same rays: sky and shining surfaces.
 """
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..progress import part, report
+from ..progress import part
 from ..scene import RenderScene
+from .blocking import is_solid
 from .light_prior import LightPrior
 from .patches import patches
+from .voxels import Voxels
 
-BOUNCES = 2        # between triangles, before the last one at the point
-CHUNK = 1024       # points at a time
-ABOVE = 1e-3       # network units that a point is lifted off its surface
-KEPT = 0.9         # of the light, at most, that a bounce keeps after the last one computed
-WAYS = 32          # patches towards which a point looks for fog
+BOUNCES = 8      # between patches, before the last one at the point
+PATCH_RAYS = 32  # from each side of a patch
+RAYS = 32        # from a point
+ABOVE = 1e-3     # network units that a point is lifted off its surface
+BLUR = 0.3       # roughness that spreads the environment's radiance over what a ray stands for
+GOLDEN = (math.sqrt(5) - 1) / 2
+R2 = 0.7548776662, 0.5698402910  # steps of a sequence that fills a square evenly (Roberts 2018)
+
+
+@dataclass
+class Surroundings:
+    """What R rays from each of P points meet."""
+
+    side: Tensor     # (P, R) row of `Radiosity.leaving`, or the one behind
+    passing: Tensor  # (P, R) share of the light that volumes let pass
+    through: Tensor  # (P, 3) mean radiance of lights behind glass
 
 
 class Radiosity:
@@ -30,53 +44,72 @@ class Radiosity:
 
     def __init__(self, scene: RenderScene, prior: LightPrior):
         device = prior.radiance.device
-        self.center, self.vector, albedo = (x.to(device) for x in patches(scene))
-        self.area = self.vector.norm(dim=-1)
-        self.fog = prior.fog
-        if self.fog is not None:
-            self.far = self.center[::max(len(self.center) // WAYS, 1)]
-            self.murk = self.fog.around(self.center, self.far)
-        facing = F.normalize(self.vector, dim=-1)
-        x, n, albedo = torch.cat([self.center] * 2), torch.cat([facing, -facing]), torch.cat([albedo] * 2)
+        found = patches(scene)
+        center, vector, albedo = (x.to(device) for x in (found.center, found.vector, found.albedo))
+        shining = scene.is_light & is_solid(scene)
+        self.normal = F.normalize(vector, dim=-1)
+        # Where nothing is met, and where emitters are, whose light is no bounced one, is the row behind all patches.
+        solid = found.solid
+        self.patch = F.pad(found.patch[solid], (0, int(shining.sum()) + 1), value=len(center)).to(device)
+        self.emission = F.pad(torch.from_numpy(scene.emission[shining]), (0, 0, int(solid.sum()), 1)).to(device)
+        self.voxels = Voxels(torch.cat([found.corners[solid], torch.from_numpy(scene.triangles[shining])]).to(device))
+        self.panes, self.tint = None, found.tint[found.glass].to(device)
+        if found.glass.any():
+            self.panes = Voxels(found.corners[found.glass].to(device))
+        self.fog, self.environment = prior.fog, prior.environment
+        x, n, albedo = torch.cat([center] * 2), torch.cat([self.normal, -self.normal]), torch.cat([albedo] * 2)
         with part(0.0, 0.5):
             arriving = prior.arriving(x, n)
         first = albedo * prior(x + ABOVE * n, n, n, torch.ones_like(x[:, 0]), arriving)[:, :3]
-        self.leaving = first.view(2, -1, 3)  # radiance of the front and the back
-        lights = [first]
-        for bounce in range(BOUNCES):
-            with part(0.5 + bounce / BOUNCES / 2, 0.5 + (bounce + 1) / BOUNCES / 2):
-                lights.append(first + albedo * self(x, n))
-                self.leaving = lights[-1].view(2, -1, 3)
-        self.leaving = (lights[-1] + self._rest(*lights[-3:])).view(2, -1, 3)
-
-    def _rest(self, *lights: Tensor) -> Tensor:
-        """(2 S, 3) light of all bounces after three states (2 S, 3), as a geometric series."""
-        before, added = lights[1] - lights[0], lights[2] - lights[1]
-        area = torch.cat([self.area] * 2)
-        kept = (area @ added / (area @ before).clamp_min(1e-12)).clamp(0, KEPT)
-        return added * kept / (1 - kept)
+        with part(0.5, 1.0):
+            around = self._look(x, n, PATCH_RAYS)
+        self.leaving = first  # radiance of all fronts, then of all backs
+        for _ in range(BOUNCES):
+            self.leaving = first + albedo * self._gathered(around)
 
     def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
         """Radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3) -> (P, 3)."""
-        front, back = self.leaving
-        parts = [torch.zeros_like(position[:0])]
-        for x, n in zip(position.split(CHUNK), normal.split(CHUNK), strict=True):
-            report((len(parts) - 1) * CHUNK / max(len(position), 1))
-            weight = self._form_factors(x + ABOVE * n, n)
-            covered = weight.abs().sum(1, keepdim=True)
-            if self.fog is not None:
-                murk = (self.fog.around(x, self.far) + self.murk.T) / 2
-                weight.mul_((-murk * torch.cdist(x, self.center)).exp_())
-            gathered = weight.clamp_min(0) @ (front + back) - weight @ back
-            parts.append(gathered / covered.clamp_min(1.0))
-        return torch.cat(parts)
+        return self._gathered(self._look(position, normal, RAYS))
 
-    def _form_factors(self, x: Tensor, n: Tensor) -> Tensor:
-        """(P, S) share of the hemisphere that each patch covers, negative where its back is seen."""
-        dot = lambda a, b: (a * b).sum(-1, keepdim=True)  # noqa: E731
-        c, v, one, ones = self.center, self.vector, torch.ones_like(x[:, :1]), torch.ones_like(self.center[:, :1])
-        distance2 = torch.cat([x, dot(x, x), one], 1) @ torch.cat([-2 * c, ones, dot(c, c)], 1).T
-        receiving = torch.cat([n, -dot(n, x)], 1) @ torch.cat([c, ones], 1).T
-        sending = torch.cat([x, one], 1) @ torch.cat([v, -dot(c, v)], 1).T
-        distance2.clamp_min_(1e-8)
-        return receiving.clamp_min_(0).mul_(sending).div_(distance2.mul_(math.pi * distance2 + self.area))
+    def _gathered(self, around: Surroundings) -> Tensor:
+        """(P, 3) mean radiance that arrives."""
+        leaving = F.pad(self.leaving, (0, 0, 0, 1))
+        rays = zip(around.side.T, around.passing.T)
+        return around.through + sum(leaving[side] * share[:, None] for side, share in rays) / around.side.shape[1]
+
+    def _look(self, position: Tensor, normal: Tensor, rays: int) -> Surroundings:
+        direction = cosine_directions(normal, rays).reshape(-1, 3)
+        origin = (position + ABOVE * normal)[:, None].expand(-1, rays, -1).reshape(-1, 3)
+        triangle, distance = self.voxels(origin, direction)
+        patch, count = self.patch[triangle], len(self.normal)
+        back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
+        side = torch.where(patch < count, patch + count * back, 2 * count)
+        passing, through = torch.ones_like(distance), torch.zeros_like(direction)
+        if self.fog is not None:
+            passing = self.fog.passing(origin, origin + distance[:, None] * direction)
+        if self.panes is not None and self.environment is not None:
+            bright = (triangle < 0).nonzero()[:, 0]
+            pane, near = self.panes(origin[bright], direction[bright])
+            bright, pane = bright[pane >= 0], pane[pane >= 0]
+            sky = self.environment.filtered(direction[bright], torch.full_like(direction[bright, 0], BLUR))
+            through[bright] = sky * self.tint[pane]**2
+        return Surroundings(side.view(-1, rays), passing.view(-1, rays), through.view(-1, rays, 3).mean(1))
+
+    def _shining(self, triangle: Tensor, direction: Tensor) -> Tensor:
+        """(P, 3) radiance of emitters, or of the environment where the triangle is -1."""
+        if self.environment is None:
+            return self.emission[triangle]
+        sky = self.environment.filtered(direction, torch.full_like(direction[:, 0], BLUR))
+        return torch.where(triangle[:, None] < 0, sky, self.emission[triangle])
+
+
+def cosine_directions(normal: Tensor, count: int) -> Tensor:
+    """(P, count, 3) unit vectors around unit normals (P, 3), as dense as their cosines, different from row to row."""
+    row, k = torch.arange(len(normal), device=normal.device)[:, None], torch.arange(count, device=normal.device)
+    sine2 = (k + (row * R2[0]) % 1) / count
+    phi = 2 * math.pi * ((k * GOLDEN + row * R2[1]) % 1)
+    around = F.one_hot(normal.abs().argmin(-1), 3).to(normal.dtype)
+    aside = F.normalize(torch.linalg.cross(normal, around), dim=-1)
+    axes = torch.stack([aside, torch.linalg.cross(normal, aside), normal], dim=1)
+    sine = sine2.sqrt()
+    return torch.stack([sine * phi.cos(), sine * phi.sin(), (1 - sine2).clamp_min(1e-4).sqrt()], -1) @ axes

@@ -30,7 +30,7 @@ class ShadowMaps:
         corners = triangles.reshape(-1, 3).clamp(-NEAR, NEAR)
         low, high = (corners.amin(0), corners.amax(0)) if len(corners) else corners.new_zeros(2, 3)
         self.lights, self.center, self.radius = lights, (low + high) / 2, max((high - low).norm().item() / 2, 1e-6)
-        points = surface_points(triangles, (2 * self.radius / SIDE) ** 2 / DENSITY, POINTS // max(len(lights), 1))
+        points, _ = surface_points(triangles, (2 * self.radius / SIDE) ** 2 / DENSITY, POINTS // max(len(lights), 1))
         points = points[(points - self.center).norm(dim=-1) <= self.radius]
         self.nearest = torch.full((len(lights), SIDE * SIDE), math.inf, device=triangles.device)
         for k in range(len(lights)):
@@ -89,12 +89,15 @@ def _cell(right: Tensor, up: Tensor) -> Tensor:
     return row * SIDE + column
 
 
-def surface_points(triangles: Tensor, area: float, limit: int) -> Tensor:
-    """(N, 3) points on (T, 3, 3) triangles: one per started `area` of each, or of so much more that N <= limit + T."""
+def surface_points(triangles: Tensor, area: float, limit: int) -> tuple[Tensor, Tensor]:
+    """(N, 3) points on (T, 3, 3) triangles, and their rows (N,).
+
+    One per started `area` of each, or of so much more that N <= limit + T.
+    """
     a, b, c = triangles.unbind(1)
     size = torch.linalg.cross(b - a, c - a).norm(dim=-1) / 2
     count = (size / max(area, size.sum().item() / limit)).ceil().long()
     row = torch.repeat_interleave(count)
     k = torch.arange(len(row), device=row.device) - (count.cumsum(0) - count)[row]
     u, v = ((k + 0.5) / count[row]).sqrt(), (k.double() * GOLDEN % 1).float()  # a Fibonacci lattice
-    return torch.stack([1 - u, u * (1 - v), u * v], dim=1)[:, None].matmul(triangles[row])[:, 0]
+    return torch.stack([1 - u, u * (1 - v), u * v], dim=1)[:, None].matmul(triangles[row])[:, 0], row

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which triangle a ray meets first, on nested voxel grids around the origin.
+
+A voxel keeps one of its triangles, whose plane the ray must cross there (Amanatides and Woo 1987 walk such grids voxel
+by voxel; here a distance field says how far a ray may leap, Zuiderveld et al. 1992). Good for light that spreads, not
+for pictures: what is smaller than a voxel, or nearer than one, may be missed.
+"""
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ..progress import report
+from .shadow_maps import surface_points
+
+SIDE = 64                       # voxels along a grid
+HALVES = (0.6, 2.4, 9.6, 38.4)  # half the side of each grid, network units
+SPACING = 0.6                   # voxels between the points that find a triangle's voxels
+POINTS = 1 << 21                # of a grid, at most
+LEAP = 8                        # voxels, at most
+STEP = 0.7                      # voxels, at least
+NEAR = 0.6                      # voxels: what a ray meets before is the surface that it leaves
+STEPS = 96                      # of a ray, at most
+CHUNK = 1 << 16                 # rays at a time
+TOGETHER = 4                    # steps between two looks at which rays go on
+
+
+class Voxels:
+    """Of triangles (T, 3, 3), network units."""
+
+    def __init__(self, triangles: Tensor):
+        self.center = triangles.mean(1)
+        self.normal = F.normalize(torch.linalg.cross(*(triangles[:, 1:] - triangles[:, :1]).unbind(1)), dim=-1)
+        self.radius = (triangles - self.center[:, None]).norm(dim=-1).amax(1)
+        self.half = triangles.new_tensor(HALVES)
+        self.triangle = torch.cat([self._filled(triangles, half) for half in HALVES])
+        self.leap = torch.cat([_distance(grid == -1) for grid in self.triangle.view(-1, SIDE, SIDE, SIDE)])
+
+    def __call__(self, origin: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
+        """Triangle (P,), -1 if none, and distance (P,) met from points (P, 3) along unit directions (P, 3)."""
+        found = torch.full(origin.shape[:1], -1, device=origin.device)
+        distance = torch.zeros_like(origin[:, 0])
+        for begin in range(0, len(origin), CHUNK):
+            report(begin / len(origin))
+            rays = slice(begin, begin + CHUNK)
+            found[rays], distance[rays] = self._walk(origin[rays], direction[rays])
+        return found, distance
+
+    def _walk(self, origin: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
+        found = torch.full(origin.shape[:1], -1, device=origin.device)
+        distance = torch.zeros_like(origin[:, 0])
+        ray = torch.arange(len(origin), device=origin.device)
+        t = self._place(origin)[1]  # a voxel off
+        for step in range(STEPS):
+            index, pitch, outside = self._place(torch.addcmul(origin, direction, t[:, None]))
+            leap = self.leap[index]
+            met = ((leap == 0) & ~outside).nonzero()[:, 0]
+            if len(met):
+                triangle = self.triangle[index[met]].long()
+                at = self._crossing(triangle, origin[met], direction[met], t[met], pitch[met])
+                hit = at > 0
+                found[ray[met[hit]]], distance[ray[met[hit]]] = triangle[hit], at[hit]
+                outside[met[hit]] = True  # done
+            t = t + (leap - 1).clamp_min(STEP) * pitch
+            t[outside] = torch.inf
+            if step % TOGETHER == TOGETHER - 1:
+                on = t.isfinite().nonzero()[:, 0]
+                if not len(on):
+                    break
+                origin, direction, t, ray = origin[on], direction[on], t[on], ray[on]
+        return found, distance
+
+    def _place(self, points: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Index into all grids' voxels, a voxel's side and whether they lie outside, (P,) each, of points (P, 3)."""
+        far = points.abs().amax(-1)
+        outside = ~(far < HALVES[-1])
+        level = torch.bucketize(far, self.half, right=True).clamp_(max=len(HALVES) - 1)
+        half = self.half[level]
+        place = ((points / half[:, None] + 1) * (SIDE / 2)).nan_to_num_(0).clamp_(0, SIDE - 1).long()
+        index = ((level * SIDE + place[:, 0]) * SIDE + place[:, 1]) * SIDE + place[:, 2]
+        return index, half * (2 / SIDE), outside
+
+    def _crossing(self, triangle: Tensor, origin: Tensor, direction: Tensor, t: Tensor, pitch: Tensor) -> Tensor:
+        """(P,) distance at which rays cross their triangles' planes; 0 if not here, or beside the triangle."""
+        normal, offset = self.normal[triangle], self.center[triangle] - origin
+        at = (normal * offset).sum(-1) / (normal * direction).sum(-1)
+        aside = (direction * at[:, None] - offset).norm(dim=-1)
+        here = ((at - t).abs() <= pitch) & (at > NEAR * pitch) & (aside <= self.radius[triangle] + pitch / 2)
+        return torch.where(here, at, torch.zeros_like(at))
+
+    def _filled(self, triangles: Tensor, half: float) -> Tensor:
+        """(SIDE^3,) i32 triangle in each voxel of a grid, -1 where there is none."""
+        grid = torch.full((SIDE ** 3,), -1, dtype=torch.int32, device=triangles.device)
+        near = ((self.center.abs() - self.radius[:, None]) < half).all(1).nonzero()[:, 0]
+        points, row = surface_points(triangles[near], (SPACING * 2 * half / SIDE) ** 2, POINTS)
+        inside = (points.abs() < half).all(1)
+        x, y, z = ((points[inside] / half + 1) * (SIDE / 2)).long().clamp_(0, SIDE - 1).unbind(1)
+        index = (x * SIDE + y) * SIDE + z
+        return grid.scatter_reduce_(0, index, near[row[inside]].int(), "amax")
+
+
+def _distance(empty: Tensor) -> Tensor:
+    """(SIDE^3,) f32 voxels along an axis, at most LEAP, to the next that is not empty or outside the (S, S, S) grid."""
+    distance = torch.zeros_like(empty, dtype=torch.float32)
+    reached = F.pad((~empty).float()[None, None], (1,) * 6, value=1.0)
+    for _ in range(LEAP):
+        distance += 1 - reached[0, 0, 1:-1, 1:-1, 1:-1]
+        reached = F.max_pool3d(reached, 3, stride=1, padding=1)
+    return distance.reshape(-1)
