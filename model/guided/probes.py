@@ -9,6 +9,7 @@ from torch import Tensor
 
 GRID = 4          # pixels between two probes, which stand in the middle of their cells
 NEAR = 0.05       # network units off a pixel's plane at which a probe counts 1/e
+CLOSE = 0.06       # network units at which one of the probes that a probe becomes the mean of counts 1/e
 FACING = 8        # exponent of the cosine between the normals of pixel and probe
 LEAST = 1e-5      # weight that keeps the sum above zero
 TENT = 3 / 8, 1 / 4, 1 / 16  # weights of the 5x5, by how far they are
@@ -64,7 +65,9 @@ def _mean_around(found: Tensor, x: Tensor, n: Tensor, valid: Tensor, spread: int
             dy, dx = down * spread, right * spread
             here = slice(max(-dy, 0), min(h - dy, h)), slice(max(-dx, 0), min(w - dx, w))
             there = slice(max(dy, 0), min(h + dy, h)), slice(max(dx, 0), min(w + dx, w))
-            weight = TENT[abs(down)] * TENT[abs(right)] * _alike(x[there] - x[here], n[there], n[here]) * valid[there]
+            away = x[there] - x[here]
+            near = (-(away / CLOSE).square().sum(-1, keepdim=True)).exp()
+            weight = TENT[abs(down)] * TENT[abs(right)] * near * _alike(away, n[there], n[here]) * valid[there]
             total[here] += weight * found[there]
             weights[here] += weight
     return torch.where(weights > 0, total / weights.clamp_min(1e-12), found)

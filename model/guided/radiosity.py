@@ -23,7 +23,7 @@ from .voxels import Voxels
 
 BOUNCES = 8      # between patches, before the last one at the point
 PATCH_RAYS = 32  # from each side of a patch
-RAYS = 32        # from a point
+RAYS = 24        # from a point
 ABOVE = 1e-3     # network units that a point is lifted off its surface
 BLUR = 0.3       # roughness that spreads the environment's radiance over what a ray stands for
 GOLDEN = (math.sqrt(5) - 1) / 2
@@ -75,7 +75,7 @@ class Radiosity:
         """(P, 3) mean radiance that arrives."""
         leaving = F.pad(self.leaving, (0, 0, 0, 1))
         rays = zip(around.side.T, around.passing.T)
-        return around.through + sum(leaving[side] * share[:, None] for side, share in rays) / around.side.shape[1]
+        return around.through + sum(leaving.index_select(0, side) * share[:, None] for side, share in rays) / around.side.shape[1]
 
     def _look(self, position: Tensor, normal: Tensor, rays: int) -> Surroundings:
         direction = cosine_directions(normal, rays).reshape(-1, 3)

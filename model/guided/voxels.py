@@ -18,11 +18,12 @@ SIDE = 64                       # voxels along a grid
 HALVES = (0.6, 2.4, 9.6, 38.4)  # half the side of each grid, network units
 SPACING = 0.6                   # voxels between the points that find a triangle's voxels
 POINTS = 1 << 21                # of a grid, at most
-LEAP = 8                        # voxels, at most
+LEAP = 6                        # voxels, at most
 STEP = 0.7                      # voxels, at least
 NEAR = 0.6                      # voxels: what a ray meets before is the surface that it leaves
 STEPS = 96                      # of a ray, at most
 CHUNK = 1 << 16                 # rays at a time
+DONE = 1e4                      # where rays wait whose walk is over, network units
 TOGETHER = 4                    # steps between two looks at which rays go on
 
 
@@ -33,7 +34,7 @@ class Voxels:
         self.center = triangles.mean(1)
         self.normal = F.normalize(torch.linalg.cross(*(triangles[:, 1:] - triangles[:, :1]).unbind(1)), dim=-1)
         self.radius = (triangles - self.center[:, None]).norm(dim=-1).amax(1)
-        self.half = triangles.new_tensor(HALVES)
+        self.pitch = triangles.new_tensor(HALVES) * (2 / SIDE)
         self.triangle = torch.cat([self._filled(triangles, half) for half in HALVES])
         self.leap = torch.cat([_distance(grid == -1) for grid in self.triangle.view(-1, SIDE, SIDE, SIDE)])
 
@@ -54,39 +55,38 @@ class Voxels:
         t = self._place(origin)[1]  # a voxel off
         for step in range(STEPS):
             index, pitch, outside = self._place(torch.addcmul(origin, direction, t[:, None]))
-            leap = self.leap[index]
+            leap = self.leap.index_select(0, index)
             met = ((leap == 0) & ~outside).nonzero()[:, 0]
             if len(met):
-                triangle = self.triangle[index[met]].long()
-                at = self._crossing(triangle, origin[met], direction[met], t[met], pitch[met])
+                triangle = self.triangle.index_select(0, index.index_select(0, met)).long()
+                at = self._crossing(triangle, *(x.index_select(0, met) for x in (origin, direction, t, pitch)))
                 hit = at > 0
                 found[ray[met[hit]]], distance[ray[met[hit]]] = triangle[hit], at[hit]
                 outside[met[hit]] = True  # done
             t = t + (leap - 1).clamp_min(STEP) * pitch
-            t[outside] = torch.inf
+            t.masked_fill_(outside, DONE)
             if step % TOGETHER == TOGETHER - 1:
-                on = t.isfinite().nonzero()[:, 0]
+                on = (t < DONE).nonzero()[:, 0]
                 if not len(on):
                     break
-                origin, direction, t, ray = origin[on], direction[on], t[on], ray[on]
+                origin, direction, t, ray = (x.index_select(0, on) for x in (origin, direction, t, ray))
         return found, distance
 
     def _place(self, points: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Index into all grids' voxels, a voxel's side and whether they lie outside, (P,) each, of points (P, 3)."""
         far = points.abs().amax(-1)
-        outside = ~(far < HALVES[-1])
-        level = torch.bucketize(far, self.half, right=True).clamp_(max=len(HALVES) - 1)
-        half = self.half[level]
-        place = ((points / half[:, None] + 1) * (SIDE / 2)).nan_to_num_(0).clamp_(0, SIDE - 1).long()
-        index = ((level * SIDE + place[:, 0]) * SIDE + place[:, 1]) * SIDE + place[:, 2]
-        return index, half * (2 / SIDE), outside
+        level = sum((far >= half).int() for half in HALVES[:-1])
+        pitch = self.pitch.index_select(0, level)
+        x, y, z = (points / pitch[:, None] + SIDE / 2).clamp_(0, SIDE - 1).int().unbind(1)
+        return ((level * SIDE + x) * SIDE + y) * SIDE + z, pitch, far >= HALVES[-1]
 
     def _crossing(self, triangle: Tensor, origin: Tensor, direction: Tensor, t: Tensor, pitch: Tensor) -> Tensor:
         """(P,) distance at which rays cross their triangles' planes; 0 if not here, or beside the triangle."""
-        normal, offset = self.normal[triangle], self.center[triangle] - origin
+        normal, center, radius = (x.index_select(0, triangle) for x in (self.normal, self.center, self.radius))
+        offset = center - origin
         at = (normal * offset).sum(-1) / (normal * direction).sum(-1)
         aside = (direction * at[:, None] - offset).norm(dim=-1)
-        here = ((at - t).abs() <= pitch) & (at > NEAR * pitch) & (aside <= self.radius[triangle] + pitch / 2)
+        here = ((at - t).abs() <= pitch) & (at > NEAR * pitch) & (aside <= radius + pitch / 2)
         return torch.where(here, at, torch.zeros_like(at))
 
     def _filled(self, triangles: Tensor, half: float) -> Tensor:
@@ -106,5 +106,6 @@ def _distance(empty: Tensor) -> Tensor:
     reached = F.pad((~empty).float()[None, None], (1,) * 6, value=1.0)
     for _ in range(LEAP):
         distance += 1 - reached[0, 0, 1:-1, 1:-1, 1:-1]
-        reached = F.max_pool3d(reached, 3, stride=1, padding=1)
+        for side in ((3, 1, 1), (1, 3, 1), (1, 1, 3)):
+            reached = F.max_pool3d(reached, side, stride=1, padding=[n // 2 for n in side])
     return distance.reshape(-1)
