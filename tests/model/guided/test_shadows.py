@@ -53,11 +53,12 @@ def test_a_plate_keeps_a_lamp_from_what_is_below_it():
 
 
 def test_points_on_triangles_are_as_many_as_asked_for_and_lie_on_them():
-    points = surface_points(torch.tensor(SQUARE), area=0.01, limit=10000)
+    points, rows = surface_points(torch.tensor(SQUARE), area=0.01, limit=10000)
+    assert rows.bincount().tolist() == [200, 200]
     assert len(points) == 400 and points[:, 2].abs().max() == 0 and points.abs().max() <= 1
     assert torch.histc(points[:, 0], 4, -1, 1).min() > 80
-    assert len(surface_points(torch.tensor(SQUARE), area=0.01, limit=100)) <= 102
-    assert len(surface_points(torch.zeros(0, 3, 3), area=0.01, limit=100)) == 0
+    assert len(surface_points(torch.tensor(SQUARE), area=0.01, limit=100)[0]) <= 102
+    assert len(surface_points(torch.zeros(0, 3, 3), area=0.01, limit=100)[0]) == 0
 
 
 def test_directions_are_spread_evenly():
