@@ -16,7 +16,7 @@ from .scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderSce
 SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
 PURE = 0.5         # metallic or transmission from which a surface is a mirror or glass
-LIFTED = 1e-4      # of the distance travelled, that a ray starts off the surface it leaves
+LIFTED = 1e-4      # of the longest way so far, that a ray starts off the surface it leaves
 
 Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -30,20 +30,24 @@ class Ends:
     color: np.ndarray     # (P, 3) f32: diffuse colour there times that of what was passed; 0 = lamp, sky or no end
 
 
-def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray) -> Ends:
+def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray) -> Ends:
     """Paths from world points (P, 3) along unit directions (P, 3), none of which starts at a lamp.
 
+    eye: (3,) or (P, 3), where what is seen at these points is seen from.
     cast(origins, directions) gives the nearest triangle (S,) i32, -1 if none, and its distance (S,).
     """
     ends = Ends(*(np.zeros((len(origin), 3), np.float32) for _ in range(3)))
     path, share = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
+    reach = np.linalg.norm(origin - eye, axis=1)  # the longest way so far: precision depends on it
+    origin = origin + LIFTED * reach[:, None] * direction
     for _ in range(SURFACES):
         if not len(path):
             break
         triangle, distance = cast(origin, direction)
         hit = (triangle >= 0) & ~scene.is_light[triangle]
-        path, share, origin, direction, triangle = (x[hit] for x in (path, share, origin, direction, triangle))
-        point = origin + distance[hit, None] * direction
+        path, share, origin, direction, triangle, distance, reach = (
+            x[hit] for x in (path, share, origin, direction, triangle, distance, reach))
+        point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
         passed = share * base
@@ -54,8 +58,8 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
         ends.color[path] = passed * np.where(goes_on, 0, matte)[:, None]
         direction = np.where(glass[:, None], refracted(direction, normal, texel[:, IOR], inside),
                              reflected(direction, normal))
-        origin = point + LIFTED * distance[hit, None] * direction
-        path, share, origin, direction = (x[goes_on] for x in (path, passed, origin, direction))
+        origin = point + LIFTED * reach[:, None] * direction
+        path, share, origin, direction, reach = (x[goes_on] for x in (path, passed, origin, direction, reach))
     return ends
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..model.camera import view_rays_at
 from ..model.progress import report
 from ..model.scene import IOR, Guides, RenderScene, View
-from ..model.specular import LIFTED, facing, follow, reflected, refracted, surface
+from ..model.specular import facing, follow, reflected, refracted, surface
 from .casting import cast, tree_of
 
 LEAST_COLOR = {"reflected": 0.08, "refracted": 0.05}  # of a lobe whose pixels are looked at: more than plastic's gloss
@@ -47,8 +47,8 @@ def with_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
 
 def _leaving(name: str, guides: Guides, scene: RenderScene, view: View, rows: np.ndarray,
-             columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """World points (S, 3) and unit directions (S, 3) of what is reflected or refracted at pixels."""
+             columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """World points (S, 3), unit directions (S, 3) of what is reflected or refracted at pixels, and the eye (3,)."""
     eye, rays = view_rays_at(view, columns + 0.5, rows + 0.5)
     position, normal = guides.position[rows, columns], facing(guides.normal[rows, columns], rays)
     if name == "reflected":
@@ -56,4 +56,4 @@ def _leaving(name: str, guides: Guides, scene: RenderScene, view: View, rows: np
     else:
         _, inside, texel = surface(scene, guides.hit_triangle[rows, columns], position, rays)
         away = refracted(rays, normal, texel[:, IOR], inside)
-    return position + LIFTED * np.linalg.norm(position - eye, axis=1, keepdims=True) * away, away
+    return position, away, eye

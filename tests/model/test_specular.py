@@ -41,9 +41,15 @@ def along_x(scene: RenderScene):
     return cast
 
 
-def ends(scene: RenderScene, direction=(1.0, 0.0, 0.0)):
-    ray = np.float64([direction])
-    return follow(scene, along_x(scene), np.zeros((1, 3)), ray / np.linalg.norm(ray))
+def ends(scene: RenderScene, direction=(1.0, 0.0, 0.0), error=0.0):
+    """error: by which distances are found too short."""
+    ray, exact = np.float64([direction]), along_x(scene)
+
+    def cast(origins, rays):
+        triangle, distance = exact(origins, rays)
+        return triangle, np.maximum(distance - error, 0)
+
+    return follow(scene, cast, np.zeros((1, 3)), ray / np.linalg.norm(ray), eye=np.float32((-5, 0, 0)))
 
 
 def test_a_path_ends_at_the_first_matte_surface():
@@ -94,3 +100,9 @@ def test_light_that_cannot_leave_glass_is_mirrored():
     through = refracted(ray, normal, np.array([1.2]), inside)
     np.testing.assert_allclose(np.linalg.norm(through, axis=1), 1)
     np.testing.assert_allclose(through[0, 1], 0.72)
+
+
+def test_a_path_is_not_held_by_a_surface_that_it_meets_where_it_starts():
+    glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
+    found = ends(walls((1e-5, -1, glass), (1, 1, glass), (4, -1, constant_tile(RED))), error=1e-5)
+    np.testing.assert_allclose(found.color, [RED], atol=1e-3)
