@@ -21,6 +21,6 @@ def passes_light(scene: RenderScene, straight: bool = False) -> np.ndarray:
 
 
 def is_solid(scene: RenderScene) -> np.ndarray:
-    """(N,) bool: neither a lamp nor the back of one, which are there for the network alone; emitters that are seen are."""
+    """(N,) bool: what is neither a lamp nor the back of one, which are there for the network alone."""
     black = scene.tiles[:, BASE_COLOR].max(axis=(1, 2, 3)) < BLACK
     return scene.is_seen | ~scene.is_light & ~black[scene.tile_index]

@@ -20,7 +20,7 @@ MOST_TRACED = 4.0          # times, and its inverse at least: the factor of trac
 MAX_VISIBILITY = 1.2       # the prior's glossy lobe is approximate: leave room above 1
 VISIBLE, DARK = 1.5, -6.0  # offsets that start the decoder near "everything visible, nothing indirect"
 # Shares of the radiosity where the decoder starts: on a surface, as seen in mirrors and through glass, behind the glass
-BOUNCED, REFLECTED, REFRACTED, BEHIND = 0.97, 0.9, 0.9, 0.1
+BOUNCED, REFLECTED, REFRACTED, BEHIND = 0.97, 0.85, 0.95, 0.5
 
 
 def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
@@ -34,8 +34,10 @@ def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
     v, _, h, w = raw.shape
     raw = raw.float()
     visibility = MAX_VISIBILITY * torch.sigmoid(raw[:, OUTPUTS["visibility"]] + VISIBLE).reshape(v, 3, 3, h, w)
-    start = _softplus_inverse(torch.cat([BOUNCED * guides.bounced, REFLECTED * guides.reflected,
-                                         REFRACTED * guides.refracted + BEHIND * guides.behind], dim=1))
+    # Rough glass shows what arrives at its back from everywhere, smooth glass what lies behind it.
+    transmitted = torch.lerp(REFRACTED * guides.refracted, BEHIND * guides.behind,
+                             guides.features[:, FEATURES["roughness"]])
+    start = _softplus_inverse(torch.cat([BOUNCED * guides.bounced, REFLECTED * guides.reflected, transmitted], dim=1))
     indirect = F.softplus(raw[:, OUTPUTS["indirect"]] + start).reshape(v, 3, 3, h, w)
     rest = F.softplus(raw[:, OUTPUTS["rest"]] + DARK) * guides.features[:, FEATURES["alpha"]]
     direct = guides.prior * visibility

@@ -49,7 +49,9 @@ class LightPrior:
         self.shadows = LampShadows(blocking, self.origins[~self.distant]), DistantShadows(blocking, towards)
 
     def arriving(self, position: Tensor, normal: Tensor) -> Tensor:
-        """Shares of diffuse light that arrive past the scene's triangles and through its volumes: (P, 6), RGB of the sky and of emitters.
+        """Shares of diffuse light that arrive past the scene's triangles and through its volumes.
+
+        (P, 6), RGB of the sky and of emitters.
 
         position, normal (unit): (P, 3).
         """

@@ -73,9 +73,9 @@ class Radiosity:
 
     def _gathered(self, around: Surroundings) -> Tensor:
         """(P, 3) mean radiance that arrives."""
-        leaving = F.pad(self.leaving, (0, 0, 0, 1))
-        rays = zip(around.side.T, around.passing.T)
-        return around.through + sum(leaving.index_select(0, side) * share[:, None] for side, share in rays) / around.side.shape[1]
+        leaving, count = F.pad(self.leaving, (0, 0, 0, 1)), around.side.shape[1]
+        rays = zip(around.side.T, around.passing.T, strict=True)
+        return around.through + sum(leaving.index_select(0, side) * share[:, None] for side, share in rays) / count
 
     def _look(self, position: Tensor, normal: Tensor, rays: int) -> Surroundings:
         direction = cosine_directions(normal, rays).reshape(-1, 3)

@@ -22,8 +22,9 @@ def box(side=(2.0, 2.0, 2.0), euler=(0.0, 0.0, 0.0), absorption=0.0, scattering=
     turn = np.array([[np.cos(euler[2]), -np.sin(euler[2]), 0], [np.sin(euler[2]), np.cos(euler[2]), 0], [0, 0, 1]])
     rows = lambda value: np.broadcast_to(np.float32(value), (512, 3)).copy()  # noqa: E731
     mean_side = np.sqrt((side**2).mean())
-    return Volumes(np.ones((512, 64), np.float32), ((cells * side) @ turn.T).astype(np.float32), rows(euler), rows(side),
-                   rows(scattering * mean_side), rows(absorption * mean_side))
+    position = ((cells * side) @ turn.T).astype(np.float32)
+    return Volumes(np.ones((512, 64), np.float32), position, rows(euler), rows(side), rows(scattering * mean_side),
+                   rows(absorption * mean_side))
 
 
 def passing(volumes: Volumes, begin, end) -> float:

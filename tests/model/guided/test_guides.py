@@ -8,7 +8,7 @@ import torch
 from renderformer_v2.model.guided import guides as guides_module
 from renderformer_v2.model.guided.guidance import Guidance
 from renderformer_v2.model.guided.guides import FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
-from renderformer_v2.model.guided.light import BEHIND, BOUNCED, OUTPUTS, decode_image, decode_light
+from renderformer_v2.model.guided.light import BEHIND, BOUNCED, OUTPUTS, REFRACTED, decode_image, decode_light
 from renderformer_v2.model.guided.light_prior import LightPrior
 from renderformer_v2.model.guided.radiosity import Radiosity
 from renderformer_v2.model.presets import rf2_small
@@ -78,12 +78,16 @@ def test_traced_light_is_corrected_within_bounds(raw, factor):
 def test_an_undecided_decoder_adds_a_share_of_the_radiosity():
     guides = tensors(hinted=True)
     guides.bounced = guides.bounced + 0.5
-    guides.behind, guides.colors = guides.behind + 0.3, guides.colors + 0.2 * (guides.colors > 0)
+    guides.behind, guides.refracted = guides.behind + 0.3, guides.refracted + 0.7
+    guides.colors = guides.colors + 0.2 * (guides.colors > 0)
     guides.colors[:, 2] += 0.5
-    image = decode_light(torch.zeros(1, len(OUTPUTS), 64, 64), guides)["image"]
-    expected = (guides.traced + BOUNCED * guides.bounced * guides.colors[:, 0]
-                + BEHIND * guides.behind * guides.colors[:, 2])
-    torch.testing.assert_close(image, expected, atol=2e-2, rtol=0)
+    for rough in (0.0, 1.0):
+        guides.features[:, FEATURES["roughness"]] = rough
+        image = decode_light(torch.zeros(1, len(OUTPUTS), 64, 64), guides)["image"]
+        transmitted = BEHIND * guides.behind if rough else REFRACTED * guides.refracted
+        expected = (guides.traced + BOUNCED * guides.bounced * guides.colors[:, 0]
+                    + transmitted * guides.colors[:, 2])
+        torch.testing.assert_close(image, expected, atol=2e-2, rtol=0)
 
 
 def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
