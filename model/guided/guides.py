@@ -71,7 +71,7 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     bundles, pictures = [], []
     for begin in range(0, h, rows):
         pixels = slice(begin, begin + rows)
-        with part(begin / h, (begin + rows) / h):
+        with part(begin / h, min(begin + rows, h) / h):
             band = _band(scene, view, guides, prior, radiosity, pixels, patch)
         if features is None:
             features, light = like(band.features, h, 1), like(band.light, h, 1)
@@ -103,14 +103,21 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    arriving = gathered(prior.arriving, position, normal, alpha > 0)
-    light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
-                  arriving.reshape(h * w, 6))
-    light = light.reshape(h, w, 9) * (alpha > 0)
-    bounced = gathered(radiosity, position, normal, alpha > 0, noisy=True)
-    through = tensor(guides.transmission_color).amax(-1, keepdim=True) > 0
-    behind = gathered(radiosity, position, -normal, through, noisy=True)
-    reflected, refracted = (_seen_light(radiosity, guides, name, tensor) for name in ("reflected", "refracted"))
+    with part(0.0, 0.2):
+        arriving = gathered(prior.arriving, position, normal, alpha > 0)
+    with part(0.2, 0.4):
+        light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
+                      arriving.reshape(h * w, 6))
+        light = light.reshape(h, w, 9) * (alpha > 0)
+    with part(0.4, 0.7):
+        bounced = gathered(radiosity, position, normal, alpha > 0, noisy=True)
+    with part(0.7, 0.8):
+        through = tensor(guides.transmission_color).amax(-1, keepdim=True) > 0
+        behind = gathered(radiosity, position, -normal, through, noisy=True)
+    with part(0.8, 0.9):
+        reflected = _seen_light(radiosity, guides, "reflected", tensor)
+    with part(0.9, 1.0):
+        refracted = _seen_light(radiosity, guides, "refracted", tensor)
     hinted = torch.full_like(alpha, guides.traced is not None)
     traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)

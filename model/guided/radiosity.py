@@ -46,21 +46,19 @@ class Radiosity:
         device = prior.radiance.device
         found = patches(scene)
         center, vector, albedo = (x.to(device) for x in (found.center, found.vector, found.albedo))
-        shining = scene.is_light & is_solid(scene)
+        shining = torch.from_numpy(scene.triangles[scene.is_light & is_solid(scene)])
         self.normal = F.normalize(vector, dim=-1)
         # Where nothing is met, and where emitters are, whose light is no bounced one, is the row behind all patches.
-        solid = found.solid
-        self.patch = F.pad(found.patch[solid], (0, int(shining.sum()) + 1), value=len(center)).to(device)
-        self.emission = F.pad(torch.from_numpy(scene.emission[shining]), (0, 0, int(solid.sum()), 1)).to(device)
-        self.voxels = Voxels(torch.cat([found.corners[solid], torch.from_numpy(scene.triangles[shining])]).to(device))
-        self.panes, self.tint = None, found.tint[found.glass].to(device)
-        if found.glass.any():
-            self.panes = Voxels(found.corners[found.glass].to(device))
-        self.fog, self.environment = prior.fog, prior.environment
+        self.patch = F.pad(found.patch[found.solid], (0, len(shining) + 1), value=len(center)).to(device)
+        self.voxels = Voxels(torch.cat([found.corners[found.solid], shining]).to(device))
+        self.fog, self.environment, self.panes = prior.fog, prior.environment, None
+        if found.glass.any() and self.environment is not None:
+            self.panes, self.tint = Voxels(found.corners[found.glass].to(device)), found.tint[found.glass].to(device)
         x, n, albedo = torch.cat([center] * 2), torch.cat([self.normal, -self.normal]), torch.cat([albedo] * 2)
-        with part(0.0, 0.5):
+        with part(0.0, 0.4):
             arriving = prior.arriving(x, n)
-        first = albedo * prior(x + ABOVE * n, n, n, torch.ones_like(x[:, 0]), arriving)[:, :3]
+        with part(0.4, 0.5):
+            first = albedo * prior(x + ABOVE * n, n, n, torch.ones_like(x[:, 0]), arriving)[:, :3]
         with part(0.5, 1.0):
             around = self._look(x, n, PATCH_RAYS)
         self.leaving = first  # radiance of all fronts, then of all backs
@@ -80,27 +78,22 @@ class Radiosity:
     def _look(self, position: Tensor, normal: Tensor, rays: int) -> Surroundings:
         direction = cosine_directions(normal, rays).reshape(-1, 3)
         origin = (position + ABOVE * normal)[:, None].expand(-1, rays, -1).reshape(-1, 3)
-        triangle, distance = self.voxels(origin, direction)
+        with part(0.0, 0.7):
+            triangle, distance = self.voxels(origin, direction)
         patch, count = self.patch[triangle], len(self.normal)
         back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
         side = torch.where(patch < count, patch + count * back, 2 * count)
         passing, through = torch.ones_like(distance), torch.zeros_like(direction)
         if self.fog is not None:
             passing = self.fog.passing(origin, origin + distance[:, None] * direction)
-        if self.panes is not None and self.environment is not None:
+        if self.panes is not None:
             bright = (triangle < 0).nonzero()[:, 0]
-            pane, near = self.panes(origin[bright], direction[bright])
+            with part(0.7, 1.0):
+                pane, _ = self.panes(origin[bright], direction[bright])
             bright, pane = bright[pane >= 0], pane[pane >= 0]
             sky = self.environment.filtered(direction[bright], torch.full_like(direction[bright, 0], BLUR))
-            through[bright] = sky * self.tint[pane]**2
+            through[bright] = sky * self.tint[pane]**2  # a body's two surfaces
         return Surroundings(side.view(-1, rays), passing.view(-1, rays), through.view(-1, rays, 3).mean(1))
-
-    def _shining(self, triangle: Tensor, direction: Tensor) -> Tensor:
-        """(P, 3) radiance of emitters, or of the environment where the triangle is -1."""
-        if self.environment is None:
-            return self.emission[triangle]
-        sky = self.environment.filtered(direction, torch.full_like(direction[:, 0], BLUR))
-        return torch.where(triangle[:, None] < 0, sky, self.emission[triangle])
 
 
 def cosine_directions(normal: Tensor, count: int) -> Tensor:

@@ -112,7 +112,7 @@ class DPTDecoder(nn.Module):
     def _bands(self, features, size, extra, rows: int) -> torch.Tensor:
         result, x = None, self._rows(features, size, extra)
         for begin in range(0, size[0], rows):
-            with part(begin / size[0], (begin + rows) / size[0]):
+            with part(begin / size[0], min(begin + rows, size[0]) / size[0]):
                 band = x(begin, begin + rows)
             if result is None:
                 result = band.new_empty(*band.shape[:2], *size)

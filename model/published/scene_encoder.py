@@ -68,7 +68,7 @@ class SceneEncoder:
             return torch.zeros(0, 5 * self.images.channels, 4, 4, dtype=torch.float16)
         chunks = []
         for begin in range(0, count, CHUNK):
-            with part(begin / count, (begin + CHUNK) / count, f"Encoding textures, {begin} of {count}"):
+            with part(begin / count, min(begin + CHUNK, count) / count, f"Encoding textures, {begin} of {count}"):
                 report()
                 groups = image_groups(raw(slice(begin, begin + CHUNK)))
                 chunks.append(self.images(groups.flatten(0, 1)).unflatten(0, (-1, 5)).flatten(1, 2).half())
