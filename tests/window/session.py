@@ -52,9 +52,9 @@ def watch() -> None:
     """Note the stages that begin, and the lines that are shown while Cycles runs."""
     from bl_ext.user_default.renderformer_v2.rf2_engine import status, status_line
 
-    def stage(of, name, part="", real=status.Status.stage):
+    def stage(of, name, *how, real=status.Status.stage, **more):
         stages.append(name)
-        return real(of, name, part)
+        return real(of, name, *how, **more)
 
     def show(text, real=status_line.show):
         lines.append(text)
