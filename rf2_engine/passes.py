@@ -87,6 +87,7 @@ REFERENCE = (
     *(Pass(f"cycles_{p.key}", f"Cycles {p.name_5}", f"Cycles {p.name_5}", p.channels, p.kind, "reference")
       for p in PASSES if p.source == "lighting"),
 )
+REFERENCE_NAMES = frozenset(p.blender_name for p in REFERENCE)
 _KEYS = {p.blender_name: p.key for p in (*PASSES, *REFERENCE)}
 
 

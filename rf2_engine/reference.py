@@ -27,8 +27,10 @@ def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view
     """Announce the passes of the reference that `scene` asks for."""
     if is_wanted(scene):
         light_passes = scene.renderformer_v2.reference.use_light_passes
+        aovs = view_layer.aovs if scene.is_evaluated else ()  # cycles_run tells Cycles of the passes as AOVs
         for p in pass_table.REFERENCE if light_passes else pass_table.REFERENCE[:1]:
-            engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
+            if p.blender_name not in aovs:
+                engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
 
 
 def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture: dict[str, np.ndarray],
