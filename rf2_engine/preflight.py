@@ -94,8 +94,7 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     frame.check(depsgraph, settings, report)
     report_limits(depsgraph, report)
     optics = Optics.of(depsgraph).possible(settings.light, depsgraph, report)
-    width, height = (side * blenders.resolution_percentage // 100
-                     for side in (blenders.resolution_x, blenders.resolution_y))
+    width, height = frame.size(blenders)
     border = frame.border(width, height, blenders)
     view = convert_camera(depsgraph, width, height, border, report)
     found = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,

@@ -102,7 +102,7 @@ def _keys() -> tuple:
 
 def new_measurement() -> Measurement:
     """Of the two pictures, which have to be there; not started."""
-    return Measurement(a, b, Box(bpy.context.scene, settings().region, a.pixels.shape[:2]))
+    return Measurement(a, b, Box(bpy.context.scene, settings().region, a.window))
 
 
 def forget() -> None:
