@@ -81,6 +81,8 @@ PASSES = tuple(p for p in (
 
 LIGHTING = frozenset(p.key for p in PASSES if p.source == "lighting")
 
+NOISY = Pass("noisy", "Noisy Image", "Noisy Image", "RGBA", "COLOR", "data", STORED)  # before the denoiser
+
 # What a reference beside our picture adds, under names that are the same in every Blender version.
 REFERENCE = (
     Pass("cycles_reference", "Cycles Reference", "Cycles Reference", "RGBA", "COLOR", "reference"),
@@ -88,7 +90,7 @@ REFERENCE = (
       for p in PASSES if p.source == "lighting"),
 )
 REFERENCE_NAMES = frozenset(p.blender_name for p in REFERENCE)
-_KEYS = {p.blender_name: p.key for p in (*PASSES, *REFERENCE)}
+_KEYS = {p.blender_name: p.key for p in (*PASSES, NOISY, *REFERENCE)}
 
 
 def key_of(blender_name: str) -> str:
@@ -96,15 +98,25 @@ def key_of(blender_name: str) -> str:
     return _KEYS.get(blender_name, f"own {blender_name}")
 
 
-def of_view_layer(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[Pass]:
+def of_view_layer(view_layer: bpy.types.ViewLayer, lighting: Collection[str],
+                  scene: bpy.types.Scene | None = None) -> list[Pass]:
     """The passes that were ticked for this view layer, of the light passes those whose keys are in `lighting`.
 
+    `scene` is its own, which a view layer that Blender gives to update_render_passes does not know.
     What we compute under the name of a shader AOV is among them, for Blender then marks the AOV as in conflict.
     """
     taken = {aov.name for aov in view_layer.aovs}
     ticked = [p for p in PASSES if (p.source != "lighting" or p.key in lighting) and (
         p.is_asked(view_layer) or p.source in ("guide", "lighting") and p.blender_name in taken)]
-    return ticked + [*_cryptomattes(view_layer), *_shader_aovs(view_layer)]
+    noisy = [NOISY] if _is_noisy_asked(view_layer, scene or view_layer.id_data) else []
+    return ticked + noisy + [*_cryptomattes(view_layer), *_shader_aovs(view_layer)]
+
+
+def _is_noisy_asked(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
+    """True where Cycles has it, but only with Denoising Data."""
+    of_cycles = getattr(view_layer, "cycles", None)
+    return bool(of_cycles and of_cycles.denoising_store_passes and of_cycles.use_denoising
+                and scene.cycles.use_denoising)
 
 
 def asked_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> bool:
@@ -121,7 +133,7 @@ def of_session(view_layer: bpy.types.ViewLayer, lighting: bool) -> list[Pass]:
 def register(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer,
              lighting: Collection[str] = ()) -> None:
     """Announce the ticked passes: they become sockets of the Render Layers node and layers of the file."""
-    for p in of_view_layer(view_layer, lighting):
+    for p in of_view_layer(view_layer, lighting, scene):
         engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
 
 

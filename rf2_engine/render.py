@@ -106,7 +106,9 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                         light = output.light_passes(guides, lobes, found, bool(scene.volumes), settings.exposure)
                 radiance = lobes.radiance
     with status.stage("Writing passes"):
-        picture = passes | light | {"combined": combined(radiance)}
+        whole = combined(radiance)
+        noisy = output.noisy(whole, found, settings.exposure)
+        picture = passes | light | {"combined": whole, pass_table.NOISY.key: noisy}
         output.write(engine, layer, picture)
     beside = Report()
     samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0

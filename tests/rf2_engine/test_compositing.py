@@ -39,11 +39,12 @@ def test_the_matte_of_an_object_is_that_of_cycles(pictured, tmp_path, of, name):
 
 def test_denoise_glare_and_defocus_make_nearly_what_they_make_of_cycles(pictured, tmp_path):
     tick(pictured.view_layers[0], {"depth", "denoising_albedo"})
+    pictured.cycles.use_denoising = True
     tree = compositor(pictured)
     layers = tree.nodes.new("CompositorNodeRLayers")
     layers.scene = pictured
     denoise, glare, defocus = (tree.nodes.new(f"CompositorNode{name}") for name in ("Denoise", "Glare", "Defocus"))
-    tree.links.new(layers.outputs["Image"], denoise.inputs["Image"])
+    tree.links.new(layers.outputs["Noisy Image"], denoise.inputs["Image"])
     tree.links.new(layers.outputs["Denoising Albedo"], denoise.inputs["Albedo"])
     tree.links.new(layers.outputs["Denoising Normal"], denoise.inputs["Normal"])
     tree.links.new(denoise.outputs["Image"], glare.inputs["Image"])
