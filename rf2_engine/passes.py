@@ -119,6 +119,17 @@ def _is_noisy_asked(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> 
                 and scene.cycles.use_denoising)
 
 
+def absent(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[str]:
+    """Names of passes that Cycles would give of this view layer, and we cannot."""
+    try:
+        from cycles.engine import list_render_passes
+        of_cycles = [name for name, *_ in list_render_passes(scene, view_layer)]
+    except (ImportError, AttributeError, TypeError):
+        return []  # a Cycles that does not tell
+    ours = {p.blender_name for p in of_view_layer(view_layer, lighting, scene)}
+    return [name for name in of_cycles if name not in ours and not name.startswith("Noisy ")]
+
+
 def asked_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> bool:
     """True if one of the light passes with these keys is ticked."""
     return any(p.key in lighting for p in of_view_layer(view_layer, lighting))

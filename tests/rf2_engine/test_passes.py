@@ -8,6 +8,7 @@ import pytest
 import cycles.engine as cycles_engine
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import passes as pass_panels
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import light_passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from .f12 import press_f12
@@ -144,3 +145,4 @@ def test_light_that_the_weights_cannot_give_is_absent(scene, tmp_path, monkeypat
     scene.renderformer_v2.weights_source = "PUBLISHED"
     assert not light & sockets(scene) and "use_pass_diffuse_direct" not in settings_in_panel(scene)
     assert "use_pass_diffuse_color" in settings_in_panel(scene)
+    assert set(passes.absent(scene, scene.view_layers[0], light_passes(scene))) == light
