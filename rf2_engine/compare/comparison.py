@@ -94,8 +94,9 @@ def is_outdated() -> bool:
 
 
 def _keys() -> tuple:
+    """What is compared; a slot that is removed gives its number to the next."""
     try:
-        return sources.key(settings().a), sources.key(settings().b)
+        return sources.key(settings().a), sources.key(settings().b), sources.slots()
     except sources.SourceError:
         return ()
 

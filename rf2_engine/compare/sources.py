@@ -88,6 +88,11 @@ def key(side) -> tuple:
     return ("image", side.image) if side.kind == "IMAGE" else ("slot", slot_number(side))
 
 
+def slots() -> int:
+    """How many render slots there are."""
+    return sum(len(image.render_slots) for image in bpy.data.images if image.type == "RENDER_RESULT")
+
+
 def _render_result() -> bpy.types.Image:
     for image in bpy.data.images:
         if image.type == "RENDER_RESULT":

@@ -109,6 +109,13 @@ def test_another_render_or_slot_outdates_what_was_read(settings):
     assert comparison.is_outdated()
 
 
+def test_another_number_of_slots_outdates_what_was_read(settings):
+    """Where one was removed the next has its number."""
+    comparison.read()
+    bpy.data.images["Render Result"].render_slots.new()
+    assert comparison.is_outdated()
+
+
 def test_pictures_of_different_sizes_are_named(settings):
     bpy.data.images.new("Small", 20, 10)
     settings.b.kind, settings.b.image = "IMAGE", "Small"
