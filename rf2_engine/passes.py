@@ -36,7 +36,9 @@ class Pass(NamedTuple):
         lobe, _, light = self.name_5.partition(" ")
         if light in ("Direct", "Indirect", "Color"):
             return lobe, light
-        return "Other" if self.key in ("emission", "environment", "ambient_occlusion") else "Data", self.name_5
+        if self.key == "ambient_occlusion":
+            return "Other", "AO"  # all of it would be cut at the usual width
+        return "Other" if self.key in ("emission", "environment") else "Data", self.name_5
 
     def is_asked(self, view_layer: bpy.types.ViewLayer) -> bool:
         """True if the view layer has it ticked; Cycles' own properties are there while Cycles is enabled."""

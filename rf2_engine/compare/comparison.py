@@ -94,9 +94,11 @@ def is_outdated() -> bool:
 
 
 def _keys() -> tuple:
-    """What is compared; a slot that is removed gives its number to the next."""
+    """What is compared, and where; a slot that is removed gives its number to the next."""
+    chosen, render = settings(), bpy.context.scene.render
+    region = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
     try:
-        return sources.key(settings().a), sources.key(settings().b), sources.slots()
+        return sources.key(chosen.a), sources.key(chosen.b), sources.slots(), chosen.region == "BORDER" and region
     except sources.SourceError:
         return ()
 

@@ -97,7 +97,7 @@ def test_the_reference_is_chosen_when_it_is_there(settings, two_slots):
     assert settings.b.pass_name == "Cycles Reference" and comparison.b.name == "Slot 2, Cycles Reference"
 
 
-def test_another_render_or_slot_outdates_what_was_read(settings):
+def test_another_render_slot_or_region_outdates_what_was_read(settings, two_slots):
     settings.b.kind = "SHOWN"
     comparison.read()
     assert not comparison.is_outdated()
@@ -105,6 +105,13 @@ def test_another_render_or_slot_outdates_what_was_read(settings):
     assert comparison.is_outdated()
     bpy.data.images["Render Result"].render_slots.active_index = 1
     assert not comparison.is_outdated()
+    two_slots.render.border_max_x = 0.9
+    assert not comparison.is_outdated()
+    settings.region = "BORDER"
+    comparison.read()
+    two_slots.render.border_max_x = 0.8
+    assert comparison.is_outdated()
+    comparison.read()
     bpy.ops.render.render()
     assert comparison.is_outdated()
 
