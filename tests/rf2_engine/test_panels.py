@@ -57,9 +57,14 @@ def test_passes_that_cannot_be_given_are_named(scene):
     assert "Combined_Key" in " ".join(drawn(scene, light).texts)
 
 
-def test_a_material_has_its_pass_index(scene):
-    made = cube(scene).active_material
-    assert "pass_index" in drawn(scene, panels()["RENDERFORMER_PT_material_settings"], material=made).shown
+def test_a_material_has_its_settings(scene):
+    shown = drawn(scene, panels()["RENDERFORMER_PT_material_settings"], material=cube(scene).active_material).shown
+    assert {"pass_index", "displacement_method", "use_transparent_shadow"} <= shown
+
+
+def test_light_linking_and_the_shadow_terminator_have_their_place():
+    for name in ("OBJECT_PT_shading", "OBJECT_PT_shadow_terminator"):
+        assert "RENDERFORMER_V2" in getattr(bpy.types, name).COMPAT_ENGINES, name
 
 
 def test_an_area_lamp_has_its_spread(scene):
