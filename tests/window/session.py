@@ -23,7 +23,13 @@ def session():
     from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison
     watch()
     scene = bpy.context.scene
+    shading = area("VIEW_3D").spaces.active.shading
+    shading.type = "RENDERED"
+    yield 1.0
     scene.render.engine = "RENDERFORMER_V2"
+    yield lambda: shading.type == "MATERIAL"
+    yield 1.0
+    driver.shot("rendered_viewport")
     scene.render.resolution_x, scene.render.resolution_y = 640, 480
     reference = scene.renderformer_v2.reference
     reference.use, reference.samples, reference.use_denoising = True, 64, False
@@ -45,6 +51,7 @@ def session():
     yield from compare(editor, comparison, found)
     yield from escape(editor, statistics, found)
     yield from reopen(editor, comparison, found)
+    yield from hostile(editor, comparison, statistics, found)
     yield from elsewhere(editor, statistics, found)
 
 
@@ -161,6 +168,38 @@ def reopen(editor, comparison, found):
     chosen.a.kind = "SHOWN"
     yield lambda: comparison.a is not None and "Slot" in comparison.a.name
     found["file_is_the_render"] = bool(np.array_equal(of_file, comparison.a.pixels))
+
+
+def hostile(editor, comparison, statistics, found):
+    """What is compared goes away, and the engine changes under a render."""
+    chosen, scene = comparison.settings(), bpy.context.scene
+    said = found["said"] = {}
+    image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
+    editor.spaces.active.image = image
+
+    def hears(name):
+        yield lambda: comparison.message
+        said[name] = comparison.message
+        driver.shot(name)
+    chosen.b.image = "gone"
+    yield from hears("image_is_gone")
+    for side, slot in ((chosen.a, 1), (chosen.b, 2)):
+        side.kind, side.slot, side.pass_name = "SLOT", slot, "Combined"
+    image.render_slots.active_index, scene.render.resolution_x = 1, 200
+    yield from render(editor)
+    yield from hears("other_size")
+    chosen.a.slot, chosen.b.pass_name = 2, "Cycles Reference"
+    yield lambda: comparison.a is not None
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=editor, region=region(editor)):
+        bpy.ops.image.remove_render_slot()
+    yield from hears("slot_removed")
+    driver.key(F12)
+    yield is_rendering
+    scene.render.engine = "CYCLES"
+    yield lambda: not is_rendering()
+    scene.render.engine = "RENDERFORMER_V2"
+    found["engine_changed"] = [statistics.last_frame[0].error, statistics.last_frame[0].reference_samples]
+    chosen.show = False
 
 
 def elsewhere(editor, statistics, found):

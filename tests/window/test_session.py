@@ -61,6 +61,16 @@ def test_a_saved_file_is_compared_like_the_render(found):
     assert found["file_is_the_render"]
 
 
+def test_what_goes_away_while_it_is_compared_is_said(found):
+    said = found["said"]
+    assert "no image 'gone'" in said["image_is_gone"] and "pixels, B 200 x" in said["other_size"]
+    assert "Slot 2 is empty" in said["slot_removed"]
+
+
+def test_a_render_ends_as_it_began_when_the_engine_is_changed(found):
+    assert found["engine_changed"] == ["", 64]
+
+
 def test_a_blender_in_the_background_renders_where_cycles_cannot_be_run_inside(found):
     elsewhere = found["elsewhere"]
     assert elsewhere["samples"] == 64 and any("in the background" in line for line in elsewhere["report"])
