@@ -127,7 +127,33 @@ def compare(editor, comparison, found):
     bpy.ops.renderformer_v2.compare_export(filepath=str(path))
     found["exported"] = [each.is_file() for each in (path, path.with_suffix(".json"))]
     found["closeness"] = comparison.measurement.closeness.psnr
+    yield from drawn(editor, comparison, found)
     chosen.show = False
+
+
+def drawn(editor, comparison, found):
+    """Compare shows what Blender shows, near and far, and no file has any of it."""
+    chosen, image, found["off"] = comparison.settings(), editor.spaces.active.image, []
+    image.save_render(str(FOLDER / "compared.png"))
+    chosen.mode, chosen.split = "SPLIT", 1.0
+    driver.move(*middle(region(area("DOPESHEET_EDITOR"))))
+    for zoom in (1.0, 3.7):
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=editor,
+                                       region=region(editor)):
+            bpy.ops.image.view_zoom_ratio(ratio=zoom)
+        chosen.show = True
+        yield lambda: comparison.a is not None
+        yield 1.0
+        compared = driver.pixels("all_of_a", region(editor))
+        chosen.show = False
+        yield 1.0
+        plain = driver.pixels("plain", region(editor))
+        found["off"].append(float(np.abs(compared - plain).mean()))
+    found["contrast"] = float(np.ptp(plain))
+    image.save_render(str(FOLDER / "alone.png"))
+    found["saved_alike"] = (FOLDER / "compared.png").read_bytes() == (FOLDER / "alone.png").read_bytes()
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=editor, region=region(editor)):
+        bpy.ops.image.view_zoom_ratio(ratio=1.0)
 
 
 def escape(editor, statistics, found):

@@ -47,6 +47,10 @@ def test_the_split_follows_the_mouse(found):
     assert found["split"] > 0.55
 
 
+def test_compare_shows_what_blender_shows_and_leaves_files_alone(found):
+    assert found["contrast"] > 0.2 and max(found["off"]) < 2 / 255 and found["saved_alike"]
+
+
 def test_the_comparison_is_exported(found):
     assert found["exported"] == [True, True] and found["closeness"] > 15
 
