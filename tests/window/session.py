@@ -219,8 +219,9 @@ def hostile(editor, comparison, statistics, found):
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=editor, region=region(editor)):
         bpy.ops.image.remove_render_slot()
     yield from hears("slot_removed")
+    stages.clear()
     driver.key(F12)
-    yield is_rendering
+    yield lambda: "First hits" in stages
     scene.render.engine = "CYCLES"
     yield lambda: not is_rendering()
     scene.render.engine = "RENDERFORMER_V2"
