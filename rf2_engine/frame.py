@@ -1,37 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What there is to know of a frame before it is rendered: its rectangle, its work, and what cannot be."""
+"""What there is to know of a frame before it is rendered: its work, and what cannot be."""
 from __future__ import annotations
 
 import bpy
-import numpy as np
 
 from ..model.errors import SceneError
 from . import compat, model_cache, passes, reference
 from .convert.report import Report
 from .cycles_session import Light
 from .optics import Optics
+from .rectangle import Border
 from .settings import FrameSettings
 
 LONGEST_NAME = 63  # bytes of view layer, pass and channel together, of every engine, in a multilayer file
-Border = tuple[int, int, int, int]
-
-
-def border(width: int, height: int, settings: bpy.types.RenderSettings) -> Border | None:
-    """The `region` of the picture that is rendered; None without a render border."""
-    return region(width, height, settings) if settings.use_border else None
-
-
-def size(settings: bpy.types.RenderSettings) -> tuple[int, int]:
-    """Width and height of the frame, as Blender rounds them."""
-    return tuple(pixels * settings.resolution_percentage // 100 for pixels in (settings.resolution_x,
-                                                                               settings.resolution_y))
-
-
-def region(width: int, height: int, settings: bpy.types.RenderSettings) -> Border:
-    """Pixels (x0, x1, y0, y1) of the render region, from the bottom left, rounded as Blender does."""
-    pixels = np.float32([width, width, height, height])
-    corners = np.float32([settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y])
-    return tuple((corners * pixels).astype(int).tolist())
 
 
 def layers(scene: bpy.types.Scene) -> int:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import bpy
 from bpy.app.handlers import persistent
 
-from .. import frame
+from .. import rectangle
 from ..registering import handlers
 
 
@@ -28,7 +28,7 @@ class Window(NamedTuple):
 
     def selected(self, settings: bpy.types.RenderSettings) -> Window:
         """The part that the render region selects, as far as the picture shows it, in pixels of the picture."""
-        left, right, bottom, top = frame.region(self.width, self.height, settings)
+        left, right, bottom, top = rectangle.region(self.width, self.height, settings)
         left, right = (min(max(x, self.left), self.right) - self.left for x in (left, right))
         bottom, top = (min(max(y, self.bottom), self.top) - self.bottom for y in (bottom, top))
         return self.all._replace(left=left, right=max(left, right), bottom=bottom, top=max(bottom, top))
@@ -54,8 +54,8 @@ def _begins(scene, *_):
         if image.type == "RENDER_RESULT":
             _cropped.pop(slot := image.render_slots.active_index + 1, None)
             if scene.render.use_border and scene.render.use_crop_to_border:
-                width, height = frame.size(scene.render)
-                _cropped[slot] = Window(width, height, *frame.region(width, height, scene.render))
+                width, height = rectangle.size(scene.render)
+                _cropped[slot] = Window(width, height, *rectangle.region(width, height, scene.render))
 
 
 @persistent
