@@ -70,7 +70,7 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
 
 
 def _run_inside(engine, depsgraph, layer, wanted) -> dict[str, np.ndarray]:
-    with _session(engine) as cycles_engine:
+    with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
         cycles_engine.reset(engine, bpy.data, depsgraph)
         cycles_engine.render(engine, depsgraph)
         cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
@@ -97,8 +97,7 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     was set, as background_cycles.changed gives it.
     """
     renew(engine, depsgraph)  # now, for it undoes whatever is set
-    saved, changes = [], []
-    survives = engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
+    saved, changes, survives = [], [], _survives(engine, depsgraph)
 
     def override(data: bpy.types.ID, settings: dict[str, object]) -> None:
         for path, value in settings.items():
@@ -112,15 +111,41 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     try:
         yield override
     finally:
-        if survives:  # otherwise the evaluated scene is gone after a render, and touching it crashes
+        if survives:
             for data, path, value in reversed(saved):
                 owner, name = _owner(data, path)  # motion blur evaluates the scene anew, which moves what is in it
                 setattr(owner, name, value)
 
 
+def _survives(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether the evaluated scene will be there after a run: to touch one that has gone crashes."""
+    return engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
+
+
 def _owner(data: bpy.types.ID, path: str) -> tuple[bpy.types.bpy_struct, str]:
     parent, _, name = path.rpartition(".")
     return data.path_resolve(parent) if parent else data, name
+
+
+@contextmanager
+def _expecting_ours(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str):
+    """Inside, those of our own passes that Cycles does not know are AOVs of the evaluated view layer.
+
+    No shader writes to them. Without them Cycles prints an error for each, once per run.
+    """
+    survives, aovs = _survives(engine, depsgraph), depsgraph.view_layer_eval.aovs
+    added = [p.name for p in engine.get_result().layers[layer].passes
+             if p.name in pass_table.REFERENCE_NAMES and p.name not in aovs]
+    for name in added:
+        aovs.add().name = name
+    try:
+        yield
+    finally:
+        if survives:
+            aovs = depsgraph.view_layer_eval.aovs  # motion blur evaluates the scene anew
+            for name in added:
+                if name in aovs:
+                    aovs.remove(aovs[name])
 
 
 @contextmanager

@@ -101,7 +101,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     `hazy` says that smoke or fog leaves noise in the first hits, which the denoiser then must not take for texture.
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
-    seen directly, denoised where Blender can, and all light passes (never denoised) if the view layer asks for one.
+    seen directly, denoised where Blender can, "noise" (H, W, 3), what the denoiser took away, if the view layer wants
+    the noisy picture, and all light passes (never denoised) if the view layer asks for one.
     With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
     if `denoise`) and all light passes.
 
@@ -115,8 +116,11 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     """
     require()
     view_layer = depsgraph.view_layer_eval
+    clean = light is Light.TRACED and compat.has_openimagedenoise()
     lobes = light is Light.ALL or light is Light.TRACED and pass_table.asked_light(view_layer, pass_table.LIGHTING)
     layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, lobes)
+    if not clean:
+        wanted = [p for p in wanted if p != pass_table.NOISY]
     for p in wanted:  # those that were registered are there already, and stay as they are
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
@@ -133,7 +137,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         if light is Light.NONE:
             _leave_out_light(depsgraph, override, occluding=view_layer.use_pass_ambient_occlusion)
         elif light is Light.TRACED:
-            override(depsgraph.scene_eval, _TRACED | (_DENOISED if compat.has_openimagedenoise() else {}))
+            override(depsgraph.scene_eval, _TRACED | (_DENOISED if clean else {}))
             if hazy:
                 override(depsgraph.scene_eval, {"cycles.denoising_prefilter": "ACCURATE"})
         found = run(engine, depsgraph, layer_name, wanted, override.changes, report or Report())
@@ -142,6 +146,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     found["alpha"] = combined[..., 3:].copy()
     if light is Light.TRACED:
         found["traced"] = (combined[..., :3] - found["emission"]).clip(0)
+    if pass_table.NOISY.key in found:
+        found["noise"] = found.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
     if light is not Light.ALL:
         del found["combined"]
     return found

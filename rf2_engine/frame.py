@@ -1,28 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What there is to know of a frame before it is rendered: its rectangle, its work, and what cannot be."""
+"""What there is to know of a frame before it is rendered: its work, and what cannot be."""
 from __future__ import annotations
 
 import bpy
-import numpy as np
 
 from ..model.errors import SceneError
 from . import compat, model_cache, passes, reference
 from .convert.report import Report
 from .cycles_session import Light
 from .optics import Optics
+from .rectangle import Border
 from .settings import FrameSettings
 
 LONGEST_NAME = 63  # bytes of view layer, pass and channel together, of every engine, in a multilayer file
-Border = tuple[int, int, int, int]
-
-
-def border(width: int, height: int, settings: bpy.types.RenderSettings) -> Border | None:
-    """Pixels (x0, x1, y0, y1) from the bottom left, rounded as Blender does; None without a render border."""
-    if not settings.use_border:
-        return None
-    size = np.float32([width, width, height, height])
-    corners = np.float32([settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y])
-    return tuple((corners * size).astype(int).tolist())
 
 
 def layers(scene: bpy.types.Scene) -> int:

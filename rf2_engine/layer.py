@@ -19,9 +19,9 @@ from .convert.lens import Lens
 from .convert.report import Report
 from .convert.scene import convert
 from .cycles_session import PINHOLE, Light, Look
-from .frame import Border
 from .guides import make_guides
 from .optics import Optics
+from .rectangle import Border
 from .reflections import with_ends
 from .settings import FrameSettings
 from .status import Status

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import bpy
 
+from . import passes
 from .convert.report import Report
+from .settings import light_passes
 
 USUAL_BOUNCES = 4  # diffuse bounces that Cycles traces unless told otherwise
 
@@ -18,8 +20,8 @@ def report_limits(depsgraph: bpy.types.Depsgraph, report: Report) -> None:
         report.approximated(scene.name, "Fast GI Approximation is ignored: all light is the network's")
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
         report.approximated(scene.name, "what Simplify's culling hides lights the scene and casts shadows all the same")
-    if len(layer.lightgroups):
-        report.skipped(layer.name, "its light groups have no passes of their own")
+    if absent := passes.absent(scene, layer, light_passes(scene)):
+        report.skipped(layer.name, f"there is no pass {', '.join(absent)}, which Cycles would give")
     for obj in depsgraph.objects:
         if obj.type == "LIGHT" and obj.data.cycles.max_bounces < USUAL_BOUNCES:
             report.approximated(obj.name, "its Max Bounces is ignored: its light bounces like any other")

@@ -29,6 +29,12 @@ def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, 
     return np.dstack([color * exposure, alpha]).astype(np.float32)
 
 
+def noisy(combined: np.ndarray, found: dict[str, np.ndarray], exposure: float) -> np.ndarray:
+    """(H, W, 4) the picture with the noise that the denoiser took from what Cycles `found`."""
+    noise = found.get("noise", np.zeros_like(combined[..., :3]))
+    return combined + np.pad(noise * exposure, ((0, 0), (0, 0), (0, 1)))
+
+
 def first_hits(found: dict[str, np.ndarray], exposure: float) -> dict[str, np.ndarray]:
     """What Cycles `found` of the first hits as passes of the picture: Cycles, too, exposes what shines, and no more."""
     return {key: pixels * exposure if key in SHINING else pixels for key, pixels in found.items()

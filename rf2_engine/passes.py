@@ -36,7 +36,9 @@ class Pass(NamedTuple):
         lobe, _, light = self.name_5.partition(" ")
         if light in ("Direct", "Indirect", "Color"):
             return lobe, light
-        return "Other" if self.key in ("emission", "environment", "ambient_occlusion") else "Data", self.name_5
+        if self.key == "ambient_occlusion":
+            return "Other", "AO"  # all of it would be cut at the usual width
+        return "Other" if self.key in ("emission", "environment") else "Data", self.name_5
 
     def is_asked(self, view_layer: bpy.types.ViewLayer) -> bool:
         """True if the view layer has it ticked; Cycles' own properties are there while Cycles is enabled."""
@@ -81,13 +83,16 @@ PASSES = tuple(p for p in (
 
 LIGHTING = frozenset(p.key for p in PASSES if p.source == "lighting")
 
+NOISY = Pass("noisy", "Noisy Image", "Noisy Image", "RGBA", "COLOR", "data", STORED)  # before the denoiser
+
 # What a reference beside our picture adds, under names that are the same in every Blender version.
 REFERENCE = (
     Pass("cycles_reference", "Cycles Reference", "Cycles Reference", "RGBA", "COLOR", "reference"),
     *(Pass(f"cycles_{p.key}", f"Cycles {p.name_5}", f"Cycles {p.name_5}", p.channels, p.kind, "reference")
       for p in PASSES if p.source == "lighting"),
 )
-_KEYS = {p.blender_name: p.key for p in (*PASSES, *REFERENCE)}
+REFERENCE_NAMES = frozenset(p.blender_name for p in REFERENCE)
+_KEYS = {p.blender_name: p.key for p in (*PASSES, NOISY, *REFERENCE)}
 
 
 def key_of(blender_name: str) -> str:
@@ -95,15 +100,36 @@ def key_of(blender_name: str) -> str:
     return _KEYS.get(blender_name, f"own {blender_name}")
 
 
-def of_view_layer(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[Pass]:
+def of_view_layer(view_layer: bpy.types.ViewLayer, lighting: Collection[str],
+                  scene: bpy.types.Scene | None = None) -> list[Pass]:
     """The passes that were ticked for this view layer, of the light passes those whose keys are in `lighting`.
 
+    `scene` is its own, which a view layer that Blender gives to update_render_passes does not know.
     What we compute under the name of a shader AOV is among them, for Blender then marks the AOV as in conflict.
     """
     taken = {aov.name for aov in view_layer.aovs}
     ticked = [p for p in PASSES if (p.source != "lighting" or p.key in lighting) and (
         p.is_asked(view_layer) or p.source in ("guide", "lighting") and p.blender_name in taken)]
-    return ticked + [*_cryptomattes(view_layer), *_shader_aovs(view_layer)]
+    noisy = [NOISY] if _is_noisy_asked(view_layer, scene or view_layer.id_data) else []
+    return ticked + noisy + [*_cryptomattes(view_layer), *_shader_aovs(view_layer)]
+
+
+def _is_noisy_asked(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
+    """True where Cycles has it, but only with Denoising Data."""
+    of_cycles = getattr(view_layer, "cycles", None)
+    return bool(of_cycles and of_cycles.denoising_store_passes and of_cycles.use_denoising
+                and scene.cycles.use_denoising)
+
+
+def absent(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[str]:
+    """Names of passes that Cycles would give of this view layer, and we cannot."""
+    try:
+        from cycles.engine import list_render_passes
+        of_cycles = [name for name, *_ in list_render_passes(scene, view_layer)]
+    except (ImportError, AttributeError, TypeError):
+        return []  # a Cycles that does not tell
+    ours = {p.blender_name for p in of_view_layer(view_layer, lighting, scene)}
+    return [name for name in of_cycles if name not in ours and not name.startswith("Noisy ")]
 
 
 def asked_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> bool:
@@ -120,7 +146,7 @@ def of_session(view_layer: bpy.types.ViewLayer, lighting: bool) -> list[Pass]:
 def register(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer,
              lighting: Collection[str] = ()) -> None:
     """Announce the ticked passes: they become sockets of the Render Layers node and layers of the file."""
-    for p in of_view_layer(view_layer, lighting):
+    for p in of_view_layer(view_layer, lighting, scene):
         engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
 
 

@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 
 from ..model import presets, progress
 from ..model.errors import RenderCancelled
-from . import costs, failure, frame, memory, model_cache
+from . import costs, failure, frame, memory, model_cache, rectangle
 from .convert.camera import convert_camera
 from .convert.report import Remark, Report
 from .convert.scene import convert
@@ -94,9 +94,8 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     frame.check(depsgraph, settings, report)
     report_limits(depsgraph, report)
     optics = Optics.of(depsgraph).possible(settings.light, depsgraph, report)
-    width, height = (side * blenders.resolution_percentage // 100
-                     for side in (blenders.resolution_x, blenders.resolution_y))
-    border = frame.border(width, height, blenders)
+    width, height = rectangle.size(blenders)
+    border = rectangle.border(width, height, blenders)
     view = convert_camera(depsgraph, width, height, border, report)
     found = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
                     max_edge=settings.max_edge, report=report)

@@ -5,6 +5,8 @@ Film, seed, bounces, device and all else are the scene's Cycles settings, so tha
 """
 from __future__ import annotations
 
+import time
+
 import bpy
 import numpy as np
 
@@ -27,8 +29,10 @@ def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view
     """Announce the passes of the reference that `scene` asks for."""
     if is_wanted(scene):
         light_passes = scene.renderformer_v2.reference.use_light_passes
+        aovs = view_layer.aovs if scene.is_evaluated else ()  # cycles_run tells Cycles of the passes as AOVs
         for p in pass_table.REFERENCE if light_passes else pass_table.REFERENCE[:1]:
-            engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
+            if p.blender_name not in aovs:
+                engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
 
 
 def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture: dict[str, np.ndarray],
@@ -39,7 +43,7 @@ def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture:
     reference, 0 when there is none. Raises RenderCancelled when the add-on is being disabled; whatever else ends the
     reference is a line of `report`.
     """
-    layer, chosen, found = depsgraph.view_layer_eval.name, settings.reference, {}
+    layer, chosen, found, begin = depsgraph.view_layer_eval.name, settings.reference, {}, time.perf_counter()
     try:
         with status.stage(NAME):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
@@ -55,6 +59,8 @@ def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture:
         engine.report({"WARNING"}, f"no {NAME}: {report.entries[-1][2]}")
     finally:  # Cycles shows its picture in Combined
         output.write(engine, layer, picture | found)
+    if found and 0 < chosen.time_limit < time.perf_counter() - begin:
+        report.approximated(NAME, f"its Time Limit may have ended it before it had {chosen.samples} samples")
     if found and chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
     return chosen.samples if found else 0

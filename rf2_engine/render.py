@@ -9,7 +9,19 @@ from ..model import media, progress, threads
 from ..model.errors import RenderCancelled
 from ..model.lighting import Lobes
 from ..model.presets import BUNDLED
-from . import costs, cycles_run, cycles_session, failure, frame, model_cache, output, reference, running, statistics
+from . import (
+    costs,
+    cycles_run,
+    cycles_session,
+    failure,
+    frame,
+    model_cache,
+    output,
+    rectangle,
+    reference,
+    running,
+    statistics,
+)
 from . import passes as pass_table
 from .convert.report import Report
 from .guides import guides_of_no_triangle
@@ -55,7 +67,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     report_limits(depsgraph, report)
     optics = optics.possible(settings.light, depsgraph, report)
     width, height = engine.resolution_x, engine.resolution_y
-    border = frame.border(width, height, depsgraph.scene_eval.render)
+    border = rectangle.border(width, height, depsgraph.scene_eval.render)
     expected, loaded = frame.work(width, height, border, settings, optics), model_cache.is_loaded()
     status.expect(layer, frame.layers(depsgraph.scene_eval), expected, settings.setup)
     job = Layer(engine, depsgraph, settings, optics, border, status, report, lit)
@@ -106,7 +118,9 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                         light = output.light_passes(guides, lobes, found, bool(scene.volumes), settings.exposure)
                 radiance = lobes.radiance
     with status.stage("Writing passes"):
-        picture = passes | light | {"combined": combined(radiance)}
+        whole = combined(radiance)
+        noisy = output.noisy(whole, found, settings.exposure)
+        picture = passes | light | {"combined": whole, pass_table.NOISY.key: noisy}
         output.write(engine, layer, picture)
     beside = Report()
     samples = reference.add(engine, depsgraph, picture, settings, status, beside) if settings.reference else 0

@@ -28,6 +28,7 @@ class Status:
         self._work: dict[str, float] = {}
         self._setup = ""
         self._shown = ("", 0.0)
+        self._has_line = False  # which says how much time is left
         self._at_first = memory.held()
         self._most = self._at_first[0]
 
@@ -73,6 +74,7 @@ class Status:
         first = _line(words, 0.0, estimate.frame.remaining(0.0))
         self.engine.update_stats("", first)
         text = cycles_progress.EngineText(self.engine, first)
+        self._has_line = window
         if window:
             status_line.show(first)
 
@@ -96,6 +98,7 @@ class Status:
         finally:
             done.set()
             follower.join()
+            self._has_line = False
             status_line.show("")
 
     def __call__(self, text: str, fraction: float) -> None:
@@ -109,7 +112,7 @@ class Status:
             used, peak = memory.held()
             self._most = max(self._most, used)
             self.engine.update_memory_stats(memory_used=used, memory_peak=peak)
-            words = (f"Remaining {_time(left)}", self.sample, text)
+            words = ("" if self._has_line else f"Remaining {_time(left)}", self.sample, text)
             self.engine.update_stats(self._layer, " | ".join(filter(None, words)))
             self.engine.update_progress(estimate.frame.bar)
 

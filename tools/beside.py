@@ -21,10 +21,12 @@ DPI = 100
 Pair = tuple[np.ndarray, np.ndarray]  # ours, Cycles': (H, W, 3) f32, linear
 
 
-def add(layers: list[dict], save: Callable[[Path], None], sheet: Path | None) -> None:
+def add(layers: list[dict], save: Callable[[Path], None], sheet: Path | None,
+        border: tuple[int, int, int, int] | None) -> None:
     """Give each view layer's statistics its "comparison": PSNR, SSIM and FLIP; write `sheet` unless it is None.
 
-    `save` writes the render result to a file. Raises RuntimeError when there is no reference, OSError naming `sheet`.
+    `save` writes the render result to a file; outside of the `border` (x0, x1, y0, y1), from the bottom left, that is
+    empty, and left out. Raises RuntimeError when there is no reference, OSError naming `sheet`.
     """
     for layer in layers:
         if not layer["reference_samples"]:
@@ -32,12 +34,19 @@ def add(layers: list[dict], save: Callable[[Path], None], sheet: Path | None) ->
     with TemporaryDirectory() as folder:
         path = Path(folder) / "passes.exr"
         save(path)
-        pairs = [tuple(read_pass(path, name, "RGB", layer["layer"]) for name in ("Combined", "Cycles Reference"))
-                 for layer in layers]
+        pairs = [tuple(_inside(border, read_pass(path, name, "RGB", layer["layer"]))
+                       for name in ("Combined", "Cycles Reference")) for layer in layers]
     for layer, pair in zip(layers, pairs):
         layer["comparison"] = {name: round(value, 4) for name, value in compare(*pair).items()}
     if sheet:
         write_sheet(sheet, list(zip(pairs, layers)))
+
+
+def _inside(border: tuple[int, int, int, int] | None, picture: np.ndarray) -> np.ndarray:
+    if border is None:
+        return picture
+    left, right, bottom, top = border
+    return picture[len(picture) - top:len(picture) - bottom, left:right]
 
 
 def write_sheet(path: Path, rows: list[tuple[Pair, dict]]) -> None:

@@ -94,15 +94,18 @@ def is_outdated() -> bool:
 
 
 def _keys() -> tuple:
+    """What is compared, and where; a slot that is removed gives its number to the next."""
+    chosen, render = settings(), bpy.context.scene.render
+    region = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
     try:
-        return sources.key(settings().a), sources.key(settings().b)
+        return sources.key(chosen.a), sources.key(chosen.b), sources.slots(), chosen.region == "BORDER" and region
     except sources.SourceError:
         return ()
 
 
 def new_measurement() -> Measurement:
     """Of the two pictures, which have to be there; not started."""
-    return Measurement(a, b, Box(bpy.context.scene, settings().region, a.pixels.shape[:2]))
+    return Measurement(a, b, Box(bpy.context.scene, settings().region, a.window))
 
 
 def forget() -> None:

@@ -10,19 +10,17 @@ import numpy as np
 from ...model import metrics, progress
 from ...model.errors import RenderCancelled
 from .sources import Picture
+from .windows import Window
 
 
 class Box:
     """The part of a picture that is measured: pixels from the left and from the top."""
 
-    def __init__(self, scene: bpy.types.Scene, region: str, size: tuple[int, int]):
-        """Of pictures with (height, width); `region` is CompareSettings.region."""
-        render, (self.height, self.width) = scene.render, size
-        left, right, bottom, top = (
-            (0.0, 1.0, 0.0, 1.0) if region == "WHOLE" else
-            (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y))
-        self.left, self.right = round(left * self.width), round(right * self.width)
-        self.top, self.bottom = round((1 - top) * self.height), round((1 - bottom) * self.height)
+    def __init__(self, scene: bpy.types.Scene, region: str, window: Window):
+        """Of pictures that show this `window` of the frame; `region` is CompareSettings.region."""
+        part = window.selected(scene.render) if region == "BORDER" else window.all
+        self.width, self.height, self.left, self.right = part[:4]
+        self.top, self.bottom = self.height - part.top, self.height - part.bottom
 
     def cut(self, pixels: np.ndarray) -> np.ndarray:
         """(H, W, 4) -> the colours of the part."""

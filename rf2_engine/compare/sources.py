@@ -15,8 +15,9 @@ import numpy as np
 
 from ...model.color import srgb_to_linear
 from .. import compat
-from . import exr
+from . import exr, windows
 from .saving import file_format
+from .windows import Window
 
 CHANNEL_ORDER = "RXUGYVBZAW"  # U, V and A of the UV pass are a vector, too
 
@@ -30,6 +31,7 @@ class Picture:
     name: str
     pixels: np.ndarray  # (H, W, 4) f32, scene-linear, premultiplied, row 0 on top
     seconds: float | None  # that it took to render, if that is known
+    window: Window         # the part of the frame that it shows
 
 
 class Reader:
@@ -46,12 +48,12 @@ class Reader:
             if image is None:
                 raise SourceError("Choose an image that is loaded" if not name else f"There is no image '{name}'")
             if len(image.pixels):  # which loads it; empty for a multilayer EXR
-                return Picture(name, _plain(image), None)
+                return Picture(name, _plain(image), None, windows.whole(*image.size))
         else:
             image, name = _render_result(), f"Slot {slot_number(side)}"
         if key(side) not in self.files:
             self.files[key(side)] = self._saved(image, slot_number(side))
-        return _pass_of(self.files[key(side)], side, name)
+        return _pass_of(self.files[key(side)], side, name, slot_number(side))
 
     def names(self, side) -> list[tuple[str, str]]:
         """(layer, pass) of what was read for a side."""
@@ -86,6 +88,11 @@ def key(side) -> tuple:
     return ("image", side.image) if side.kind == "IMAGE" else ("slot", slot_number(side))
 
 
+def slots() -> int:
+    """How many render slots there are."""
+    return sum(len(image.render_slots) for image in bpy.data.images if image.type == "RENDER_RESULT")
+
+
 def _render_result() -> bpy.types.Image:
     for image in bpy.data.images:
         if image.type == "RENDER_RESULT":
@@ -118,15 +125,17 @@ def _plain(image: bpy.types.Image) -> np.ndarray:
     return np.concatenate([color, np.broadcast_to(alpha, (height, width, 1))], -1).astype(np.float32)
 
 
-def _pass_of(file: exr.Multilayer, side, name: str) -> Picture:
+def _pass_of(file: exr.Multilayer, side, name: str, slot: int | None) -> Picture:
     layers = sorted((layer for layer, of in file.passes if of == side.pass_name and side.layer in ("", layer)),
                     key=lambda layer: layer == "Composite")  # what the compositor made of it comes last
     if not layers:
         there = ", ".join(sorted({of for layer, of in file.passes if side.layer in ("", layer)}))
         raise SourceError(f"{name} has no pass '{side.pass_name}'" + (f" in '{side.layer}'" if side.layer else "") +
                           f". Choose one of: {there or 'none in this layer'}")
-    channels = file.passes[layers[0], side.pass_name]
-    return Picture(f"{name}, {side.pass_name}", _rgba(channels), seconds(file.metadata, layers[0], side.pass_name))
+    pixels = _rgba(file.passes[layers[0], side.pass_name])
+    height, width, _ = pixels.shape
+    return Picture(f"{name}, {side.pass_name}", pixels, seconds(file.metadata, layers[0], side.pass_name),
+                   windows.of_slot(slot, width, height))
 
 
 def _rgba(channels: dict[str, np.ndarray]) -> np.ndarray:

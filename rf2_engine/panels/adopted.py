@@ -16,14 +16,14 @@ EXCLUDED = {
     "EEVEE_MATERIAL_PT_viewport_settings",
     "DATA_PT_lightprobe", "DATA_PT_lightprobe_visibility", "DATA_PT_lightprobe_parallax",
     "DATA_PT_lightprobe_display",
-    "OBJECT_PT_visibility", "OBJECT_PT_shading",
+    "OBJECT_PT_visibility",
     "RENDER_PT_simplify", "RENDER_PT_simplify_viewport", "RENDER_PT_simplify_render",  # again.py
     "RENDER_PT_simplify_greasepencil",
 }
 OF_EEVEE = {
     "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
     "EEVEE_MATERIAL_PT_volume", "EEVEE_MATERIAL_PT_displacement", "EEVEE_WORLD_PT_surface",
-    "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist", "VIEWLAYER_PT_filter",
+    "EEVEE_WORLD_PT_volume", "EEVEE_WORLD_PT_mist", "VIEWLAYER_PT_filter", "OBJECT_PT_shadow_terminator",
 }
 EEVEE_ENGINES = {"BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"}  # the first from 5.0 on, the second up to 4.5
 

@@ -15,7 +15,10 @@ class RENDERFORMER_PT_material_settings(EnginePanel):
         return context.material and super().poll(context)
 
     def draw(self, context):
-        self.split_layout().prop(context.material, "pass_index")
+        layout = self.split_layout()
+        layout.prop(context.material, "pass_index")
+        layout.prop(context.material, "displacement_method", text="Displacement")
+        layout.prop(context.material, "use_transparent_shadow")
 
 
 register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_material_settings,))

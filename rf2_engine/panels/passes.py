@@ -7,6 +7,7 @@ from bl_ui.properties_view_layer import ViewLayerAOVPanelHelper, ViewLayerCrypto
 
 from .. import passes
 from ..settings import light_passes
+from ..setup.display import draw_text
 from .panel import EnginePanel
 
 
@@ -27,6 +28,8 @@ class RENDERFORMER_PT_passes_data(_PassesPanel):
 
     def draw(self, context):
         _draw(self.layout, context.view_layer, ticks(context.scene)["Data"])
+        self.layout.use_property_split = False  # its name would be cut at the usual width
+        self.layout.prop(context.view_layer, "pass_alpha_threshold")
 
 
 class RENDERFORMER_PT_passes_light(_PassesPanel):
@@ -37,6 +40,8 @@ class RENDERFORMER_PT_passes_light(_PassesPanel):
         for heading, rows in ticks(context.scene).items():
             if heading != "Data":
                 _draw(self.layout, context.view_layer, rows, heading)
+        if absent := passes.absent(context.scene, context.view_layer, light_passes(context.scene)):
+            draw_text(self.layout, f"Chosen for Cycles, absent here: {', '.join(absent)}", icon="INFO")
 
 
 class RENDERFORMER_PT_passes_cryptomatte(_PassesPanel, ViewLayerCryptomattePanelHelper, bpy.types.Panel):

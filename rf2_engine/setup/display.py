@@ -17,20 +17,31 @@ CHARACTERS = 70    # of a line where no region is drawn
 
 def draw_text(layout, text: str, icon: str = "ERROR") -> None:
     """In as many lines as it needs in the region that is being drawn."""
+    region, preferences = bpy.context.region, bpy.context.preferences
+    scale = preferences.system.ui_scale
+    blf.size(0, preferences.ui_styles[0].widget.points * scale)
+    lines = textwrap.wrap(text, CHARACTERS) if region is None else wrapped(text, region.width - MARGIN * scale)
     column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(text, _characters(text))):
+    for number, line in enumerate(lines):
         column.label(text=line, icon="BLANK1" if number else icon)
 
 
-def _characters(text: str) -> int:
-    """How many of the text's characters fit into a line."""
-    region, preferences = bpy.context.region, bpy.context.preferences
-    if region is None or not text:
-        return CHARACTERS
-    scale = preferences.system.ui_scale
-    blf.size(0, preferences.ui_styles[0].widget.points * scale)
-    width = blf.dimensions(0, text)[0] / len(text)
-    return max(int((region.width - MARGIN * scale) / max(width, 1.0)), 10)
+def wrapped(text: str, width: float) -> list[str]:
+    """Lines of at most this width, in pixels at the size that blf has; words wider than that are broken."""
+    def fits(line: str) -> bool:
+        return len(line) < 2 or blf.dimensions(0, line)[0] <= width
+
+    lines: list[str] = []
+    for word in text.split():
+        if lines and fits(f"{lines[-1]} {word}"):
+            lines[-1] += f" {word}"
+            continue
+        while not fits(word):
+            end = next(n for n in range(len(word) - 1, 0, -1) if fits(word[:n]))
+            lines.append(word[:end])
+            word = word[end:]
+        lines.append(word)
+    return lines
 
 
 def draw_progress(layout, process: WorkerProcess, text: str) -> None:

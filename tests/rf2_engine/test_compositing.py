@@ -23,6 +23,17 @@ def pictured(still_life):
     return still_life
 
 
+@pytest.mark.parametrize("name", ["Cycles Reference", "Cycles Diffuse Direct"])
+def test_the_reference_is_there_for_the_compositor(lit, tmp_path, name):
+    lit.renderformer_v2.reference.use_light_passes = True
+    layers = compositor(lit).nodes.new("CompositorNodeRLayers")
+    layers.scene = lit
+    composite_into(lit, layers.outputs[name])
+    found = press_f12(lit, tmp_path)
+    np.testing.assert_array_equal(composited(found)[..., :3], found[f"ViewLayer.{name}"][..., :3])
+    assert composited(found)[..., :3].max() > 0.1
+
+
 @pytest.mark.parametrize("of, name", [("Object", "Moving"), ("Material", "Shining"), ("Asset", "Moving")])
 def test_the_matte_of_an_object_is_that_of_cycles(pictured, tmp_path, of, name):
     layer = pictured.view_layers[0]
@@ -39,11 +50,12 @@ def test_the_matte_of_an_object_is_that_of_cycles(pictured, tmp_path, of, name):
 
 def test_denoise_glare_and_defocus_make_nearly_what_they_make_of_cycles(pictured, tmp_path):
     tick(pictured.view_layers[0], {"depth", "denoising_albedo"})
+    pictured.cycles.use_denoising = True
     tree = compositor(pictured)
     layers = tree.nodes.new("CompositorNodeRLayers")
     layers.scene = pictured
     denoise, glare, defocus = (tree.nodes.new(f"CompositorNode{name}") for name in ("Denoise", "Glare", "Defocus"))
-    tree.links.new(layers.outputs["Image"], denoise.inputs["Image"])
+    tree.links.new(layers.outputs["Noisy Image"], denoise.inputs["Image"])
     tree.links.new(layers.outputs["Denoising Albedo"], denoise.inputs["Albedo"])
     tree.links.new(layers.outputs["Denoising Normal"], denoise.inputs["Normal"])
     tree.links.new(denoise.outputs["Image"], glare.inputs["Image"])

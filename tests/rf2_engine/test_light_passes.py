@@ -52,6 +52,23 @@ def test_the_recipe_of_cycles_gives_the_picture(asked, tmp_path, light):
     assert found["volume_indirect"][colors.min(-1) > 0.01].max() < 1e-3  # there is no volume
 
 
+@pytest.mark.parametrize("transparent", [False, True])
+def test_the_recipe_holds_for_every_view_layer_and_film_inside_a_border(asked, tmp_path, transparent):
+    settings, second = asked.render, asked.view_layers.new("Second")
+    tick(second, {p.key for p in passes.PASSES})
+    second.material_override = material("Clay", (0.6, 0.5, 0.4))
+    asked.objects["Moving"].is_holdout = True
+    settings.film_transparent, settings.use_border, settings.use_crop_to_border = transparent, True, transparent
+    settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y = 0.11, 0.87, 0.08, 0.9
+    found = press_f12(asked, tmp_path)
+    layers = [by_key(found, layer) for layer in ("ViewLayer", "Second")]
+    for of in layers:
+        of["environment"] *= not transparent  # whose film does not show it
+        assert_recipe_holds(of)
+        assert of["diffuse_direct"].max() > 0.01 and of["combined"][..., 3].min() < 0.5
+    assert not np.array_equal(*(of["combined"] for of in layers))
+
+
 def test_the_picture_does_not_depend_on_what_is_asked(asked, tmp_path):
     with_light = press_f12(asked, tmp_path)["ViewLayer.Combined"]
     for p in passes.PASSES:

@@ -6,7 +6,6 @@ import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import again, camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.panels.panel import EnginePanel
 
 from .f12 import cube, sun
 from .layout import Layout
@@ -27,7 +26,7 @@ def drawn(scene, panel, **context) -> Layout:
 
 
 def panels():
-    return {panel.__name__: panel for panel in EnginePanel.__subclasses__()}
+    return {name: getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("RENDERFORMER_")}
 
 
 @pytest.mark.parametrize("panel, expected", [
@@ -41,6 +40,7 @@ def panels():
     ("RENDERFORMER_PT_motion_blur", {"use_motion_blur", "shutter_samples", "motion_blur_position",
                                      "motion_blur_shutter"}),
     ("RENDERFORMER_PT_performance", {"threads_mode", "threads", "use_persistent_data"}),
+    ("RENDERFORMER_PT_passes_data", {"use_pass_z", "use_pass_mist", "pass_alpha_threshold"}),
     ("RENDERFORMER_PT_override", {"material_override", "world_override", "samples"}),
     ("RENDERFORMER_OBJECT_PT_visibility", {"hide_render", "is_shadow_catcher", "is_holdout"}),
     ("RENDERFORMER_OBJECT_PT_visibility_ray_visibility", {"visible_camera", "visible_diffuse", "visible_shadow"}),
@@ -50,9 +50,21 @@ def test_what_acts_can_be_set(scene, panel, expected):
     assert expected <= drawn(scene, panels()[panel], object=cube(scene)).shown
 
 
-def test_a_material_has_its_pass_index(scene):
-    made = cube(scene).active_material
-    assert "pass_index" in drawn(scene, panels()["RENDERFORMER_PT_material_settings"], material=made).shown
+def test_passes_that_cannot_be_given_are_named(scene):
+    light = panels()["RENDERFORMER_PT_passes_light"]
+    assert not drawn(scene, light).texts
+    scene.view_layers[0].lightgroups.add(name="Key")
+    assert "Combined_Key" in " ".join(drawn(scene, light).texts)
+
+
+def test_a_material_has_its_settings(scene):
+    shown = drawn(scene, panels()["RENDERFORMER_PT_material_settings"], material=cube(scene).active_material).shown
+    assert {"pass_index", "displacement_method", "use_transparent_shadow"} <= shown
+
+
+def test_light_linking_and_the_shadow_terminator_have_their_place():
+    for name in ("OBJECT_PT_shading", "OBJECT_PT_shadow_terminator"):
+        assert "RENDERFORMER_V2" in getattr(bpy.types, name).COMPAT_ENGINES, name
 
 
 def test_an_area_lamp_has_its_spread(scene):

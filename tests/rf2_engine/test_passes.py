@@ -8,6 +8,7 @@ import pytest
 import cycles.engine as cycles_engine
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import passes as pass_panels
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import light_passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from .f12 import press_f12
@@ -58,7 +59,7 @@ def test_vectors_of_kept_scenes_leave_the_scene_as_it_was(still_life, tmp_path, 
 
 def test_names_channels_and_sockets_are_those_of_cycles(still_life):
     """Before the first render."""
-    layer = still_life.view_layers[0]
+    layer, still_life.cycles.use_denoising = still_life.view_layers[0], True
     tick(layer, COMMON | passes.LIGHTING)
     tick_own(layer)
     theirs = set(cycles_engine.list_render_passes(still_life, layer))
@@ -87,6 +88,24 @@ def test_cryptomattes_come_with_what_readers_need(still_life, tmp_path):
     assert '"Moving":' in header[f"{described}/manifest"] and '"Floor":' in header[f"{described}/manifest"]
     assert header[f"{described}/hash"] == "MurmurHash3_32"
     assert header[f"{described}/conversion"] == "uint32_to_float32"
+
+
+def test_the_noisy_image_is_the_picture_before_the_denoiser(still_life, tmp_path):
+    tick(still_life.view_layers[0], {"denoising_normal"})
+    still_life.cycles.use_denoising, still_life.cycles.film_exposure = True, 2
+    still_life.renderformer_v2.guide_samples = 2
+
+    def rendered():
+        found = press_f12(still_life, tmp_path)
+        return found["ViewLayer.Noisy Image"], found["ViewLayer.Combined"]
+
+    def roughness(picture):
+        return np.abs(np.diff(picture[..., :3], axis=1)).mean()
+    noisy, clean = rendered()
+    assert roughness(noisy) > 1.1 * roughness(clean) and noisy.mean() == pytest.approx(clean.mean(), rel=0.02)
+    np.testing.assert_array_equal(noisy[..., 3], clean[..., 3])
+    still_life.renderformer_v2.light = "NETWORK"  # nothing is denoised
+    np.testing.assert_array_equal(*rendered())
 
 
 def test_unticked_passes_have_no_sockets(scene):
@@ -126,3 +145,4 @@ def test_light_that_the_weights_cannot_give_is_absent(scene, tmp_path, monkeypat
     scene.renderformer_v2.weights_source = "PUBLISHED"
     assert not light & sockets(scene) and "use_pass_diffuse_direct" not in settings_in_panel(scene)
     assert "use_pass_diffuse_color" in settings_in_panel(scene)
+    assert set(passes.absent(scene, scene.view_layers[0], light_passes(scene))) == light

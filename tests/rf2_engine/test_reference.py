@@ -148,6 +148,14 @@ def test_light_passes_are_those_of_cycles(lit, tmp_path):
     assert found["ViewLayer.Cycles Diffuse Direct"].max() > 0.1
 
 
+def test_cycles_knows_all_passes_of_the_result(lit, tmp_path, capfd):
+    """It prints an error for each that it does not know."""
+    lit.renderformer_v2.reference.use_light_passes = lit.render.use_motion_blur = True
+    for lit.render.use_persistent_data in (False, True, True):
+        press_f12(lit, tmp_path)
+    assert "Unknown pass" not in "".join(capfd.readouterr()) and not lit.view_layers[0].aovs
+
+
 def test_the_compositor_has_the_sockets_before_the_first_render(scene):
     layers = compositor_input(scene)
     chosen, names = scene.renderformer_v2.reference, lambda: {s.name for s in layers.outputs if s.enabled}

@@ -94,4 +94,7 @@ def test_a_time_limit_ends_the_reference(lit, tmp_path):
     chosen.samples, chosen.time_limit = 1 << 20, 0.5
     lit.cycles.use_adaptive_sampling = False  # a million samples would take minutes
     assert press_f12(lit, tmp_path)[REFERENCE][15:22, 20:30, :3].min() > 0
-    assert lit.cycles.time_limit == 0
+    assert lit.cycles.time_limit == 0 and any("Time Limit" in line for line in statistics.last_frame[0].report)
+    chosen.samples, chosen.time_limit = 1, 1000
+    press_f12(lit, tmp_path)
+    assert not any("Time Limit" in line for line in statistics.last_frame[0].report)

@@ -132,6 +132,12 @@ def test_cycles_cannot_move_the_bar_back(monkeypatch):
         def update_stats(self, _, text):
             self.struct.raw = bytes(64) + text.encode()
 
+        def update_memory_stats(self, **_):
+            pass
+
+        def test_break(self):
+            return False
+
         def as_pointer(self):
             return addressof(self.struct)
 
@@ -141,4 +147,7 @@ def test_cycles_cannot_move_the_bar_back(monkeypatch):
         status.engine.bar = 0.1
         time.sleep(0.5)
         assert status.engine.bar >= 0.7
-    assert status.engine.bar >= 0.7
+        status("A background Blender", 0.5)
+        assert b"Remaining" not in status.engine.struct.raw  # the line says it
+    status("On", 0.5)
+    assert status.engine.bar >= 0.7 and b"Remaining" in status.engine.struct.raw

@@ -13,6 +13,7 @@ import traceback
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 STEP = 0.05       # seconds between two looks
 PATIENCE = 120.0  # seconds for anything that is waited for
@@ -51,9 +52,19 @@ class Driver:
         sys.stdout.flush()
         bpy.ops.wm.quit_blender()
 
-    def shot(self, name: str) -> None:
+    def shot(self, name: str) -> Path:
         self._count += 1
-        subprocess.run(["import", "-window", "root", str(self.folder / f"{self._count:02}_{name}.png")], check=True)
+        path = self.folder / f"{self._count:02}_{name}.png"
+        subprocess.run(["import", "-window", "root", str(path)], check=True)
+        return path
+
+    def pixels(self, name: str, of: bpy.types.Region, around: int = 100) -> np.ndarray:
+        """(2 around, 2 around, 3) of a screenshot, from the middle of a region, upwards, 0 to 1."""
+        image = bpy.data.images.load(str(self.shot(name)))
+        pixels = np.array(image.pixels[:], np.float32).reshape(image.size[1], image.size[0], -1)
+        bpy.data.images.remove(image)
+        x, y = (round(value) for value in middle(of))
+        return pixels[y - around:y + around, x - around:x + around, :3]
 
     def key(self, code: str) -> None:
         xdotool("key", code)

@@ -23,7 +23,13 @@ def session():
     from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison
     watch()
     scene = bpy.context.scene
+    shading = area("VIEW_3D").spaces.active.shading
+    shading.type = "RENDERED"
+    yield 1.0
     scene.render.engine = "RENDERFORMER_V2"
+    yield lambda: shading.type == "MATERIAL"
+    yield 1.0
+    driver.shot("rendered_viewport")
     scene.render.resolution_x, scene.render.resolution_y = 640, 480
     reference = scene.renderformer_v2.reference
     reference.use, reference.samples, reference.use_denoising = True, 64, False
@@ -45,6 +51,7 @@ def session():
     yield from compare(editor, comparison, found)
     yield from escape(editor, statistics, found)
     yield from reopen(editor, comparison, found)
+    yield from hostile(editor, comparison, statistics, found)
     yield from elsewhere(editor, statistics, found)
 
 
@@ -52,9 +59,9 @@ def watch() -> None:
     """Note the stages that begin, and the lines that are shown while Cycles runs."""
     from bl_ext.user_default.renderformer_v2.rf2_engine import status, status_line
 
-    def stage(of, name, part="", real=status.Status.stage):
+    def stage(of, name, *how, real=status.Status.stage, **more):
         stages.append(name)
-        return real(of, name, part)
+        return real(of, name, *how, **more)
 
     def show(text, real=status_line.show):
         lines.append(text)
@@ -120,7 +127,33 @@ def compare(editor, comparison, found):
     bpy.ops.renderformer_v2.compare_export(filepath=str(path))
     found["exported"] = [each.is_file() for each in (path, path.with_suffix(".json"))]
     found["closeness"] = comparison.measurement.closeness.psnr
+    yield from drawn(editor, comparison, found)
     chosen.show = False
+
+
+def drawn(editor, comparison, found):
+    """Compare shows what Blender shows, near and far, and no file has any of it."""
+    chosen, image, found["off"] = comparison.settings(), editor.spaces.active.image, []
+    image.save_render(str(FOLDER / "compared.png"))
+    chosen.mode, chosen.split = "SPLIT", 1.0
+    driver.move(*middle(region(area("DOPESHEET_EDITOR"))))
+    for zoom in (1.0, 3.7):
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=editor,
+                                       region=region(editor)):
+            bpy.ops.image.view_zoom_ratio(ratio=zoom)
+        chosen.show = True
+        yield lambda: comparison.a is not None
+        yield 1.0
+        compared = driver.pixels("all_of_a", region(editor))
+        chosen.show = False
+        yield 1.0
+        plain = driver.pixels("plain", region(editor))
+        found["off"].append(float(np.abs(compared - plain).mean()))
+    found["contrast"] = float(np.ptp(plain))
+    image.save_render(str(FOLDER / "alone.png"))
+    found["saved_alike"] = (FOLDER / "compared.png").read_bytes() == (FOLDER / "alone.png").read_bytes()
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=editor, region=region(editor)):
+        bpy.ops.image.view_zoom_ratio(ratio=1.0)
 
 
 def escape(editor, statistics, found):
@@ -161,6 +194,39 @@ def reopen(editor, comparison, found):
     chosen.a.kind = "SHOWN"
     yield lambda: comparison.a is not None and "Slot" in comparison.a.name
     found["file_is_the_render"] = bool(np.array_equal(of_file, comparison.a.pixels))
+
+
+def hostile(editor, comparison, statistics, found):
+    """What is compared goes away, and the engine changes under a render."""
+    chosen, scene = comparison.settings(), bpy.context.scene
+    said = found["said"] = {}
+    image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
+    editor.spaces.active.image = image
+
+    def hears(name):
+        yield lambda: comparison.message
+        said[name] = comparison.message
+        driver.shot(name)
+    chosen.b.image = "gone"
+    yield from hears("image_is_gone")
+    for side, slot in ((chosen.a, 1), (chosen.b, 2)):
+        side.kind, side.slot, side.pass_name = "SLOT", slot, "Combined"
+    image.render_slots.active_index, scene.render.resolution_x = 1, 200
+    yield from render(editor)
+    yield from hears("other_size")
+    chosen.a.slot, chosen.b.pass_name = 2, "Cycles Reference"
+    yield lambda: comparison.a is not None
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=editor, region=region(editor)):
+        bpy.ops.image.remove_render_slot()
+    yield from hears("slot_removed")
+    stages.clear()
+    driver.key(F12)
+    yield lambda: "First hits" in stages
+    scene.render.engine = "CYCLES"
+    yield lambda: not is_rendering()
+    scene.render.engine = "RENDERFORMER_V2"
+    found["engine_changed"] = [statistics.last_frame[0].error, statistics.last_frame[0].reference_samples]
+    chosen.show = False
 
 
 def elsewhere(editor, statistics, found):

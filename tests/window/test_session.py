@@ -47,6 +47,10 @@ def test_the_split_follows_the_mouse(found):
     assert found["split"] > 0.55
 
 
+def test_compare_shows_what_blender_shows_and_leaves_files_alone(found):
+    assert found["contrast"] > 0.2 and max(found["off"]) < 2 / 255 and found["saved_alike"]
+
+
 def test_the_comparison_is_exported(found):
     assert found["exported"] == [True, True] and found["closeness"] > 15
 
@@ -59,6 +63,16 @@ def test_esc_ends_each_stage_and_keeps_our_picture_during_the_reference(found):
 
 def test_a_saved_file_is_compared_like_the_render(found):
     assert found["file_is_the_render"]
+
+
+def test_what_goes_away_while_it_is_compared_is_said(found):
+    said = found["said"]
+    assert "no image 'gone'" in said["image_is_gone"] and "pixels, B 200 x" in said["other_size"]
+    assert "Slot 2 is empty" in said["slot_removed"]
+
+
+def test_a_render_ends_as_it_began_when_the_engine_is_changed(found):
+    assert found["engine_changed"] == ["", 64]
 
 
 def test_a_blender_in_the_background_renders_where_cycles_cannot_be_run_inside(found):

@@ -34,10 +34,38 @@ def test_only_the_render_region_is_measured(settings, two_slots):
     two_slots.render.border_min_y, two_slots.render.border_max_y = 0.75, 1.0
     settings.region = "BORDER"
     measured = _measured()
-    assert measured.closeness.flip_map.shape == (9, 25)
+    assert measured.closeness.flip_map.shape == (10, 25)
     assert measured.closeness.psnr == pytest.approx(with_libraries.compare(
-        comparison.a.pixels[:9, :25, :3], comparison.b.pixels[:9, :25, :3])["psnr"], abs=1e-3)
-    assert measured.box.area == pytest.approx((0, 28 / 37, 0.5, 1))
+        comparison.a.pixels[:10, :25, :3], comparison.b.pixels[:10, :25, :3])["psnr"], abs=1e-3)
+    assert measured.box.area == pytest.approx((0, 27 / 37, 0.5, 1))
+
+
+def test_the_region_is_found_in_pictures_that_were_cropped_to_another(settings, two_slots):
+    def select(left, right, bottom, top):
+        border = two_slots.render
+        border.border_min_x, border.border_max_x = left, right
+        border.border_min_y, border.border_max_y = bottom, top
+
+    def measured(*region):
+        select(*region)
+        return _measured()
+    settings.region = "BORDER"
+    whole = measured(0.3, 0.62, 0.21, 0.7)
+    seen = whole.box.cut(comparison.b.pixels)
+    two_slots.render.use_border = two_slots.render.use_crop_to_border = True
+    select(0.1, 0.9, 0.15, 0.7)
+    bpy.ops.render.render()
+    settings.a.slot, settings.b.kind, settings.b.image = 2, "IMAGE", "Grey"
+    bpy.data.images.new("Grey", 40, 20, float_buffer=True)
+    cropped = measured(0.3, 0.62, 0.21, 0.7)  # the user selects another one afterwards
+    assert comparison.a.pixels.shape[:2] == (20, 40) and cropped.box.area == pytest.approx((0.25, 0.1, 0.65, 1))
+    np.testing.assert_allclose(cropped.box.cut(comparison.a.pixels), seen, atol=0.02)
+    assert measured(0.1, 0.9, 0.15, 0.7).closeness.flip_map.shape == (20, 40)
+    assert "7 x 7" in measured(0.91, 1, 0, 0.1).error
+    two_slots.render.use_border = False
+    bpy.ops.render.render()
+    settings.a.slot, settings.b.kind = 1, "SLOT"
+    assert measured(0.3, 0.62, 0.21, 0.7).closeness.psnr == pytest.approx(whole.closeness.psnr, abs=0.01)
 
 
 def test_a_region_too_small_is_said(settings, two_slots):
@@ -69,7 +97,7 @@ def test_the_reference_is_chosen_when_it_is_there(settings, two_slots):
     assert settings.b.pass_name == "Cycles Reference" and comparison.b.name == "Slot 2, Cycles Reference"
 
 
-def test_another_render_or_slot_outdates_what_was_read(settings):
+def test_another_render_slot_or_region_outdates_what_was_read(settings, two_slots):
     settings.b.kind = "SHOWN"
     comparison.read()
     assert not comparison.is_outdated()
@@ -77,7 +105,21 @@ def test_another_render_or_slot_outdates_what_was_read(settings):
     assert comparison.is_outdated()
     bpy.data.images["Render Result"].render_slots.active_index = 1
     assert not comparison.is_outdated()
+    two_slots.render.border_max_x = 0.9
+    assert not comparison.is_outdated()
+    settings.region = "BORDER"
+    comparison.read()
+    two_slots.render.border_max_x = 0.8
+    assert comparison.is_outdated()
+    comparison.read()
     bpy.ops.render.render()
+    assert comparison.is_outdated()
+
+
+def test_another_number_of_slots_outdates_what_was_read(settings):
+    """Where one was removed the next has its number."""
+    comparison.read()
+    bpy.data.images["Render Result"].render_slots.new()
     assert comparison.is_outdated()
 
 

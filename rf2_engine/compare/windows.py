@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What part of the frame a render slot holds: all of it, unless the render was cropped to a render region."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .. import rectangle
+from ..registering import handlers
+
+
+class Window(NamedTuple):
+    """Pixels of the frame, and those that a picture shows of it, from the bottom left."""
+
+    width: int
+    height: int
+    left: int
+    right: int
+    bottom: int
+    top: int
+
+    @property
+    def all(self) -> Window:
+        """All of the picture, in its own pixels."""
+        return whole(self.right - self.left, self.top - self.bottom)
+
+    def selected(self, settings: bpy.types.RenderSettings) -> Window:
+        """The part that the render region selects, as far as the picture shows it, in pixels of the picture."""
+        left, right, bottom, top = rectangle.region(self.width, self.height, settings)
+        left, right = (min(max(x, self.left), self.right) - self.left for x in (left, right))
+        bottom, top = (min(max(y, self.bottom), self.top) - self.bottom for y in (bottom, top))
+        return self.all._replace(left=left, right=max(left, right), bottom=bottom, top=max(bottom, top))
+
+
+_cropped: dict[int, Window] = {}  # by slot number
+
+
+def whole(width: int, height: int) -> Window:
+    return Window(width, height, 0, width, 0, height)
+
+
+def of_slot(slot: int | None, width: int, height: int) -> Window:
+    """Of a picture of this size that was read from a slot; None is no slot."""
+    window = _cropped.get(slot)
+    return window if window and window.all[:2] == (width, height) else whole(width, height)
+
+
+@persistent
+def _begins(scene, *_):
+    """Note what the slot that is shown will hold."""
+    for image in bpy.data.images:
+        if image.type == "RENDER_RESULT":
+            _cropped.pop(slot := image.render_slots.active_index + 1, None)
+            if scene.render.use_border and scene.render.use_crop_to_border:
+                width, height = rectangle.size(scene.render)
+                _cropped[slot] = Window(width, height, *rectangle.region(width, height, scene.render))
+
+
+@persistent
+def _loaded(*_):
+    _cropped.clear()
+
+
+register, unregister = handlers(("render_init", _begins), ("load_post", _loaded))
