@@ -19,18 +19,21 @@ FACING, COLOR = 0.3, 0.1  # how much differences in these count beside a distanc
 
 
 def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, center: np.ndarray, radius: float,
-                  report) -> list[RenderScene]:
+                  clear: np.ndarray, report) -> list[RenderScene]:
     """Triangles of each lamp and each sun; too many lamps become coarser, and at last those close together one.
 
-    budget: most triangles of all together; center (3,) and radius: bounding sphere of the scene, world units.
+    budget: most triangles of all together; center (3,) and radius: bounding sphere of the scene, world units; clear
+    (3,): the share of sunlight that reaches it.
     """
     for detail in FINE, COARSE:
         distant = [convert_sun(sun, center, radius, detail) for sun in suns]
         near = []
         for i, lamp in enumerate(lamps):
             progress.report(i / len(lamps))
-            near.append(_within_numbers(
-                convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail), lamp.name, report))
+            shape = convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail)
+            if lamp.light.type == "SUN":
+                shape = replace(shape, emission=(shape.emission * clear).astype(np.float32))
+            near.append(_within_numbers(shape, lamp.name, report))
         near = [shape for shape in near if shape.is_light.any()]
         room = budget - sum(map(len, distant))
         if sum(map(len, near)) <= room:

@@ -48,6 +48,7 @@ class Medium:
     scattering: np.ndarray  # (3,) f64, coefficient per world unit at density 1
     absorption: np.ndarray  # (3,) f64
     density: Callable[[int], np.ndarray]  # r -> (r, r, r) density of the box's voxels, [x, y, z] along the box axes
+    finest: int = CELLS     # cells per axis that show all there is to see
 
 
 def voxel_centres(box: Box, resolution: int) -> np.ndarray:
@@ -80,7 +81,7 @@ def cells(media: list[Medium], report) -> Volumes | None:
     """
     per_axis = [CELLS] * len(media)
     for rank, i in enumerate(np.argsort([-np.prod(medium.box.size) for medium in media], kind="stable")):
-        per_axis[i] = CELLS >> sum(rank >= most for most in FINE_MEDIA)
+        per_axis[i] = min(CELLS >> sum(rank >= most for most in FINE_MEDIA), media[i].finest)
     clear, parts = CLEAR, []
     for i, medium in enumerate(media):
         with progress.part(0.7 * i / len(media), 0.7 * (i + 1) / len(media)):
@@ -109,8 +110,8 @@ def cells(media: list[Medium], report) -> Volumes | None:
             parts[i] = _occupied(medium, 0, clear)
         elif len(parts[i]) == 0:
             report.skipped(medium.name, "the volume is empty")
-        elif per_axis[i] < CELLS:
-            report.approximated(medium.name, f"drawn with {per_axis[i]} cells per axis instead of {CELLS}")
+        elif per_axis[i] < medium.finest:
+            report.approximated(medium.name, f"drawn with {per_axis[i]} cells per axis instead of {medium.finest}")
         room -= len(parts[i])
     return Volumes.concatenate(parts) if any(map(len, parts)) else None
 

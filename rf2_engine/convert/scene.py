@@ -15,13 +15,14 @@ from .budget import fit
 from .camera import clip_start
 from .collect import collect
 from .focus import find_focus
+from .fog import add_fog, through_fog
 from .lamps import convert_lamps
 from .material import MaterialTiles
 from .seen import look
 from .sight import sight_of
 from .sizes import Sizes
 from .surfaces import dressed
-from .world import world_light
+from .world import shown_world, world_light
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
@@ -53,8 +54,11 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
         report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
                             f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}); farther away, such as parts of "
                             f"{', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}, it sees less")
+    eye = None if view is None else view.camera_to_world[:3, 3]
+    clear = add_fog(found, shown_world(depsgraph), focus, eye, report)
+    environment, suns = through_fog(environment, suns, clear)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    lamps = convert_lamps(found.lamps, suns, token_budget // 2, center, radius, report)
+    lamps = convert_lamps(found.lamps, suns, token_budget // 2, center, radius, clear, report)
     budget = token_budget - sum(map(len, lamps))
     size = Sizes(max_edge, Normalization.of(RenderScene(focus=focus)), sight)
     with progress.part(0.5, 0.7):

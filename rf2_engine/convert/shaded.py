@@ -8,6 +8,7 @@ import numpy as np
 
 from .medium import CELLS, Box, Medium, voxel_centres
 
+EVEN = 4          # cells per axis of a box that is the same everywhere
 SAME_TINT = 0.05  # most difference in colour that is not worth a remark
 
 
@@ -20,7 +21,7 @@ def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: 
     full = filling or (lambda resolution: np.ones((resolution,) * 3, np.float32))
     scattering, absorption = coefficients(voxel_centres(box, 2))
     if scattering.ndim == absorption.ndim == 1:
-        return Medium(name, box, scattering, absorption, full)
+        return Medium(name, box, scattering, absorption, full, EVEN if filling is None else CELLS)
     scattering, absorption = (np.broadcast_to(c, (CELLS, CELLS, CELLS, 3))
                               for c in coefficients(voxel_centres(box, CELLS)))
     each = scattering + absorption
@@ -32,7 +33,7 @@ def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: 
     total = max(float(extinction.sum()), 1e-12)
 
     def density(resolution: int) -> np.ndarray:
-        both = (coefficients(voxel_centres(box, resolution)))
+        both = coefficients(voxel_centres(box, resolution))
         return full(resolution) * sum(np.float32(c).mean(axis=-1) for c in both)
 
     return Medium(name, box, scattering.sum(axis=(0, 1, 2)) / total, absorption.sum(axis=(0, 1, 2)) / total, density)

@@ -23,9 +23,14 @@ BAND_ROWS = 16        # texel rows evaluated at once
 VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmission", "scatter": "Volume Scatter"}
 
 
+def shown_world(depsgraph):
+    """The world of the view layer that is rendered, None if it shows none."""
+    return compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
+
+
 def world_light(depsgraph, report) -> tuple[np.ndarray | None, list[Sun]]:
     """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these."""
-    world = compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
+    world = shown_world(depsgraph)
     environment = convert_world(world, report)
     if environment is None:
         return None, []
@@ -88,9 +93,6 @@ def _none_if_black(environment: np.ndarray) -> np.ndarray | None:
 
 
 def _report_limits(world, report) -> None:
-    output = graph.output_node(world.node_tree) if world.use_nodes else None
-    if output is not None and graph.source(graph.find_input(output, "Volume"))[1] is not None:
-        report.skipped(world.name, "a volume that fills the world is left out; use a box with a volume shader")
     hidden = [label for key, label in VISIBILITY.items() if not getattr(world.cycles_visibility, key)]
     if hidden:
         report.approximated(world.name, f"it lights everything although ray visibility is off for: {', '.join(hidden)}")

@@ -124,12 +124,12 @@ def coarse(folder):
     return obj
 
 
-def background_left(volumes):
-    """(PATCHES, PATCHES, 3) means over vertical rays."""
+def background_left(volumes, side=SIDE, from_height=1.5):
+    """(PATCHES, PATCHES, 3) means over vertical rays from a height through a square of the ground, or from above it."""
     count = 2 * PATCHES * PIXELS
-    across = ((np.arange(count) + 0.4987) / count - 0.5) * SIDE  # not along the borders of voxels
+    across = ((np.arange(count) + 0.4987) / count - 0.5) * side  # not along the borders of voxels
     rays = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 2)
-    heights = np.arange(-1.5, 1.5, STEP)
+    heights = np.arange(0 if from_height < 1.5 else -1.5, from_height, STEP)
     depth = np.zeros((len(rays), 3))
     for i in range(len(volumes)):
         scale, place = volumes.scale[i].astype(float), volumes.position[i]
