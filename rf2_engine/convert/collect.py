@@ -8,15 +8,17 @@ import numpy as np
 
 from ...model import progress
 from . import mesh as meshes
-from . import strands, volumes
+from . import strands
 from .collected import Collected, LampInstance, Part
+from .grids import Grid
 from .light_linking import dark_emitters
 from .material import MaterialTiles
 from .mesh import TriangleMesh
 from .place import Place
 from .report import AS_GOOD_AS_INFINITE, Report
-from .shading import volume
+from .shading import volume as shading
 from .visibility import gas_domain, hidden_in_renders, is_shown
+from .volumes import MeshVolume, gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
@@ -43,7 +45,8 @@ class _Walk:
         self.dark = dark_emitters(depsgraph, report)
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
-        self._parts: dict[tuple, tuple[list[Part], list[tuple]]] = {}
+        self._grids: dict[tuple, dict[str, Grid]] = {}
+        self._parts: dict[tuple, tuple[list[Part], list[MeshVolume]]] = {}
         self._shown: dict[tuple, bool] = {}
         self._homogeneous: dict[tuple, bool] = {}  # material and layers of meshes -> it emits
         self._probed: dict[tuple, tuple[bool, bool]] = {}  # by mesh and material, where all instances are alike
@@ -69,7 +72,7 @@ class _Walk:
         if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
             self.report.refused(obj.name, "its transform is not finite, or as good as infinite")
         elif obj.type == "VOLUME" or gas_domain(obj):
-            made = volumes.gridded(obj, self._slots(obj)[0], self._place(instance), self.report)
+            made = gridded(obj, self._slots(obj)[0], self._place(instance), self._grids, self.report)
             self.found.media += [made] if made else []
         elif obj.type == "MESH":
             self._add_mesh(obj, self._place(instance), instance.matrix_world.is_negative)
@@ -111,16 +114,15 @@ class _Walk:
         parts, filled = self._parts[key]
         for part in parts:
             part.places.append(place)
-        self.found.media += [volumes.filled(obj.name, corners, material, mesh.texture_space, place, self.report)
-                             for corners, material in filled]
+        self.found.media += [volume.at(place) for volume in filled]
 
-    def _filled(self, obj, slots: list) -> list[tuple]:
-        """Corners of the triangles, and the material, of each volume material of a mesh."""
+    def _filled(self, obj, slots: list) -> list[MeshVolume]:
+        """Of each volume material of a mesh what it fills."""
         mesh, filled = self._mesh(obj), []
         for index, material in enumerate(slots):
-            corners = mesh.corners[_slot(mesh, slots) == index] if volume.has_volume(material) else ()
+            corners = mesh.corners[_slot(mesh, slots) == index] if shading.has_volume(material) else ()
             if len(corners):
-                filled.append((corners, material))
+                filled.append(MeshVolume(obj.name, corners, material, mesh.texture_space, self.report))
         return filled
 
     def _add_strands(self, obj, pointer: int, read, place: Place, slot: int = 0) -> None:
@@ -143,7 +145,7 @@ class _Walk:
     def _split(self, obj, slots: list, probed: tuple[tuple[bool, bool], ...], mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)
         slot = _slot(mesh, slots)
-        surface = np.array([volume.has_surface(material) for material in slots])
+        surface = np.array([shading.has_surface(material) for material in slots])
         emits, textured = np.array(probed).T
         parts, flux_gain = [], 0.0 if obj.original in self.dark else 1.0
         for kind in (False, True):

@@ -9,10 +9,10 @@ from .grids import Grid
 CHANNELS = {"density": 1, "flame": 1, "heat": 1, "temperature": 1, "color": 4}
 
 
-def gas_grids(domain, obj, matrix: np.ndarray, names: list[str]) -> dict[str, Grid]:
+def gas_grids(domain, obj, names: list[str]) -> dict[str, Grid]:
     """Those of FluidDomainSettings that have one of these names; none where nothing was simulated.
 
-    obj: the evaluated domain, as large as its grids at this frame; matrix: (4, 4) object to world.
+    obj: the evaluated domain, as large as its grids at this frame.
     """
     low, high = np.array(obj.bound_box, np.float64)[[0, 6]]
     found = {}
@@ -21,7 +21,7 @@ def gas_grids(domain, obj, matrix: np.ndarray, names: list[str]) -> dict[str, Gr
         if values is not None:
             to_object = np.diag([*((high - low) / values.shape[:3]), 1.0])
             to_object[:3, 3] = low
-            found[name] = Grid(values, matrix @ to_object)
+            found[name] = Grid(values, to_object)
     return found
 
 

@@ -2,7 +2,7 @@
 """Grids of numbers in the world, averaged onto the voxels of a box."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,10 @@ class Grid:
     """Value i of an axis holds over [i, i + 1], as Cycles draws voxels."""
 
     values: np.ndarray    # (x, y, z, c) f32
-    to_world: np.ndarray  # (4, 4) f64, from places counted in values
+    to_space: np.ndarray  # (4, 4) f64, from places counted in values: to the object's, or to the world's
+
+    def moved(self, matrix: np.ndarray) -> Grid:
+        return replace(self, to_space=matrix @ self.to_space)
 
     def corners(self) -> np.ndarray:
         """(8, 3) of what it fills, counted in values."""
@@ -25,7 +28,7 @@ class Grid:
 
     def in_box(self, box: Box, resolution: int) -> np.ndarray:
         """(r, r, r, c) f32 in the box's voxels: means of fine grids, coarse ones interpolated; 0 outside."""
-        to_grid = np.linalg.inv(self.to_world)
+        to_grid = np.linalg.pinv(self.to_space)
         axes = to_grid[:3, :3] @ (box.rotation * box.size)  # columns: ways through the grid along the box's sides
         straight = np.diag(axes)
         if np.abs(axes - np.diag(straight)).max() > ALIGNED * np.abs(straight).min():
@@ -39,15 +42,16 @@ class Grid:
 
 
 def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report) -> Medium:
-    """All of some grids, at least one, along the axes of the first.
+    """All of some grids of an object, at least one, along the axes of the first.
 
     matrix: (4, 4) object to world; coefficients: scattering and absorption per world unit, (3,) or (..., 3), at places
     (..., 3) of the object, given a function of the name of a grid that returns its values (..., c) there, or None.
     """
-    first = next(iter(grids.values())).to_world
-    corners = [grid.corners() @ grid.to_world[:3, :3].T + grid.to_world[:3, 3] for grid in grids.values()]
-    box = box_around(first, (np.concatenate(corners) - first[:3, 3]) @ np.linalg.inv(first[:3, :3]).T)
-    to_object = np.linalg.inv(matrix)
+    grids = {key: grid.moved(matrix) for key, grid in grids.items()}
+    first = next(iter(grids.values())).to_space
+    corners = [grid.corners() @ grid.to_space[:3, :3].T + grid.to_space[:3, 3] for grid in grids.values()]
+    box = box_around(first, (np.concatenate(corners) - first[:3, 3]) @ np.linalg.pinv(first[:3, :3]).T)
+    to_object = np.linalg.pinv(matrix)
 
     def at(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         def values(wanted: str) -> np.ndarray | None:

@@ -2,12 +2,15 @@
 """How much of each voxel of a box is inside of a closed mesh."""
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from ...model import progress
 
 COLUMNS = 2                     # along each side of a voxel
 OFFSET = np.array([0.13, 0.27])  # of a column off its middle, in columns, so that few run along a regular mesh's edges
+DIGITS = 5                      # of places in the box
 CHUNK = 1 << 20                 # columns and triangles that may meet, at once
 
 
@@ -16,6 +19,13 @@ def filling(corners: np.ndarray, resolution: int) -> np.ndarray:
 
     Columns along z are cut at each crossing of the mesh: what lies after an odd number of them is inside.
     """
+    return _filling(np.float32(corners.round(DIGITS)).tobytes(), resolution)
+
+
+@functools.lru_cache(maxsize=64)
+def _filling(corners: bytes, resolution: int) -> np.ndarray:
+    """Once for all instances of a mesh."""
+    corners = np.frombuffer(corners, np.float32).astype(np.float64).reshape(-1, 3, 3)
     fine = resolution * COLUMNS
     column, height = _crossings((corners + 0.5) * (fine, fine, resolution) - (*OFFSET, 0), fine)
     order = np.lexsort((height, column))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -49,6 +49,15 @@ class Medium:
     absorption: np.ndarray  # (3,) f64
     density: Callable[[int], np.ndarray]  # r -> (r, r, r) density of the box's voxels, [x, y, z] along the box axes
     finest: int = CELLS     # cells per axis that show all there is to see
+    _known: np.ndarray | None = field(default=None, repr=False)
+
+    def voxels(self, resolution: int) -> np.ndarray:
+        """`density`; where it is known twice as finely, the means of that."""
+        if self._known is not None and len(self._known) == 2 * resolution:
+            self._known = self._known.reshape(resolution, 2, resolution, 2, resolution, 2).mean(axis=(1, 3, 5))
+        else:
+            self._known = self.density(resolution)
+        return self._known
 
 
 def voxel_centres(box: Box, resolution: int) -> np.ndarray:
@@ -124,7 +133,7 @@ def _occupied(medium: Medium, per_axis: int, clear: float) -> Volumes:
     """
     progress.report()
     n, box = per_axis, medium.box
-    density = medium.density(n * VOXELS) if n else np.zeros((0, 0, 0))
+    density = medium.voxels(n * VOXELS) if n else np.zeros((0, 0, 0))
     peak = float(density.max(initial=0))
     blocks = (density / (peak or 1)).reshape(n, VOXELS, n, VOXELS, n, VOXELS).transpose(0, 2, 4, 5, 3, 1)
     extinction = peak * (medium.scattering + medium.absorption).max()

@@ -19,11 +19,10 @@ def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: 
     Tokens of a box know one colour, so its colour is the mean one, and its extinction that of all colours together.
     """
     full = filling or (lambda resolution: np.ones((resolution,) * 3, np.float32))
-    scattering, absorption = coefficients(voxel_centres(box, 2))
+    scattering, absorption = coefficients(voxel_centres(box, CELLS))
     if scattering.ndim == absorption.ndim == 1:
         return Medium(name, box, scattering, absorption, full, EVEN if filling is None else CELLS)
-    scattering, absorption = (np.broadcast_to(c, (CELLS, CELLS, CELLS, 3))
-                              for c in coefficients(voxel_centres(box, CELLS)))
+    scattering, absorption = (np.broadcast_to(c, (CELLS, CELLS, CELLS, 3)) for c in (scattering, absorption))
     each = scattering + absorption
     extinction = each.mean(axis=-1)
     thick = extinction.ravel() > 0

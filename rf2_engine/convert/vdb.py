@@ -16,11 +16,8 @@ from .medium import CELLS, VOXELS
 NUMBERS, COLORS = {"FLOAT", "DOUBLE", "INT", "INT64"}, {"VECTOR_FLOAT", "VECTOR_DOUBLE"}
 
 
-def read_grids(openvdb, volume, matrix: np.ndarray, names: list[str]) -> dict[str, Grid]:
-    """Those grids of an evaluated Volume that have one of these names and hold anything.
-
-    matrix: (4, 4) object to world.
-    """
+def read_grids(openvdb, volume, names: list[str]) -> dict[str, Grid]:
+    """Those grids of an evaluated Volume that have one of these names and hold anything."""
     volume.grids.load()
     wanted = [grid for grid in volume.grids if grid.name in names and grid.data_type in NUMBERS | COLORS]
     found = {}
@@ -31,12 +28,12 @@ def read_grids(openvdb, volume, matrix: np.ndarray, names: list[str]) -> dict[st
             for grid in wanted:
                 tree = openvdb.read(path, grid.name)
                 if tree.activeVoxelCount():
-                    found[grid.name] = _grid(tree, matrix @ np.array(grid.matrix_object, np.float64),
-                                             3 if grid.data_type in COLORS else 1)
+                    channels = 3 if grid.data_type in COLORS else 1
+                    found[grid.name] = _grid(tree, np.array(grid.matrix_object, np.float64), channels)
     return found
 
 
-def _grid(tree, to_world: np.ndarray, channels: int) -> Grid:
+def _grid(tree, to_object: np.ndarray, channels: int) -> Grid:
     """Dense values; large grids are averaged while they are read."""
     low, high = (np.array(corner) for corner in tree.evalActiveVoxelBoundingBox())
     extent = high - low + 1
@@ -51,7 +48,7 @@ def _grid(tree, to_world: np.ndarray, channels: int) -> Grid:
     fades = np.array(shape) + 2 <= CELLS * VOXELS  # a coarse grid is interpolated to 0 outside of its values
     to_index = np.diag([*factor.astype(np.float64), 1.0])
     to_index[:3, 3] = low - fades * factor + compat.first_voxel_begins()
-    return Grid(np.pad(values, [(int(fade), int(fade)) for fade in fades] + [(0, 0)]), to_world @ to_index)
+    return Grid(np.pad(values, [(int(fade), int(fade)) for fade in fades] + [(0, 0)]), to_object @ to_index)
 
 
 def openvdb_module():

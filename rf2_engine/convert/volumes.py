@@ -18,8 +18,11 @@ from .visibility import gas_domain
 DEFAULT_GRID, DEFAULT_COEFFICIENT = "density", 0.5
 
 
-def gridded(obj, material, place: Place, report) -> Medium | None:
-    """The grids of an evaluated Volume object or of a domain of gas; None, and a remark, if it shows none."""
+def gridded(obj, material, place: Place, known: dict, report) -> Medium | None:
+    """The grids of an evaluated Volume object or of a domain of gas; None, and a remark, if it shows none.
+
+    known: what was read before.
+    """
     domain = gas_domain(obj)
     if not has_volume(material) and (material or domain):
         report.skipped(obj.name, f'its material "{material.name}" has no volume shader' if material
@@ -38,15 +41,15 @@ def gridded(obj, material, place: Place, report) -> Medium | None:
             return [unit * c for c in volume_coefficients(material, report, points)]
         return [unit * DEFAULT_COEFFICIENT * values(DEFAULT_GRID) * np.ones(3)] * 2
 
-    if domain:
-        grids = gas_grids(domain, obj, place.matrix, names)
-    elif openvdb is None:
+    if openvdb is None and not domain:
         report.approximated(obj.name, "its grid cannot be read without the openvdb module: shown as a uniform box")
         box = box_around(place.matrix, np.array(obj.bound_box))
         return shaded_medium(obj.name, box, lambda points: coefficients(
             points, lambda name: np.ones((*points.shape[:3], 1), np.float32)), report)
-    else:
-        grids = read_grids(openvdb, obj.data, place.matrix, names)
+    key = obj.as_pointer() if domain else obj.data.as_pointer(), *names
+    if key not in known:
+        known[key] = gas_grids(domain, obj, names) if domain else read_grids(openvdb, obj.data, names)
+    grids = known[key]
     if grids:
         return grid_medium(obj.name, place.matrix, grids, coefficients, report)
     report.skipped(obj.name, f"it holds nothing called {' or '.join(names)}, which its shader asks for" if names
@@ -54,15 +57,31 @@ def gridded(obj, material, place: Place, report) -> Medium | None:
     return None
 
 
-def filled(name: str, corners: np.ndarray, material, texture_space: np.ndarray, place: Place, report) -> Medium:
-    """The inside of a closed mesh. corners: (n, 3, 3) in the frame of the object."""
-    matrix = place.matrix
-    flat = corners.reshape(-1, 3).astype(np.float64)
-    box = box_around(matrix, flat)
-    local = ((flat @ matrix[:3, :3].T + matrix[:3, 3] - box.center) @ box.rotation) / np.maximum(box.size, 1e-30)
+class MeshVolume:
+    """The inside of a closed mesh, wherever it stands. corners: (n, 3, 3) in the frame of the object."""
 
-    def coefficients(points):
-        inside = (points - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
-        return volume_coefficients(material, report, volume_points(inside, texture_space, place))
+    def __init__(self, name: str, corners: np.ndarray, material, texture_space: np.ndarray, report):
+        self.name, self.material, self.texture_space, self.report = name, material, texture_space, report
+        self.corners = corners.reshape(-1, 3).astype(np.float64)
+        self._known: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}  # coefficients that are those of all instances
 
-    return shaded_medium(name, box, coefficients, report, lambda n: filling(local.reshape(-1, 3, 3), n))
+    def at(self, place: Place) -> Medium:
+        matrix = place.matrix
+        box = box_around(matrix, self.corners)
+        local = ((self.corners @ matrix[:3, :3].T + matrix[:3, 3] - box.center) @ box.rotation
+                 / np.maximum(box.size, 1e-30)).reshape(-1, 3, 3)
+        to_object = np.linalg.pinv(matrix)
+
+        def coefficients(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            inside = places @ to_object[:3, :3].T + to_object[:3, 3]
+            corners = inside[[0, 0, 0, -1], [0, 0, -1, 0], [0, -1, 0, 0]]
+            where = len(places), np.float32(corners.round(5)).tobytes()
+            if where in self._known:
+                return self._known[where]
+            points = volume_points(inside, self.texture_space, place)
+            found = volume_coefficients(self.material, self.report, points)
+            if not points.is_placed:
+                self._known[where] = found
+            return found
+
+        return shaded_medium(self.name, box, coefficients, self.report, lambda n: filling(local, n))

@@ -42,6 +42,7 @@ class VolumePoints(Points):
 
     inside: np.ndarray | None = None
     grids: Callable[[str], np.ndarray | None] | None = None  # by name: values (..., c) at these places
+    is_placed: bool = False  # whether what was evaluated is that of one instance
 
     @property
     def position(self) -> np.ndarray:
@@ -60,7 +61,8 @@ def volume_points(inside: np.ndarray, texture_space: np.ndarray, place: Place, g
                         inside=inside.astype(np.float32), grids=grids)
 
 
-def volume_coefficients(material, report, points: Points | None = None) -> tuple[np.ndarray, np.ndarray] | None:
+def volume_coefficients(material, report, points: VolumePoints | None = None,
+                        ) -> tuple[np.ndarray, np.ndarray] | None:
     """Scattering and absorption, (3,) f32 RGB each per world unit, or None when there is no Volume shader.
 
     material: or a world. Of a shader that varies over `points` (n, ..., 3) they are as many (docs/scene-input.md 5.6).
@@ -68,8 +70,10 @@ def volume_coefficients(material, report, points: Points | None = None) -> tuple
     output = _volume_output(material)
     if output is None:
         return None
-    evaluator = Evaluator(points or VolumePoints(), ImageCache(report), report, material.name)
+    points = points or VolumePoints()
+    evaluator = Evaluator(points, ImageCache(report), report, material.name)
     coefficients = coefficients_at(NodeCall(evaluator, output), "Volume")
+    points.is_placed = evaluator.depends_on_place or evaluator.depends_on_scale
     scattering, absorption = (report.finite(material.name, "its volume", np.float32(c)) for c in coefficients)
     return np.maximum(scattering, 0), np.maximum(absorption, 0)
 
