@@ -14,10 +14,11 @@ from . import (
     statistics,
     status_line,
     viewport,
+    world_session,
 )
 from .setup import package_operators, preferences, weights_operators
 
-MODULES = (running, shot, costs, statistics, status_line, preflight, reference_settings, settings, preferences, engine,
+MODULES = (running, shot, world_session, costs, statistics, status_line, preflight, reference_settings, settings, preferences, engine,
            package_operators, weights_operators, panels, viewport, compare)
 
 

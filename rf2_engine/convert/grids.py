@@ -36,7 +36,7 @@ class Grid:
             return _trilinear(self.values, points - 0.5)
         first, values = to_grid[:3, :3] @ box.center + to_grid[:3, 3] - straight / 2, self.values
         for axis in range(3):
-            weights = _weights(first[axis], straight[axis] / resolution, resolution, values.shape[axis])
+            weights = shares(first[axis], straight[axis] / resolution, resolution, values.shape[axis])
             values = np.moveaxis(np.tensordot(weights, values, (1, axis)), 0, axis)
         return values.astype(np.float32)
 
@@ -61,7 +61,7 @@ def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficie
     return shaded_medium(name, box, at, report)
 
 
-def _weights(first: float, step: float, count: int, size: int) -> np.ndarray:
+def shares(first: float, step: float, count: int, size: int) -> np.ndarray:
     """(count, size) what intervals one step wide, from `first` on, take of each value."""
     edges, value = first + step * np.arange(count + 1), np.arange(size)
     if abs(step) < 1:

@@ -10,11 +10,13 @@ from ...model import progress
 from ...model.geometry import latlong_directions
 from ...model.scene import ENVIRONMENT_SHAPE
 from .. import compat
+from ..fingerprint import trees
 from .light import SUN_ANGLE
+from .report import Report
 from .shading import graph
 from .shading.evaluate import Evaluator, Points
 from .shading.image import ImageCache
-from .shading.node_call import NodeCall
+from .shading.node_call import OF_A_NODE, NodeCall
 from .shading.surface import closure_at
 from .suns import Sun, split_suns
 
@@ -28,18 +30,33 @@ def shown_world(depsgraph):
     return compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
 
 
-def world_light(depsgraph, report) -> tuple[np.ndarray | None, list[Sun]]:
-    """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these."""
-    world = shown_world(depsgraph)
-    environment = convert_world(world, report)
-    if environment is None:
-        return None, []
-    environment, suns = split_suns(environment)
+def world_light(depsgraph, report, by_cycles=None) -> tuple[np.ndarray | None, list[Sun]]:
+    """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these.
+
+    by_cycles: a CyclesWorld (world_session.py), which is asked where a node cannot be evaluated as it is.
+    """
+    world, remarks = shown_world(depsgraph), Report()
+    environment, suns = convert_world(world, remarks), []
+    if world is not None:
+        _report_limits(world, report)
+    drawn = None
+    if by_cycles is not None and any(message.startswith(OF_A_NODE) for _, _, message in remarks.entries):
+        discs = environment is not None and _has_discs(world)
+        drawn = by_cycles.light(split_suns(environment)[1] if discs else [])
+    report.add([remark for remark in remarks.entries if not (drawn and remark.message.startswith(OF_A_NODE))])
+    if drawn:
+        environment, suns = _none_if_black(drawn[0]), drawn[1]
+    elif environment is not None:
+        environment, suns = split_suns(environment)
     if suns:
         what = f"{len(suns)} small bright places of it light" if len(suns) > 1 else "a small bright place of it lights"
-        report.approximated(world.name, f"{what} the scene as a sun lamp does, {math.degrees(SUN_ANGLE):.0f} degrees "
-                                        "wide or more")
+        report.approximated(shown_world(depsgraph).name, f"{what} the scene as a sun lamp does, "
+                                                         f"{math.degrees(SUN_ANGLE):.0f} degrees wide or more")
     return environment, suns
+
+
+def _has_discs(world) -> bool:
+    return any(getattr(node, "sun_disc", False) for _, _, tree in trees(world) for node in tree.nodes)
 
 
 def convert_world(world, report) -> np.ndarray | None:
@@ -49,7 +66,6 @@ def convert_world(world, report) -> np.ndarray | None:
     """
     if world is None:
         return None
-    _report_limits(world, report)
     if not world.use_nodes or world.node_tree is None:
         return _none_if_black(np.broadcast_to(np.float32(world.color), ENVIRONMENT_SHAPE).copy())
     output = graph.output_node(world.node_tree)

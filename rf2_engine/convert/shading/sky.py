@@ -37,9 +37,7 @@ def sky_texture(n: NodeCall):
     if direction is None:
         n.approximated("a sky is only evaluated in the world, grey is used")
         return np.full(3, 0.5, np.float32)
-    if node.sky_type in SCALE:
-        kind = node.sky_type.replace("_", " ").title()
-        n.approximated(f"a {kind} sky is shown as a single-scattering sky of about its brightness")
+    n.approximated("its sky is estimated, as one of single scattering of about its brightness")
     physical = node.sky_type not in ("PREETHAM", "HOSEK_WILKIE")
     if physical:
         elevation, turn = node.sun_elevation, node.sun_rotation
