@@ -18,8 +18,8 @@ from . import (
 )
 from .setup import package_operators, preferences, weights_operators
 
-MODULES = (running, shot, world_session, costs, statistics, status_line, preflight, reference_settings, settings, preferences, engine,
-           package_operators, weights_operators, panels, viewport, compare)
+MODULES = (running, shot, world_session, costs, statistics, status_line, preflight, reference_settings, settings,
+           preferences, engine, package_operators, weights_operators, panels, viewport, compare)
 
 
 def register() -> None:

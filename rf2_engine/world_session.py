@@ -51,8 +51,8 @@ class CyclesWorld:
 
         rough: about where suns of Sky Textures are. Raises RenderCancelled after Esc.
         """
-        scene, world = self.depsgraph.scene_eval, compat.world(self.depsgraph)
-        if scene.render.use_border or not scene.camera or scene.camera.type != "CAMERA":
+        world = compat.world(self.depsgraph)
+        if not is_possible(self.depsgraph.scene_eval):
             return None
         if (key := of_tree(world)) in _known:
             return _known[key]
@@ -109,6 +109,19 @@ class CyclesWorld:
         finally:
             engine.bl_use_gpu_context = kept
         return found["combined"][..., :3].clip(0)
+
+
+@dataclass
+class ExpectedWorld:
+    """Instead of a CyclesWorld where nothing is rendered: only what will be reported is right."""
+
+    def light(self, rough: list[Sun]) -> tuple[np.ndarray, list[Sun]]:
+        return np.ones(ENVIRONMENT_SHAPE, np.float32), rough
+
+
+def is_possible(scene: bpy.types.Scene) -> bool:
+    """Whether panoramas can be drawn: a session draws no more than the render border."""
+    return not scene.render.use_border and scene.camera is not None and scene.camera.type == "CAMERA"
 
 
 def _alone(world: bpy.types.World, discs: bool, override) -> bool:

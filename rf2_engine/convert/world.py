@@ -10,10 +10,10 @@ from ...model import progress
 from ...model.geometry import latlong_directions
 from ...model.scene import ENVIRONMENT_SHAPE
 from .. import compat
-from ..fingerprint import trees
+from ..fingerprint import nodes
 from .light import SUN_ANGLE
 from .report import Report
-from .shading import graph
+from .shading import graph, sky
 from .shading.evaluate import Evaluator, Points
 from .shading.image import ImageCache
 from .shading.node_call import OF_A_NODE, NodeCall
@@ -22,6 +22,7 @@ from .suns import Sun, split_suns
 
 MAX_SUPERSAMPLING = 4  # rays per texel and axis; larger images are reduced first
 BAND_ROWS = 16        # texel rows evaluated at once
+SKY, FEW = "ShaderNodeTexSky", (0, 8, 16)  # first row, rows and columns of directions that show what nodes say
 VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmission", "scatter": "Volume Scatter"}
 
 
@@ -35,28 +36,46 @@ def world_light(depsgraph, report, by_cycles=None) -> tuple[np.ndarray | None, l
 
     by_cycles: a CyclesWorld (world_session.py), which is asked where a node cannot be evaluated as it is.
     """
-    world, remarks = shown_world(depsgraph), Report()
-    environment, suns = convert_world(world, remarks), []
-    if world is not None:
-        _report_limits(world, report)
-    drawn = None
-    if by_cycles is not None and any(message.startswith(OF_A_NODE) for _, _, message in remarks.entries):
-        discs = environment is not None and _has_discs(world)
-        drawn = by_cycles.light(split_suns(environment)[1] if discs else [])
-    report.add([remark for remark in remarks.entries if not (drawn and remark.message.startswith(OF_A_NODE))])
+    world = shown_world(depsgraph)
+    if world is None:
+        return None, []
+    _report_limits(world, report)
+    drawn = by_cycles.light(_rough_suns(world)) if by_cycles and not _is_exact(world) else None
     if drawn:
         environment, suns = _none_if_black(drawn[0]), drawn[1]
-    elif environment is not None:
-        environment, suns = split_suns(environment)
+    else:
+        environment, suns = convert_world(world, report), []
+        if environment is not None:
+            environment, suns = split_suns(environment)
     if suns:
         what = f"{len(suns)} small bright places of it light" if len(suns) > 1 else "a small bright place of it lights"
-        report.approximated(shown_world(depsgraph).name, f"{what} the scene as a sun lamp does, "
-                                                         f"{math.degrees(SUN_ANGLE):.0f} degrees wide or more")
+        report.approximated(world.name, f"{what} the scene as a sun lamp does, {math.degrees(SUN_ANGLE):.0f} degrees "
+                                        "wide or more")
     return environment, suns
 
 
-def _has_discs(world) -> bool:
-    return any(getattr(node, "sun_disc", False) for _, _, tree in trees(world) for node in tree.nodes)
+def _is_exact(world) -> bool:
+    """Whether `convert_world` shows it as it is."""
+    output = graph.output_node(world.node_tree) if world.use_nodes else None
+    if output is None:
+        return True
+    if any(node.bl_idname == SKY for node in nodes(world)):
+        return False
+    remarks, points = Report(), Points(direction=latlong_directions(np.arange(*FEW[:2]), *FEW[1:]))
+    evaluator = Evaluator(points, ImageCache(remarks), remarks, world.name)
+    closure_at(NodeCall(evaluator, output), "Surface")
+    return not any(remark.message.startswith(OF_A_NODE) for remark in remarks.entries)
+
+
+def _rough_suns(world) -> list[Sun]:
+    """Where Sky Textures show their sun, if they do; how bright it is remains open."""
+    skies = [node for node in nodes(world) if node.bl_idname == SKY and node.sun_disc and sky.is_physical(node)]
+    if not skies:
+        return []
+    if all(graph.source(graph.find_input(node, "Vector"))[1] is None for node in skies):
+        return [Sun(sky.sun_direction(node), np.ones(3), node.sun_size) for node in skies]
+    environment = convert_world(world, Report())
+    return [] if environment is None else split_suns(environment)[1]
 
 
 def convert_world(world, report) -> np.ndarray | None:
