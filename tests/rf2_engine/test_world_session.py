@@ -87,6 +87,7 @@ def test_a_world_is_drawn_as_it_lights_and_nothing_of_the_scene_changes(scene, t
     scene_tokens = tokens()
     assert len(scene_tokens) == 2 * 24 * 4
     np.testing.assert_array_equal(tokens.found["depth"], depth)
+    np.testing.assert_allclose(tokens.found["environment"][0, 0], (0, 50, 0), rtol=1e-3)  # what the camera sees
     assert before == (of_tree(made), of_tree_links(made), scene.camera.matrix_world, scene.camera.data.type)
     assert scene.camera.data.dof.use_dof and scene.camera.visible_camera and sky.sky_type == "PREETHAM"
     found = np.array([light(scene_tokens, normal) for normal in NORMALS])
