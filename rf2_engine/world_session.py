@@ -15,7 +15,7 @@ from bpy.app.handlers import persistent
 from mathutils import Matrix
 
 from ..model.scene import ENVIRONMENT_SHAPE
-from . import compat, cycles_run, cycles_session
+from . import compat, cycles_run, cycles_session, output
 from . import passes as pass_table
 from .convert.grids import shares
 from .convert.lens import POSE
@@ -61,6 +61,7 @@ class CyclesWorld:
         except cycles_run.INTERNAL:
             return None
         finally:
+            output.write(self.engine, self.depsgraph.view_layer_eval.name, {})  # no panorama is left in the picture
             cycles_run.renew(self.engine, self.depsgraph)
         if found is not None:
             _known[key] = found

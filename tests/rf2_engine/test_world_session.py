@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
-from bl_ext.user_default.renderformer_v2.rf2_engine import layer
+from bl_ext.user_default.renderformer_v2.rf2_engine import layer, statistics, world_session
 from bl_ext.user_default.renderformer_v2.rf2_engine.fingerprint import of_tree
 
 from tests.rf2_engine.convert.cycles_reference import irradiance
 from tests.rf2_engine.convert.test_suns import light
 from tests.rf2_engine.convert.worlds import sky_world
 
-from .f12 import cube
+from .f12 import cube, press_f12
 
 NORMALS = (0, 0, 1), (1, 0.3, 0.2)
 
@@ -96,3 +96,19 @@ def test_a_world_is_drawn_as_it_lights_and_nothing_of_the_scene_changes(scene, t
 
 def of_tree_links(world):
     return [link.is_muted for link in world.node_tree.links]
+
+
+def test_esc_while_a_world_is_drawn_leaves_nothing_of_it(scene, monkeypatch, tmp_path):
+    cube(scene)
+    sky_world(0.5, kind=("PREETHAM",))
+    real, stopped = world_session.CyclesWorld._drawn, []
+
+    def drawn(self, *arguments, **named):
+        real(self, *arguments, **named)
+        stopped.append(True)
+        raise RenderCancelled
+
+    monkeypatch.setattr(world_session.CyclesWorld, "_drawn", drawn)
+    passes = press_f12(scene, tmp_path)
+    assert stopped and statistics.last_frame[-1].cancelled
+    assert not passes["ViewLayer.Combined"].any()
