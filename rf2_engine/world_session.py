@@ -28,7 +28,8 @@ from .status import Status
 
 _SETTINGS = {"cycles.pixel_filter_type": "BOX", "cycles.filter_width": 1.0, "cycles.use_denoising": False,
              "render.film_transparent": False}
-RAYS = 1 << 20                # of a panorama
+RAYS = 1 << 19                # of a panorama
+RAYS_OF_SUN = 1 << 17
 MOST_SAMPLES = 256
 AROUND = 2.0                  # radii of a sun: half of the window that is drawn of it
 LEAST_WINDOW = math.radians(2)
@@ -95,7 +96,7 @@ class CyclesWorld:
         """(H, W, 3) of half so many radians of longitude and latitude; the columns of `frame` are the window's axes."""
         engine, depsgraph, layer = self.engine, self.depsgraph, self.depsgraph.view_layer_eval.name
         wanted = [p for p in pass_table.of_session(depsgraph.view_layer_eval, False) if p.key == "combined"]
-        samples = RAYS // max(engine.resolution_x * engine.resolution_y, 1)
+        samples = (RAYS_OF_SUN if discs else RAYS) // max(engine.resolution_x * engine.resolution_y, 1)
         kept, engine.bl_use_gpu_context = engine.bl_use_gpu_context, True
         try:
             with cycles_run.overrides(engine, depsgraph) as override:

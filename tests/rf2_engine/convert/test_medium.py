@@ -118,6 +118,45 @@ def test_many_volumes_share_the_cells_and_it_is_reported(converted, absorbing, r
     assert any("cells per axis" in message for _, _, message in report.entries)
 
 
+def test_instances_of_a_textured_medium_are_alike_however_they_stand(converted, absorbing):
+    tree = absorbing.node_tree
+    noise = tree.nodes.new("ShaderNodeTexNoise")
+    tree.links.new(noise.outputs[0], tree.nodes["Volume Coefficients"].inputs["Absorption Coefficients"])
+    bpy.ops.mesh.primitive_cone_add()
+    first = bpy.context.object
+    first.data.materials.append(absorbing)
+    alone = converted().volumes
+    for i, (turn, scale) in enumerate((((0.3, 1.2, -2), (1, 1, 1)), ((0, 0, 1), (2, 0.5, 1)), ((0, 0, 0), (-1, 1, 1)))):
+        other = bpy.data.objects.new("Other", first.data)
+        bpy.context.scene.collection.objects.link(other)
+        other.location, other.rotation_euler, other.scale = (5 * i + 5, 0, 0), turn, scale
+        first.hide_render = first.hide_viewport = True
+        volumes = converted().volumes
+        assert len(volumes) == len(alone)
+        if min(scale) > 0:
+            np.testing.assert_allclose(volumes.density, alone.density, atol=1e-3)
+        else:  # its box is turned round, and so are its cells
+            assert volumes.density.sum() == pytest.approx(alone.density.sum(), rel=1e-3)
+            assert np.abs(volumes.density - alone.density).max() > 0.05
+        bpy.data.objects.remove(other)
+        first.hide_render = first.hide_viewport = False
+
+
+def test_an_instance_that_its_shader_tells_apart_is_its_own(converted, absorbing):
+    tree = absorbing.node_tree
+    info = tree.nodes.new("ShaderNodeObjectInfo")
+    tree.links.new(info.outputs["Color"], tree.nodes["Volume Coefficients"].inputs["Scatter Coefficients"])
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.data.materials.append(absorbing)
+    other = bpy.data.objects.new("Other", bpy.context.object.data)
+    bpy.context.scene.collection.objects.link(other)
+    other.location.x, other.color, bpy.context.object.color = 5, (1, 0.5, 0.25, 1), (0.1, 0.2, 0.3, 1)
+    volumes = converted().volumes
+    for obj in (bpy.context.object, other):
+        own = np.abs(volumes.position[:, 0] - obj.location.x) < 2
+        np.testing.assert_allclose(volumes.scattering[own], [np.float32(obj.color[:3]) * 2] * own.sum(), rtol=1e-4)
+
+
 def test_use_volumes_of_the_view_layer_hides_volume_objects_alone(add_grid, converted, absorbing):
     add_grid(np.ones((8, 8, 8)), 1 / 8)
     bpy.context.view_layer.use_volumes = False

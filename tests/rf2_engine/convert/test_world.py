@@ -117,8 +117,7 @@ def test_black_or_absent_worlds_are_none_and_missing_images_magenta():
     assert "gone.exr" in report.lines()[0] and made.name in report.lines()[0]
 
 
-@pytest.mark.parametrize("elevation", [0.2, 0.9])
-@pytest.mark.parametrize("disc", [False, True])
+@pytest.mark.parametrize("elevation, disc", [(0.2, False), (0.9, True)])
 def test_single_scattering_sky_is_close_to_cycles(elevation, disc):
     empty_cycles_scene(samples=128)
     environment = convert_world(sky_world(elevation, disc), Report())
