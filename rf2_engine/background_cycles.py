@@ -24,7 +24,8 @@ from .compare import exr
 
 INTERVAL = 0.1  # seconds between two looks at the Esc key
 WORKER = Path(__file__).with_name("background_worker.py")
-COLLECTIONS = {"SCENE": "scenes", "OBJECT": "objects", "WORLD": "worlds", "CAMERA": "cameras"}
+COLLECTIONS = {"SCENE": "scenes", "OBJECT": "objects", "WORLD": "worlds", "CAMERA": "cameras",
+               "NODETREE": "node_groups"}
 
 
 @dataclass

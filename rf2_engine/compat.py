@@ -43,3 +43,8 @@ def ies_of_one_column_bulges() -> bool:
 def voronoi_uses_pcg() -> bool:
     """How the cells of Voronoi Texture are hashed: since Blender 5 another pattern comes out."""
     return bpy.app.version >= (5, 0)
+
+
+def first_voxel_begins() -> float:
+    """Where on each axis of a grid Cycles begins to draw voxel 0, in voxels: the grid's own place of it until 4.5."""
+    return 0.0 if bpy.app.version < (5, 0) else -0.5

@@ -53,10 +53,9 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     to the settings, and the report says so.
     Raises RenderCancelled after Esc, SceneError when Cycles stops with an error.
     """
-    job, emptied = background_cycles.Job.of(depsgraph, layer, wanted, changes), _empties(engine, depsgraph)
+    job = background_cycles.Job.of(depsgraph, layer, wanted, changes)
     try:
-        found = _run_inside(engine, depsgraph, layer, wanted)
-        engine.emptied = emptied
+        found = inside(engine, depsgraph, layer, wanted)
     except INTERNAL as error:
         if failure.is_out_of_memory(error):
             raise
@@ -69,12 +68,19 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     return found
 
 
-def _run_inside(engine, depsgraph, layer, wanted) -> dict[str, np.ndarray]:
+def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
+           wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+    """As `run`, but where that fails any of INTERNAL comes out, and passes may be missing."""
+    emptied = _empties(engine, depsgraph)
     with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
         cycles_engine.reset(engine, bpy.data, depsgraph)
         cycles_engine.render(engine, depsgraph)
         cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
-        return {} if engine.test_break() else _read(engine.get_result(), layer, wanted)
+        if engine.test_break():
+            raise RenderCancelled()
+        found = _read(engine.get_result(), layer, wanted)
+    engine.emptied = emptied
+    return found
 
 
 def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[str, np.ndarray]:
@@ -104,7 +110,7 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
             owner, name = _owner(data, path)
             if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
                 before = getattr(owner, name)
-                saved.append((data, path, before.copy() if hasattr(before, "copy") else before))
+                saved.append((data, path, _copied(before)))
                 setattr(owner, name, value)
                 changes.append(background_cycles.changed(data, path, value))
     override.changes = changes
@@ -120,6 +126,12 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
 def _survives(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether the evaluated scene will be there after a run: to touch one that has gone crashes."""
     return engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
+
+
+def _copied(value):
+    if isinstance(value, bpy.types.bpy_prop_array):
+        return tuple(value)
+    return value.copy() if hasattr(value, "copy") else value
 
 
 def _owner(data: bpy.types.ID, path: str) -> tuple[bpy.types.bpy_struct, str]:

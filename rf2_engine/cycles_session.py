@@ -22,7 +22,7 @@ from . import passes as pass_table
 from .convert.report import Report
 from .cycles_run import overrides, run
 
-_ALWAYS = {
+ALWAYS = {
     "cycles.film_exposure": 1.0,
     "cycles.use_adaptive_sampling": False,
     "cycles.use_sample_subset": False,
@@ -30,7 +30,7 @@ _ALWAYS = {
     "cycles.time_limit": 0.0,
     "cycles.tile_size": 8192,  # Cycles' largest: smaller tiles take the detour over a file on disk
 }
-_FIRST_HITS_ONLY = {
+FIRST_HITS_ONLY = {
     "cycles.device": "CPU",  # a few samples do not pay for loading GPU kernels
     "cycles.max_bounces": 0,
     "cycles.use_guiding": False,
@@ -124,7 +124,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     for p in wanted:  # those that were registered are there already, and stay as they are
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
-    settings = _ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise,
+    settings = ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise,
                           "render.film_transparent": not look.opaque, "cycles.film_transparent_glass": look.glass}
     if threads:
         settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
@@ -166,11 +166,17 @@ def _set_camera(depsgraph: bpy.types.Depsgraph, look: Look, override) -> None:
 
 def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) -> None:
     """`occluding`: ambient occlusion is wanted, whose rays are shadow rays."""
-    override(depsgraph.scene_eval, _FIRST_HITS_ONLY)
+    override(depsgraph.scene_eval, FIRST_HITS_ONLY)
     if world := compat.world(depsgraph):
         override(world, _WORLD_UNLIT)
     for evaluated in _objects(depsgraph):
         override(evaluated, _UNLIT | ({"visible_shadow": evaluated.visible_shadow} if occluding else {}))
+
+
+def hide_all(depsgraph: bpy.types.Depsgraph, override) -> None:
+    """No ray meets any object, and Cycles does not even read them."""
+    for evaluated in _objects(depsgraph):
+        override(evaluated, _UNLIT | {"visible_camera": False})
 
 
 def _objects(depsgraph: bpy.types.Depsgraph) -> list[bpy.types.Object]:

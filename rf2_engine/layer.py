@@ -25,6 +25,7 @@ from .rectangle import Border
 from .reflections import with_ends
 from .settings import FrameSettings
 from .status import Status
+from .world_session import CyclesWorld
 
 CYCLES_SHARE = 0.8  # of the first hits; the rest finds the triangles behind them
 
@@ -48,7 +49,8 @@ class Layer:
     def scene(self) -> RenderScene:
         whole = convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y, None)
         return convert(self.depsgraph, whole, token_budget=self.settings.token_budget, max_edge=self.settings.max_edge,
-                       report=self.report, steady=shot.steady(self.depsgraph))
+                       report=self.report, steady=shot.steady(self.depsgraph),
+                       by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status))
 
     def first_hits(self, scene: RenderScene, look: Look, samples: int) -> dict[str, np.ndarray]:
         """The passes of cycles_session.render_passes."""

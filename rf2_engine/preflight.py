@@ -22,6 +22,7 @@ from .limits import report_limits
 from .optics import Optics
 from .registering import handlers
 from .settings import FrameSettings
+from .world_session import ExpectedWorld, is_possible
 
 LONGEST = 10.0  # seconds
 SOME = 3        # names in a sentence
@@ -98,7 +99,8 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     border = rectangle.border(width, height, blenders)
     view = convert_camera(depsgraph, width, height, border, report)
     found = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
-                    max_edge=settings.max_edge, report=report)
+                    max_edge=settings.max_edge, report=report,
+                    by_cycles=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None)
     _report_differences(depsgraph, report)
     work, layers = frame.work(width, height, border, settings, optics), frame.layers(scene)
     work |= {"Converting the scene": optics.scenes - 1, "Network, scene": len(found) * optics.shutter}

@@ -14,11 +14,12 @@ from . import (
     statistics,
     status_line,
     viewport,
+    world_session,
 )
 from .setup import package_operators, preferences, weights_operators
 
-MODULES = (running, shot, costs, statistics, status_line, preflight, reference_settings, settings, preferences, engine,
-           package_operators, weights_operators, panels, viewport, compare)
+MODULES = (running, shot, world_session, costs, statistics, status_line, preflight, reference_settings, settings,
+           preferences, engine, package_operators, weights_operators, panels, viewport, compare)
 
 
 def register() -> None:

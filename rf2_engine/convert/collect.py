@@ -10,23 +10,21 @@ from ...model import progress
 from . import mesh as meshes
 from . import strands
 from .collected import Collected, LampInstance, Part
+from .grids import Grid
 from .light_linking import dark_emitters
 from .material import MaterialTiles
-from .medium import mesh_medium
 from .mesh import TriangleMesh
 from .place import Place
 from .report import AS_GOOD_AS_INFINITE, Report
-from .shading import volume
-from .vdb import volume_medium
-from .visibility import hidden_in_renders, is_shown
+from .shading import volume as shading
+from .visibility import gas_domain, hidden_in_renders, is_shown
+from .volumes import MeshVolume, gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
                    "SPEAKER"}
 STRANDS = {"CURVES": strands.curves_mesh, "POINTCLOUD": strands.cloud_mesh}
 DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
-# What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
-DEFAULT_MEDIUM = (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
 PROBES = 16  # triangles that tell whether a material emits
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles
 
@@ -47,7 +45,8 @@ class _Walk:
         self.dark = dark_emitters(depsgraph, report)
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
-        self._parts: dict[tuple, tuple[list[Part], list[tuple]]] = {}
+        self._grids: dict[tuple, dict[str, Grid]] = {}
+        self._parts: dict[tuple, tuple[list[Part], list[MeshVolume]]] = {}
         self._shown: dict[tuple, bool] = {}
         self._homogeneous: dict[tuple, bool] = {}  # material and layers of meshes -> it emits
         self._probed: dict[tuple, tuple[bool, bool]] = {}  # by mesh and material, where all instances are alike
@@ -72,13 +71,14 @@ class _Walk:
         matrix = np.array(instance.matrix_world, np.float64)
         if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
             self.report.refused(obj.name, "its transform is not finite, or as good as infinite")
+        elif obj.type == "VOLUME" or gas_domain(obj):
+            made = gridded(obj, self._slots(obj)[0], self._place(instance), self._grids, self.report)
+            self.found.media += [made] if made else []
         elif obj.type == "MESH":
             self._add_mesh(obj, self._place(instance), instance.matrix_world.is_negative)
         elif obj.type == "LIGHT":
             if obj.original not in self.dark:
                 self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
-        elif obj.type == "VOLUME":
-            self._add_volume(obj, matrix)
         elif obj.type in STRANDS:
             if obj.type == "POINTCLOUD" or self.layer.use_strand:
                 self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data),
@@ -114,19 +114,15 @@ class _Walk:
         parts, filled = self._parts[key]
         for part in parts:
             part.places.append(place)
-        for corners, material in filled:
-            def coefficients(inside, material=material):
-                points = volume.volume_points(inside, mesh.texture_space, place)
-                return volume.volume_coefficients(material, self.report, points)
-            self.found.media.append(mesh_medium(obj.name, place.matrix, corners, coefficients, self.report))
+        self.found.media += [volume.at(place) for volume in filled]
 
-    def _filled(self, obj, slots: list) -> list[tuple]:
-        """Corners of the triangles, and the material, of each volume material of a mesh."""
+    def _filled(self, obj, slots: list) -> list[MeshVolume]:
+        """Of each volume material of a mesh what it fills."""
         mesh, filled = self._mesh(obj), []
         for index, material in enumerate(slots):
-            corners = mesh.corners[_slot(mesh, slots) == index] if volume.has_volume(material) else ()
+            corners = mesh.corners[_slot(mesh, slots) == index] if shading.has_volume(material) else ()
             if len(corners):
-                filled.append((corners, material))
+                filled.append(MeshVolume(obj.name, corners, material, mesh.texture_space, self.report))
         return filled
 
     def _add_strands(self, obj, pointer: int, read, place: Place, slot: int = 0) -> None:
@@ -149,7 +145,7 @@ class _Walk:
     def _split(self, obj, slots: list, probed: tuple[tuple[bool, bool], ...], mirrored: bool) -> list[Part]:
         mesh = self._mesh(obj)
         slot = _slot(mesh, slots)
-        surface = np.array([volume.has_surface(material) for material in slots])
+        surface = np.array([shading.has_surface(material) for material in slots])
         emits, textured = np.array(probed).T
         parts, flux_gain = [], 0.0 if obj.original in self.dark else 1.0
         for kind in (False, True):
@@ -194,14 +190,6 @@ class _Walk:
         if pointer not in self._read:
             self._read[pointer] = meshes.read_mesh(obj.data, obj.name, self.report)
         return self._read[pointer]
-
-    def _add_volume(self, obj, matrix: np.ndarray) -> None:
-        material = self._slots(obj)[0]
-        coefficients = volume.volume_coefficients(material, self.report) if material else DEFAULT_MEDIUM
-        if coefficients is None:
-            self.report.skipped(obj.name, f'its material "{material.name}" has no volume shader')
-        elif box := volume_medium(obj, matrix, *coefficients, self.report):
-            self.found.media.append(box)
 
 
 def _slot(mesh: TriangleMesh, slots: list) -> np.ndarray:

@@ -50,7 +50,7 @@ class Collected:
 
         Surfaces that shine count only where there is nothing else: they may stand far away, as lamps do.
         """
-        points = [box.corners() for box in self.media]
+        points = [medium.box.corners() for medium in self.media]
         for part in [part for part in self.parts if not part.emits] or ([] if points else self.parts):
             points += _boxes(part)
         if not points:

@@ -11,37 +11,53 @@ from ...model.geometry import area_vectors
 from ...model.guided.clusters import clusters
 from ...model.scene import RenderScene
 from .collected import LampInstance
-from .light import COARSE, FINE, convert_light, convert_sun
+from .light import COARSE, FINE, convert_light, convert_sun, lamp_sun
 from .mesh import within_reach
-from .suns import Sun
+from .suns import Sun, fewer_suns
 
+SUNS_SHARE = 0.25        # of the triangles, where there are too many
 FACING, COLOR = 0.3, 0.1  # how much differences in these count beside a distance of the scene's radius
 
 
 def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, center: np.ndarray, radius: float,
-                  report) -> list[RenderScene]:
+                  clear: np.ndarray, report) -> list[RenderScene]:
     """Triangles of each lamp and each sun; too many lamps become coarser, and at last those close together one.
 
-    budget: most triangles of all together; center (3,) and radius: bounding sphere of the scene, world units.
+    budget: most triangles of all together; center (3,) and radius: bounding sphere of the scene, world units; clear
+    (3,): the share of sunlight that reaches it.
     """
+    own = [lamp_sun(lamp.matrix, lamp.light, lamp.name, report, center, radius) for lamp in lamps if _is_sun(lamp)]
+    suns = suns + [replace(sun, irradiance=sun.irradiance * clear) for sun in own if sun is not None and clear.any()]
+    lamps = [lamp for lamp in lamps if not _is_sun(lamp)]
     for detail in FINE, COARSE:
-        distant = [convert_sun(sun, center, radius, detail) for sun in suns]
+        distant = _distant(suns, center, radius, detail, report)
         near = []
         for i, lamp in enumerate(lamps):
             progress.report(i / len(lamps))
-            near.append(_within_numbers(
-                convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail), lamp.name, report))
+            shape = convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail)
+            near.append(_within_numbers(shape, lamp.name, report))
         near = [shape for shape in near if shape.is_light.any()]
-        room = budget - sum(map(len, distant))
-        if sum(map(len, near)) <= room:
+        if sum(map(len, near)) + sum(map(len, distant)) <= budget:
             return near + distant
         report.approximated("Lamps", "their shapes are coarser than usual: raise the Triangle Budget")
-    most, fewer = max(room * len(near) // sum(map(len, near)), 1), near
+    most = max(int(SUNS_SHARE * budget) // max(map(len, distant), default=1), 1)
+    if len(suns) > most:
+        distant = _distant(fewer_suns(suns, most), center, radius, COARSE, report)
+    room, fewer = budget - sum(map(len, distant)), near
+    most = max(room * len(near) // max(sum(map(len, near)), 1), 1)
     while sum(map(len, fewer)) > room and most > 0:
         fewer, most = _merged(near, most, center, max(radius, 1e-6)), int(0.9 * most)
-    report.approximated("Lamps", f"{len(fewer)} stand for {len(near)}, each for those around it: raise the Triangle "
-                                 "Budget")
+    report.approximated("Lamps", f"{len(fewer) + len(distant)} stand for {len(near) + len(suns)}, each for those "
+                                 "around it: raise the Triangle Budget")
     return fewer + distant
+
+
+def _is_sun(lamp: LampInstance) -> bool:
+    return lamp.light.type == "SUN"
+
+
+def _distant(suns: list[Sun], center: np.ndarray, radius: float, detail, report) -> list[RenderScene]:
+    return [_within_numbers(convert_sun(sun, center, radius, detail), "Sun", report) for sun in suns]
 
 
 def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:

@@ -36,17 +36,28 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
     matrix_world: (4, 4) of the object; light: bpy Light; name: of the object, for the report; center (3,) and radius:
     bounding sphere of the scene, world units, which decides where a sun stands and how small a lamp may be.
     """
+    lamp = _placed(matrix_world, light, name, report, center, radius, detail)
+    return DARK if lamp is None else CONVERTERS[light.type](lamp)
+
+
+def lamp_sun(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray, radius: float) -> Sun | None:
+    """What a sun lamp is; the same arguments."""
+    lamp = _placed(matrix_world, light, name, report, center, radius, FINE)
+    return None if lamp is None else _sun(lamp)
+
+
+def _placed(matrix_world, light, name, report, center, radius, detail) -> PlacedLamp | None:
+    """None, and a remark where it is worth one, of a lamp that gives no light."""
     matrix, center = np.asarray(matrix_world, np.float64), np.asarray(center, np.float64)
     frame = rotation(matrix)
     given = lamp_light(light, name, report, frame, float(np.linalg.norm(matrix[:3, 3] - center)))
     if given is None:
-        return DARK
+        return None
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if not all(scale[axis] for axis in NEEDED_AXES[light.type]):
         report.skipped(name, "a lamp scaled to nothing gives no light: reset its scale")
-        return DARK
-    return CONVERTERS[light.type](PlacedLamp(
-        light, given, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail))
+        return None
+    return PlacedLamp(light, given, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail)
 
 
 def _area(lamp: PlacedLamp) -> RenderScene:
@@ -109,13 +120,19 @@ def _ball(lamp: PlacedLamp, kept: list[Cone], half_angle: float) -> RenderScene:
     triangles = proxies.ball(size, lamp.detail.ball_faces)
     scene = DARK
     for strength, axis, cosines in kept:
-        radiance = ball_power(lamp.light, strength) / (math.pi * proxies.area(triangles))
+        radiance = _softened(lamp) * ball_power(lamp.light, strength) / (math.pi * proxies.area(triangles))
         scene = scene.appended(shining(lamp.placed(triangles), radiance, lamp.frame @ axis, cosines))
     if lamp.given.directions is not None:
         half_angle = min(half_angle, half_angle_of(lamp.given.directions))
     if half_angle > WIDEST_SHADE and lamp.light.type != "SPOT":
         return scene
     return scene.appended(black(lamp.placed(proxies.shade(half_angle, size, lamp.detail.shade_sides))))
+
+
+def _softened(lamp: PlacedLamp) -> float:
+    """What Soft Falloff leaves: Cycles then takes a disk that faces what it lights, here at the scene's middle."""
+    away = max(float(np.linalg.norm(lamp.place - lamp.scene_center)), lamp.scene_radius / 2)
+    return 1 / (1 + (lamp.light.shadow_soft_size / away) ** 2) if lamp.light.use_soft_falloff else 1.0
 
 
 def _ball_radius(lamp: PlacedLamp) -> float:
@@ -125,31 +142,32 @@ def _ball_radius(lamp: PlacedLamp) -> float:
     return max(size, least)
 
 
-def _sun(lamp: PlacedLamp) -> RenderScene:
-    """A distant disk that fills the sun's solid angle, seen from the middle of the scene."""
+def _sun(lamp: PlacedLamp) -> Sun:
     own = lamp.light.angle
     if own < SUN_ANGLE:
         was, now = math.degrees(own), math.degrees(SUN_ANGLE)
         lamp.approximated(f"the sun's angle is {now:.0f} instead of {was:.2g} degrees: shadows are softer")
-    irradiance = lamp.strength * (1 if normalized(lamp.light) else math.pi * math.sin(own / 2) ** 2)
-    return _distant_disk(irradiance, own, lamp.frame, lamp.scene_center, lamp.scene_radius, lamp.detail)
+    disk = math.pi * math.sin(own / 2) ** 2 if own and not normalized(lamp.light) else 1.0
+    return Sun(lamp.frame[:, 2], lamp.strength * disk, own)
 
 
 def convert_sun(sun: Sun, center: np.ndarray, radius: float, detail: Detail = FINE) -> RenderScene:
-    """Triangles of a sun in the world; center (3,) and radius: bounding sphere of the scene, world units."""
+    """A distant disk that fills the sun's solid angle, seen from the middle of the scene.
+
+    center (3,) and radius: bounding sphere of the scene, world units.
+    """
     pose = np.eye(3)
     pose[:, 2] = sun.toward
-    return _distant_disk(sun.irradiance, sun.angle, rotation(pose), np.asarray(center, np.float64), max(radius, 1e-6),
-                         detail)
-
-
-def _distant_disk(irradiance, angle, frame, scene_center, scene_radius, detail: Detail) -> RenderScene:
-    angle = np.clip(angle, SUN_ANGLE, math.radians(170))
-    distance = SUN_DISTANCE * scene_radius
+    frame, angle = rotation(pose), np.clip(sun.angle, SUN_ANGLE, math.radians(170))
+    distance = SUN_DISTANCE * max(radius, 1e-6)
     size = 2 * distance * math.tan(angle / 2)
-    triangles = proxies.disk(size, size, detail.disk_corners) @ frame.T + scene_center + distance * frame[:, 2]
-    return shining(triangles, irradiance / (math.pi * math.sin(angle / 2) ** 2), -frame[:, 2], HALF_SPACE)
+    triangles = proxies.disk(size, size, detail.disk_corners) @ frame.T + np.asarray(center, np.float64)
+    triangles += distance * frame[:, 2]
+    return shining(triangles, sun.irradiance / (math.pi * math.sin(angle / 2) ** 2), -frame[:, 2], HALF_SPACE)
 
 
 NEEDED_AXES = {"AREA": (0, 1, 2), "POINT": (), "SPOT": (0, 1, 2), "SUN": (2,)}  # at scale 0 Cycles shows no light
-CONVERTERS = {"AREA": _area, "POINT": _point, "SPOT": _spot, "SUN": _sun}
+CONVERTERS = {
+    "AREA": _area, "POINT": _point, "SPOT": _spot,
+    "SUN": lambda lamp: convert_sun(_sun(lamp), lamp.scene_center, lamp.scene_radius, lamp.detail),
+}

@@ -50,6 +50,11 @@ class Report:
         known = np.where(np.abs(known) <= most, known, np.copysign(HALF_MAX, known))
         return known.astype(values.dtype)
 
+    def add(self, entries: list[Remark]) -> None:
+        """Remarks of another report."""
+        for entry in entries:
+            self._add(*entry)
+
     def lines(self) -> list[str]:
         """One sentence per remark, ready to print."""
         return [str(entry) for entry in self.entries]

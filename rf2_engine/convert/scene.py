@@ -15,32 +15,34 @@ from .budget import fit
 from .camera import clip_start
 from .collect import collect
 from .focus import find_focus
+from .fog import add_fog, through_fog
 from .lamps import convert_lamps
 from .material import MaterialTiles
 from .seen import look
 from .sight import sight_of
 from .sizes import Sizes
 from .surfaces import dressed
-from .world import world_light
+from .world import shown_world, world_light
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda focus, view: (focus, view)) -> RenderScene:
+            steady=lambda focus, view: (focus, view), by_cycles=None) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
     view: of the whole picture, whose surroundings become the network's box (focus.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
     steady: given the box found here and the view, the box to take and the view to allot triangles by.
+    by_cycles: as world_light has it.
     Raises SceneError when the scene cannot be converted at all.
     """
     if (space := compat.working_space()) != "Linear Rec.709":
         report.approximated("Working Space", f"{space} is taken for Linear Rec.709: textures, skies are off in colour")
+    with progress.part(0.0, 0.05, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
+        environment, suns = world_light(depsgraph, report, by_cycles)
     materials = MaterialTiles(report)
-    with progress.part(0.0, 0.45):
+    with progress.part(0.05, 0.5):
         found = collect(depsgraph, materials.images, report)
-    with progress.part(0.45, 0.5, "Converting the world"):
-        environment, suns = world_light(depsgraph, report)
     sight, hits, focus = None, None, np.float32(found.bounds())
     if view is not None:
         hits = look(found, view, clip_start(depsgraph))
@@ -53,8 +55,11 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
         report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
                             f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}); farther away, such as parts of "
                             f"{', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}, it sees less")
+    eye = None if view is None else view.camera_to_world[:3, 3]
+    clear = add_fog(found, shown_world(depsgraph), focus, eye, report)
+    environment, suns = through_fog(environment, suns, clear)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    lamps = convert_lamps(found.lamps, suns, token_budget // 2, center, radius, report)
+    lamps = convert_lamps(found.lamps, suns, token_budget // 2, center, radius, clear, report)
     budget = token_budget - sum(map(len, lamps))
     size = Sizes(max_edge, Normalization.of(RenderScene(focus=focus)), sight)
     with progress.part(0.5, 0.7):

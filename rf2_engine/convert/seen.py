@@ -59,7 +59,7 @@ def _stand_ins(found: Collected, eye: np.ndarray, shining: bool) -> tuple[np.nda
 
     Stochastic simplification (Cook et al. 2007). Fog around the eye (3,) is looked through.
     """
-    placed = [box.corners()[BOX] for box in found.media if not box.holds(eye)]
+    placed = [medium.box.corners()[BOX] for medium in found.media if not medium.box.holds(eye)]
     owner = [np.full(len(box), -1) for box in placed]
     shows = [part.is_shown and (shining or not part.emits) for part in found.parts]
     instances = sum(len(part.matrices) for part, shown in zip(found.parts, shows, strict=True) if shown)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.geometry import latlong_directions
+from ...model.guided.clusters import clusters
 
 MAX_SUNS = 4
 TRIES = 8                       # bright places that are looked at
@@ -59,6 +60,18 @@ def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
         if len(suns) == MAX_SUNS:
             break
     return left, suns
+
+
+def fewer_suns(suns: list[Sun], most: int) -> list[Sun]:
+    """At most so many, each for some from about the same direction, with the light of all on what faces all of them."""
+    toward = np.array([sun.toward for sun in suns])
+    light = np.array([sun.irradiance for sun in suns])
+    power = light.mean(axis=1)
+    merged = []
+    for rows in clusters(toward, power, [np.arange(len(suns))], most):
+        middle = _unit(power[rows] @ toward[rows])
+        merged.append(Sun(middle, (toward[rows] @ middle) @ light[rows], max(suns[i].angle for i in rows)))
+    return merged
 
 
 def _sun(light: np.ndarray, towards: np.ndarray, solid_angle: np.ndarray) -> Sun | None:

@@ -8,15 +8,11 @@ RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_vo
 def is_shown(instance, layer, report) -> bool:
     """Whether any ray of Cycles meets an instance; `layer` is the evaluated view layer."""
     obj = instance.object
-    gas = _is_gas(obj)
-    if not (layer.use_volumes if gas or obj.type == "VOLUME" else layer.use_solid or obj.type == "LIGHT"):
+    if not (layer.use_volumes if gas_domain(obj) or obj.type == "VOLUME" else layer.use_solid or obj.type == "LIGHT"):
         return False
     host = instance.parent if instance.is_instance and instance.parent else obj  # an instancer hides what it instances
     rays = [getattr(obj, ray) and getattr(host, ray) for ray in RAYS]
     if not any(rays) and not (obj.visible_camera and host.visible_camera):
-        return False
-    if gas:
-        report.skipped(obj.name, "simulated gas is not read; bake it as OpenVDB and import that as a Volume")
         return False
     if not all(rays):
         report.approximated(obj.name, "Ray Visibility other than Camera is ignored")
@@ -51,7 +47,8 @@ def has_holdouts(depsgraph) -> bool:
             or any(node.type == "HOLDOUT" for tree in trees for node in tree.nodes))
 
 
-def _is_gas(obj) -> bool:
-    """Whether Cycles shows the smoke and fire inside the domain that this mesh is, and never the mesh."""
-    return any(modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings
-               and modifier.domain_settings.domain_type == "GAS" for modifier in obj.modifiers)
+def gas_domain(obj):
+    """Settings of the smoke and fire that Cycles shows inside the domain that this mesh is, never the mesh; or None."""
+    return next((modifier.domain_settings for modifier in obj.modifiers
+                 if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings
+                 and modifier.domain_settings.domain_type == "GAS"), None)

@@ -10,31 +10,72 @@ from ...model import progress
 from ...model.geometry import latlong_directions
 from ...model.scene import ENVIRONMENT_SHAPE
 from .. import compat
+from ..fingerprint import nodes
 from .light import SUN_ANGLE
-from .shading import graph
+from .report import Report
+from .shading import graph, sky
 from .shading.evaluate import Evaluator, Points
 from .shading.image import ImageCache
-from .shading.node_call import NodeCall
+from .shading.node_call import OF_A_NODE, NodeCall
 from .shading.surface import closure_at
 from .suns import Sun, split_suns
 
 MAX_SUPERSAMPLING = 4  # rays per texel and axis; larger images are reduced first
 BAND_ROWS = 16        # texel rows evaluated at once
+SKY, FEW = "ShaderNodeTexSky", (0, 8, 16)  # first row, rows and columns of directions that show what nodes say
 VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmission", "scatter": "Volume Scatter"}
 
 
-def world_light(depsgraph, report) -> tuple[np.ndarray | None, list[Sun]]:
-    """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these."""
-    world = compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
-    environment = convert_world(world, report)
-    if environment is None:
+def shown_world(depsgraph):
+    """The world of the view layer that is rendered, None if it shows none."""
+    return compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
+
+
+def world_light(depsgraph, report, by_cycles=None) -> tuple[np.ndarray | None, list[Sun]]:
+    """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these.
+
+    by_cycles: a CyclesWorld (world_session.py), which is asked where a node cannot be evaluated as it is.
+    """
+    world = shown_world(depsgraph)
+    if world is None:
         return None, []
-    environment, suns = split_suns(environment)
+    _report_limits(world, report)
+    drawn = by_cycles.light(_rough_suns(world)) if by_cycles and not _is_exact(world) else None
+    if drawn:
+        environment, suns = _none_if_black(drawn[0]), drawn[1]
+    else:
+        environment, suns = convert_world(world, report), []
+        if environment is not None:
+            environment, suns = split_suns(environment)
     if suns:
         what = f"{len(suns)} small bright places of it light" if len(suns) > 1 else "a small bright place of it lights"
         report.approximated(world.name, f"{what} the scene as a sun lamp does, {math.degrees(SUN_ANGLE):.0f} degrees "
                                         "wide or more")
     return environment, suns
+
+
+def _is_exact(world) -> bool:
+    """Whether `convert_world` shows it as it is."""
+    output = graph.output_node(world.node_tree) if world.use_nodes else None
+    if output is None:
+        return True
+    if any(node.bl_idname == SKY for node in nodes(world)):
+        return False
+    remarks, points = Report(), Points(direction=latlong_directions(np.arange(*FEW[:2]), *FEW[1:]))
+    evaluator = Evaluator(points, ImageCache(remarks), remarks, world.name)
+    closure_at(NodeCall(evaluator, output), "Surface")
+    return not any(remark.message.startswith(OF_A_NODE) for remark in remarks.entries)
+
+
+def _rough_suns(world) -> list[Sun]:
+    """Where Sky Textures show their sun, if they do; how bright it is remains open."""
+    skies = [node for node in nodes(world) if node.bl_idname == SKY and node.sun_disc and sky.is_physical(node)]
+    if not skies:
+        return []
+    if all(graph.source(graph.find_input(node, "Vector"))[1] is None for node in skies):
+        return [Sun(sky.sun_direction(node), np.ones(3), node.sun_size) for node in skies]
+    environment = convert_world(world, Report())
+    return [] if environment is None else split_suns(environment)[1]
 
 
 def convert_world(world, report) -> np.ndarray | None:
@@ -44,7 +85,6 @@ def convert_world(world, report) -> np.ndarray | None:
     """
     if world is None:
         return None
-    _report_limits(world, report)
     if not world.use_nodes or world.node_tree is None:
         return _none_if_black(np.broadcast_to(np.float32(world.color), ENVIRONMENT_SHAPE).copy())
     output = graph.output_node(world.node_tree)
@@ -88,9 +128,6 @@ def _none_if_black(environment: np.ndarray) -> np.ndarray | None:
 
 
 def _report_limits(world, report) -> None:
-    output = graph.output_node(world.node_tree) if world.use_nodes else None
-    if output is not None and graph.source(graph.find_input(output, "Volume"))[1] is not None:
-        report.skipped(world.name, "a volume that fills the world is left out; use a box with a volume shader")
     hidden = [label for key, label in VISIBILITY.items() if not getattr(world.cycles_visibility, key)]
     if hidden:
         report.approximated(world.name, f"it lights everything although ray visibility is off for: {', '.join(hidden)}")

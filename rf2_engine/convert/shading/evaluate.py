@@ -57,6 +57,9 @@ class Points:
         """(m, 1, 1, 3) f32, unit."""
         return face_normals(self.corners).astype(np.float32)[:, None, None]
 
+    def grid(self, name: str) -> np.ndarray | None:
+        """Values (..., c) of a grid of numbers; None where there are no grids."""
+
     @property
     def edges(self) -> np.ndarray:
         """(m, 2, 3) f32 ways along a row and a column of the tile, from its first texel on."""

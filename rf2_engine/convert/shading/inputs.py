@@ -8,7 +8,6 @@ from .node_call import NodeCall, Unknown
 from .object_info import property_of
 
 LIT = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0, "Ray Length": 1.0}
-DENSITY_ATTRIBUTES = ("density", "Density")
 
 
 def rgb(n: NodeCall):
@@ -47,14 +46,14 @@ def passed_through(n: NodeCall):
 
 
 def attribute(n: NodeCall):
-    """UV layers and colour attributes by name; a volume's density grid is 1 (the grid itself multiplies later)."""
+    """UV layers, colour attributes and grids of volumes by name."""
     name = getattr(n.node, "attribute_name", None)
     name = n.node.layer_name if name is None else name
     points, kind = n.points, getattr(n.node, "attribute_type", "GEOMETRY")
     if kind in ("OBJECT", "INSTANCER"):
         return _part(n, property_of(n, name, kind))
-    if name in DENSITY_ATTRIBUTES and name not in points.colors:
-        return np.ones(1, np.float32)
+    if (grid := points.grid(name)) is not None:
+        return _part(n, grid)
     name = name or points.active_color or ""
     found = points.colors.get(name, points.uv.get(name))
     if found is None:
@@ -63,18 +62,19 @@ def attribute(n: NodeCall):
 
 
 def _part(n: NodeCall, found: np.ndarray) -> np.ndarray:
-    """What an output of an attribute node shows of (..., 3) or (..., 4) values."""
+    """What an output of an attribute node shows of (..., 1), (..., 3) or (..., 4) values."""
     if n.output.name == "Alpha":
         return found[..., 3:] if found.shape[-1] == 4 else np.ones(1, np.float32)
     return found[..., :3].mean(axis=-1, keepdims=True) if n.output.type == "VALUE" else found[..., :3]
 
 
-def density(n: NodeCall):
-    return np.full(1, float(n.output.name == "Density"), np.float32)
+def volume_info(n: NodeCall):
+    grid = n.points.grid(n.output.name.lower())
+    return np.zeros(1, np.float32) if grid is None else _part(n, grid)
 
 
 FUNCTIONS = {
     "ShaderNodeRGB": rgb, "ShaderNodeValue": value, "ShaderNodeLightPath": light_path, "ShaderNodeFresnel": fresnel,
     "ShaderNodeLayerWeight": fresnel, "ShaderNodeAmbientOcclusion": passed_through,
-    "ShaderNodeAttribute": attribute, "ShaderNodeVertexColor": attribute, "ShaderNodeVolumeInfo": density,
+    "ShaderNodeAttribute": attribute, "ShaderNodeVertexColor": attribute, "ShaderNodeVolumeInfo": volume_info,
 }

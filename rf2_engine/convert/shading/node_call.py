@@ -9,6 +9,8 @@ import numpy as np
 from . import graph
 from .arrays import joined
 
+OF_A_NODE = 'node "'  # how a remark about a node begins
+
 
 class Unknown(Exception):
     """Why a node has no value here; where it leads to, an input keeps its own."""
@@ -98,7 +100,7 @@ class NodeCall:
     def approximated(self, message: str) -> None:
         """Tell the user what of this node is lost."""
         within = "".join(f' in "{group.node_tree.name}"' for group in self.frames)
-        self.evaluator.report.approximated(self.evaluator.owner, f'node "{self.node.name}"{within}: {message}')
+        self.evaluator.report.approximated(self.evaluator.owner, f'{OF_A_NODE}{self.node.name}"{within}: {message}')
 
     def folded(self, message: str) -> None:
         """Tell the user what of the whole surface is lost: once, however many nodes of it lose the same."""

@@ -37,16 +37,8 @@ def sky_texture(n: NodeCall):
     if direction is None:
         n.approximated("a sky is only evaluated in the world, grey is used")
         return np.full(3, 0.5, np.float32)
-    if node.sky_type in SCALE:
-        kind = node.sky_type.replace("_", " ").title()
-        n.approximated(f"a {kind} sky is shown as a single-scattering sky of about its brightness")
-    physical = node.sky_type not in ("PREETHAM", "HOSEK_WILKIE")
-    if physical:
-        elevation, turn = node.sun_elevation, node.sun_rotation
-        toward = np.array([math.sin(turn), math.cos(turn)]) * math.cos(elevation)
-        sun = np.array([*toward, math.sin(elevation)])
-    else:
-        sun = np.array(node.sun_direction) / max(np.linalg.norm(node.sun_direction), 1e-6)
+    n.approximated("its sky is estimated, as one of single scattering of about its brightness")
+    physical, sun = is_physical(node), sun_direction(node)
     aerosol = getattr(node, "aerosol_density", getattr(node, "dust_density", 1.0))
     amount = np.array([node.air_density, aerosol, node.ozone_density]) if physical else np.ones(3)
     height = EARTH + max(node.altitude if physical else 0.0, 1.0)
@@ -54,6 +46,19 @@ def sky_texture(n: NodeCall):
     if physical and node.sun_disc:
         radiance = radiance + _disc(direction, sun, height, amount, node.sun_size / 2) * node.sun_intensity
     return np.maximum(radiance, 0).astype(np.float32)
+
+
+def is_physical(node) -> bool:
+    """Whether a Sky Texture scatters the light of a sun, which it may show."""
+    return node.sky_type not in ("PREETHAM", "HOSEK_WILKIE")
+
+
+def sun_direction(node) -> np.ndarray:
+    """(3,) unit, where the sun of a Sky Texture stands."""
+    if not is_physical(node):
+        return np.array(node.sun_direction) / max(np.linalg.norm(node.sun_direction), 1e-6)
+    elevation, turn = node.sun_elevation, node.sun_rotation
+    return np.array([*np.array([math.sin(turn), math.cos(turn)]) * math.cos(elevation), math.sin(elevation)])
 
 
 def _densities(height):

@@ -52,11 +52,9 @@ def environment_texture(n: NodeCall):
         x, y, z = np.moveaxis(direction, -1, 0)
         length = np.sqrt(np.maximum(x * x + (y - 1) ** 2 + z * z, 1e-12))
         uv = np.stack([0.5 * (x / length + 1), 0.5 * (z / length + 1)], axis=-1)
-        return sample(pixels, uv, "EXTEND")[..., :3]
-    uv = latlong_uv(direction)
-    half_texel = 0.5 / pixels.shape[0]
-    uv[..., 1] = np.clip(uv[..., 1], half_texel, 1 - half_texel)
-    return sample(pixels, uv, "REPEAT")[..., :3]
+    else:
+        uv = latlong_uv(direction)
+    return sample(pixels, uv, "REPEAT")[..., :3]  # Cycles repeats it across the poles too
 
 
 FUNCTIONS = {"ShaderNodeTexImage": image_texture, "ShaderNodeTexEnvironment": environment_texture}

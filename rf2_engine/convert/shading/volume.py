@@ -2,11 +2,13 @@
 """Volume shaders to scattering and absorption coefficients; whether a material has a surface at all."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..place import Place
+from ..report import Report
 from . import graph
 from .evaluate import Evaluator, Points
 from .image import ImageCache
@@ -36,34 +38,53 @@ def has_volume(material) -> bool:
 
 @dataclass
 class VolumePoints(Points):
-    """Places inside of a mesh: `inside` (..., 3) f32 in the frame of the object."""
+    """Places inside of a medium: `inside` (..., 3) f32 in the frame of the object."""
 
     inside: np.ndarray | None = None
+    grids: Callable[[str], np.ndarray | None] | None = None  # by name: values (..., c) at these places
+    is_placed: bool = False  # whether what was evaluated is that of one instance
 
     @property
     def position(self) -> np.ndarray:
         return self.inside
 
+    def grid(self, name: str) -> np.ndarray:
+        """0 where there is no such grid, as in Cycles."""
+        found = self.grids(name) if self.grids else None
+        return np.zeros(1, np.float32) if found is None else found
 
-def volume_points(inside: np.ndarray, texture_space: np.ndarray, place: Place) -> VolumePoints:
+
+def volume_points(inside: np.ndarray, texture_space: np.ndarray, place: Place, grids: Callable | None = None,
+                  ) -> VolumePoints:
     """inside: (..., 3) in the frame of the object; texture_space (2, 3) as mesh.py gives it."""
     return VolumePoints(corners=np.zeros((0, 3, 3), np.float32), texture_space=texture_space, place=place,
-                        inside=inside.astype(np.float32))
+                        inside=inside.astype(np.float32), grids=grids)
 
 
-def volume_coefficients(material, report, points: Points | None = None) -> tuple[np.ndarray, np.ndarray] | None:
+def volume_coefficients(material, report, points: VolumePoints | None = None,
+                        ) -> tuple[np.ndarray, np.ndarray] | None:
     """Scattering and absorption, (3,) f32 RGB each per world unit, or None when there is no Volume shader.
 
-    Of a shader that varies over `points` (n, ..., 3) they are as many. For a volume object these are the factors of its
-    density grid (docs/scene-input.md 5.6).
+    material: or a world. Of a shader that varies over `points` (n, ..., 3) they are as many (docs/scene-input.md 5.6).
     """
     output = _volume_output(material)
     if output is None:
         return None
-    evaluator = Evaluator(points or Points(), ImageCache(report), report, material.name)
+    points = points or VolumePoints()
+    evaluator = Evaluator(points, ImageCache(report), report, material.name)
     coefficients = coefficients_at(NodeCall(evaluator, output), "Volume")
+    points.is_placed = evaluator.depends_on_place or evaluator.depends_on_scale
     scattering, absorption = (report.finite(material.name, "its volume", np.float32(c)) for c in coefficients)
     return np.maximum(scattering, 0), np.maximum(absorption, 0)
+
+
+def grid_names(material) -> list[str]:
+    """Of the grids that its Volume shader reads."""
+    names = {}
+    points = volume_points(np.zeros((1, 3)), np.float32([(0, 0, 0), (1, 1, 1)]), Place(),
+                           lambda name: names.setdefault(name))
+    volume_coefficients(material, Report(), points)
+    return [name for name in names if name]
 
 
 def _volume_output(material):
@@ -101,6 +122,12 @@ def add(n: NodeCall):
 def principled(n: NodeCall):
     _report_losses(n, "Emission Strength", "Blackbody Intensity")
     color, density = n["Color"], n["Density"]
+    for name in ("Density Attribute", "Color Attribute"):
+        grid = n.points.grids and n.points.grids(graph.find_input(n.node, name).default_value)
+        if grid is not None and name.startswith("Density"):
+            density = density * np.maximum(grid[..., :1], 0)
+        elif grid is not None:
+            color = color * np.maximum(grid[..., :3], 0)
     return density * color, density * np.maximum(1 - color, 0) * np.maximum(1 - np.sqrt(n["Absorption Color"]), 0)
 
 

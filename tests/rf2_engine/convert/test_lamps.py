@@ -13,11 +13,11 @@ from tests.rf2_engine.convert.token_light import integrated
 GROUND = 4.0  # metres
 
 
-def mean_irradiance(converted, report):
-    """(3,) of the middle of the ground, by Cycles and by the tokens."""
+def mean_irradiance(converted, report, side=GROUND, places=9):
+    """(3,) of the middle of the ground, by Cycles and by the tokens; places: that are looked at along either side."""
     white, _, _ = material("ShaderNodeBsdfDiffuse", "White", Color=(1, 1, 1, 1))
-    measured = np.pi * seen_flat_on(white, 2 * GROUND, resolution=32).mean(axis=(0, 1))
-    scene, at = converted(), (np.arange(9) + 0.5) / 9 * GROUND - GROUND / 2
+    measured = np.pi * seen_flat_on(white, 2 * side, resolution=32).mean(axis=(0, 1))
+    scene, at = converted(), (np.arange(places) + 0.5) / places * side - side / 2
     report.converted = scene
     found = np.mean([integrated(scene, (x, y, 0), (0, 0, 1), cuts=1) for x in at for y in at], axis=0)
     return measured, found
@@ -37,6 +37,24 @@ def test_two_hundred_lamps_give_as_much_light(add_mesh, converted, report, budge
     np.testing.assert_allclose(found, measured, rtol=0.02)
     assert len(report.converted) <= budget
     assert any(name == "Lamps" and "stand for 200" in message for _, name, message in report.entries) == (budget < 1e6)
+
+
+@pytest.mark.parametrize("budget", [1_000_000, 1024, 300])
+def test_forty_lamps_of_all_kinds_give_as_much_light(add_mesh, converted, report, budget):
+    empty_cycles_scene(samples=64)
+    random = np.random.default_rng(3)
+    for i in range(40):
+        kind = ("POINT", "AREA", "SPOT", "SUN")[i % 4]
+        own = {"POINT": dict(shadow_soft_size=0.1), "SPOT": dict(shadow_soft_size=0.05, spot_size=1.5, spot_blend=0.5),
+               "AREA": dict(size=0.3, spread=2.5), "SUN": dict(angle=0.1)}[kind]
+        place = Matrix.Translation((*random.uniform(-2, 2, 2), random.uniform(1, 2)))
+        lamp(kind, place @ Euler(random.uniform(-0.5, 0.5, 3)).to_matrix().to_4x4(), color=random.uniform(0.2, 1, 3),
+             energy=random.uniform(0.02, 0.1) if kind == "SUN" else random.uniform(1, 9), **own)
+    add_mesh("Corner", ((2, 2, -0.05), (-2, -2, -0.05), (2, -2, -0.05)))
+    # As wide as nearly all of the light goes: those that are merged send it elsewhere.
+    measured, found = mean_irradiance(lambda: converted(token_budget=budget), report, side=14, places=25)
+    np.testing.assert_allclose(found, measured, rtol=0.02)
+    assert len(report.converted) <= budget
 
 
 @pytest.mark.parametrize("budget", [pytest.param(1_000_000, marks=pytest.mark.slow), 600])

@@ -25,7 +25,17 @@ LAMPS = {
     "warm point": dict(kind="POINT", energy=100, use_temperature=True, temperature=3000),
     "spot": dict(kind="SPOT", energy=100, spot_size=1.6, spot_blend=0.9, shadow_soft_size=0.05),
     "hard spot": dict(kind="SPOT", energy=100, spot_size=1.2, spot_blend=0.0, shadow_soft_size=0.05),
+    "spot by radiance": dict(kind="SPOT", energy=100, spot_size=1.4, spot_blend=0.5, shadow_soft_size=0.2,
+                             normalize=False, exposure=-1.0),
+    "large point": dict(kind="POINT", energy=100, shadow_soft_size=0.8, use_temperature=True, temperature=9000),
+    "large point of soft falloff": dict(kind="POINT", energy=100, shadow_soft_size=0.8, use_soft_falloff=True),
+    "large spot of hard falloff": dict(kind="SPOT", energy=100, spot_size=1.6, shadow_soft_size=0.5,
+                                       use_soft_falloff=False),
+    "cold ellipse by radiance": dict(kind="AREA", energy=100, shape="ELLIPSE", size=0.8, size_y=0.4, normalize=False,
+                                     use_temperature=True, temperature=12000, exposure=2.0),
     "sun": dict(kind="SUN", energy=3, angle=0.01),
+    "warm sun": dict(kind="SUN", energy=3, angle=0.2, exposure=1.5, use_temperature=True, temperature=2500),
+    "sun of no size by radiance": dict(kind="SUN", energy=3, angle=0.0, normalize=False),
     "wide sun": dict(kind="SUN", energy=3, angle=0.3, normalize=False),
 }
 

@@ -67,6 +67,25 @@ def test_projection_matches_cycles(projection):
         np.testing.assert_allclose(gathered(environment, normal), irradiance((0, 0, 0), normal), rtol=0.02)
 
 
+@pytest.mark.parametrize("vector_type, size", [("POINT", (96, 48)), ("TEXTURE", (1500, 700)), ("VECTOR", (5, 3)),
+                                               ("NORMAL", (64, 64))])
+@pytest.mark.parametrize("projection", ["EQUIRECTANGULAR", "MIRROR_BALL"])
+def test_mapping_and_size_of_an_image_are_as_in_cycles(vector_type, size, projection):
+    empty_cycles_scene(samples=256)
+    (width, height), image = size, bpy.data.images.new("Waves", *size, float_buffer=True)
+    x, y = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
+    pixels = np.stack([1 + np.cos(2 * np.pi * x), 1 + np.sin(2 * np.pi * x), 3 * y, np.ones_like(x)], axis=-1)
+    image.pixels.foreach_set(pixels.astype(np.float32).ravel())
+    made, texture = image_world(image, rotation=(0.4, -0.7, 1.1))
+    texture.projection, mapping = projection, made.node_tree.nodes["Mapping"]
+    mapping.vector_type, mapping.inputs["Scale"].default_value = vector_type, (1.0, 0.6, 1.7)
+    if vector_type in ("POINT", "TEXTURE"):
+        mapping.inputs["Location"].default_value = 0.1, -0.2, 0.3
+    environment = convert_world(made, Report())
+    for normal in ((0, 0, 1), (-1, 0.4, 0.2)):
+        np.testing.assert_allclose(gathered(environment, normal), irradiance((0, 0, 0), normal), rtol=0.02)
+
+
 def test_gradient_over_height_and_camera_branch():
     empty_cycles_scene(samples=512)
     made, tree, background = world()
@@ -98,8 +117,7 @@ def test_black_or_absent_worlds_are_none_and_missing_images_magenta():
     assert "gone.exr" in report.lines()[0] and made.name in report.lines()[0]
 
 
-@pytest.mark.parametrize("elevation", [0.2, 0.9])
-@pytest.mark.parametrize("disc", [False, True])
+@pytest.mark.parametrize("elevation, disc", [(0.2, False), (0.9, True)])
 def test_single_scattering_sky_is_close_to_cycles(elevation, disc):
     empty_cycles_scene(samples=128)
     environment = convert_world(sky_world(elevation, disc), Report())

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Grids of numbers in the world, averaged onto the voxels of a box."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .medium import Box, Medium, box_around, voxel_centres
+from .shaded import shaded_medium
+
+ALIGNED = 1e-6  # of an axis' length may point elsewhere
+
+
+@dataclass
+class Grid:
+    """Value i of an axis holds over [i, i + 1], as Cycles draws voxels."""
+
+    values: np.ndarray    # (x, y, z, c) f32
+    to_space: np.ndarray  # (4, 4) f64, from places counted in values: to the object's, or to the world's
+
+    def moved(self, matrix: np.ndarray) -> Grid:
+        return replace(self, to_space=matrix @ self.to_space)
+
+    def corners(self) -> np.ndarray:
+        """(8, 3) of what it fills, counted in values."""
+        return np.indices((2, 2, 2)).reshape(3, 8).T * np.array(self.values.shape[:3])
+
+    def in_box(self, box: Box, resolution: int) -> np.ndarray:
+        """(r, r, r, c) f32 in the box's voxels: means of fine grids, coarse ones interpolated; 0 outside."""
+        to_grid = np.linalg.pinv(self.to_space)
+        axes = to_grid[:3, :3] @ (box.rotation * box.size)  # columns: ways through the grid along the box's sides
+        straight = np.diag(axes)
+        if np.abs(axes - np.diag(straight)).max() > ALIGNED * np.abs(straight).min():
+            points = voxel_centres(box, resolution) @ to_grid[:3, :3].T + to_grid[:3, 3]
+            return _trilinear(self.values, points - 0.5)
+        first, values = to_grid[:3, :3] @ box.center + to_grid[:3, 3] - straight / 2, self.values
+        for axis in range(3):
+            weights = shares(first[axis], straight[axis] / resolution, resolution, values.shape[axis])
+            values = np.moveaxis(np.tensordot(weights, values, (1, axis)), 0, axis)
+        return values.astype(np.float32)
+
+
+def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report) -> Medium:
+    """All of some grids of an object, at least one, along the axes of the first.
+
+    matrix: (4, 4) object to world; coefficients: scattering and absorption per world unit, (3,) or (..., 3), at places
+    (..., 3) of the object, given a function of the name of a grid that returns its values (..., c) there, or None.
+    """
+    grids = {key: grid.moved(matrix) for key, grid in grids.items()}
+    first = next(iter(grids.values())).to_space
+    corners = [grid.corners() @ grid.to_space[:3, :3].T + grid.to_space[:3, 3] for grid in grids.values()]
+    box = box_around(first, (np.concatenate(corners) - first[:3, 3]) @ np.linalg.pinv(first[:3, :3]).T)
+    to_object = np.linalg.pinv(matrix)
+
+    def at(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def values(wanted: str) -> np.ndarray | None:
+            return grids[wanted].in_box(box, len(points)) if wanted in grids else None
+        return coefficients(points @ to_object[:3, :3].T + to_object[:3, 3], values)
+
+    return shaded_medium(name, box, at, report)
+
+
+def shares(first: float, step: float, count: int, size: int) -> np.ndarray:
+    """(count, size) what intervals one step wide, from `first` on, take of each value."""
+    edges, value = first + step * np.arange(count + 1), np.arange(size)
+    if abs(step) < 1:
+        middle = (edges[:-1, None] + edges[1:, None]) / 2
+        return np.clip(1 - np.abs(middle - value - 0.5), 0, None)
+    low, high = (extreme(edges[:-1], edges[1:])[:, None] for extreme in (np.minimum, np.maximum))
+    return np.clip(np.minimum(high, value + 1) - np.maximum(low, value), 0, None) / abs(step)
+
+
+def _trilinear(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(..., c) `values` (x, y, z, c) at fractional indices (..., 3); 0 outside."""
+    padded = np.pad(values, ((1, 1),) * 3 + ((0, 0),))
+    at = np.clip(at + 1, 0, np.array(padded.shape[:3]) - 1.001)
+    base = at.astype(np.int64)
+    part, result = at - base, 0.0
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.where(corner, part, 1 - part).prod(axis=-1, keepdims=True)
+        result = result + weight * padded[tuple(np.moveaxis(base + corner, -1, 0))]
+    return result.astype(np.float32)

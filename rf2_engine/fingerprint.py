@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a world's node trees are made of, as text: two alike look alike."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+VALUES = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
+PLACE = {"location", "location_absolute", "width", "height", "select", "show_options", "show_preview"}  # in the editor
+
+
+def trees(world: bpy.types.World) -> Iterator[tuple[bpy.types.ID, str, bpy.types.NodeTree]]:
+    """The node trees of a world and of all groups in it: data-block that owns it, path to it from there, and it."""
+    waiting, seen = [(world, "node_tree.", world.node_tree)], set()
+    while waiting:
+        owner, prefix, tree = waiting.pop()
+        if tree is not None and tree.as_pointer() not in seen:
+            seen.add(tree.as_pointer())
+            yield owner, prefix, tree
+            waiting += [(node.node_tree, "", node.node_tree) for node in tree.nodes if getattr(node, "node_tree", None)]
+
+
+def nodes(world: bpy.types.World) -> list[bpy.types.Node]:
+    """All of a world, and of the groups in it."""
+    return [node for _, _, tree in trees(world) for node in tree.nodes]
+
+
+def of_tree(world: bpy.types.World) -> str:
+    """Of a world with nodes."""
+    parts = [world.name_full]
+    for _, _, tree in trees(world):
+        for node in tree.nodes:
+            parts.append(repr([node.bl_idname, *_values(node), *(getattr(s, "default_value", None) and _plain(
+                s.default_value) for s in (*node.inputs, *node.outputs))]))
+        parts += [repr((link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier,
+                        link.is_muted)) for link in tree.links]
+    return "\n".join(parts)
+
+
+def _values(data, depth: int = 2) -> list:
+    """Of a node or of what it holds: numbers, texts, and data-blocks by name; where objects are."""
+    found = []
+    for prop in data.bl_rna.properties:
+        name = prop.identifier
+        if name in PLACE or name.startswith("bl_") or name == "rna_type":
+            continue
+        value = getattr(data, name, None)
+        if prop.type in VALUES:
+            found.append((name, _plain(value)))
+        elif isinstance(value, bpy.types.Object):
+            found.append((name, value.name_full, [tuple(row) for row in value.matrix_world]))
+        elif isinstance(value, bpy.types.ID):
+            found.append((name, value.name_full))
+        elif prop.type == "POINTER" and value is not None and depth and not isinstance(value, bpy.types.Node):
+            found.append((name, _values(value, depth - 1)))
+        elif prop.type == "COLLECTION" and depth and name in ("elements", "curves", "points"):
+            found.append((name, [_values(each, depth - 1 if name != "curves" else 1) for each in value]))
+    return found
+
+
+def _plain(value):
+    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, (str, set)) else value
