@@ -9,6 +9,7 @@ import numpy as np
 from ...model import progress
 from . import mesh as meshes
 from . import strands
+from .attributes import MESH, Asked
 from .collected import Collected, LampInstance, Part
 from .light_linking import dark_emitters
 from .material import MaterialTiles
@@ -45,6 +46,7 @@ class _Walk:
         self.layer = depsgraph.view_layer_eval
         self.hidden = hidden_in_renders(depsgraph)
         self.dark = dark_emitters(depsgraph, report)
+        self.asked = Asked(depsgraph)
         self.found = Collected()
         self._read: dict[int, TriangleMesh] = {}
         self._parts: dict[tuple, tuple[list[Part], list[tuple]]] = {}
@@ -89,7 +91,7 @@ class _Walk:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
     def _place(self, instance) -> Place:
-        return Place.of(instance, self.depsgraph.scene_eval.frame_current_final)
+        return Place.of(instance, self.depsgraph.scene_eval.frame_current_final, self.asked)
 
     def _is_shown(self, instance) -> bool:
         """Asked once for all instances of an object by another."""
@@ -168,7 +170,7 @@ class _Walk:
     def _probe(self, material, pointer: int, mesh: TriangleMesh, place: Place) -> tuple[bool, bool]:
         """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs, and
         whether it is not the same all over them."""
-        layers = (*mesh.uv, mesh.active_uv, *mesh.colors, mesh.active_color)
+        layers = (*mesh.uv, mesh.active_uv, *mesh.attributes, mesh.active_color)
         key = material and material.as_pointer(), layers
         if key in self._homogeneous:
             return self._homogeneous[key], False
@@ -179,8 +181,8 @@ class _Walk:
         probe.images = self.images
         some = mesh.take(np.linspace(0, len(mesh) - 1, PROBES).astype(int)) if len(mesh) else mesh
         square = np.resize(UNIT_SQUARE, (len(some), 3, 2))
-        white = np.ones((len(some), 3, 4), np.float32)
-        some = replace(some, uv=dict.fromkeys(mesh.uv, square), colors=dict.fromkeys(mesh.colors, white))
+        ones = {name: np.ones_like(layer) for name, layer in some.attributes.items()}
+        some = replace(some, uv=dict.fromkeys(mesh.uv, square), attributes=ones)
         tiles, emission = probe.triangle_tiles(material, some, place)
         found = bool(emission.any()), len(np.unique(tiles)) > 1
         if probe.sharing(material, place) is None:
@@ -192,7 +194,7 @@ class _Walk:
     def _mesh(self, obj) -> TriangleMesh:
         pointer = obj.data.as_pointer()
         if pointer not in self._read:
-            self._read[pointer] = meshes.read_mesh(obj.data, obj.name, self.report)
+            self._read[pointer] = meshes.read_mesh(obj.data, obj.name, self.report, self.asked.names[MESH])
         return self._read[pointer]
 
     def _add_volume(self, obj, matrix: np.ndarray) -> None:

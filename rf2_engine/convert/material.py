@@ -186,8 +186,8 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
 
 def _points(mesh: TriangleMesh, place: Place) -> Points:
     uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
-    colors = {name: interpolated(layer) for name, layer in mesh.colors.items()}
-    return Points(uv, mesh.active_uv, colors, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals, place,
+    attributes = {name: interpolated(layer) for name, layer in mesh.attributes.items()}
+    return Points(uv, mesh.active_uv, attributes, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals, place,
                   camera_ray=True)
 
 

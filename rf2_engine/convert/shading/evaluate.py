@@ -32,7 +32,7 @@ class Points:
 
     uv: dict[str, np.ndarray] = field(default_factory=dict)      # (m, 32, 32, 3) f32 per UV layer
     active_uv: str | None = None
-    colors: dict[str, np.ndarray] = field(default_factory=dict)  # (m, 32, 32, 4) f32 per colour attribute
+    attributes: dict[str, np.ndarray] = field(default_factory=dict)  # (m, 32, 32, c) f32 by name
     active_color: str | None = None
     corners: np.ndarray | None = None                            # (m, 3, 3) f32, in the frame of the object
     texture_space: np.ndarray | None = None                      # (2, 3) f32 (mesh.py)

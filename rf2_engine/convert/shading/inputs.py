@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .node_call import NodeCall, Unknown
+from .arrays import joined
+from .node_call import NodeCall
 from .object_info import property_of
 
 LIT = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0, "Ray Length": 1.0}
@@ -47,26 +48,31 @@ def passed_through(n: NodeCall):
 
 
 def attribute(n: NodeCall):
-    """UV layers and colour attributes by name; a volume's density grid is 1 (the grid itself multiplies later)."""
+    """UV layers and attributes by name; a volume's density grid is 1 (the grid itself multiplies later)."""
     name = getattr(n.node, "attribute_name", None)
     name = n.node.layer_name if name is None else name
     points, kind = n.points, getattr(n.node, "attribute_type", "GEOMETRY")
-    if kind in ("OBJECT", "INSTANCER"):
-        return _part(n, property_of(n, name, kind))
-    if name in DENSITY_ATTRIBUTES and name not in points.colors:
+    if kind != "GEOMETRY":
+        found = property_of(n, name, kind)
+    elif name in DENSITY_ATTRIBUTES and name not in points.attributes:
         return np.ones(1, np.float32)
-    name = name or points.active_color or ""
-    found = points.colors.get(name, points.uv.get(name))
+    else:
+        name = name or points.active_color or ""
+        found = points.attributes.get(name, points.uv[name][..., :2] if name in points.uv else None)
     if found is None:
-        raise Unknown(f'attribute "{name}" is not available')
+        n.approximated(f'there is no attribute "{name}" where it is asked for, so it is 0, as in Cycles')
+        found = np.zeros(1, np.float32)
     return _part(n, found)
 
 
 def _part(n: NodeCall, found: np.ndarray) -> np.ndarray:
-    """What an output of an attribute node shows of (..., 3) or (..., 4) values."""
+    """What an output of an attribute node shows of (..., 1) to (..., 4) values."""
+    channels = found.shape[-1]
     if n.output.name == "Alpha":
-        return found[..., 3:] if found.shape[-1] == 4 else np.ones(1, np.float32)
-    return found[..., :3].mean(axis=-1, keepdims=True) if n.output.type == "VALUE" else found[..., :3]
+        return found[..., 3:] if channels == 4 else np.ones(1, np.float32)
+    if n.output.type == "VALUE":
+        return found[..., :1] if channels < 3 else found[..., :3].mean(axis=-1, keepdims=True)
+    return joined(found, 0 * found[..., :1]) if channels == 2 else found[..., :3]
 
 
 def density(n: NodeCall):

@@ -152,7 +152,7 @@ def test_vertex_colours_vary_inside_a_triangle():
     node.layer_name = "Paint"
     tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
     tiles = MaterialTiles(Report())
-    index, _ = tiles.triangle_tiles(made, triangles(1, colors={"Paint": np.eye(3, 4)[None]}))
+    index, _ = tiles.triangle_tiles(made, triangles(1, attributes={"Paint": np.eye(3, 4)[None]}))
     tile = tiles.tiles[index[0]].astype(np.float32)
     np.testing.assert_allclose(tile[:3, 0, 31], (0.984375, 0.015625, 0), atol=1e-3)
     np.testing.assert_allclose(tile[:3, 0, 0], (0.015625, 0.015625, 0.96875), atol=1e-3)
