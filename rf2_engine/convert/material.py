@@ -41,8 +41,8 @@ EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 class MaterialTiles:
     """Collects the tiles of one conversion; equal homogeneous materials share a tile."""
 
-    def __init__(self, report):
-        self.report, self.images = report, ImageCache(report)
+    def __init__(self, report, frame: int | None = None):
+        self.report, self.images = report, ImageCache(report, frame=frame)
         self._chunks: list[np.ndarray] = []
         self._count = 0
         self._constant: dict[bytes, int] = {}
@@ -187,8 +187,8 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
 def _points(mesh: TriangleMesh, place: Place) -> Points:
     uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
     attributes = {name: interpolated(layer) for name, layer in mesh.attributes.items()}
-    return Points(uv, mesh.active_uv, attributes, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals, place,
-                  camera_ray=True)
+    return Points(uv, mesh.active_uv, attributes, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
+                  place, camera_ray=True)
 
 
 def _triangle_mean(values: np.ndarray) -> np.ndarray:

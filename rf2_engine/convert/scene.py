@@ -36,7 +36,7 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     """
     if (space := compat.working_space()) != "Linear Rec.709":
         report.approximated("Working Space", f"{space} is taken for Linear Rec.709: textures, skies are off in colour")
-    materials = MaterialTiles(report)
+    materials = MaterialTiles(report, depsgraph.scene_eval.frame_current)
     with progress.part(0.0, 0.45):
         found = collect(depsgraph, materials.images, report)
     with progress.part(0.45, 0.5, "Converting the world"):

@@ -75,6 +75,7 @@ SOURCES = {
     "at": lambda tree, at: at,                                     # (x, y, z) of the object, x and y from -1 to 1
     "color": lambda tree, at: _scaled(tree, at, 0.5, 0.5),         # x and y from 0 to 1
     "other": lambda tree, at: _scaled(tree, at, -0.31, 0.45),
+    "wide": lambda tree, at: _scaled(tree, at, 1.15, 1.2),         # x and y from 0.05 to 2.35
     "steps": _steps,                                               # the same over squares of 4 x 4 pixels
     "x": lambda tree, at: _channel(tree, at, 0), "y": lambda tree, at: _channel(tree, at, 1),
     "height": lambda tree, at: _height(tree, at),
