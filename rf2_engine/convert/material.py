@@ -41,8 +41,8 @@ EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 class MaterialTiles:
     """Collects the tiles of one conversion; equal homogeneous materials share a tile."""
 
-    def __init__(self, report, frame: int | None = None):
-        self.report, self.images = report, ImageCache(report, frame=frame)
+    def __init__(self, report, frame: int | None = None, baker=None):
+        self.report, self.images, self.baker = report, ImageCache(report, frame=frame), baker
         self._chunks: list[np.ndarray] = []
         self._count = 0
         self._constant: dict[bytes, int] = {}
@@ -97,7 +97,7 @@ class MaterialTiles:
 
     def _evaluate(self, material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
         tree = material.node_tree if material.use_nodes else None
-        evaluator = Evaluator(points, self.images, self.report, material.name)
+        evaluator = Evaluator(points, self.images, self.report, material.name, self.baker)
         evaluator.material_index = material.pass_index
         if tree is None:
             color = np.array(material.diffuse_color[:3], np.float32)
@@ -106,7 +106,7 @@ class MaterialTiles:
         output = None if output is None else NodeCall(evaluator, output)
         closure = Closure() if output is None else closure_at(output, "Surface")
         if evaluator.depends_on_ray:
-            lighting = Evaluator(replace(points, camera_ray=False), self.images, self.report, material.name)
+            lighting = Evaluator(replace(points, camera_ray=False), self.images, self.report, material.name, self.baker)
             lighting.material_index = material.pass_index
             closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
             evaluator.depends_on_place |= lighting.depends_on_place

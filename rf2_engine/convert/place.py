@@ -31,6 +31,7 @@ class Place:
     """One instance of an object."""
 
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # (4, 4) f64, object to world
+    name: str = ""
     color: tuple = (1.0, 1.0, 1.0, 1.0)
     index: int = 0
     random: float = 0.0
@@ -49,8 +50,8 @@ class Place:
             random = (instance.random_id & 0xffffffff) / LARGEST
         else:
             random = jenkins(_of_name(obj.name), 0) / LARGEST
-        return cls(np.array(instance.matrix_world, np.float64), tuple(obj.color), obj.pass_index, float(random),
-                   tuple(instance.orco), tuple(instance.uv), _particle(instance, frame),
+        return cls(np.array(instance.matrix_world, np.float64), obj.name, tuple(obj.color), obj.pass_index,
+                   float(random), tuple(instance.orco), tuple(instance.uv), _particle(instance, frame),
                    asked.of_object(obj), asked.of_instancer(instance), asked.of_view_layer)
 
 

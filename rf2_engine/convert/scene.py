@@ -25,18 +25,19 @@ from .world import world_light
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda focus, view: (focus, view)) -> RenderScene:
+            steady=lambda focus, view: (focus, view), baker=None) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
     view: of the whole picture, whose surroundings become the network's box (focus.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
     steady: given the box found here and the view, the box to take and the view to allot triangles by.
+    baker: rf2_engine/bake.py, for nodes that only Cycles can evaluate.
     Raises SceneError when the scene cannot be converted at all.
     """
     if (space := compat.working_space()) != "Linear Rec.709":
         report.approximated("Working Space", f"{space} is taken for Linear Rec.709: textures, skies are off in colour")
-    materials = MaterialTiles(report, depsgraph.scene_eval.frame_current)
+    materials = MaterialTiles(report, depsgraph.scene_eval.frame_current, baker)
     with progress.part(0.0, 0.45):
         found = collect(depsgraph, materials.images, report)
     with progress.part(0.45, 0.5, "Converting the world"):

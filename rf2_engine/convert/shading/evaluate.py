@@ -21,7 +21,7 @@ from .arrays import unit
 from .functions import FUNCTIONS
 from .image import ImageCache
 from .lamp import LampPoints
-from .node_call import NodeCall, Unknown
+from .node_call import DependsOnView, NodeCall, Unknown
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
 
@@ -82,8 +82,8 @@ class Points:
 class Evaluator:
     """Values of input sockets of one data-block `owner` over `points`; remembers what it has computed."""
 
-    def __init__(self, points: Points, images: ImageCache, report, owner: str):
-        self.points, self.images, self.report, self.owner = points, images, report, owner
+    def __init__(self, points: Points, images: ImageCache, report, owner: str, baker=None):
+        self.points, self.images, self.report, self.owner, self.baker = points, images, report, owner, baker
         self.material_index = 0
         self.depends_on_ray = False    # whether a Light Path was asked
         self.depends_on_place = False  # whether the result is that of one instance
@@ -99,8 +99,8 @@ class Evaluator:
         n = NodeCall(self, output.node, output, inner)
         found = self.remembered(n, _computed, Unknown("so long a chain of nodes leads here"))
         if isinstance(found, Unknown):
-            n.approximated(f'{found}, so "{socket.name}" of "{socket.node.name}" keeps its own value; '
-                           "bake it to an image")
+            advice = "bake it to an image" if self.baker else "allow Bake Unknown Nodes, or bake it to an image"
+            n.approximated(f'{found}, so "{socket.name}" of "{socket.node.name}" keeps its own value; {advice}')
             return _default(socket)
         return cast(found, socket.type, output.type)
 
@@ -121,13 +121,24 @@ class Evaluator:
 
 
 def _computed(n: NodeCall) -> np.ndarray | Unknown:
-    if n.kind not in FUNCTIONS:
-        return Unknown(f"{n.node.bl_label} cannot be evaluated")
     try:
+        if n.kind not in FUNCTIONS:
+            raise Unknown(f"{n.node.bl_label} cannot be evaluated")
         with np.errstate(all="ignore"):
             return np.asarray(FUNCTIONS[n.kind](n), np.float32)
-    except Unknown as reason:
+    except DependsOnView as reason:
         return reason
+    except Unknown as reason:
+        return reason if n.evaluator.baker is None or n.points.corners is None else _baked(n, reason)
+
+
+def _baked(n: NodeCall, reason: Unknown) -> np.ndarray | Unknown:
+    try:
+        found = n.evaluator.baker.bake(n)
+    except RuntimeError as error:
+        return Unknown(f"{reason}, and {error}")
+    n.approximated(f'{reason}, so Cycles has baked it on "{n.points.place.name}"')
+    return found
 
 
 def interpolated(corners: np.ndarray) -> np.ndarray:

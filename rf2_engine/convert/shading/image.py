@@ -39,9 +39,6 @@ class ImageCache:
         if image is None:
             self.report.approximated(owner, "an image texture node holds no image: magenta is used")
             return Pyramid(MISSING.reshape(1, 1, 4))
-        if image.source == "MOVIE":
-            self.report.approximated(owner, f'image "{image.name}" is a movie, which cannot be read: render it to a '
-                                            "sequence of pictures, or allow Bake Unknown Nodes")
         pixels = stored_pixels(image, frame, tile)
         if pixels is None:
             which = f", frame {frame}" if frame is not None else f", tile {tile}" if tile is not None else ""

@@ -43,7 +43,7 @@ def _normal_reflectance(ior):
 
 def passed_through(n: NodeCall):
     """Ambient Occlusion and the like: their colour without the effect."""
-    n.approximated(f"{n.node.bl_label} is left out")
+    n.left_to_cycles(f"{n.node.bl_label} is left out")
     return n.get("Color", 1.0) if n.output.name == "Color" else np.ones(1, np.float32)
 
 

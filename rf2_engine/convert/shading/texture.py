@@ -18,6 +18,8 @@ from .pyramid import sample
 
 def image_texture(n: NodeCall):
     node, vector = n.node, n.linked("Vector")
+    if node.image is not None and node.image.source == "MOVIE":
+        n.left_to_cycles("a movie cannot be read, so it is magenta: render it to a sequence of pictures")
     if vector is None:
         vector = active_uv(n) if n.points.direction is None else n.points.direction
     if node.projection == "BOX" and n.points.corners is not None:
