@@ -62,10 +62,9 @@ class Points:
         """(m, 2, 3) f32 ways along a row and a column of the tile, from its first texel on."""
         return self.corners[:, :2] - self.corners[:, 2:]
 
-    @property
-    def uv_edges(self) -> np.ndarray | None:
-        """(m, 2, 2) f32, the same in the active UV layer; None where there is none."""
-        layer = self.uv.get(self.active_uv)
+    def uv_edges(self, name: str = "") -> np.ndarray | None:
+        """(m, 2, 2) f32, the same in a UV layer, the active one when empty; None where there is none."""
+        layer = self.uv.get(name or self.active_uv)
         if layer is None:
             return None
         last = layer.shape[1] - 1

@@ -16,6 +16,7 @@ from tests.rf2_engine.convert.shading.kinds import (
     of_color,
     of_property,
     rotate,
+    second_uv,
     striped,
     texture,
     transform,
@@ -79,7 +80,9 @@ SOME = [
     Case("ShaderNodeBump", {"Height": "height", "Distance": 0.4, "Strength": 0.7}),
     Case("ShaderNodeBump", {"Height": "height", "Distance": 0.4}, {"invert": True}),
     *(Case("ShaderNodeNormalMap", {"Color": "color", "Strength": 0.8}, {"space": space})
-      for space in "TANGENT OBJECT WORLD BLENDER_OBJECT".split()),
+      for space in "TANGENT OBJECT WORLD BLENDER_OBJECT BLENDER_WORLD".split()),
+    Case("ShaderNodeNormalMap", {"Color": "color"}, {"uv_map": "Turned"}, furnish=second_uv),
+    Case("ShaderNodeNormalMap", {"Color": "color"}, {"uv_map": "Gone"}, is_reported=True),
     Case("ShaderNodeNormalMap", {"Color": "color", "Strength": 1.7}),
     Case("ShaderNodeHairInfo", output="Is Strand"),
     *(attribute(domain, kind, output) for domain, kind, output in (

@@ -98,6 +98,15 @@ def of_property(kind, name, output="Color"):
     return Case("ShaderNodeAttribute", {}, {"attribute_type": kind, "attribute_name": name}, output, furnish=furnish)
 
 
+def second_uv(square):
+    """A UV map that lies otherwise than the active one."""
+    corners = square.data.uv_layers[0].uv
+    flat = np.empty(2 * len(corners), np.float32)
+    corners.foreach_get("vector", flat)
+    turned = flat.reshape(-1, 2) @ np.float32([(0.3, 0.9), (-0.8, 0.4)])
+    square.data.uv_layers.new(name="Turned").uv.foreach_set("vector", turned.ravel())
+
+
 def bent(node):
     """Give the curves of a node some shape."""
     for i, curve in enumerate(node.mapping.curves):

@@ -35,6 +35,7 @@ class Case:
     output: object = 0                            # name or number
     prepare: object = lambda node: None
     furnish: object = lambda square: None         # given the object
+    is_reported: bool = False                     # whether a line about it is expected
     is_affine: bool = True                        # else the texels beyond the triangle are another's
 
     def __str__(self):
