@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ...model import progress
+from .. import compat
 from . import mesh as meshes
 from . import strands
 from .attributes import MESH, Asked
 from .collected import Collected, LampInstance, Part
+from .displace import displaced
 from .light_linking import dark_emitters
 from .material import MaterialTiles
 from .medium import mesh_medium
@@ -48,7 +50,7 @@ class _Walk:
         self.dark = dark_emitters(depsgraph, report)
         self.asked = Asked(depsgraph)
         self.found = Collected()
-        self._read: dict[int, TriangleMesh] = {}
+        self._read: dict[tuple, TriangleMesh] = {}
         self._parts: dict[tuple, tuple[list[Part], list[tuple]]] = {}
         self._shown: dict[tuple, bool] = {}
         self._homogeneous: dict[tuple, bool] = {}  # material and layers of meshes -> it emits
@@ -106,12 +108,12 @@ class _Walk:
             if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
                 self._add_strands(obj, system.as_pointer(), lambda s=system: strands.particles_mesh(obj, s), place,
                                   system.settings.material - 1)
-        slots, mesh = self._slots(obj), self._mesh(obj)
+        slots, mesh = self._slots(obj), self._mesh(obj, place)
         probed = tuple(self._probe(material, obj.data.as_pointer(), mesh, place) for material in slots)
         key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark, probed,
                *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
-            self._parts[key] = self._split(obj, slots, probed, mirrored), self._filled(obj, slots)
+            self._parts[key] = self._split(obj, mesh, slots, probed, mirrored), _filled(mesh, slots)
             self.found.parts += self._parts[key][0]
         parts, filled = self._parts[key]
         for part in parts:
@@ -121,15 +123,6 @@ class _Walk:
                 points = volume.volume_points(inside, mesh.texture_space, place)
                 return volume.volume_coefficients(material, self.report, points)
             self.found.media.append(mesh_medium(obj.name, place.matrix, corners, coefficients, self.report))
-
-    def _filled(self, obj, slots: list) -> list[tuple]:
-        """Corners of the triangles, and the material, of each volume material of a mesh."""
-        mesh, filled = self._mesh(obj), []
-        for index, material in enumerate(slots):
-            corners = mesh.corners[_slot(mesh, slots) == index] if volume.has_volume(material) else ()
-            if len(corners):
-                filled.append((corners, material))
-        return filled
 
     def _add_strands(self, obj, pointer: int, read, place: Place, slot: int = 0) -> None:
         """Hair or points, which `read` gives as a mesh, wearing the material of a slot."""
@@ -148,8 +141,8 @@ class _Walk:
         for part in self._parts[key][0]:
             part.places.append(place)
 
-    def _split(self, obj, slots: list, probed: tuple[tuple[bool, bool], ...], mirrored: bool) -> list[Part]:
-        mesh = self._mesh(obj)
+    def _split(self, obj, mesh: TriangleMesh, slots: list, probed: tuple[tuple[bool, bool], ...],
+               mirrored: bool) -> list[Part]:
         slot = _slot(mesh, slots)
         surface = np.array([volume.has_surface(material) for material in slots])
         emits, textured = np.array(probed).T
@@ -191,11 +184,15 @@ class _Walk:
                 self._homogeneous[key] = found[0]
         return found
 
-    def _mesh(self, obj) -> TriangleMesh:
-        pointer = obj.data.as_pointer()
-        if pointer not in self._read:
-            self._read[pointer] = meshes.read_mesh(obj.data, obj.name, self.report, self.asked.names[MESH])
-        return self._read[pointer]
+    def _mesh(self, obj, place: Place) -> TriangleMesh:
+        """Displaced as it is where it stands first."""
+        slots = self._slots(obj)
+        key = obj.data.as_pointer(), *(m and m.as_pointer() for m in slots)
+        if key not in self._read:
+            mesh = meshes.read_mesh(obj.data, obj.name, self.report, self.asked.names[MESH])
+            self._read[key] = displaced(mesh, slots, place, compat.is_diced(obj, self.depsgraph.scene_eval),
+                                        self.images, self.report)
+        return self._read[key]
 
     def _add_volume(self, obj, matrix: np.ndarray) -> None:
         material = self._slots(obj)[0]
@@ -204,6 +201,16 @@ class _Walk:
             self.report.skipped(obj.name, f'its material "{material.name}" has no volume shader')
         elif box := volume_medium(obj, matrix, *coefficients, self.report):
             self.found.media.append(box)
+
+
+def _filled(mesh: TriangleMesh, slots: list) -> list[tuple]:
+    """Corners of the triangles, and the material, of each volume material of a mesh."""
+    filled = []
+    for index, material in enumerate(slots):
+        corners = mesh.corners[_slot(mesh, slots) == index] if volume.has_volume(material) else ()
+        if len(corners):
+            filled.append((corners, material))
+    return filled
 
 
 def _slot(mesh: TriangleMesh, slots: list) -> np.ndarray:

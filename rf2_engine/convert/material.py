@@ -19,6 +19,7 @@ from ...model.scene import (
     TRANSMISSION,
     constant_tile,
 )
+from .displace import HEIGHT_UNIT
 from .mesh import TriangleMesh, face_normals
 from .place import Place
 from .shading import graph
@@ -26,12 +27,12 @@ from .shading.closure import Closure, SurfaceParameters, lobe, parameters
 from .shading.evaluate import Evaluator, Points, interpolated
 from .shading.image import ImageCache
 from .shading.node_call import NodeCall
+from .shading.normal_map import bent_by
 from .shading.surface import closure_at
 from .shading.volume import has_surface
 
 SCALE_DIGITS = 3             # squares of sizes that differ by less are the same
 CHUNK = 256                  # triangles evaluated at once
-HEIGHT_UNIT = 0.025          # world units of displacement at height 1
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
 DARK_FRACTION = 0.01         # triangles this much darker than the brightest one of an emission texture do not shine
 CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
@@ -114,12 +115,15 @@ class MaterialTiles:
             self.report.approximated(material.name, "negative light is left out")
         if not closure.weight.any() and not closure.emission.any() and has_surface(material):
             self.report.approximated(material.name, "no surface shader reaches the Material Output: it is black")
-        height = _height(material, output)
+        displacement, surface = _displacement(material, output), parameters(closure)
+        if material.displacement_method == "BUMP" and displacement.ndim > 1:
+            surface.normal = bent_by(output, surface.normal, displacement)
+            displacement = np.zeros(1, np.float32)
         if evaluator.depends_on_place:
             self._placed.add(material.as_pointer())
         if evaluator.depends_on_scale:
             self._scaled.add(material.as_pointer())
-        return parameters(closure), height
+        return surface, np.clip(displacement / HEIGHT_UNIT, -1, 1)
 
     def sharing(self, material, place: Place):
         """What places have in common that share what `triangle_tiles` found of this material, which comes first."""
@@ -143,22 +147,16 @@ class MaterialTiles:
         self._count += len(tiles)
 
 
-def _height(material, output: NodeCall | None) -> np.ndarray:
-    """Displacement over 0.025 world units (docs/scene-input.md 4.6)."""
+def _displacement(material, output: NodeCall | None) -> np.ndarray:
+    """World units along the normal, by what reaches the Displacement input."""
     n = None if output is None else output.source("Displacement")
-    if n is None:
+    if n is None or n.points.is_displaced:
         return np.zeros(1, np.float32)
     if n.kind != "ShaderNodeDisplacement":
-        n.approximated(f"{n.node.bl_label} displacement is left out")
+        n.approximated(f"displacement by {n.node.bl_label} is left out")
         return np.zeros(1, np.float32)
-    displacement = (n["Height"] - n["Midlevel"]) * n["Scale"] / HEIGHT_UNIT
-    if n.node.space == "OBJECT":
-        displacement = displacement * _normal_scale(n)
-    if material.displacement_method == "BUMP":
-        n.approximated("displacement as bump only is shown as displacement")
-    if np.any(np.abs(displacement) > 1):
-        n.approximated(f"displacement is limited to {HEIGHT_UNIT} units")
-    return np.clip(displacement, -1, 1)
+    found = (n["Height"] - n["Midlevel"]) * n["Scale"]
+    return found * _normal_scale(n) if n.node.space == "OBJECT" else found
 
 
 def _normal_scale(n: NodeCall) -> np.ndarray:
@@ -188,7 +186,7 @@ def _points(mesh: TriangleMesh, place: Place) -> Points:
     uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
     attributes = {name: interpolated(layer) for name, layer in mesh.attributes.items()}
     return Points(uv, mesh.active_uv, attributes, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
-                  place, camera_ray=True)
+                  place, is_displaced=mesh.is_displaced, camera_ray=True)
 
 
 def _triangle_mean(values: np.ndarray) -> np.ndarray:

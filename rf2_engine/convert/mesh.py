@@ -23,6 +23,7 @@ class TriangleMesh:
     active_color: str | None       # the one that renders where a material names none
     slot: np.ndarray               # (n,) i32, material slot
     texture_space: np.ndarray      # (2, 3) f32, middle and half size of the box of Generated coordinates
+    is_displaced: bool = False         # its materials' displacement is in the corners
 
     def __len__(self) -> int:
         return len(self.corners)

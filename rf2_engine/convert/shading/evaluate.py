@@ -40,6 +40,7 @@ class Points:
     place: Place = field(default_factory=Place)
     direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
     lamp: LampPoints | None = None
+    is_displaced: bool = False                                   # displacement is in the corners already
     camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
 
     @cached_property

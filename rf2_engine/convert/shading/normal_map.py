@@ -67,8 +67,13 @@ def _tilted(n: NodeCall) -> np.ndarray:
 
 
 def _bumped(n: NodeCall) -> np.ndarray:
-    """(m, 32, 32, 3) UV-frame normal of a height over the tile: the slope from texel to texel."""
-    base, height = tangent_normal(n), n["Height"]
+    """UV-frame normal of a Bump node: the slope of its height from texel to texel."""
+    push = -1 if n.node.invert else 1
+    return bent_by(n, tangent_normal(n), n["Height"], push * n["Distance"], n["Strength"])
+
+
+def bent_by(n: NodeCall, base: np.ndarray, height: np.ndarray, distance=1.0, strength=1.0) -> np.ndarray:
+    """(m, 32, 32, 3) the UV-frame normal `base` bent by a height over the tile, times a distance in world units."""
     if height.ndim == 1 or n.points.corners is None:
         return base
     linear = n.scaled()
@@ -79,9 +84,8 @@ def _bumped(n: NodeCall) -> np.ndarray:
     size = height.shape[1]
     steps = np.stack([np.gradient(height[..., 0], axis=axis) * size for axis in (2, 1)], axis=-1)[..., None]
     slope = (np.linalg.pinv(along)[:, None, None] @ steps)[..., 0]                # (m, 32, 32, 2)
-    push = -1 if n.node.invert else 1
-    bent = base - joined(push * n["Distance"] * slope, 0 * height)
-    return unit(mixed(base, unit(bent), np.maximum(n["Strength"], 0)))
+    bent = base - joined(distance * slope, 0 * height)
+    return unit(mixed(base, unit(bent), np.maximum(strength, 0)))
 
 
 def _across(edges: np.ndarray, uv_edges: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
