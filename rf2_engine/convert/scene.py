@@ -36,7 +36,8 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     Raises SceneError when the scene cannot be converted at all.
     """
     if (space := compat.working_space()) != "Linear Rec.709":
-        report.approximated("Working Space", f"{space} is taken for Linear Rec.709: textures, skies are off in colour")
+        report.approximated("Working Space", f"{space} is taken for Linear Rec.709: skies and lamps by temperature are "
+                                             "off in colour")
     materials = MaterialTiles(report, depsgraph.scene_eval.frame_current, baker)
     with progress.part(0.0, 0.45):
         found = collect(depsgraph, materials.images, report)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluating a shader node graph over many points at once.
 
-Every value is an array (..., 1) for numbers or (..., 3) for colours (scene-linear Rec.709) and vectors. Values that do
+Every value is an array (..., 1) for numbers or (..., 3) for colours (scene-linear) and vectors. Values that do
 not depend on the point keep the bare shape (1,) or (3,), so "is this material homogeneous" is a question of `ndim`.
 """
 from __future__ import annotations
@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from ....model.color import LUMINANCE
 from ....model.scene import barycentric_grid
 from ..mesh import face_normals
 from ..place import Place
@@ -22,6 +21,7 @@ from .functions import FUNCTIONS
 from .image import ImageCache
 from .lamp import LampPoints
 from .node_call import DependsOnView, NodeCall, Unknown
+from .working_space import luminance
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
 
@@ -151,7 +151,7 @@ def cast(value: np.ndarray, socket_type: str, from_type: str) -> np.ndarray:
     if socket_type in ("VALUE", "INT", "BOOLEAN"):
         if value.shape[-1] == 1:
             return value
-        return value.mean(axis=-1, keepdims=True) if from_type == "VECTOR" else value @ LUMINANCE[:, None]
+        return value.mean(axis=-1, keepdims=True) if from_type == "VECTOR" else luminance(value)
     if value.shape[-1] == 1:
         return np.repeat(value, 3, axis=-1)
     return value

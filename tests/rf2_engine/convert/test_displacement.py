@@ -74,9 +74,9 @@ def test_a_mesh_that_cycles_dices_is_diced_and_displaced(scene, converted):
         modifier.use_adaptive_subdivision = True
     else:
         scene.cycles.feature_set, obj.cycles.use_adaptive_subdivision = "EXPERIMENTAL", True
-    found = converted()
+    found = converted(token_budget=2000)
     ours, cycles = heights(scene, found)
-    assert len(found) > 5000 and np.ptp(cycles) > 0.3 and np.abs(ours - cycles).mean() < 0.02
+    assert len(found) > 1000 and np.ptp(cycles) > 0.3 and np.abs(ours - cycles).mean() < 0.02
     normal = found.normals[np.abs(found.triangles[:, 0, 0]) < 0.05].mean(axis=(0, 1))
     np.testing.assert_allclose(normal[0] / normal[2], -0.2 * HILLS, rtol=0.1)
 

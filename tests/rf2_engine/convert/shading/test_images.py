@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene
+from tests.rf2_engine.convert.shading.kinds import of_color
 from tests.rf2_engine.convert.shading.squares import Case
 from tests.rf2_engine.convert.shading.test_against_cycles import assert_alike
 
@@ -129,6 +130,24 @@ def test_tiles_and_sequences_are_as_in_cycles(tmp_path):
           for start, count, offset, cyclic in ((1, 4, 0, False), (1, 2, 0, False), (1, 2, 0, True), (2, 4, 1, False),
                                                (4, 3, 1, False), (4, 3, 1, True)))]
     assert_alike(cases)
+
+
+@pytest.mark.skipif(not hasattr(bpy.data, "colorspace"), reason="Blender 4 has one working space")
+def test_colours_are_right_in_another_working_space():
+    def in_acescg(case):
+        before = case.prepare
+
+        def prepare(node):
+            if bpy.data.colorspace.working_space != "ACEScg":
+                bpy.ops.wm.set_working_color_space(working_space="ACEScg", convert_colors=False)
+            before(node)
+        case.prepare = prepare
+        return case
+
+    assert_alike([in_acescg(case) for case in (
+        *(shown(generated(4, SMALL, space)) for space in ("sRGB", "Linear Rec.709", "ACEScg", "Non-Color")),
+        of_color("RGBToBW"), Case("ShaderNodeMath", {0: "color", 1: 0.5}, {"operation": "MULTIPLY"}),
+        *(Case("ShaderNodeBlackbody", {"Temperature": kelvin}) for kelvin in (2000.0, 8000.0)))], most=0.015)
 
 
 def test_projections_are_as_in_cycles():
