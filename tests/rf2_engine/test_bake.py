@@ -99,6 +99,12 @@ def test_a_node_in_a_group_is_baked_on_an_instance_and_calculated_with(scene, ba
     assert rough[:, 10, 10].max() < 0.1 and 'in "Inside"' in lines[0]
 
 
+def test_what_depends_on_the_view_is_not_baked(scene, baked):
+    cube(scene, Roughness=("CameraData", "View Distance", {}), Metallic=("NewGeometry", "Incoming", {}))
+    _, lines = baked()
+    assert len(lines) == 2 and all("depends on the view" in line and "keeps its own value" in line for line in lines)
+
+
 def test_f12_bakes_only_where_it_is_allowed(scene, tmp_path):
     cube(scene, Roughness=("Wireframe", "Fac", {}))
     said = []

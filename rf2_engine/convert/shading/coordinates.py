@@ -82,6 +82,10 @@ def geometry(n: NodeCall):
     return np.cross(normal, unit(np.cross(around, normal)))
 
 
+def camera_data(n: NodeCall):
+    raise DependsOnView(f'"{n.output.name}" depends on the view')
+
+
 def normals_in_world(n: NodeCall, normals: np.ndarray) -> np.ndarray:
     """Unit normals in the world's frame of normals in the object's."""
     return unit(normals @ np.float32(np.linalg.pinv(n.placed().matrix[:3, :3])))
@@ -93,4 +97,5 @@ def world_position(n: NodeCall) -> np.ndarray:
     return n.points.position @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-FUNCTIONS = {"ShaderNodeTexCoord": coordinate, "ShaderNodeUVMap": uv_map, "ShaderNodeNewGeometry": geometry}
+FUNCTIONS = {"ShaderNodeTexCoord": coordinate, "ShaderNodeUVMap": uv_map, "ShaderNodeNewGeometry": geometry,
+             "ShaderNodeCameraData": camera_data}

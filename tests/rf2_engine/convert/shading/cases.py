@@ -61,6 +61,7 @@ SOME = [
     map_range("STEPPED", True, False), map_range("SMOOTHERSTEP", False, True),
     Case("ShaderNodeCombineColor", {0: "x", 1: 0.4, 2: "y"}, {"mode": "HSL"}),
     *(of_color("SeparateColor", i, {"mode": "HSL"}) for i in range(3)),
+    Case("ShaderNodeUVMap", {}, {"uv_map": "Turned"}, furnish=second_uv), Case("ShaderNodeUVMap"),
     rotate("AXIS_ANGLE"), rotate("EULER_XYZ", invert=True), transform("NORMAL", "OBJECT", "WORLD"),
     Case("ShaderNodeBlackbody", {"Temperature": 4000.0}),
 
