@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,11 +15,27 @@ from .node_call import NodeCall
 IMPULSES = 8              # in each cell
 DEVIATIONS = 6            # how many of them the value spans
 SQUARED_KERNEL = {2: 1 / 4, 3: 1 / (4 * np.sqrt(2))}  # integral over the plane or space
+NOTHING = [np.zeros((), np.float32)] * 2  # where a texture feeds itself
 LEAST_FREQUENCY = 1e-3
 FARTHEST = 2**24           # beyond, cells are as close together as numbers are
 
 
 def gabor_texture(n: NodeCall):
+    """All outputs come of the same sums."""
+    dimensions = 2 if n.node.gabor_type == "2D" else 3
+    real, imaginary = n.evaluator.remembered(replace(n, output=n.node.outputs[0]), _sums, NOTHING)
+    spread = DEVIATIONS * np.sqrt(IMPULSES * SQUARED_KERNEL[dimensions] / 2)
+    if n.output.name == "Value":
+        result = imaginary / spread / 2 + 0.5
+    elif n.output.name == "Phase":
+        result = (np.arctan2(imaginary, real) + np.pi) / (2 * np.pi)
+    else:
+        result = np.hypot(real, imaginary) / spread
+    return result[..., None]
+
+
+def _sums(n: NodeCall) -> list[np.ndarray]:
+    """Real and imaginary part, (...) each."""
     dimensions = 2 if n.node.gabor_type == "2D" else 3
     at = (n.coordinates()[..., :dimensions] * n["Scale"]).astype(np.float32)
     frequency = np.maximum(n["Frequency"], LEAST_FREQUENCY)[..., 0]
@@ -30,15 +47,7 @@ def gabor_texture(n: NodeCall):
         angles = np.arccos(np.clip(z, -1, 1)), np.sign(y) * azimuth
     else:
         angles = (turn[..., 0],)
-    real, imaginary = in_blocks(_phasor, at, frequency, isotropy, *angles)
-    spread = DEVIATIONS * np.sqrt(IMPULSES * SQUARED_KERNEL[dimensions] / 2)
-    if n.output.name == "Value":
-        result = imaginary / spread / 2 + 0.5
-    elif n.output.name == "Phase":
-        result = (np.arctan2(imaginary, real) + np.pi) / (2 * np.pi)
-    else:
-        result = np.hypot(real, imaginary) / spread
-    return result[..., None]
+    return in_blocks(_phasor, at, frequency, isotropy, *angles)
 
 
 def _phasor(at, frequency, isotropy, *angles):

@@ -160,7 +160,7 @@ SHADERS = {
     "ShaderNodeMixShader": mix, "ShaderNodeAddShader": add,
     "ShaderNodeBsdfPrincipled": principled, "ShaderNodeBsdfDiffuse": diffuse, "ShaderNodeBsdfTranslucent": scattering,
     "ShaderNodeSubsurfaceScattering": scattering, "ShaderNodeBsdfSheen": sheen, "ShaderNodeBsdfToon": toon,
-    "ShaderNodeBsdfHair": scattering, "ShaderNodeBsdfHairPrincipled": scattering, "ShaderNodeBsdfRayPortal": portal,
+    "ShaderNodeBsdfHair": scattering, "ShaderNodeBsdfRayPortal": portal,
     "ShaderNodeBsdfVelvet": scattering, "ShaderNodeBsdfGlossy": glossy, "ShaderNodeBsdfAnisotropic": glossy,
     "ShaderNodeBsdfMetallic": glossy, "ShaderNodeBsdfGlass": glass, "ShaderNodeBsdfRefraction": glass,
     "ShaderNodeBsdfTransparent": transparent, "ShaderNodeEeveeSpecular": specular_workflow,

@@ -23,6 +23,12 @@ def mixed(first, second, kind="ShaderNodeMixShader"):
     return made
 
 
+def hair(parametrization):
+    made, _, node = material("ShaderNodeBsdfHairPrincipled")
+    node.parametrization = parametrization
+    return made
+
+
 @pytest.mark.parametrize("make, message", [
     (lambda: mixed("BsdfDiffuse", "BsdfGlossy"), "folded"),
     (lambda: mixed("BsdfDiffuse", "BsdfGlass", "ShaderNodeAddShader"), "folded"),
@@ -40,7 +46,7 @@ def mixed(first, second, kind="ShaderNodeMixShader"):
     (lambda: material("ShaderNodeBsdfTransparent", Color=(0.5, 0.5, 0.5, 1))[0], "transparency"),
     (lambda: material("ShaderNodeBsdfTranslucent")[0], "as Diffuse"),
     (lambda: material("ShaderNodeSubsurfaceScattering")[0], "as Diffuse"),
-    (lambda: material("ShaderNodeBsdfHairPrincipled")[0], "as Diffuse"),
+    *((lambda kind=kind: hair(kind), "as Diffuse") for kind in ("COLOR", "ABSORPTION", "MELANIN")),
     (lambda: material("ShaderNodeBsdfToon")[0], "as Diffuse"),
     (lambda: material("ShaderNodeBsdfSheen")[0], "as Diffuse"),
     (lambda: material("ShaderNodeBsdfRayPortal")[0], "as Transparent"),
