@@ -62,6 +62,8 @@ def principled(n: NodeCall):
     color, roughness, coat = n.get("Base Color"), n.get("Roughness"), np.clip(n.get("Coat Weight"), 0, 1)
     if np.any(coat > 0):
         color = color * mixed(WHITE, n.get("Coat Tint", WHITE), coat)
+        if n.source("Coat Normal"):
+            n.folded("its coat takes the normal of the surface")
         coat = coat * layers.normal_reflectance(n.get("Coat IOR", 1.5))
         gloss = metallic + transmission + 2 * level * layers.normal_reflectance(ior)
         roughness = layers.shared_roughness(roughness, gloss, n.get("Coat Roughness"), coat)

@@ -7,7 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered, world
-from tests.rf2_engine.convert.test_material import tile_of
+from tests.rf2_engine.convert.test_material import UV, tile_of
 
 
 @pytest.fixture(autouse=True)
@@ -59,6 +59,39 @@ def test_what_one_bsdf_cannot_show_is_reported(make, message):
     tile_of(made, report)
     line, = report.lines()
     assert message in line and made.name in line
+
+
+NEEDED = {  # what an input of Principled BSDF does something beside
+    "Coat": dict(Coat_Weight=1.0), "Sheen": dict(Sheen_Weight=1.0), "Subsurface": dict(Subsurface_Weight=1.0),
+    "Thin Film": dict(Thin_Film_Thickness=300.0),
+    "Anisotropic": dict(Anisotropic=0.5), "Tangent": dict(Anisotropic=0.5),
+    "Emission": dict(Emission_Color=(0.5, 0.5, 0.5, 1), Emission_Strength=0.2)}
+
+
+def test_every_input_of_principled_changes_the_tile_or_is_reported():
+    tried = 0
+    for number, entry in enumerate(material()[2].inputs):
+        if not entry.enabled or entry.type == "SHADER" or entry.name == "Weight":
+            continue
+        beside = next((inputs for start, inputs in NEEDED.items() if entry.name.startswith(start)), {})
+        found = []
+        for change in (False, True):
+            made, tree, node = material(**beside)
+            report = Report()
+            if change and entry.type == "VECTOR" and entry.hide_value:  # Normal, Coat Normal, Tangent
+                bent = tree.nodes.new("ShaderNodeNormalMap")
+                bent.inputs["Color"].default_value = (0.7, 0.5, 0.9, 1)
+                tree.links.new(bent.outputs[0], node.inputs[number])
+            elif change:
+                value = entry.default_value
+                node.inputs[number].default_value = (
+                    0.5 * value + 0.1 if isinstance(value, float) else [0.5 * each + 0.1 for each in value])
+            found.append((tile_of(made, report, UV), report.lines()))
+        (before, _), (after, lines) = found
+        differs = any(not np.allclose(a, b, atol=1e-4) for a, b in zip(before, after, strict=True))
+        assert differs or lines, entry.name
+        tried += 1
+    assert tried > 25
 
 
 def test_an_effect_is_reported_once_for_a_material():

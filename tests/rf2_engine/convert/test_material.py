@@ -27,10 +27,10 @@ def scene():
     empty_cycles_scene()
 
 
-def tile_of(made, report=None):
+def tile_of(made, report=None, uv=None):
     """(11,) parameters and (3,) radiance of a homogeneous material."""
     tiles = MaterialTiles(report or Report())
-    index, emission = tiles.triangle_tiles(made, triangles(3))
+    index, emission = tiles.triangle_tiles(made, triangles(3, None if uv is None else np.repeat(uv, 3, axis=0)))
     assert len(tiles.tiles) <= 2 and len(set(index)) == 1
     tile = tiles.tiles[index[0]]
     assert (tile == tile[:, :1, :1]).all()
