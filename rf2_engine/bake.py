@@ -22,7 +22,8 @@ from . import background_cycles, main_thread
 
 INTERVAL = 0.1  # seconds between two looks at the Esc key
 WORKER = Path(__file__).with_name("bake_worker.py")
-SAMPLES = 16    # of each texel
+SAMPLES = 4     # of each texel
+NOISY = {"ShaderNodeAmbientOcclusion": 16, "ShaderNodeBevel": 16}  # those that cast rays at random
 SIDE = 16       # texels along the edges of a triangle
 
 
@@ -34,7 +35,7 @@ class Baker:
         self._scene = depsgraph.scene_eval.original
         self._settings = {**{name: getattr(job, name) for name in (
             "scene", "layer", "frame", "subframe", "compute_device_type", "devices")},
-            "samples": SAMPLES, "device": depsgraph.scene_eval.cycles.device}
+            "device": depsgraph.scene_eval.cycles.device}
         self._folder, self._process, self._broken = None, None, ""
         self._lines: queue.Queue[str | None] = queue.Queue()
 
@@ -79,7 +80,8 @@ class Baker:
         place = n.points.place
         what = {"object_name": place.name, "matrix": place.matrix.tolist(), "material_name": n.evaluator.owner,
                 "groups": [group.name for group in n.frames], "node_name": n.node.name,
-                "output": list(n.node.outputs).index(n.output), "triangles": corners, "side": SIDE}
+                "output": list(n.node.outputs).index(n.output), "triangles": corners, "side": SIDE,
+                "samples": NOISY.get(n.kind, SAMPLES)}
         self._process.stdin.write(json.dumps({"what": what, "answer": answer}) + "\n")
         self._process.stdin.flush()
         self._wait_for("baked")

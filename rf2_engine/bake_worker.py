@@ -30,8 +30,7 @@ def main() -> None:
     bpy.ops.wm.open_mainfile(filepath=copy, load_ui=False, use_scripts=False)
     choose_devices(job["compute_device_type"], job["devices"])
     scene = bpy.data.scenes[job["scene"]]
-    scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", job["samples"], False
-    scene.cycles.device = job["device"]
+    scene.render.engine, scene.cycles.use_denoising, scene.cycles.device = "CYCLES", False, job["device"]
     scene.frame_set(job["frame"], subframe=job["subframe"])
     print("ready", flush=True)
     for line in sys.stdin:
@@ -40,12 +39,12 @@ def main() -> None:
         print("baked", flush=True)
 
 
-def bake(scene, layer, object_name, material_name, groups, node_name, output, matrix, triangles, side):
+def bake(scene, layer, object_name, material_name, groups, node_name, output, matrix, triangles, side, samples):
     """(n, side, side, 3) f32 of the n `triangles` (a file of corners in the frame of the object); NaN where nothing is.
 
     groups: names of the group nodes that lead to the node; output: its number.
     """
-    layer.material_override = None
+    layer.material_override, scene.cycles.samples = None, samples
     corners = np.load(triangles)
     _shine(bpy.data.materials[material_name].node_tree, groups, node_name, output)
     target, matrix = bpy.data.objects[object_name], mathutils.Matrix(matrix)

@@ -94,8 +94,8 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         name="Bake Unknown Nodes",
         description="Have Cycles bake the nodes that this engine cannot evaluate, such as Bevel, Ambient Occlusion, "
                     "Wireframe and Script, on a copy of the scene in a Blender of its own. Costs a few seconds to "
-                    "start it, and a second or more for every such node and 256 triangles; without it the inputs "
-                    "behind such nodes keep their own values",
+                    "start it, and for every such node and thousand triangles as much as Cycles takes to read the "
+                    "scene and render a small picture; without it the inputs behind such nodes keep their own values",
     )
     threads_mode: EnumProperty(
         name="Threads Mode",

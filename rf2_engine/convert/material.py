@@ -33,6 +33,7 @@ from .shading.volume import has_surface
 
 SCALE_DIGITS = 3             # squares of sizes that differ by less are the same
 CHUNK = 256                  # triangles evaluated at once
+BAKED_CHUNK = 1024           # and where some may be baked, for which Cycles reads the whole scene each time
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
 DARK_FRACTION = 0.01         # triangles this much darker than the brightest one of an emission texture do not shine
 CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
@@ -70,8 +71,9 @@ class MaterialTiles:
         if material is None:
             return np.full(n, self._constant_index(constant_tile()), np.int32), emission
         index, nothing, reflects = np.empty(n, np.int32), np.zeros(n, bool), False
-        for start in range(0, n, CHUNK):
-            part = slice(start, min(start + CHUNK, n))
+        chunk = BAKED_CHUNK if self.baker else CHUNK
+        for start in range(0, n, chunk):
+            part = slice(start, min(start + chunk, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
                 surface, height = self._evaluate(material, _points(mesh.take(part), place or Place()))
