@@ -68,7 +68,7 @@ def run(engine: bpy.types.RenderEngine, job: Job, wanted: list[pass_table.Pass])
         scene = bpy.data.scenes[job.scene]
         main_thread.call(lambda: bpy.data.libraries.write(str(copy), {scene}, path_remap="ABSOLUTE"))
         request.write_text(json.dumps(vars(job)))
-        _wait(_command(str(copy), str(request), str(answer)))
+        _wait(started(WORKER, str(copy), str(request), str(answer)))
         try:
             file = exr.read(answer)
         except (OSError, ValueError) as error:
@@ -78,24 +78,28 @@ def run(engine: bpy.types.RenderEngine, job: Job, wanted: list[pass_table.Pass])
             for p in wanted if (job.layer, p.blender_name) in file.passes}
 
 
-def _command(*arguments: str) -> list[str]:
-    """The bpy module is no program, but the Python that has imported it can do so once more."""
-    if bpy.app.binary_path:
-        return [bpy.app.binary_path, "--background", "--factory-startup", "--offline-mode", "--disable-autoexec",
-                "--python-exit-code", "1", "--python", str(WORKER), "--", *arguments]
-    return [sys.executable, str(WORKER), "--", *arguments]
-
-
-def _wait(command: list[str]) -> None:
-    """Until it has ended; progress is Cycles' own."""
-    lines = [""]
+def started(worker: Path, *arguments: str, stdin: int = subprocess.DEVNULL) -> subprocess.Popen:
+    """A Blender that runs a program beside this file, with its words in `stdout`. Raises SceneError."""
     try:
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                                   encoding="utf-8", errors="replace",
-                                   creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0))
+        return subprocess.Popen(_command(str(worker), *arguments), stdin=stdin, stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, encoding="utf-8", errors="replace",
+                                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0))
     except (OSError, ValueError) as error:
         raise SceneError(f"a background Blender cannot be started ({error}): install Blender from blender.org, and "
                          "render there") from error
+
+
+def _command(worker: str, *arguments: str) -> list[str]:
+    """The bpy module is no program, but the Python that has imported it can do so once more."""
+    if bpy.app.binary_path:
+        return [bpy.app.binary_path, "--background", "--factory-startup", "--offline-mode", "--disable-autoexec",
+                "--python-exit-code", "1", "--python", worker, "--", *arguments]
+    return [sys.executable, worker, "--", *arguments]
+
+
+def _wait(process: subprocess.Popen) -> None:
+    """Until it has ended; progress is Cycles' own."""
+    lines = [""]
     reader = threading.Thread(target=lambda: lines.extend(process.stdout), daemon=True)
     reader.start()
     try:

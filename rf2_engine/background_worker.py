@@ -23,7 +23,7 @@ def main() -> None:
     bpy.ops.wm.open_mainfile(filepath=copy, load_ui=False, use_scripts=False)
     bpy.app.handlers.render_stats.append(_tell)
     scene = bpy.data.scenes[job["scene"]]
-    _choose_devices(job["compute_device_type"], job["devices"])
+    choose_devices(job["compute_device_type"], job["devices"])
     _prepare(scene, job)
     for collection, name, is_linked, path, value in job["changes"]:
         for data in getattr(bpy.data, collection):
@@ -54,7 +54,7 @@ def _prepare(scene: bpy.types.Scene, job: dict) -> None:
     scene.frame_set(job["frame"], subframe=job["subframe"])
 
 
-def _choose_devices(kind: str, devices: list[str]) -> None:
+def choose_devices(kind: str, devices: list[str]) -> None:
     """As the user has chosen in the preferences, which this Blender does not read."""
     preferences = bpy.context.preferences.addons["cycles"].preferences
     if kind != "NONE":

@@ -35,6 +35,16 @@ def working_space() -> str:
     return colorspace.working_space if colorspace else "Linear Rec.709"
 
 
+def is_diced(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Whether Cycles divides the mesh of an object as its last modifier says, an experimental feature before 5.0."""
+    last = obj.modifiers[-1] if obj.modifiers else None
+    if last is None or last.type != "SUBSURF" or not last.show_render:
+        return False
+    if hasattr(last, "use_adaptive_subdivision"):
+        return last.use_adaptive_subdivision
+    return scene.cycles.feature_set == "EXPERIMENTAL" and obj.cycles.use_adaptive_subdivision
+
+
 def ies_of_one_column_bulges() -> bool:
     """Whether Cycles brightens IES profiles that are alike all around by up to an eighth on one side, as 4.5 does."""
     return bpy.app.version < (5, 0)

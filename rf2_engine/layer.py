@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import bpy
@@ -14,6 +15,7 @@ from ..model.lighting import Lobes, MeanLobes
 from ..model.scene import Guides, RenderScene, View
 from ..model.silhouettes import blended
 from . import cycles_session, model_cache, shot, shutter
+from .bake import Baker
 from .convert.camera import convert_camera
 from .convert.lens import Lens
 from .convert.report import Report
@@ -48,9 +50,10 @@ class Layer:
 
     def scene(self) -> RenderScene:
         whole = convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y, None)
-        return convert(self.depsgraph, whole, token_budget=self.settings.token_budget, max_edge=self.settings.max_edge,
-                       report=self.report, steady=shot.steady(self.depsgraph),
-                       by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status))
+        with Baker(self.depsgraph) if self.settings.bake_unknown else nullcontext() as baker:
+            return convert(self.depsgraph, whole, token_budget=self.settings.token_budget,
+                           max_edge=self.settings.max_edge, report=self.report, steady=shot.steady(self.depsgraph),
+                           by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status), baker=baker)
 
     def first_hits(self, scene: RenderScene, look: Look, samples: int) -> dict[str, np.ndarray]:
         """The passes of cycles_session.render_passes."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import passes
+from . import compat, passes
 from .convert.report import Report
 from .settings import light_passes
 
@@ -25,15 +25,5 @@ def report_limits(depsgraph: bpy.types.Depsgraph, report: Report) -> None:
     for obj in depsgraph.objects:
         if obj.type == "LIGHT" and obj.data.cycles.max_bounces < USUAL_BOUNCES:
             report.approximated(obj.name, "its Max Bounces is ignored: its light bounces like any other")
-        elif obj.type == "MESH" and _is_diced(obj, cycles):
-            report.approximated(obj.name, "the network knows its mesh without Adaptive Subdivision")
-
-
-def _is_diced(obj: bpy.types.Object, cycles: bpy.types.PropertyGroup) -> bool:
-    """Whether Cycles subdivides it by its size in the picture: an object's setting in Blender 4, a modifier's in 5."""
-    last = obj.modifiers[-1] if obj.modifiers else None
-    if last is None or last.type != "SUBSURF" or not last.show_render:
-        return False
-    if hasattr(last, "use_adaptive_subdivision"):
-        return last.use_adaptive_subdivision
-    return cycles.feature_set == "EXPERIMENTAL" and obj.cycles.use_adaptive_subdivision
+        elif obj.type == "MESH" and compat.is_diced(obj, scene):
+            report.approximated(obj.name, "the network's mesh is coarser than what Adaptive Subdivision makes")

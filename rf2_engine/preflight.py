@@ -15,6 +15,7 @@ from bpy.app.handlers import persistent
 from ..model import presets, progress
 from ..model.errors import RenderCancelled
 from . import costs, failure, frame, memory, model_cache, rectangle
+from .bake import Promise
 from .convert.camera import convert_camera
 from .convert.report import Remark, Report
 from .convert.scene import convert
@@ -100,7 +101,8 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     view = convert_camera(depsgraph, width, height, border, report)
     found = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
                     max_edge=settings.max_edge, report=report,
-                    by_cycles=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None)
+                    by_cycles=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None,
+                    baker=Promise() if settings.bake_unknown else None)
     _report_differences(depsgraph, report)
     work, layers = frame.work(width, height, border, settings, optics), frame.layers(scene)
     work |= {"Converting the scene": optics.scenes - 1, "Network, scene": len(found) * optics.shutter}

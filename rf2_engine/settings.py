@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..model.errors import CheckpointError
 from ..model.presets import BUNDLED, weights_folder
@@ -90,6 +90,13 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
             ("NETWORK", "Network Alone", "No ray is cast towards a light: all light is the network's", 1),
         ),
     )
+    bake_unknown: BoolProperty(
+        name="Bake Unknown Nodes",
+        description="Have Cycles bake the nodes that this engine cannot evaluate, such as Bevel, Ambient Occlusion, "
+                    "Wireframe and Script, on a copy of the scene in a Blender of its own. Costs a few seconds to "
+                    "start it, and for every such node and thousand triangles as much as Cycles takes to read the "
+                    "scene and render a small picture; without it the inputs behind such nodes keep their own values",
+    )
     threads_mode: EnumProperty(
         name="Threads Mode",
         items=(
@@ -134,6 +141,7 @@ class FrameSettings:
     token_budget: int
     max_edge: float
     guide_samples: int
+    bake_unknown: bool
     light: cycles_session.Light
     light_passes: frozenset[str]  # keys of those that the weights can give
     threads: int  # 0: all
@@ -162,7 +170,7 @@ class FrameSettings:
         weights, holder = ours.weights(), ours if ours.threads_mode == "FIXED" else blenders
         samples = view_layer.renderformer_v2.samples if view_layer else 0
         return cls(weights, ours.device, ours.precision, ours.token_budget, ours.max_edge,
-                   samples or ours.guide_samples, _light(ours.light, weights), light_passes(scene),
+                   samples or ours.guide_samples, ours.bake_unknown, _light(ours.light, weights), light_passes(scene),
                    holder.threads if holder.threads_mode == "FIXED" else 0,
                    blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
 

@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ...model import progress
+from .. import compat
 from . import mesh as meshes
 from . import strands
+from .attributes import MESH, Asked
 from .collected import Collected, LampInstance, Part
+from .displace import displaced
 from .grids import Grid
 from .light_linking import dark_emitters
 from .material import MaterialTiles
@@ -43,8 +46,9 @@ class _Walk:
         self.layer = depsgraph.view_layer_eval
         self.hidden = hidden_in_renders(depsgraph)
         self.dark = dark_emitters(depsgraph, report)
+        self.asked = Asked(depsgraph)
         self.found = Collected()
-        self._read: dict[int, TriangleMesh] = {}
+        self._read: dict[tuple, TriangleMesh] = {}
         self._grids: dict[tuple, dict[str, Grid]] = {}
         self._parts: dict[tuple, tuple[list[Part], list[MeshVolume]]] = {}
         self._shown: dict[tuple, bool] = {}
@@ -89,7 +93,7 @@ class _Walk:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
     def _place(self, instance) -> Place:
-        return Place.of(instance, self.depsgraph.scene_eval.frame_current_final)
+        return Place.of(instance, self.depsgraph.scene_eval.frame_current_final, self.asked)
 
     def _is_shown(self, instance) -> bool:
         """Asked once for all instances of an object by another."""
@@ -104,21 +108,21 @@ class _Walk:
             if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
                 self._add_strands(obj, system.as_pointer(), lambda s=system: strands.particles_mesh(obj, s), place,
                                   system.settings.material - 1)
-        slots, mesh = self._slots(obj), self._mesh(obj)
+        slots, mesh = self._slots(obj), self._mesh(obj, place)
         probed = tuple(self._probe(material, obj.data.as_pointer(), mesh, place) for material in slots)
         key = (obj.data.as_pointer(), mirrored, obj.visible_camera, obj.original in self.dark, probed,
                *(m and m.as_pointer() for m in slots))
         if key not in self._parts:
-            self._parts[key] = self._split(obj, slots, probed, mirrored), self._filled(obj, slots)
+            self._parts[key] = self._split(obj, mesh, slots, probed, mirrored), self._filled(obj, mesh, slots)
             self.found.parts += self._parts[key][0]
         parts, filled = self._parts[key]
         for part in parts:
             part.places.append(place)
         self.found.media += [volume.at(place) for volume in filled]
 
-    def _filled(self, obj, slots: list) -> list[MeshVolume]:
+    def _filled(self, obj, mesh: TriangleMesh, slots: list) -> list[MeshVolume]:
         """Of each volume material of a mesh what it fills."""
-        mesh, filled = self._mesh(obj), []
+        filled = []
         for index, material in enumerate(slots):
             corners = mesh.corners[_slot(mesh, slots) == index] if shading.has_volume(material) else ()
             if len(corners):
@@ -142,8 +146,8 @@ class _Walk:
         for part in self._parts[key][0]:
             part.places.append(place)
 
-    def _split(self, obj, slots: list, probed: tuple[tuple[bool, bool], ...], mirrored: bool) -> list[Part]:
-        mesh = self._mesh(obj)
+    def _split(self, obj, mesh: TriangleMesh, slots: list, probed: tuple[tuple[bool, bool], ...],
+               mirrored: bool) -> list[Part]:
         slot = _slot(mesh, slots)
         surface = np.array([shading.has_surface(material) for material in slots])
         emits, textured = np.array(probed).T
@@ -164,7 +168,7 @@ class _Walk:
     def _probe(self, material, pointer: int, mesh: TriangleMesh, place: Place) -> tuple[bool, bool]:
         """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs, and
         whether it is not the same all over them."""
-        layers = (*mesh.uv, mesh.active_uv, *mesh.colors, mesh.active_color)
+        layers = (*mesh.uv, mesh.active_uv, *mesh.attributes, mesh.active_color)
         key = material and material.as_pointer(), layers
         if key in self._homogeneous:
             return self._homogeneous[key], False
@@ -175,8 +179,8 @@ class _Walk:
         probe.images = self.images
         some = mesh.take(np.linspace(0, len(mesh) - 1, PROBES).astype(int)) if len(mesh) else mesh
         square = np.resize(UNIT_SQUARE, (len(some), 3, 2))
-        white = np.ones((len(some), 3, 4), np.float32)
-        some = replace(some, uv=dict.fromkeys(mesh.uv, square), colors=dict.fromkeys(mesh.colors, white))
+        ones = {name: np.ones_like(layer) for name, layer in some.attributes.items()}
+        some = replace(some, uv=dict.fromkeys(mesh.uv, square), attributes=ones)
         tiles, emission = probe.triangle_tiles(material, some, place)
         found = bool(emission.any()), len(np.unique(tiles)) > 1
         if probe.sharing(material, place) is None:
@@ -185,11 +189,15 @@ class _Walk:
                 self._homogeneous[key] = found[0]
         return found
 
-    def _mesh(self, obj) -> TriangleMesh:
-        pointer = obj.data.as_pointer()
-        if pointer not in self._read:
-            self._read[pointer] = meshes.read_mesh(obj.data, obj.name, self.report)
-        return self._read[pointer]
+    def _mesh(self, obj, place: Place) -> TriangleMesh:
+        """Displaced as it is where it stands first."""
+        slots = self._slots(obj)
+        key = obj.data.as_pointer(), *(m and m.as_pointer() for m in slots)
+        if key not in self._read:
+            mesh = meshes.read_mesh(obj.data, obj.name, self.report, self.asked.names[MESH])
+            self._read[key] = displaced(mesh, slots, place, compat.is_diced(obj, self.depsgraph.scene_eval),
+                                        self.images, self.report)
+        return self._read[key]
 
 
 def _slot(mesh: TriangleMesh, slots: list) -> np.ndarray:

@@ -19,6 +19,7 @@ from ...model.scene import (
     TRANSMISSION,
     constant_tile,
 )
+from .displace import HEIGHT_UNIT
 from .mesh import TriangleMesh, face_normals
 from .place import Place
 from .shading import graph
@@ -26,12 +27,13 @@ from .shading.closure import Closure, SurfaceParameters, lobe, parameters
 from .shading.evaluate import Evaluator, Points, interpolated
 from .shading.image import ImageCache
 from .shading.node_call import NodeCall
+from .shading.normal_map import bent_by
 from .shading.surface import closure_at
 from .shading.volume import has_surface
 
 SCALE_DIGITS = 3             # squares of sizes that differ by less are the same
 CHUNK = 256                  # triangles evaluated at once
-HEIGHT_UNIT = 0.025          # world units of displacement at height 1
+BAKED_CHUNK = 1024           # and where some may be baked, for which Cycles reads the whole scene each time
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
 DARK_FRACTION = 0.01         # triangles this much darker than the brightest one of an emission texture do not shine
 CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
@@ -41,8 +43,8 @@ EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 class MaterialTiles:
     """Collects the tiles of one conversion; equal homogeneous materials share a tile."""
 
-    def __init__(self, report):
-        self.report, self.images = report, ImageCache(report)
+    def __init__(self, report, frame: int | None = None, baker=None):
+        self.report, self.images, self.baker = report, ImageCache(report, frame=frame), baker
         self._chunks: list[np.ndarray] = []
         self._count = 0
         self._constant: dict[bytes, int] = {}
@@ -69,8 +71,9 @@ class MaterialTiles:
         if material is None:
             return np.full(n, self._constant_index(constant_tile()), np.int32), emission
         index, nothing, reflects = np.empty(n, np.int32), np.zeros(n, bool), False
-        for start in range(0, n, CHUNK):
-            part = slice(start, min(start + CHUNK, n))
+        chunk = BAKED_CHUNK if self.baker else CHUNK
+        for start in range(0, n, chunk):
+            part = slice(start, min(start + chunk, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
                 surface, height = self._evaluate(material, _points(mesh.take(part), place or Place()))
@@ -97,7 +100,7 @@ class MaterialTiles:
 
     def _evaluate(self, material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
         tree = material.node_tree if material.use_nodes else None
-        evaluator = Evaluator(points, self.images, self.report, material.name)
+        evaluator = Evaluator(points, self.images, self.report, material.name, self.baker)
         evaluator.material_index = material.pass_index
         if tree is None:
             color = np.array(material.diffuse_color[:3], np.float32)
@@ -106,7 +109,7 @@ class MaterialTiles:
         output = None if output is None else NodeCall(evaluator, output)
         closure = Closure() if output is None else closure_at(output, "Surface")
         if evaluator.depends_on_ray:
-            lighting = Evaluator(replace(points, camera_ray=False), self.images, self.report, material.name)
+            lighting = Evaluator(replace(points, camera_ray=False), self.images, self.report, material.name, self.baker)
             lighting.material_index = material.pass_index
             closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
             evaluator.depends_on_place |= lighting.depends_on_place
@@ -114,12 +117,15 @@ class MaterialTiles:
             self.report.approximated(material.name, "negative light is left out")
         if not closure.weight.any() and not closure.emission.any() and has_surface(material):
             self.report.approximated(material.name, "no surface shader reaches the Material Output: it is black")
-        height = _height(material, output)
+        displacement, surface = _displacement(material, output), parameters(closure)
+        if material.displacement_method == "BUMP" and displacement.ndim > 1:
+            surface.normal = bent_by(output, surface.normal, displacement)
+            displacement = np.zeros(1, np.float32)
         if evaluator.depends_on_place:
             self._placed.add(material.as_pointer())
         if evaluator.depends_on_scale:
             self._scaled.add(material.as_pointer())
-        return parameters(closure), height
+        return surface, np.clip(displacement / HEIGHT_UNIT, -1, 1)
 
     def sharing(self, material, place: Place):
         """What places have in common that share what `triangle_tiles` found of this material, which comes first."""
@@ -143,22 +149,16 @@ class MaterialTiles:
         self._count += len(tiles)
 
 
-def _height(material, output: NodeCall | None) -> np.ndarray:
-    """Displacement over 0.025 world units (docs/scene-input.md 4.6)."""
+def _displacement(material, output: NodeCall | None) -> np.ndarray:
+    """World units along the normal, by what reaches the Displacement input."""
     n = None if output is None else output.source("Displacement")
-    if n is None:
+    if n is None or n.points.is_displaced:
         return np.zeros(1, np.float32)
     if n.kind != "ShaderNodeDisplacement":
-        n.approximated(f"{n.node.bl_label} displacement is left out")
+        n.approximated(f"displacement by {n.node.bl_label} is left out")
         return np.zeros(1, np.float32)
-    displacement = (n["Height"] - n["Midlevel"]) * n["Scale"] / HEIGHT_UNIT
-    if n.node.space == "OBJECT":
-        displacement = displacement * _normal_scale(n)
-    if material.displacement_method == "BUMP":
-        n.approximated("displacement as bump only is shown as displacement")
-    if np.any(np.abs(displacement) > 1):
-        n.approximated(f"displacement is limited to {HEIGHT_UNIT} units")
-    return np.clip(displacement, -1, 1)
+    found = (n["Height"] - n["Midlevel"]) * n["Scale"]
+    return found * _normal_scale(n) if n.node.space == "OBJECT" else found
 
 
 def _normal_scale(n: NodeCall) -> np.ndarray:
@@ -186,9 +186,9 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
 
 def _points(mesh: TriangleMesh, place: Place) -> Points:
     uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
-    colors = {name: interpolated(layer) for name, layer in mesh.colors.items()}
-    return Points(uv, mesh.active_uv, colors, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals, place,
-                  camera_ray=True)
+    attributes = {name: interpolated(layer) for name, layer in mesh.attributes.items()}
+    return Points(uv, mesh.active_uv, attributes, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
+                  place, is_displaced=mesh.is_displaced, camera_ray=True)
 
 
 def _triangle_mean(values: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...model.geometry import area_vectors
+from . import attributes
 from .report import AS_GOOD_AS_INFINITE
 
 
@@ -18,10 +19,11 @@ class TriangleMesh:
     normals: np.ndarray            # (n, 3, 3) f32, unit shading normal per corner
     uv: dict[str, np.ndarray]      # layer -> (n, 3, 2) f32
     active_uv: str | None          # the layer that renders where a material names none
-    colors: dict[str, np.ndarray]  # colour attribute -> (n, 3, 4) f32, scene-linear, with alpha
+    attributes: dict[str, np.ndarray]  # by name (n, 3, c) f32, c from 1 to 4; colours are scene-linear, with alpha
     active_color: str | None       # the one that renders where a material names none
     slot: np.ndarray               # (n,) i32, material slot
     texture_space: np.ndarray      # (2, 3) f32, middle and half size of the box of Generated coordinates
+    is_displaced: bool = False         # its materials' displacement is in the corners
 
     def __len__(self) -> int:
         return len(self.corners)
@@ -38,11 +40,13 @@ class TriangleMesh:
         """This mesh with `function` applied to every array that varies per corner."""
         return replace(self, corners=function(self.corners), normals=function(self.normals),
                        uv={name: function(layer) for name, layer in self.uv.items()},
-                       colors={name: function(layer) for name, layer in self.colors.items()}, **changes)
+                       attributes={name: function(layer) for name, layer in self.attributes.items()}, **changes)
 
 
-def read_mesh(mesh, name: str, report) -> TriangleMesh:
+def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
     """Copy an evaluated `bpy.types.Mesh`; `name` is the object that the report mentions.
+
+    asked: names of attributes that materials ask for, besides colours.
 
     Triangles with corners that are not finite, without area, or with the corners of another are left out and reported.
     """
@@ -55,14 +59,10 @@ def read_mesh(mesh, name: str, report) -> TriangleMesh:
     normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)
     uv = {layer.name: _read(layer.uv, "vector", 2 * len(mesh.loops)).reshape(-1, 2)[loop] for layer in mesh.uv_layers}
     active = next((layer.name for layer in mesh.uv_layers if layer.active_render), None)
-    colors = {}
-    for attribute in mesh.color_attributes:
-        if attribute.domain in {"POINT", "CORNER"}:
-            index = loop if attribute.domain == "CORNER" else vertex
-            rgba = _read(attribute.data, "color", 4 * len(attribute.data)).reshape(-1, 4)
-            colors[attribute.name] = rgba[index]
+    polygon = _read(mesh.loop_triangles, "polygon_index", count, np.int32)
+    named = attributes.of_mesh(mesh, asked, loop, vertex, polygon)
     space = np.float32([mesh.texspace_location, mesh.texspace_size])
-    triangles = TriangleMesh(position[vertex], normal[loop], uv, active, colors, _render_color(mesh), slot, space)
+    triangles = TriangleMesh(position[vertex], normal[loop], uv, active, named, _render_color(mesh), slot, space)
     return _without_broken(triangles, name, report)
 
 

@@ -31,27 +31,28 @@ class Place:
     """One instance of an object."""
 
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # (4, 4) f64, object to world
+    name: str = ""
     color: tuple = (1.0, 1.0, 1.0, 1.0)
     index: int = 0
     random: float = 0.0
     generated: tuple = (0.0, 0.0, 0.0)  # coordinates of the instancer where it puts the instance
     uv: tuple = (0.0, 0.0)
     particle: Particle = Particle()
-    properties: dict = field(default_factory=dict)  # custom ones, numbers and vectors, by name
+    properties: dict = field(default_factory=dict)  # numbers and vectors that materials ask for, by name
     of_instancer: dict = field(default_factory=dict)
+    of_view_layer: dict = field(default_factory=dict)
 
     @classmethod
-    def of(cls, instance, frame: float) -> Place:
-        """Copied from a DepsgraphObjectInstance, which lives for one step of the walk alone."""
+    def of(cls, instance, frame: float, asked) -> Place:
+        """Copied from a DepsgraphObjectInstance, which lives for one step of the walk alone; asked: Asked."""
         obj = instance.object
         if instance.is_instance:
             random = (instance.random_id & 0xffffffff) / LARGEST
         else:
             random = jenkins(_of_name(obj.name), 0) / LARGEST
-        own = {**_properties(obj.data), **_properties(obj)}
-        return cls(np.array(instance.matrix_world, np.float64), tuple(obj.color), obj.pass_index, float(random),
-                   tuple(instance.orco), tuple(instance.uv), _particle(instance, frame), own,
-                   {**own, **(_properties(instance.parent) if instance.parent else {})})
+        return cls(np.array(instance.matrix_world, np.float64), obj.name, tuple(obj.color), obj.pass_index,
+                   float(random), tuple(instance.orco), tuple(instance.uv), _particle(instance, frame),
+                   asked.of_object(obj), asked.of_instancer(instance), asked.of_view_layer)
 
 
 def _particle(instance, frame: float) -> Particle:
@@ -70,12 +71,3 @@ def _of_name(name: str) -> int:
     for byte in name.encode():
         code = (code * 37 + byte - 256 * (byte > 127)) & 0xffffffff
     return code
-
-
-def _properties(block) -> dict:
-    found = {}
-    for name in block.keys() if block is not None else ():
-        value = np.atleast_1d(np.asarray(block[name], object))
-        if value.size <= 4 and all(isinstance(number, (int, float)) for number in value):
-            found[name] = tuple(float(number) for number in value)
-    return found

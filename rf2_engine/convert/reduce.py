@@ -170,9 +170,9 @@ def _dressed(corners: np.ndarray, source: TriangleMesh, nearest: np.ndarray) -> 
         from_centre = np.einsum("mck,mkx->mcx", extrapolated, layer[at_centre])
         torn = _torn(per_corner, corners, layer[at_centre], source.corners[at_centre])
         uv[name] = np.where(torn[:, None, None], from_centre, per_corner).astype(np.float32)
-    colors = {name: np.einsum("mck,mckx->mcx", clamped, layer[at_corner]).astype(np.float32)
-              for name, layer in source.colors.items()}
-    return replace(source, corners=corners, normals=meshes.unit_or(normals, face), uv=uv, colors=colors,
+    named = {name: np.einsum("mck,mckx->mcx", clamped, layer[at_corner]).astype(np.float32)
+              for name, layer in source.attributes.items()}
+    return replace(source, corners=corners, normals=meshes.unit_or(normals, face), uv=uv, attributes=named,
                    slot=source.slot[at_centre])
 
 

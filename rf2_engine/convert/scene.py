@@ -26,21 +26,22 @@ from .world import shown_world, world_light
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda focus, view: (focus, view), by_cycles=None) -> RenderScene:
+            steady=lambda focus, view: (focus, view), by_cycles=None, baker=None) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
     view: of the whole picture, whose surroundings become the network's box (focus.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
     steady: given the box found here and the view, the box to take and the view to allot triangles by.
-    by_cycles: as world_light has it.
+    by_cycles: as world_light has it. baker: rf2_engine/bake.py, for nodes that only Cycles can evaluate.
     Raises SceneError when the scene cannot be converted at all.
     """
     if (space := compat.working_space()) != "Linear Rec.709":
-        report.approximated("Working Space", f"{space} is taken for Linear Rec.709: textures, skies are off in colour")
+        report.approximated("Working Space", f"{space} is taken for Linear Rec.709: skies and lamps by temperature are "
+                                             "off in colour")
     with progress.part(0.0, 0.05, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
         environment, suns = world_light(depsgraph, report, by_cycles)
-    materials = MaterialTiles(report)
+    materials = MaterialTiles(report, depsgraph.scene_eval.frame_current, baker)
     with progress.part(0.05, 0.5):
         found = collect(depsgraph, materials.images, report)
     sight, hits, focus = None, None, np.float32(found.bounds())

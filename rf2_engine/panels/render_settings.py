@@ -38,6 +38,7 @@ class RENDERFORMER_PT_settings(EnginePanel):
         numbers.prop(settings, "token_budget")
         numbers.prop(settings, "max_edge")
         numbers.prop(settings, "guide_samples")
+        layout.prop(settings, "bake_unknown")
 
 
 def _draw_published(layout) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....model.color import LUMINANCE
 from .arrays import joined, mixed
 from .color_models import FROM_RGB, TO_RGB, hsv_to_rgb, rgb_to_hsv
 from .node_call import NodeCall
+from .working_space import luminance
 
 TABLE_SIZE = 1024
 
@@ -48,7 +48,7 @@ def _mode(n: NodeCall) -> str:
 
 
 def rgb_to_bw(n: NodeCall):
-    return n["Color"] @ LUMINANCE[:, None]
+    return luminance(n["Color"])
 
 
 def color_ramp(n: NodeCall):

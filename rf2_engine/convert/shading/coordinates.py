@@ -6,7 +6,7 @@ import numpy as np
 
 from . import lamp
 from .arrays import joined, unit
-from .node_call import NodeCall, Unknown
+from .node_call import DependsOnView, NodeCall, Unknown
 
 WORLD_COORDINATES = ("Generated", "Object", "Normal", "Reflection", "UV")
 FRONT = {"Backfacing": "both sides of a face get the front side's material"}
@@ -33,7 +33,7 @@ def coordinate(n: NodeCall):
         return points.normal
     if name == "Object":
         return points.position if n.node.object is None else _seen_from(n.node.object, world_position(n))
-    raise Unknown(f'coordinate "{name}" depends on the view')
+    raise DependsOnView(f'coordinate "{name}" depends on the view')
 
 
 def _seen_from(obj, points: np.ndarray) -> np.ndarray:
@@ -66,9 +66,11 @@ def geometry(n: NodeCall):
         n.approximated(FRONT[name])
         return np.zeros(1, np.float32)
     if name in MIDDLE:
-        n.approximated(MIDDLE[name])
+        n.left_to_cycles(MIDDLE[name])
         return np.full(1, 0.5, np.float32)
-    if points.corners is None or name in ("Incoming", "Parametric"):
+    if name == "Incoming":
+        raise DependsOnView(f'"{name}" depends on the view')
+    if points.corners is None or name == "Parametric":
         raise Unknown(f'"{name}" is not known')
     if name == "Position":
         return world_position(n)
@@ -78,6 +80,10 @@ def geometry(n: NodeCall):
     x, y, _ = np.split(points.generated - 0.5, 3, axis=-1)
     around = normals_in_world(n, joined(-y, x, 0 * x))
     return np.cross(normal, unit(np.cross(around, normal)))
+
+
+def camera_data(n: NodeCall):
+    raise DependsOnView(f'"{n.output.name}" depends on the view')
 
 
 def normals_in_world(n: NodeCall, normals: np.ndarray) -> np.ndarray:
@@ -91,4 +97,5 @@ def world_position(n: NodeCall) -> np.ndarray:
     return n.points.position @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-FUNCTIONS = {"ShaderNodeTexCoord": coordinate, "ShaderNodeUVMap": uv_map, "ShaderNodeNewGeometry": geometry}
+FUNCTIONS = {"ShaderNodeTexCoord": coordinate, "ShaderNodeUVMap": uv_map, "ShaderNodeNewGeometry": geometry,
+             "ShaderNodeCameraData": camera_data}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluating a shader node graph over many points at once.
 
-Every value is an array (..., 1) for numbers or (..., 3) for colours (scene-linear Rec.709) and vectors. Values that do
+Every value is an array (..., 1) for numbers or (..., 3) for colours (scene-linear) and vectors. Values that do
 not depend on the point keep the bare shape (1,) or (3,), so "is this material homogeneous" is a question of `ndim`.
 """
 from __future__ import annotations
@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from ....model.color import LUMINANCE
 from ....model.scene import barycentric_grid
 from ..mesh import face_normals
 from ..place import Place
@@ -21,7 +20,8 @@ from .arrays import unit
 from .functions import FUNCTIONS
 from .image import ImageCache
 from .lamp import LampPoints
-from .node_call import NodeCall, Unknown
+from .node_call import DependsOnView, NodeCall, Unknown
+from .working_space import luminance
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
 
@@ -32,7 +32,7 @@ class Points:
 
     uv: dict[str, np.ndarray] = field(default_factory=dict)      # (m, 32, 32, 3) f32 per UV layer
     active_uv: str | None = None
-    colors: dict[str, np.ndarray] = field(default_factory=dict)  # (m, 32, 32, 4) f32 per colour attribute
+    attributes: dict[str, np.ndarray] = field(default_factory=dict)  # (m, 32, 32, c) f32 by name
     active_color: str | None = None
     corners: np.ndarray | None = None                            # (m, 3, 3) f32, in the frame of the object
     texture_space: np.ndarray | None = None                      # (2, 3) f32 (mesh.py)
@@ -40,6 +40,7 @@ class Points:
     place: Place = field(default_factory=Place)
     direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
     lamp: LampPoints | None = None
+    is_displaced: bool = False                                   # displacement is in the corners already
     camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
 
     @cached_property
@@ -65,10 +66,9 @@ class Points:
         """(m, 2, 3) f32 ways along a row and a column of the tile, from its first texel on."""
         return self.corners[:, :2] - self.corners[:, 2:]
 
-    @property
-    def uv_edges(self) -> np.ndarray | None:
-        """(m, 2, 2) f32, the same in the active UV layer; None where there is none."""
-        layer = self.uv.get(self.active_uv)
+    def uv_edges(self, name: str = "") -> np.ndarray | None:
+        """(m, 2, 2) f32, the same in a UV layer, the active one when empty; None where there is none."""
+        layer = self.uv.get(name or self.active_uv)
         if layer is None:
             return None
         last = layer.shape[1] - 1
@@ -85,8 +85,8 @@ class Points:
 class Evaluator:
     """Values of input sockets of one data-block `owner` over `points`; remembers what it has computed."""
 
-    def __init__(self, points: Points, images: ImageCache, report, owner: str):
-        self.points, self.images, self.report, self.owner = points, images, report, owner
+    def __init__(self, points: Points, images: ImageCache, report, owner: str, baker=None):
+        self.points, self.images, self.report, self.owner, self.baker = points, images, report, owner, baker
         self.material_index = 0
         self.depends_on_ray = False    # whether a Light Path was asked
         self.depends_on_place = False  # whether the result is that of one instance
@@ -102,8 +102,8 @@ class Evaluator:
         n = NodeCall(self, output.node, output, inner)
         found = self.remembered(n, _computed, Unknown("so long a chain of nodes leads here"))
         if isinstance(found, Unknown):
-            n.approximated(f'{found}, so "{socket.name}" of "{socket.node.name}" keeps its own value; '
-                           "bake it to an image")
+            advice = "bake it to an image" if self.baker else "allow Bake Unknown Nodes, or bake it to an image"
+            n.approximated(f'{found}, so "{socket.name}" of "{socket.node.name}" keeps its own value; {advice}')
             return _default(socket)
         return cast(found, socket.type, output.type)
 
@@ -124,13 +124,24 @@ class Evaluator:
 
 
 def _computed(n: NodeCall) -> np.ndarray | Unknown:
-    if n.kind not in FUNCTIONS:
-        return Unknown(f"{n.node.bl_label} cannot be evaluated")
     try:
+        if n.kind not in FUNCTIONS:
+            raise Unknown(f"{n.node.bl_label} cannot be evaluated")
         with np.errstate(all="ignore"):
             return np.asarray(FUNCTIONS[n.kind](n), np.float32)
-    except Unknown as reason:
+    except DependsOnView as reason:
         return reason
+    except Unknown as reason:
+        return reason if n.evaluator.baker is None or n.points.corners is None else _baked(n, reason)
+
+
+def _baked(n: NodeCall, reason: Unknown) -> np.ndarray | Unknown:
+    try:
+        found = n.evaluator.baker.bake(n)
+    except RuntimeError as error:
+        return Unknown(f"{reason}, and {error}")
+    n.approximated(f'{reason}, so Cycles has baked it on "{n.points.place.name}"')
+    return found
 
 
 def interpolated(corners: np.ndarray) -> np.ndarray:
@@ -143,7 +154,7 @@ def cast(value: np.ndarray, socket_type: str, from_type: str) -> np.ndarray:
     if socket_type in ("VALUE", "INT", "BOOLEAN"):
         if value.shape[-1] == 1:
             return value
-        return value.mean(axis=-1, keepdims=True) if from_type == "VECTOR" else value @ LUMINANCE[:, None]
+        return value.mean(axis=-1, keepdims=True) if from_type == "VECTOR" else luminance(value)
     if value.shape[-1] == 1:
         return np.repeat(value, 3, axis=-1)
     return value

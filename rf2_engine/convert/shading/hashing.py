@@ -47,7 +47,7 @@ def pcg(cell: np.ndarray) -> np.ndarray:
 
 def of_floats(*values) -> np.ndarray:
     """f32 from 0 to 1 by the bits of one to four arrays of f32."""
-    values = [np.ascontiguousarray(value, np.float32) for value in np.broadcast_arrays(*values)]
+    values = [np.asarray(value, np.float32) for value in np.broadcast_arrays(*values)]
     return jenkins(*(value.view(np.uint32) for value in values)).astype(np.float32) / LARGEST
 
 

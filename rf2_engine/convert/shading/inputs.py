@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .node_call import NodeCall, Unknown
+from .arrays import joined
+from .node_call import NodeCall
 from .object_info import property_of
 
 LIT = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0, "Ray Length": 1.0}
@@ -41,31 +42,36 @@ def _normal_reflectance(ior):
 
 def passed_through(n: NodeCall):
     """Ambient Occlusion and the like: their colour without the effect."""
-    n.approximated(f"{n.node.bl_label} is left out")
+    n.left_to_cycles(f"{n.node.bl_label} is left out")
     return n.get("Color", 1.0) if n.output.name == "Color" else np.ones(1, np.float32)
 
 
 def attribute(n: NodeCall):
-    """UV layers, colour attributes and grids of volumes by name."""
+    """UV layers, attributes and grids of volumes by name."""
     name = getattr(n.node, "attribute_name", None)
     name = n.node.layer_name if name is None else name
     points, kind = n.points, getattr(n.node, "attribute_type", "GEOMETRY")
-    if kind in ("OBJECT", "INSTANCER"):
-        return _part(n, property_of(n, name, kind))
-    if (grid := points.grid(name)) is not None:
+    if kind != "GEOMETRY":
+        found = property_of(n, name, kind)
+    elif (grid := points.grid(name)) is not None:
         return _part(n, grid)
-    name = name or points.active_color or ""
-    found = points.colors.get(name, points.uv.get(name))
+    else:
+        name = name or points.active_color or ""
+        found = points.attributes.get(name, points.uv[name][..., :2] if name in points.uv else None)
     if found is None:
-        raise Unknown(f'attribute "{name}" is not available')
+        n.approximated(f'there is no attribute "{name}" where it is asked for, so it is 0, as in Cycles')
+        found = np.zeros(1, np.float32)
     return _part(n, found)
 
 
 def _part(n: NodeCall, found: np.ndarray) -> np.ndarray:
-    """What an output of an attribute node shows of (..., 1), (..., 3) or (..., 4) values."""
+    """What an output of an attribute node shows of (..., 1) to (..., 4) values."""
+    channels = found.shape[-1]
     if n.output.name == "Alpha":
-        return found[..., 3:] if found.shape[-1] == 4 else np.ones(1, np.float32)
-    return found[..., :3].mean(axis=-1, keepdims=True) if n.output.type == "VALUE" else found[..., :3]
+        return found[..., 3:] if channels == 4 else np.ones(1, np.float32)
+    if n.output.type == "VALUE":
+        return found[..., :1] if channels < 3 else found[..., :3].mean(axis=-1, keepdims=True)
+    return joined(found, 0 * found[..., :1]) if channels == 2 else found[..., :3]
 
 
 def volume_info(n: NodeCall):

@@ -13,7 +13,11 @@ OF_A_NODE = 'node "'  # how a remark about a node begins
 
 
 class Unknown(Exception):
-    """Why a node has no value here; where it leads to, an input keeps its own."""
+    """Why a node has no value here: it is baked, or where it leads to an input keeps its own."""
+
+
+class DependsOnView(Unknown):
+    """Nor could it be baked."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,12 @@ class NodeCall:
         """Tell the user what of this node is lost."""
         within = "".join(f' in "{group.node_tree.name}"' for group in self.frames)
         self.evaluator.report.approximated(self.evaluator.owner, f'{OF_A_NODE}{self.node.name}"{within}: {message}')
+
+    def left_to_cycles(self, message: str) -> None:
+        """Have the node baked where the user allows it; else tell what of it is lost."""
+        if self.evaluator.baker:
+            raise Unknown(f"{self.node.bl_label} cannot be evaluated")
+        self.approximated(message)
 
     def folded(self, message: str) -> None:
         """Tell the user what of the whole surface is lost: once, however many nodes of it lose the same."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .arrays import joined
 from .fractal import KINDS, Fractal
 from .hashing import color_of_floats, of_floats, offset
 from .node_call import NodeCall
@@ -27,7 +28,11 @@ def noise_texture(n: NodeCall):
 
 
 def white_noise(n: NodeCall):
-    values = np.moveaxis(n.coordinates_in(n.node.noise_dimensions), -1, 0)
+    """Of the very numbers it is given: without a link these are not coordinates."""
+    dimensions = n.node.noise_dimensions
+    parts = [] if dimensions == "1D" else [n["Vector"][..., :2 if dimensions == "2D" else 3]]
+    parts += [n["W"]] if dimensions in ("1D", "4D") else []
+    values = np.moveaxis(joined(*parts), -1, 0)
     return color_of_floats(*values) if n.output.type == "RGBA" else of_floats(*values)[..., None]
 
 

@@ -16,7 +16,10 @@ def tangent_normal(n: NodeCall) -> np.ndarray:
     source = n.source("Normal")
     if source is None or (source.kind == "ShaderNodeNewGeometry" and source.output.name == "Normal"):
         return UP
-    if source.kind == "ShaderNodeNormalMap" and source.node.space == "TANGENT":
+    if source.kind == "ShaderNodeNormalMap" and source.node.space == "TANGENT" and _is_flat(source):
+        return UP
+    if source.kind == "ShaderNodeNormalMap" and source.node.space == "TANGENT" and (
+            source.node.uv_map in ("", n.points.active_uv)):
         return np.clip(_tilted(source), -1, 1)
     if n.points.corners is None:
         return UP
@@ -35,13 +38,25 @@ def normal_map(n: NodeCall):
     if n.points.corners is None:
         raise Unknown("there is no surface to bend")
     if node.space == "TANGENT":
-        bent = _combined(_tilted(n), _frame(n.points.edges, n.points.uv_edges, n.points.normal))
+        if _is_flat(n):
+            return normals_in_world(n, n.points.normal)
+        bent = _combined(_tilted(n), _frame(n.points.edges, n.points.uv_edges(node.uv_map), n.points.normal))
         return normals_in_world(n, bent)
     if node.space.startswith("BLENDER"):
         bent = bent * np.float32((1, -1, -1))
     if node.space.endswith("OBJECT"):
         bent = normals_in_world(n, bent)
     return unit(mixed(normals_in_world(n, n.points.normal), unit(bent), np.maximum(n["Strength"], 0)))
+
+
+def _is_flat(n: NodeCall) -> bool:
+    """Whether a normal map in tangent space names a UV map that is not there, and so bends nothing in Cycles."""
+    name = n.node.uv_map
+    if n.points.corners is None or n.points.uv_edges(name) is not None:
+        return False
+    n.approximated(f'the mesh has no UV map "{name}", so it bends nothing' if name else
+                   "the mesh has no UV map, so what it bends points elsewhere; unwrap the mesh")
+    return bool(name)
 
 
 def _tilted(n: NodeCall) -> np.ndarray:
@@ -52,21 +67,25 @@ def _tilted(n: NodeCall) -> np.ndarray:
 
 
 def _bumped(n: NodeCall) -> np.ndarray:
-    """(m, 32, 32, 3) UV-frame normal of a height over the tile: the slope from texel to texel."""
-    base, height = tangent_normal(n), n["Height"]
+    """UV-frame normal of a Bump node: the slope of its height from texel to texel."""
+    push = -1 if n.node.invert else 1
+    return bent_by(n, tangent_normal(n), n["Height"], push * n["Distance"], n["Strength"])
+
+
+def bent_by(n: NodeCall, base: np.ndarray, height: np.ndarray, distance=1.0, strength=1.0) -> np.ndarray:
+    """(m, 32, 32, 3) the UV-frame normal `base` bent by a height over the tile, times a distance in world units."""
     if height.ndim == 1 or n.points.corners is None:
         return base
     linear = n.scaled()
     edges = n.points.edges @ np.float32(linear.T)                                 # (m, 2, 3) along columns and rows
-    tangent, other = _across(edges, n.points.uv_edges)
+    tangent, other = _across(edges, n.points.uv_edges())
     axes = np.stack([tangent, other], axis=-1)                                    # (m, 3, 2)
     along = edges @ axes                                                          # (m, 2, 2)
     size = height.shape[1]
     steps = np.stack([np.gradient(height[..., 0], axis=axis) * size for axis in (2, 1)], axis=-1)[..., None]
     slope = (np.linalg.pinv(along)[:, None, None] @ steps)[..., 0]                # (m, 32, 32, 2)
-    push = -1 if n.node.invert else 1
-    bent = base - joined(push * n["Distance"] * slope, 0 * height)
-    return unit(mixed(base, unit(bent), np.maximum(n["Strength"], 0)))
+    bent = base - joined(distance * slope, 0 * height)
+    return unit(mixed(base, unit(bent), np.maximum(strength, 0)))
 
 
 def _across(edges: np.ndarray, uv_edges: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -90,7 +109,7 @@ def _frame(edges: np.ndarray, uv_edges: np.ndarray | None, normal: np.ndarray) -
 
 def _frame_in_world(n: NodeCall) -> np.ndarray:
     edges = n.points.edges @ np.float32(n.placed().matrix[:3, :3].T)
-    return _frame(edges, n.points.uv_edges, normals_in_world(n, n.points.normal))
+    return _frame(edges, n.points.uv_edges(), normals_in_world(n, n.points.normal))
 
 
 def _combined(bent: np.ndarray, frame: np.ndarray) -> np.ndarray:

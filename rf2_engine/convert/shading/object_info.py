@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .node_call import NodeCall, Unknown
+from .node_call import NodeCall
 
 
 def object_info(n: NodeCall):
@@ -24,12 +24,12 @@ def of_strands(n: NodeCall):
     return np.zeros(3 if n.output.type == "VECTOR" else 1, np.float32)
 
 
-def property_of(n: NodeCall, name: str, kind: str) -> np.ndarray:
-    """(4,) a custom property of the object or of what instances it."""
+def property_of(n: NodeCall, name: str, kind: str) -> np.ndarray | None:
+    """(4,) a property of the object, of what instances it, or of the view layer."""
     place = n.placed()
-    found = (place.properties if kind == "OBJECT" else place.of_instancer).get(name)
+    found = {"OBJECT": place.properties, "INSTANCER": place.of_instancer}.get(kind, place.of_view_layer).get(name)
     if found is None:
-        raise Unknown(f'there is no custom property "{name}"')
+        return None
     return np.float32({1: (*found * 3, 1), 2: (*found, 0, 1), 3: (*found, 1)}.get(len(found), found))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....model.color import LUMINANCE
 from . import layers
 from .arrays import mixed
 from .closure import BLACK, ONE, WHITE, ZERO, Closure, lobe, window
@@ -42,7 +43,8 @@ APPROXIMATED = {  # input of Principled BSDF: what becomes of it when it is not 
     "Coat Weight": "coat becomes a stronger, smoother reflection of the surface",
     "Sheen Weight": "sheen is added to the base colour",
     "Subsurface Weight": "subsurface scattering is shown as diffuse",
-    "Anisotropic": "anisotropy is left out", "Thin Film Thickness": "thin film is left out",
+    "Anisotropic": "anisotropy is left out: reflections are round",
+    "Thin Film Thickness": "thin film changes how much reflects, and not its colour",
     "Diffuse Roughness": "diffuse roughness is left out",
 }
 
@@ -53,17 +55,22 @@ def principled(n: NodeCall):
             n.folded(message)
     level, ior, alpha = n.get("Specular IOR Level", 0.5), n.get("IOR", 1.5), np.clip(n.get("Alpha", 1), 0, 1)
     transmission, metallic = np.clip(n.get("Transmission Weight"), 0, 1), np.clip(n.get("Metallic"), 0, 1)
-    if np.any(level * np.abs(n.get("Specular Tint", WHITE) - 1) > 0.01):
-        n.folded("specular tint is shown as white")
+    tint = n.get("Specular Tint", WHITE)
+    if np.any(level * np.abs(tint - 1) > 0.01):
+        n.folded("specular tint is shown as grey")
+        level = level * mixed(tint @ LUMINANCE[:, None], ONE, metallic)
     color, roughness, coat = n.get("Base Color"), n.get("Roughness"), np.clip(n.get("Coat Weight"), 0, 1)
     if np.any(coat > 0):
         color = color * mixed(WHITE, n.get("Coat Tint", WHITE), coat)
+        if n.source("Coat Normal"):
+            n.folded("its coat takes the normal of the surface")
         coat = coat * layers.normal_reflectance(n.get("Coat IOR", 1.5))
         gloss = metallic + transmission + 2 * level * layers.normal_reflectance(ior)
         roughness = layers.shared_roughness(roughness, gloss, n.get("Coat Roughness"), coat)
     if np.any(sheen := np.clip(n.get("Sheen Weight"), 0, 1)):
         color = layers.under_sheen(color, sheen, n.get("Sheen Roughness"), n.get("Sheen Tint", WHITE))
-    ior = mixed(layers.effective_ior(ior, level, coat), ior, transmission)
+    film = n.get("Thin Film Thickness"), np.maximum(n.get("Thin Film IOR", 1.33), 1)
+    ior = mixed(layers.effective_ior(ior, level, coat, film), ior, transmission)
     surface = lobe(color, metallic, roughness, ior, transmission, tangent_normal(n))
     surface.emission = n.get("Emission Color", WHITE) * n.get("Emission Strength")
     if np.all(alpha >= 1):
@@ -81,6 +88,19 @@ def diffuse(n: NodeCall):
 def scattering(n: NodeCall):
     n.folded(f"{n.node.bl_label} is shown as Diffuse")
     return diffuse(n)
+
+
+def sheen(n: NodeCall):
+    """As bright as it is on the whole, seen from all sides."""
+    n.folded(f"{n.node.bl_label} is shown as Diffuse")
+    return lobe(n["Color"] * np.interp(n["Roughness"], layers.SHEEN_ROUGHNESS, layers.SHEEN), normal=tangent_normal(n))
+
+
+def toon(n: NodeCall):
+    if n.node.component == "DIFFUSE":
+        return scattering(n)
+    n.folded(f"{n.node.bl_label} is shown as Glossy")
+    return lobe(n["Color"], ONE, n["Size"], normal=tangent_normal(n))
 
 
 def _report_film(n: NodeCall) -> None:
@@ -110,6 +130,11 @@ def glass(n: NodeCall):
     return lobe(n["Color"] ** 2, ZERO, n["Roughness"], n["IOR"], ONE, tangent_normal(n))
 
 
+def portal(n: NodeCall):
+    n.folded(f"{n.node.bl_label} is shown as Transparent: what lies elsewhere is not seen through it")
+    return window(n["Color"])
+
+
 def transparent(n: NodeCall):
     n.folded("transparency is shown as transmission without refraction")
     return window(n["Color"])
@@ -136,7 +161,8 @@ def holdout(n: NodeCall):
 SHADERS = {
     "ShaderNodeMixShader": mix, "ShaderNodeAddShader": add,
     "ShaderNodeBsdfPrincipled": principled, "ShaderNodeBsdfDiffuse": diffuse, "ShaderNodeBsdfTranslucent": scattering,
-    "ShaderNodeSubsurfaceScattering": scattering, "ShaderNodeBsdfSheen": scattering, "ShaderNodeBsdfToon": scattering,
+    "ShaderNodeSubsurfaceScattering": scattering, "ShaderNodeBsdfSheen": sheen, "ShaderNodeBsdfToon": toon,
+    "ShaderNodeBsdfHair": scattering, "ShaderNodeBsdfRayPortal": portal,
     "ShaderNodeBsdfVelvet": scattering, "ShaderNodeBsdfGlossy": glossy, "ShaderNodeBsdfAnisotropic": glossy,
     "ShaderNodeBsdfMetallic": glossy, "ShaderNodeBsdfGlass": glass, "ShaderNodeBsdfRefraction": glass,
     "ShaderNodeBsdfTransparent": transparent, "ShaderNodeEeveeSpecular": specular_workflow,

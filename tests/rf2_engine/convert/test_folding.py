@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What of a material one BSDF cannot show is reported, and nothing else is."""
 import bpy
+import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered, world
-from tests.rf2_engine.convert.test_material import tile_of
+from tests.rf2_engine.convert.test_material import UV, tile_of
 
 
 @pytest.fixture(autouse=True)
@@ -19,6 +20,12 @@ def mixed(first, second, kind="ShaderNodeMixShader"):
     made, tree, mix = material(kind, "Both")
     for shader, entry in zip((first, second), list(mix.inputs)[-2:], strict=True):
         tree.links.new(tree.nodes.new("ShaderNode" + shader).outputs[0], entry)
+    return made
+
+
+def hair(parametrization):
+    made, _, node = material("ShaderNodeBsdfHairPrincipled")
+    node.parametrization = parametrization
     return made
 
 
@@ -39,8 +46,11 @@ def mixed(first, second, kind="ShaderNodeMixShader"):
     (lambda: material("ShaderNodeBsdfTransparent", Color=(0.5, 0.5, 0.5, 1))[0], "transparency"),
     (lambda: material("ShaderNodeBsdfTranslucent")[0], "as Diffuse"),
     (lambda: material("ShaderNodeSubsurfaceScattering")[0], "as Diffuse"),
-    (lambda: material("ShaderNodeBsdfHairPrincipled")[0], "as Diffuse"),
-    (lambda: material("ShaderNodeBsdfToon")[0], "as Diffuse"), (lambda: material("ShaderNodeHoldout")[0], "holdout"),
+    *((lambda kind=kind: hair(kind), "as Diffuse") for kind in ("COLOR", "ABSORPTION", "MELANIN")),
+    (lambda: material("ShaderNodeBsdfToon")[0], "as Diffuse"),
+    (lambda: material("ShaderNodeBsdfSheen")[0], "as Diffuse"),
+    (lambda: material("ShaderNodeBsdfRayPortal")[0], "as Transparent"),
+    (lambda: material("ShaderNodeHoldout")[0], "holdout"),
     (lambda: material("ShaderNodeEeveeSpecular")[0], "Eevee"),
 ])
 def test_what_one_bsdf_cannot_show_is_reported(make, message):
@@ -49,6 +59,39 @@ def test_what_one_bsdf_cannot_show_is_reported(make, message):
     tile_of(made, report)
     line, = report.lines()
     assert message in line and made.name in line
+
+
+NEEDED = {  # what an input of Principled BSDF does something beside
+    "Coat": dict(Coat_Weight=1.0), "Sheen": dict(Sheen_Weight=1.0), "Subsurface": dict(Subsurface_Weight=1.0),
+    "Thin Film": dict(Thin_Film_Thickness=300.0),
+    "Anisotropic": dict(Anisotropic=0.5), "Tangent": dict(Anisotropic=0.5),
+    "Emission": dict(Emission_Color=(0.5, 0.5, 0.5, 1), Emission_Strength=0.2)}
+
+
+def test_every_input_of_principled_changes_the_tile_or_is_reported():
+    tried = 0
+    for number, entry in enumerate(material()[2].inputs):
+        if not entry.enabled or entry.type == "SHADER" or entry.name == "Weight":
+            continue
+        beside = next((inputs for start, inputs in NEEDED.items() if entry.name.startswith(start)), {})
+        found = []
+        for change in (False, True):
+            made, tree, node = material(**beside)
+            report = Report()
+            if change and entry.type == "VECTOR" and entry.hide_value:  # Normal, Coat Normal, Tangent
+                bent = tree.nodes.new("ShaderNodeNormalMap")
+                bent.inputs["Color"].default_value = (0.7, 0.5, 0.9, 1)
+                tree.links.new(bent.outputs[0], node.inputs[number])
+            elif change:
+                value = entry.default_value
+                node.inputs[number].default_value = (
+                    0.5 * value + 0.1 if isinstance(value, float) else [0.5 * each + 0.1 for each in value])
+            found.append((tile_of(made, report, UV), report.lines()))
+        (before, _), (after, lines) = found
+        differs = any(not np.allclose(a, b, atol=1e-4) for a, b in zip(before, after, strict=True))
+        assert differs or lines, entry.name
+        tried += 1
+    assert tried > 25
 
 
 def test_an_effect_is_reported_once_for_a_material():
@@ -62,9 +105,18 @@ def test_an_effect_is_reported_once_for_a_material():
     assert sum("coat" in line for line in report.lines()) == 1
 
 
+def folded(made):
+    """The material that a tile of another one means: one BSDF at level 1."""
+    color, (metallic, roughness, ior, transmission) = (part.tolist() for part in np.split(tile_of(made)[0][:7], [3]))
+    return material(Base_Color=(*color, 1), Metallic=metallic, Roughness=roughness, IOR=ior,
+                    Transmission_Weight=transmission, Specular_IOR_Level=1.0)[0]
+
+
 def white_lit(made) -> float:
     """Light from a smooth ball in a white world, as Cycles shows it."""
     scene = bpy.context.scene
+    scene.cycles.samples, scene.cycles.max_bounces = 16, 4
+    scene.render.resolution_x = scene.render.resolution_y = 24
     scene.render.film_transparent = True
     background = world()[2]
     background.inputs["Color"].default_value = (1, 1, 1, 1)
@@ -86,18 +138,29 @@ def white_lit(made) -> float:
 
 @pytest.mark.parametrize("inputs", [
     dict(Coat_Weight=1.0, Coat_Roughness=0.1), dict(Coat_Weight=0.6, Coat_Tint=(0.5, 0.5, 0.5, 1)),
-    dict(Sheen_Weight=1.0), dict(Sheen_Weight=0.8, Sheen_Roughness=1.0)], ids=str)
+    dict(Sheen_Weight=1.0), dict(Sheen_Weight=0.8, Sheen_Roughness=1.0), dict(Thin_Film_Thickness=300.0),
+    dict(Thin_Film_Thickness=120.0, Thin_Film_IOR=1.9), dict(Specular_Tint=(0.9, 0.1, 0.2, 1))], ids=str)
 def test_layers_reflect_about_as_much_as_in_cycles(inputs):
-    """As one BSDF at level 1, which is what a tile means, and closer than without the layer."""
-    bpy.context.scene.cycles.samples = 16
-    bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 24
-    base = dict(Base_Color=(0.2, 0.2, 0.2, 1))
+    """As one BSDF, and closer than without the layer."""
+    base = dict(Base_Color=(0.2, 0.2, 0.2, 1), Roughness=0.3)
     layered = material(**base, **inputs)[0]
-    tile, _ = tile_of(layered)
-    color, _, roughness, ior = tile[:3], *map(float, tile[3:6])
-    folded = material(Base_Color=(*color, 1), Roughness=roughness, IOR=ior, Specular_IOR_Level=1.0)[0]
-    shown, ours, without = white_lit(layered), white_lit(folded), white_lit(material(**base)[0])
+    shown, ours, without = white_lit(layered), white_lit(folded(layered)), white_lit(material(**base)[0])
     assert abs(ours - shown) < 0.5 * abs(without - shown) or abs(ours - shown) < 0.03 * shown
+
+
+@pytest.mark.parametrize("shader, tolerance, inputs", [
+    ("Principled", 0.05, dict(Subsurface_Weight=1.0, Base_Color=(0.6, 0.6, 0.6, 1))),
+    ("Principled", 0.05, dict(Anisotropic=1.0, Metallic=1.0, Roughness=0.3)), ("Metallic", 0.05, {}),
+    ("Metallic", 0.05, dict(fresnel_type="PHYSICAL_CONDUCTOR")), ("Sheen", 0.15, dict(Roughness=0.8)),
+    ("Toon", 0.03, {}), ("Toon", 0.1, dict(component="GLOSSY")), ("Glossy", 0.1, dict(Anisotropy=0.4, Roughness=0.3)),
+    ("Diffuse", 0.03, {}), ("Glass", 0.1, dict(Color=(0.8, 0.8, 0.8, 1))),
+    ("Refraction", 0.1, dict(Color=(0.8, 0.8, 0.8, 1)))], ids=str)
+def test_the_nearest_bsdf_is_about_as_bright_as_in_cycles(shader, tolerance, inputs):
+    settings = {key: value for key, value in inputs.items() if key.islower()}
+    made, _, node = material(f"ShaderNodeBsdf{shader}", **{k: v for k, v in inputs.items() if k not in settings})
+    for key, value in settings.items():
+        setattr(node, key, value)
+    assert white_lit(folded(made)) == pytest.approx(white_lit(made), rel=tolerance)
 
 
 @pytest.mark.parametrize("make", [

@@ -27,10 +27,10 @@ def scene():
     empty_cycles_scene()
 
 
-def tile_of(made, report=None):
+def tile_of(made, report=None, uv=None):
     """(11,) parameters and (3,) radiance of a homogeneous material."""
     tiles = MaterialTiles(report or Report())
-    index, emission = tiles.triangle_tiles(made, triangles(3))
+    index, emission = tiles.triangle_tiles(made, triangles(3, None if uv is None else np.repeat(uv, 3, axis=0)))
     assert len(tiles.tiles) <= 2 and len(set(index)) == 1
     tile = tiles.tiles[index[0]]
     assert (tile == tile[:, :1, :1]).all()
@@ -152,7 +152,7 @@ def test_vertex_colours_vary_inside_a_triangle():
     node.layer_name = "Paint"
     tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
     tiles = MaterialTiles(Report())
-    index, _ = tiles.triangle_tiles(made, triangles(1, colors={"Paint": np.eye(3, 4)[None]}))
+    index, _ = tiles.triangle_tiles(made, triangles(1, attributes={"Paint": np.eye(3, 4)[None]}))
     tile = tiles.tiles[index[0]].astype(np.float32)
     np.testing.assert_allclose(tile[:3, 0, 31], (0.984375, 0.015625, 0), atol=1e-3)
     np.testing.assert_allclose(tile[:3, 0, 0], (0.015625, 0.015625, 0.96875), atol=1e-3)

@@ -71,6 +71,36 @@ def test_custom_properties_of_objects(pair, converted):
     np.testing.assert_allclose(scene.tiles[scene.tile_index, ROUGHNESS, 0, 0], (0.25, 0.75))
 
 
+def test_instances_of_geometry_nodes_have_attributes_of_their_own(scene, add_mesh, converted, report):
+    made, tree, shader = material("ShaderNodeEmission", "Told", Strength=1.0)
+    asked = tree.nodes.new("ShaderNodeAttribute")
+    asked.attribute_type, asked.attribute_name = "INSTANCER", "tint"
+    tree.links.new(asked.outputs["Color"], shader.inputs["Color"])
+    leaf = add_mesh("Leaf", materials=[made])
+    group = bpy.data.node_groups.new("Grow", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    end, points, grown, stored, one, at = (group.nodes.new(kind) for kind in (
+        "NodeGroupOutput", "GeometryNodeMeshLine", "GeometryNodeInstanceOnPoints", "GeometryNodeStoreNamedAttribute",
+        "GeometryNodeObjectInfo", "GeometryNodeInputPosition"))
+    stored.data_type, stored.domain = "FLOAT_VECTOR", "INSTANCE"
+    points.inputs["Offset"].default_value, one.inputs["Object"].default_value = (1.5, 1, 0.5), leaf
+    stored.inputs["Name"].default_value = "tint"
+    for source, entry in ((points.outputs[0], grown.inputs["Points"]), (grown.outputs[0], stored.inputs[0]),
+                          (one.outputs["Geometry"], grown.inputs["Instance"]), (stored.outputs[0], end.inputs[0]),
+                          (at.outputs[0], next(s for s in stored.inputs if s.name == "Value" and s.enabled))):
+        group.links.new(source, entry)
+    field = add_mesh("Field")
+    field.location = (5, 6, 7)
+    field.modifiers.new("Grow", "NODES").node_group = group
+    leaf.hide_render = True
+    bpy.context.view_layer.update()
+    scene = converted()
+    shining = scene.emission.any(axis=1)
+    at = scene.triangles.min(axis=1)[shining] - (5, 6, 7)
+    assert shining.sum() == 9  # the first tint is black
+    np.testing.assert_allclose(scene.emission[shining], at, atol=1e-3)
+
+
 @pytest.mark.parametrize("kind, output", [
     ("ObjectInfo", "Random"), ("TexCoord", "Generated"), ("TexCoord", "UV"), ("ParticleInfo", "Size"),
     ("ParticleInfo", "Location")])

@@ -4,14 +4,19 @@ import itertools
 
 import bpy
 
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.attributes import STORED
+
 from tests.rf2_engine.convert.shading.kinds import (
+    attribute,
     bent,
     map_range,
     maths,
     mix,
     noise,
     of_color,
+    of_property,
     rotate,
+    second_uv,
     striped,
     texture,
     transform,
@@ -56,6 +61,7 @@ SOME = [
     map_range("STEPPED", True, False), map_range("SMOOTHERSTEP", False, True),
     Case("ShaderNodeCombineColor", {0: "x", 1: 0.4, 2: "y"}, {"mode": "HSL"}),
     *(of_color("SeparateColor", i, {"mode": "HSL"}) for i in range(3)),
+    Case("ShaderNodeUVMap", {}, {"uv_map": "Turned"}, furnish=second_uv), Case("ShaderNodeUVMap"),
     rotate("AXIS_ANGLE"), rotate("EULER_XYZ", invert=True), transform("NORMAL", "OBJECT", "WORLD"),
     Case("ShaderNodeBlackbody", {"Temperature": 4000.0}),
 
@@ -75,9 +81,20 @@ SOME = [
     Case("ShaderNodeBump", {"Height": "height", "Distance": 0.4, "Strength": 0.7}),
     Case("ShaderNodeBump", {"Height": "height", "Distance": 0.4}, {"invert": True}),
     *(Case("ShaderNodeNormalMap", {"Color": "color", "Strength": 0.8}, {"space": space})
-      for space in "TANGENT OBJECT WORLD BLENDER_OBJECT".split()),
+      for space in "TANGENT OBJECT WORLD BLENDER_OBJECT BLENDER_WORLD".split()),
+    Case("ShaderNodeNormalMap", {"Color": "color"}, {"uv_map": "Turned"}, furnish=second_uv),
+    Case("ShaderNodeNormalMap", {"Color": "color"}, {"uv_map": "Gone"}, is_reported=True),
     Case("ShaderNodeNormalMap", {"Color": "color", "Strength": 1.7}),
     Case("ShaderNodeHairInfo", output="Is Strand"),
+    *(attribute(domain, kind, output) for domain, kind, output in (
+        ("POINT", "FLOAT2", "Fac"), ("EDGE", "FLOAT", "Color"), ("EDGE", "BOOLEAN", "Fac"),
+        ("FACE", "FLOAT_VECTOR", "Vector"), ("CORNER", "INT", "Fac"), ("POINT", "INT8", "Color"),
+        ("CORNER", "BYTE_COLOR", "Alpha"), ("FACE", "FLOAT_COLOR", "Color"), ("POINT", "QUATERNION", "Vector"),
+        ("CORNER", "FLOAT2", "Vector"))),
+    of_property("OBJECT", "wear"), of_property("OBJECT", "location"), of_property("OBJECT", "pass_index", "Fac"),
+    of_property("INSTANCER", "wear", "Vector"), of_property("VIEW_LAYER", "wear"),
+    of_property("VIEW_LAYER", "frame_current", "Fac"),
+    Case("ShaderNodeTexWhiteNoise", {"Vector": (0.3, 0.2, 0.4)}, {"noise_dimensions": "3D"}, "Color"),
 ]
 EVERY = [
     *(voronoi(f, d, o) for f, d in itertools.product(("F1", "F2", "SMOOTH_F1"), DIMENSIONS) for o in range(3)),
@@ -142,6 +159,9 @@ EVERY = [
     *(Case("ShaderNodeParticleInfo", output=i) for i in range(8)),
     *(Case("ShaderNodeHairInfo", output=i) for i in range(6)),
     *(Case("ShaderNodePointInfo", output=i) for i in range(3)),
+    *(attribute(domain, kind, output) for domain, kind, output in itertools.product(
+        ("POINT", "EDGE", "FACE", "CORNER"), STORED, ("Color", "Vector", "Fac", "Alpha"))
+      if domain != "EDGE" or kind not in ("BYTE_COLOR", "QUATERNION")),  # their means are other ones
 ]
 if bpy.app.version < (5, 0):
     EVERY += [Case("ShaderNodeCombineHSV", {0: "x", 1: 0.4, 2: "y"}),

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shorthands for cases of value nodes (squares.py)."""
+import bpy
+import numpy as np
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.attributes import STORED
+
 from tests.rf2_engine.convert.shading.squares import Case
 
 
@@ -73,6 +78,33 @@ def rotate(kind, **settings):
 def transform(kind, source, target):
     return Case("ShaderNodeVectorTransform", {"Vector": "at"},
                 {"vector_type": kind, "convert_from": source, "convert_to": target})
+
+
+def attribute(domain, kind, output):
+    """An attribute of the mesh with other values everywhere."""
+    def furnish(square):
+        made = square.data.attributes.new("A", kind, domain)
+        name, channels = STORED[kind]
+        values = np.arange(len(made.data) * channels) % 11
+        whole = kind in ("INT", "INT8")
+        made.data.foreach_set(name, values % 3 == 0 if kind == "BOOLEAN" else values if whole else 0.2 + 0.07 * values)
+    return Case("ShaderNodeAttribute", {}, {"attribute_name": "A"}, output, furnish=furnish, is_affine=False)
+
+
+def of_property(kind, name, output="Color"):
+    """An attribute that is not the mesh's."""
+    def furnish(square):
+        square["wear"], bpy.context.view_layer["wear"] = [0.2, 0.5, 0.7], 0.4
+    return Case("ShaderNodeAttribute", {}, {"attribute_type": kind, "attribute_name": name}, output, furnish=furnish)
+
+
+def second_uv(square):
+    """A UV map that lies otherwise than the active one."""
+    corners = square.data.uv_layers[0].uv
+    flat = np.empty(2 * len(corners), np.float32)
+    corners.foreach_get("vector", flat)
+    turned = flat.reshape(-1, 2) @ np.float32([(0.3, 0.9), (-0.8, 0.4)])
+    square.data.uv_layers.new(name="Turned").uv.foreach_set("vector", turned.ravel())
 
 
 def bent(node):

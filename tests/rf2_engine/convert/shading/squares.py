@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from bl_ext.user_default.renderformer_v2.model.scene import TILE_SIZE
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.attributes import MESH, Asked
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import _points
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.mesh import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
@@ -33,6 +34,9 @@ class Case:
     settings: dict = field(default_factory=dict)
     output: object = 0                            # name or number
     prepare: object = lambda node: None
+    furnish: object = lambda square: None         # given the object
+    is_reported: bool = False                     # whether a line about it is expected
+    is_affine: bool = True                        # else the texels beyond the triangle are another's
 
     def __str__(self):
         told = [*self.settings.values(), *(f"{k}={v}" for k, v in self.inputs.items() if k != "Vector")]
@@ -72,6 +76,7 @@ SOURCES = {
     "at": lambda tree, at: at,                                     # (x, y, z) of the object, x and y from -1 to 1
     "color": lambda tree, at: _scaled(tree, at, 0.5, 0.5),         # x and y from 0 to 1
     "other": lambda tree, at: _scaled(tree, at, -0.31, 0.45),
+    "wide": lambda tree, at: _scaled(tree, at, 1.15, 1.2),         # x and y from 0.05 to 2.35
     "steps": _steps,                                               # the same over squares of 4 x 4 pixels
     "x": lambda tree, at: _channel(tree, at, 0), "y": lambda tree, at: _channel(tree, at, 1),
     "height": lambda tree, at: _height(tree, at),
@@ -103,7 +108,7 @@ def build(case: Case, name: str):
 
 
 def compare(cases: list[Case]) -> list[tuple[np.ndarray, np.ndarray, list[str]]]:
-    """For each case what the evaluator says and what Cycles shows, (32, 32, 3) each, and the lines of the report."""
+    """For each case what the evaluator says and what Cycles shows, (texels, 3) each, and the lines of the report."""
     scene = empty_cycles_scene(samples=1)
     columns = int(np.ceil(np.sqrt(len(cases))))
     rows = -(-len(cases) // columns)
@@ -111,29 +116,32 @@ def compare(cases: list[Case]) -> list[tuple[np.ndarray, np.ndarray, list[str]]]
     for i, case in enumerate(cases):
         made, emission = build(case, f"Case {i}")
         emitters.append(emission)
-        _square(i, made, (2 * (i % columns), 2 * (i // columns), 0))
+        case.furnish(_square(i, made, (2 * (i % columns), 2 * (i // columns), 0)))
     _camera(scene, columns, rows)
     picture, found = rendered(scene), []
-    places = {instance.object.name: Place.of(instance, scene.frame_current)
-              for instance in bpy.context.evaluated_depsgraph_get().object_instances}
-    for i, emission in enumerate(emitters):
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    asked = Asked(depsgraph)
+    places = {instance.object.name: Place.of(instance, scene.frame_current, asked)
+              for instance in depsgraph.object_instances}
+    for i, (case, emission) in enumerate(zip(cases, emitters, strict=True)):
         row, column = TILE_SIZE * (i // columns), TILE_SIZE * (i % columns)
         shown = picture[row:row + TILE_SIZE, column:column + TILE_SIZE]
         report = Report()
-        found.append((evaluated(places[f"Square {i}"], bpy.data.objects[f"Square {i}"], emission, report), shown,
-                      report.lines()))
+        ours = evaluated(places[f"Square {i}"], bpy.data.objects[f"Square {i}"], emission, report, asked)
+        whole = np.indices((TILE_SIZE, TILE_SIZE)).sum(axis=0) < (2 * TILE_SIZE if case.is_affine else TILE_SIZE - 1)
+        found.append((ours[whole], shown[whole], report.lines()))
     return found
 
 
-def evaluated(place, obj, emission, report) -> np.ndarray:
+def evaluated(place, obj, emission, report, asked) -> np.ndarray:
     """(32, 32, 3) colour that reaches an Emission node on a square, row 0 at the bottom as in the picture."""
-    mesh = read_mesh(obj.data, obj.name, report).take([0])
-    mesh.corners = mesh.corners[:, CORNER_ORDER]
-    mesh.uv = {name: layer[:, CORNER_ORDER] for name, layer in mesh.uv.items()}
+    mesh = read_mesh(obj.data, obj.name, report, asked.names[MESH]).take([0])
+    mesh = mesh.mapped(lambda layer: layer[:, CORNER_ORDER])
     points = _points(mesh, place)
     evaluator = Evaluator(points, ImageCache(report), report, obj.name)
     evaluator.material_index = obj.active_material.pass_index
     value = evaluator.value(emission.inputs["Color"])
+    assert value.ndim in (1, 4)
     return np.broadcast_to(value, (1, TILE_SIZE, TILE_SIZE, 3))[0]
 
 
@@ -150,6 +158,7 @@ def _square(i, made, location):
     obj.scale = (1, 1, 0.6)
     made.pass_index = 2 * i
     bpy.context.scene.collection.objects.link(obj)
+    return obj
 
 
 def _camera(scene, columns, rows):

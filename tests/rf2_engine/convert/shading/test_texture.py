@@ -182,6 +182,21 @@ def test_normal_map_and_roughness_reach_their_channels(image):
     np.testing.assert_allclose(tile[NORMAL, 0, 31], 0.5 * mapped + 0.5 * np.array([0, 0, 1]), atol=2e-3)
 
 
+def test_a_normal_map_of_another_uv_map_bends_in_the_frame_of_the_active_one():
+    """The other map lies a quarter turn away: where it tilts along its U, the active one tilts along V."""
+    empty_cycles_scene()
+    made, tree, shader = material("ShaderNodeBsdfDiffuse")
+    node = tree.nodes.new("ShaderNodeNormalMap")
+    node.uv_map, node.inputs["Color"].default_value = "Other", (0.8, 0.5, 0.9, 1)
+    tree.links.new(node.outputs[0], shader.inputs["Normal"])
+    mesh = triangles(1, np.float32([[(1, 0), (0, 1), (0, 0)]]))
+    mesh.uv["Other"] = np.float32([[(0, -1), (1, 0), (0, 0)]])
+    tiles = MaterialTiles(Report())
+    index, _ = tiles.triangle_tiles(made, mesh)
+    tilted = np.float32((0, 0.6, 0.8))
+    np.testing.assert_allclose(tiles.tiles[index[0], NORMAL, 5, 5], tilted / np.linalg.norm(tilted), atol=2e-3)
+
+
 @pytest.mark.parametrize("uv, size, expected", [
     ([(1, 0), (0, 1), (0, 0)], 1, (-0.2, 0)), ([(1, 0), (0, 1), (0, 0)], 2, (-0.1, 0)),
     ([(0, 1), (1, 0), (0, 0)], 1, (-0.2, 0)), ([(1, 1), (0, 0), (0, 1)], 1, (-0.2, 0))], ids=str)

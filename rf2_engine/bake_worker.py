@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The program of bake.py: Cycles bakes outputs of nodes on the triangles of objects, in a copy of the scene.
+
+    blender --background --python bake_worker.py -- COPY.blend JOB.json
+    python bake_worker.py -- COPY.blend JOB.json        # with the bpy module
+
+Each line of standard input is a request, a JSON object; what is baked is saved as `answer`, and "baked" printed.
+"""
+import json
+import os
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+import mathutils
+
+sys.path.append(str(Path(__file__).parent))
+from background_worker import choose_devices  # noqa: E402  it lies beside this file
+
+SCALE, OFFSET = 0.25, 0.5  # of values as emission, so that none is negative, and 0 is what was not baked
+REACH = 0.01               # of the size of the triangles: how far away their surface is looked for
+VISIBLE_TO = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
+
+
+def main() -> None:
+    copy, settings = sys.argv[sys.argv.index("--") + 1:]
+    job = json.loads(Path(settings).read_text())
+    bpy.ops.wm.open_mainfile(filepath=copy, load_ui=False, use_scripts=False)
+    choose_devices(job["compute_device_type"], job["devices"])
+    scene = bpy.data.scenes[job["scene"]]
+    scene.render.engine, scene.cycles.use_denoising, scene.cycles.device = "CYCLES", False, job["device"]
+    scene.frame_set(job["frame"], subframe=job["subframe"])
+    print("ready", flush=True)
+    for line in sys.stdin:
+        request = json.loads(line)
+        np.save(request["answer"], bake(scene, scene.view_layers[job["layer"]], **request["what"]))
+        print("baked", flush=True)
+
+
+def bake(scene, layer, object_name, material_name, groups, node_name, output, matrix, triangles, side, samples):
+    """(n, side, side, 3) f32 of the n `triangles` (a file of corners in the frame of the object); NaN where nothing is.
+
+    groups: names of the group nodes that lead to the node; output: its number.
+    """
+    layer.material_override, scene.cycles.samples = None, samples
+    corners = np.load(triangles)
+    _shine(bpy.data.materials[material_name].node_tree, groups, node_name, output)
+    target, matrix = bpy.data.objects[object_name], mathutils.Matrix(matrix)
+    stand_in = None
+    if target.name not in layer.objects or np.abs(np.array(target.matrix_world - matrix)).max() > 1e-4:
+        target = stand_in = target.copy()  # an instance: where its object stands there may be none
+        target.parent, target.matrix_world = None, matrix
+        scene.collection.objects.link(target)
+    image, tiles = _image(len(corners), side)
+    atlas = _atlas(corners, tiles, image)
+    atlas.matrix_world = matrix
+    scene.collection.objects.link(atlas)
+    target.hide_render = target.hide_viewport = False
+    layer.update()
+    size = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) * max(matrix.to_scale())
+    with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=atlas, object=atlas,
+                                   selected_objects=[target, atlas], selected_editable_objects=[target, atlas]):
+        bpy.ops.object.bake(type="EMIT", use_selected_to_active=True, cage_extrusion=REACH * size, margin=0,
+                            max_ray_distance=2 * REACH * size, use_clear=True)
+    pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
+    image.pixels.foreach_get(pixels)
+    for data in (atlas, stand_in):
+        if data:
+            bpy.data.objects.remove(data)
+    bpy.data.images.remove(image)
+    grid = pixels.reshape(tiles, side, tiles, side, 4).transpose(0, 2, 1, 3, 4).reshape(-1, side, side, 4)
+    found = grid[:len(corners), ..., :3]
+    return np.where(found.any(axis=-1, keepdims=True), (found - OFFSET) / SCALE, np.nan)
+
+
+def _image(count: int, side: int):
+    """A float image for so many tiles, and how many there are in a row."""
+    tiles = int(np.ceil(np.sqrt(count)))
+    image = bpy.data.images.new("Baked", tiles * side, tiles * side, alpha=True, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    return image, tiles
+
+
+def _atlas(corners, tiles: int, image):
+    """The triangles as an object, each unwrapped to half of a tile of the image, into which it is baked."""
+    count = len(corners)
+    mesh = bpy.data.meshes.new("Atlas")
+    mesh.from_pydata(corners.reshape(-1, 3).tolist(), [], np.arange(3 * count).reshape(-1, 3).tolist())
+    row, column = np.divmod(np.arange(count), tiles)
+    uv = (np.stack([column, row], axis=-1)[:, None] + np.float32([(1, 0), (0, 1), (0, 0)])) / tiles
+    mesh.uv_layers.new(name="Atlas").data.foreach_set("uv", uv.astype(np.float32).ravel())
+    material = bpy.data.materials.new("Atlas")
+    material.use_nodes = True
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    material.node_tree.nodes.active = node
+    mesh.materials.append(material)
+    atlas = bpy.data.objects.new("Atlas", mesh)
+    for ray in VISIBLE_TO:
+        setattr(atlas, f"visible_{ray}", False)
+    return atlas
+
+
+def _shine(tree, groups, node_name: str, output: int) -> None:
+    """Show an output of a node of the tree, or in groups of it, as the light of the whole material."""
+    trees, users = [tree], []
+    for name in groups:
+        users.append(trees[-1].nodes[name])
+        trees.append(users[-1].node_tree)
+    inner = trees[-1]
+    shown = inner.nodes[node_name].outputs[output]
+    for inside, user in zip(reversed(trees[1:]), reversed(users), strict=True):
+        made = inside.interface.new_socket("Shown", in_out="OUTPUT", socket_type="NodeSocketVector")
+        end = next(node for node in inside.nodes if node.bl_idname == "NodeGroupOutput" and node.is_active_output)
+        inside.links.new(shown, next(entry for entry in end.inputs if entry.identifier == made.identifier))
+        shown = next(leave for leave in user.outputs if leave.identifier == made.identifier)
+    scaled, emission = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeEmission")
+    scaled.operation = "MULTIPLY_ADD"
+    scaled.inputs[1].default_value, scaled.inputs[2].default_value = [SCALE] * 3, [OFFSET] * 3
+    tree.links.new(shown, scaled.inputs[0])
+    tree.links.new(scaled.outputs[0], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+
+
+if __name__ == "__main__":
+    status = 1
+    try:
+        main()
+        status = 0
+    finally:
+        if not bpy.app.binary_path:  # the exit handlers of the bpy module can hang
+            if status:
+                import traceback
+                traceback.print_exc()
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)

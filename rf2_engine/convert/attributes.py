@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Attributes that materials ask for by name: of the mesh, its object, what instances it, and the view layer."""
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+STORED = {  # how Cycles knows an attribute: where its numbers are, and how many
+    "FLOAT": ("value", 1), "INT": ("value", 1), "INT8": ("value", 1), "BOOLEAN": ("value", 1), "FLOAT2": ("vector", 2),
+    "FLOAT_VECTOR": ("vector", 3), "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4), "QUATERNION": ("value", 4)}
+MESH, OBJECT, INSTANCER, VIEW_LAYER = "GEOMETRY", "OBJECT", "INSTANCER", "VIEW_LAYER"
+CLOSE = 1e-4  # of matrices of one instance
+
+
+def _rounded(mean: np.ndarray) -> np.ndarray:
+    return np.trunc(mean + np.copysign(0.5, mean))
+
+
+EDGES = {"BOOLEAN": np.ceil, "INT": _rounded, "INT8": _rounded}  # what becomes of their mean at a vertex
+
+
+class Asked:
+    """The names in the Attribute nodes of the open file, by kind, and values of the view layer that is rendered."""
+
+    def __init__(self, depsgraph):
+        self.names: dict[str, set[str]] = {kind: set() for kind in (MESH, OBJECT, INSTANCER, VIEW_LAYER)}
+        for owner in (*bpy.data.materials, *bpy.data.node_groups):
+            tree = owner if isinstance(owner, bpy.types.NodeTree) else owner.node_tree
+            for node in tree.nodes if tree else ():
+                if node.bl_idname == "ShaderNodeAttribute":
+                    self.names[node.attribute_type].add(node.attribute_name)
+        scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+        self.of_view_layer = _first(self.names[VIEW_LAYER], layer, scene, scene.world)
+        self._instances: dict[int, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
+
+    def of_object(self, obj) -> dict[str, tuple]:
+        return _first(self.names[OBJECT], obj, obj.data)
+
+    def of_instancer(self, instance) -> dict[str, tuple]:
+        """Of a DepsgraphObjectInstance: what it has itself, its particles, the instancer, its own object."""
+        if not self.names[INSTANCER]:
+            return {}
+        system = instance.particle_system if instance.is_instance else None
+        found = _first(self.names[INSTANCER], system and system.settings, instance.parent, instance.object,
+                       instance.object.data)
+        return found | (self._of_instance(instance) if instance.is_instance and instance.parent else {})
+
+    def _of_instance(self, instance) -> dict[str, tuple]:
+        """Attributes that geometry nodes have given to an instance, which is found by its matrix."""
+        parent = instance.parent
+        if parent.as_pointer() not in self._instances:
+            self._instances[parent.as_pointer()] = _instances(parent, self.names[INSTANCER])
+        matrices, values = self._instances[parent.as_pointer()]
+        if not values or not len(matrices):
+            return {}
+        own = np.array(parent.matrix_world.inverted_safe() @ instance.matrix_world)
+        guess = instance.persistent_id[1]
+        if not (0 <= guess < len(matrices) and np.abs(matrices[guess] - own).max() < CLOSE):
+            guess = int(np.abs(matrices - own).max(axis=(1, 2)).argmin())
+        return {name: tuple(rows[guess].tolist()) for name, rows in values.items()}
+
+
+def of_mesh(mesh, names, loop: np.ndarray, vertex: np.ndarray, polygon: np.ndarray) -> dict[str, np.ndarray]:
+    """(n, 3, c) f32 of the attributes called `names`, and of all colour attributes, at the corners of n triangles.
+
+    loop, vertex: (n, 3), polygon: (n,) where their values lie. Values of edges go to the ends, as in Cycles.
+    """
+    names = {*names, *(attribute.name for attribute in mesh.color_attributes)}
+    found = {}
+    for attribute in mesh.attributes:
+        if attribute.name not in names or (values := _values(attribute)) is None:
+            continue
+        if attribute.domain == "EDGE":
+            values = EDGES.get(attribute.data_type, np.asarray)(_at_vertices(mesh, values)).astype(np.float32)
+        index = {"CORNER": loop, "FACE": np.repeat(polygon[:, None], 3, axis=1)}.get(attribute.domain, vertex)
+        found[attribute.name] = values[index]
+    return found
+
+
+def _at_vertices(mesh, values: np.ndarray) -> np.ndarray:
+    """Mean over the edges of each vertex."""
+    ends = np.empty(2 * len(mesh.edges), np.int32)
+    mesh.edges.foreach_get("vertices", ends)
+    twice, count = np.repeat(values, 2, axis=0), np.bincount(ends, minlength=len(mesh.vertices))
+    total = np.stack([np.bincount(ends, column, len(mesh.vertices)) for column in twice.T], axis=1)
+    return total / np.maximum(count, 1)[:, None]
+
+
+def _values(attribute) -> np.ndarray | None:
+    """(k, c) f32; None of a kind that Cycles does not know."""
+    if attribute.data_type not in STORED:
+        return None
+    name, channels = STORED[attribute.data_type]
+    kind = {"INT": np.int32, "INT8": np.int32, "BOOLEAN": bool}.get(attribute.data_type, np.float32)
+    values = np.empty(channels * len(attribute.data), kind)
+    attribute.data.foreach_get(name, values)
+    return values.reshape(-1, channels).astype(np.float32)
+
+
+def _instances(obj, names) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """(k, 4, 4) matrices of what geometry nodes instance on an object, and (k, c) values by name."""
+    whole = obj.evaluated_geometry()  # which owns the cloud
+    cloud = whole.instances_pointcloud()
+    if cloud is None or (transform := cloud.attributes.get("instance_transform")) is None:
+        return np.zeros((0, 4, 4)), {}
+    matrices = np.empty(16 * len(transform.data), np.float32)
+    transform.data.foreach_get("value", matrices)
+    found = {name: _values(cloud.attributes[name]) for name in names if name in cloud.attributes}
+    return (matrices.reshape(-1, 4, 4).transpose(0, 2, 1),
+            {name: values for name, values in found.items() if values is not None})
+
+
+def _first(names, *blocks) -> dict[str, tuple]:
+    """By name the custom property, or else the property of Blender's own, of the first block that has it."""
+    found = {}
+    for name in names:
+        values = (_property(block, name) for block in blocks if block is not None)
+        if (value := next((value for value in values if value is not None), None)) is not None:
+            found[name] = value
+    return found
+
+
+def _property(block, name: str) -> tuple | None:
+    value = block.get(name)
+    if value is None:
+        try:
+            value = block.path_resolve(name)
+        except (ValueError, TypeError, AttributeError):
+            return None
+    try:
+        numbers = tuple(map(float, np.ravel(np.asarray(value, object))))
+    except (TypeError, ValueError):
+        return None
+    return numbers if 1 <= len(numbers) <= 4 else None
