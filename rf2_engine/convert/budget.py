@@ -97,7 +97,7 @@ def _shares_of_picture(parts: list[Part], sight: Sight | None, hits: Hits | None
     shares = []
     for part in parts:
         mine, seen = seen[:_copies(part)], seen[_copies(part):]
-        low, high = part.mesh.corners.min(axis=(0, 1)), part.mesh.corners.max(axis=(0, 1))
+        low, high = part.mesh.bounds()
         matrix = np.array(part.matrices)
         scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
         area = meshes.areas(part.mesh.corners).sum() * scale ** 2
