@@ -18,10 +18,11 @@ from .convert.camera import convert_camera
 from .convert.lens import Lens
 from .convert.report import Report
 from .convert.scene import convert
-from .cycles_session import PINHOLE, Light, Look
+from .cycles_session import PINHOLE, Catchers, Light, Look
 from .frame import Border
 from .guides import make_guides
 from .optics import Optics
+from .output import Catch
 from .reflections import with_ends
 from .settings import FrameSettings
 from .status import Status
@@ -66,6 +67,20 @@ class Layer:
             return guides
         with progress.part(0.5, 1.0):
             return with_ends(guides, scene, view)
+
+    def catch(self) -> Catch | None:
+        """What shadow catchers show, if there are any."""
+        if not self.optics.catchers:
+            return None
+        look, found = self.optics.look(), []
+        catching = look._replace(catchers=Catchers.CATCH, opaque=not self.settings.film_transparent)
+        for light, look in ((Light.NONE, look._replace(catchers=Catchers.CUT)), (Light.TRACED, catching)):
+            with self.status.during_cycles("Shadow catchers {}", share=CYCLES_SHARE):
+                found.append(cycles_session.render_passes(
+                    self.engine, self.depsgraph, samples=self.settings.guide_samples * self.optics.samples, light=light,
+                    look=look, threads=self.settings.threads, report=self.report))
+        without, caught = found
+        return Catch(caught["combined"], without["alpha"][..., 0])
 
     def opacity(self, view: View) -> np.ndarray | None:
         """(H, W) alpha of an opaque film, in which holdouts cut holes; None of a transparent one."""

@@ -78,7 +78,8 @@ class _Walk:
             if obj.original not in self.dark:
                 self.found.lamps.append(LampInstance(obj.name, matrix, obj.data))
         elif obj.type == "VOLUME":
-            self._add_volume(obj, matrix)
+            if np.linalg.det(matrix[:3, :3]):
+                self._add_volume(obj, matrix)
         elif obj.type in STRANDS:
             if obj.type == "POINTCLOUD" or self.layer.use_strand:
                 self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data),
@@ -114,7 +115,7 @@ class _Walk:
         parts, filled = self._parts[key]
         for part in parts:
             part.places.append(place)
-        for corners, material in filled:
+        for corners, material in filled if np.linalg.det(place.matrix[:3, :3]) else ():  # a flat one is no medium
             def coefficients(inside, material=material):
                 points = volume.volume_points(inside, mesh.texture_space, place)
                 return volume.volume_coefficients(material, self.report, points)

@@ -58,7 +58,9 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     budget = token_budget - sum(map(len, lamps))
     size = Sizes(max_edge, Normalization.of(RenderScene(focus=focus)), sight)
     with progress.part(0.5, 0.7):
-        fit(found, budget, sight, hits, size.wanted(found.parts, budget), report)
+        wanted = size.wanted(found.parts, budget)
+        progress.report()
+        fit(found, budget, sight, hits, wanted, report)
     size.subdivide(found.parts, budget)
     with progress.part(0.7, 0.9):
         surfaces = dressed(found.parts, materials, report)

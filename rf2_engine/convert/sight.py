@@ -35,7 +35,7 @@ class Sight:
     @property
     def solid_angle(self) -> float:
         """Of the picture, about, in steradians."""
-        return self.view.width * self.view.height / float(np.prod(self.view.focal.astype(np.float64)))
+        return self.view.width * self.view.height / abs(float(np.prod(self.view.focal.astype(np.float64))))
 
     def distance(self, corners: np.ndarray) -> np.ndarray:
         """(n,) from the eye to the nearest point, about, of each of (n, 3, 3) world triangles; `near` at least."""

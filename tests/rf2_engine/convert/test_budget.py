@@ -36,6 +36,16 @@ def test_what_is_hidden_makes_room_for_what_is_seen(converted):
     assert count(scene, 35, 45) < 0.25 * count(scene, -2, 7.5)
 
 
+def test_a_mirrored_camera_allots_alike(converted, scene):
+    for place in ((0, 0, 0), (0, 4, 0), (0, 40, 0), (0, -40, 0)):
+        ball(place)
+    counts = []
+    for scene.camera.scale.x in (1, -1):
+        found = converted(token_budget=1500, seen=True)
+        counts.append([count(found, *where) for where in ((-2, 2), (2, 6), (35, 45), (-45, -35))])
+    np.testing.assert_allclose(*counts, rtol=0.1)
+
+
 def test_near_instances_are_finer_than_far_ones(converted):
     source = ball((0, 0, 0))
     for i in range(1, 12):

@@ -71,6 +71,9 @@ def test_impossible_cameras_are_errors_that_name_them(scene):
     scene.camera.data.type = "PANO"
     with pytest.raises(SceneError, match='"Camera" is panoramic.* Perspective .* or to Orthographic'):
         view_of(scene, (50, 37))
+    scene.camera.data.type, scene.camera.data.clip_start, scene.camera.data.clip_end = "PERSP", 5, 5
+    with pytest.raises(SceneError, match="Clip End beyond its Clip Start"):
+        view_of(scene, (50, 37))
     scene.camera = None
     with pytest.raises(SceneError, match="no camera"):
         view_of(scene, (50, 37))
