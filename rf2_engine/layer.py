@@ -74,11 +74,11 @@ class Layer:
             return None
         look, found = self.optics.look(), []
         catching = look._replace(catchers=Catchers.CATCH, opaque=not self.settings.film_transparent)
-        for light, look in ((Light.NONE, look._replace(catchers=Catchers.CUT)), (Light.TRACED, catching)):
+        for light, asked in ((Light.NONE, look._replace(catchers=Catchers.CUT)), (Light.TRACED, catching)):
             with self.status.during_cycles("Shadow catchers {}", share=CYCLES_SHARE):
                 found.append(cycles_session.render_passes(
                     self.engine, self.depsgraph, samples=self.settings.guide_samples * self.optics.samples, light=light,
-                    look=look, threads=self.settings.threads, report=self.report))
+                    look=asked, threads=self.settings.threads, report=self.report))
         without, caught = found
         return Catch(caught["combined"], without["alpha"][..., 0])
 
