@@ -10,11 +10,21 @@ from __future__ import annotations
 import numpy as np
 
 from ...model.scene import View
+from .camera import clip_start
+from .collect import collect
 from .collected import Collected
-from .seen import Hits
+from .report import Report
+from .seen import Hits, look
+from .shading.image import ImageCache
 
 NEAR, FAR = 10, 30  # what is so many times as far as this percentile of the distances is background
 REACH = 1.5         # half of the box, in halves of the picture's longer side at the usual distance
+
+
+def focus_of(depsgraph, view: View) -> np.ndarray:
+    """find_focus of what a depsgraph shows."""
+    found = collect(depsgraph, ImageCache(Report()), Report())
+    return find_focus(found, view, look(found, view, clip_start(depsgraph)))
 
 
 def find_focus(found: Collected, view: View, hits: Hits) -> np.ndarray:

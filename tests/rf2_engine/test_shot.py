@@ -6,6 +6,8 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import shot
 
+from .f12 import cube, mesh_object, sun
+
 BOX = np.float32([(-1, -1, 0), (1, 1, 2)])
 
 
@@ -54,3 +56,53 @@ def test_triangles_are_allotted_by_the_view_that_came_with_the_box(settled):
     steady = shot.steady(bpy.context.evaluated_depsgraph_get())
     assert [steady(box, view)[1] for box, view in ((BOX, "first"), (1.5 * BOX, "second"), (9 * BOX, "third"))] == [
         "first", "first", "third"]
+
+
+@pytest.fixture
+def moving(scene):
+    """Frames 1 to 3 of a camera that draws near, and what there was to look at when it stood at each."""
+    cube(scene), sun(scene)
+    mesh_object(scene, "Floor", [(-50, -50, -1), (50, -50, -1), (50, 50, -1), (-50, 50, -1)], [(0, 1, 2, 3)])
+    scene.renderformer_v2.token_budget = 200
+    scene.camera.rotation_euler.x = 1.4
+    for frame, y in ((1, -9), (3, -7)):
+        scene.camera.location = (0, y, 1)
+        scene.camera.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end = 1, 3
+    return scene
+
+
+def rendered(scene, tmp_path, frames):
+    """The box of a job of these frames of the animation alone, and its last picture."""
+    scene.frame_start, scene.frame_end = frames
+
+    def begun(*_):
+        scene.frame_start, scene.frame_end = 1, 3  # as Blender's -f leaves them
+    bpy.app.handlers.render_init.append(begun)
+    scene.render.filepath = str(tmp_path / f"{frames}")
+    scene.render.image_settings.file_format = "PNG"
+    try:
+        bpy.ops.render.render(animation=True)
+    finally:
+        bpy.app.handlers.render_init.remove(begun)
+    picture = bpy.data.images.load(f"{tmp_path}/{frames}000{frames[1]}.png")
+    return shot._kept[scene.name, "ViewLayer", "Camera"][0], np.array(picture.pixels)
+
+
+def test_frames_rendered_apart_are_those_of_the_animation(moving, tmp_path):
+    box, picture = rendered(moving, tmp_path, (1, 3))
+    alone, picture_alone = rendered(moving, tmp_path, (3, 3))
+    np.testing.assert_array_equal(alone, box)
+    np.testing.assert_allclose(picture_alone, picture, atol=2 / 255)
+    moving.frame_set(3)
+    bpy.ops.render.render()
+    assert np.abs(shot._kept["Scene", "ViewLayer", "Camera"][0] - box).max() > 0.1  # that of a picture is its own
+
+
+def test_a_camera_bound_to_a_marker_begins_its_shot_there(moving, tmp_path):
+    for frame in (2, 3):
+        moving.timeline_markers.new(f"{frame}", frame=frame).camera = bpy.data.objects["Camera"]
+    box, _ = rendered(moving, tmp_path, (3, 3))
+    moving.timeline_markers.clear()
+    first, _ = rendered(moving, tmp_path, (1, 1))
+    assert np.abs(box - first).max() > 0.1
