@@ -3,8 +3,8 @@
 that is fitted and simplified anew for every frame.
 
 A shot lasts from the first frame of a render job, for as long as the camera stays the same and looks at about the
-same place. Where frames are rendered apart from each other, by a farm, the box is that of the shot's first frame all the
-same, whatever frame a job begins with.
+same place. Where frames are rendered apart from each other, by a farm, the box is that of the shot's first frame all
+the same, whatever frame a job begins with.
 """
 from __future__ import annotations
 
