@@ -2,8 +2,6 @@
 """A depsgraph as a RenderScene: the way a scene takes through this package, readable top to bottom."""
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 
 from ...model import progress
@@ -64,7 +62,7 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     size.subdivide(found.parts, budget)
     with progress.part(0.7, 0.9):
         surfaces = dressed(found.parts, materials, report)
-    scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
+    scene = surfaces.appended(*lamps)
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes = medium.cells(found.media, report)
     scene.environment, scene.focus = environment, focus
