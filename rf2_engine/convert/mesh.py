@@ -166,7 +166,10 @@ def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
         report.approximated(name, f"{len(mesh) - len(first)} triangles that lie where others are were dropped")
         mesh = mesh.take(first)
     progress.report()
-    normals = unit_or(mesh.normals, face_normals(mesh.corners)[:, None])
+    faces = face_normals(mesh.corners)[:, None]
+    progress.report()
+    normals = unit_or(mesh.normals, faces)
+    progress.report()
     return replace(mesh.mapped(lambda layer: layer if np.isfinite(layer).all()
                                else np.nan_to_num(layer, posinf=0, neginf=0)), normals=normals)
 

@@ -40,16 +40,20 @@ def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> Trian
         points, faces, owner = _with_fins(*welded, mesh)
     with progress.part(0.15, 0.3):
         surface = Surface(points, faces)
-    with progress.part(0.3, 0.6):
-        progress.report(0.0)
-        corners = reduced(points if lens is None else lens.enter(points), faces, target)
+    progress.report(0.3)
+    as_seen = points if lens is None else lens.enter(points)
+    with progress.part(0.35, 0.6):
+        corners = reduced(as_seen, faces, target)
+    progress.report(0.6)
     if lens is not None:
         corners = lens.leave(corners)
     corners = corners.reshape(-1, 3, 3).astype(np.float32)
     corners = corners[meshes.within_reach(corners)]
     corners = corners[meshes.has_area(corners)]
-    with progress.part(0.6, 1.0):
+    with progress.part(0.6, 0.95):
+        progress.report(0.0)
         nearest = _nearest(corners, surface)
+    progress.report(0.95)
     centre, face = nearest[:, 3], meshes.face_normals(corners)
     there = meshes.face_normals(points[faces[centre]])
     fin = (centre >= len(mesh)) & (np.abs((there * face).sum(axis=1)) > 0.7)

@@ -39,6 +39,7 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
         found = collect(depsgraph, materials.images, report)
     with progress.part(0.45, 0.5, "Converting the world"):
         environment, suns = world_light(depsgraph, report)
+    progress.report(0.5)
     sight, hits, focus = None, None, np.float32(found.bounds())
     if view is not None:
         hits = look(found, view, clip_start(depsgraph))
@@ -46,6 +47,7 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
         if allotted_by is not view:
             hits = look(found, allotted_by, clip_start(depsgraph))
         sight = sight_of(allotted_by, hits)
+    progress.report(0.5)
     (low, high), beyond = focus, found.beyond(focus)
     if beyond:
         report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
