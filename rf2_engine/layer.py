@@ -15,7 +15,7 @@ from ..model.scene import Guides, RenderScene, View
 from ..model.silhouettes import blended
 from . import cycles_session, model_cache, shot, shutter
 from .convert.camera import convert_camera
-from .convert.focus import focus_of
+from .convert.focus import aim_of
 from .convert.lens import Lens
 from .convert.report import Report
 from .convert.scene import convert
@@ -60,8 +60,7 @@ class Layer:
         if (first := shot.begins_at(self.engine, self.depsgraph)) is not None:
             with shutter.clock(self.engine, self.depsgraph) as move_to:
                 move_to(first)
-                view = self._whole_view()
-                shot.begin(self.depsgraph, focus_of(self.depsgraph, view), view)
+                shot.begin(self.depsgraph, aim_of(self.depsgraph, self._whole_view()))
 
     def _whole_view(self) -> View:
         """Without a render border."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The network's box, and the view that triangles are allotted by, held still over a shot: light flickers in a scene
-that is fitted and simplified anew for every frame.
+"""The network's box, the view that triangles are allotted by, and how many each mesh gets, held still over a shot:
+light flickers in a scene that is fitted and simplified anew for every frame.
 
 A shot lasts from the first frame of a render job, for as long as the camera stays the same and looks at about the
 same place. Where frames are rendered apart from each other, by a farm, the box is that of the shot's first frame all
@@ -9,18 +9,19 @@ the same, whatever frame a job begins with.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..model.scene import View
+from .convert.aim import Aim
 from .registering import handlers
 
 LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way
 FARTHEST = 1.0      # between their centres, in sides of the kept one
 
-_kept: dict[tuple[str, str, str], tuple[np.ndarray, View]] = {}  # by scene, view layer and camera
+_kept: dict[tuple[str, str, str], Aim] = {}  # by scene, view layer and camera
 
 
 def begins_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> int | None:
@@ -34,18 +35,18 @@ def begins_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) ->
     return first if first < scene.frame_current <= scene.frame_end else None
 
 
-def begin(depsgraph: bpy.types.Depsgraph, box: np.ndarray, view: View) -> None:
-    """Take the box and the view of this evaluated frame for the shot of its camera."""
-    _kept[_key(depsgraph)] = box, view
+def begin(depsgraph: bpy.types.Depsgraph, aim: Aim) -> None:
+    """Take what this evaluated frame is fitted to for the shot of its camera."""
+    _kept[_key(depsgraph)] = aim
 
 
-def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[np.ndarray, View], tuple[np.ndarray, View]]:
-    """A function that takes the box (2, 3) and the view of this frame and gives those of its shot."""
+def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[Aim], Aim]:
+    """A function that takes what this frame would be fitted to and gives what its shot is."""
     key = _key(depsgraph)
 
-    def settled(box: np.ndarray, view: View) -> tuple[np.ndarray, View]:
-        if key not in _kept or _has_left(_kept[key][0], box):
-            _kept[key] = box, view
+    def settled(aim: Aim) -> Aim:
+        if key not in _kept or _has_left(_kept[key].box, aim.box):
+            _kept[key] = aim
         return _kept[key]
 
     return settled
@@ -60,6 +61,17 @@ def _has_left(kept: np.ndarray, box: np.ndarray) -> bool:
     size, new = (float((b[1] - b[0]).max()) for b in (kept, box))
     apart = np.abs(box.sum(axis=0) - kept.sum(axis=0)).max() / 2
     return not size / LARGEST_ZOOM <= new <= size * LARGEST_ZOOM or apart > FARTHEST * size
+
+
+@contextmanager
+def going_on():
+    """Inside, several render jobs are one animation."""
+    bpy.app.handlers.render_init.remove(_forget)
+    _forget()
+    try:
+        yield
+    finally:
+        bpy.app.handlers.render_init.append(_forget)
 
 
 @persistent

@@ -9,6 +9,7 @@ from ...model.normalize import Normalization
 from ...model.scene import RenderScene, View
 from .. import compat
 from . import medium
+from .aim import Aim
 from .budget import fit
 from .camera import clip_start
 from .collect import collect
@@ -23,13 +24,13 @@ from .world import world_light
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda focus, view: (focus, view)) -> RenderScene:
+            steady=lambda aim: aim) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
     view: of the whole picture, whose surroundings become the network's box (focus.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
-    steady: given the box found here and the view, the box to take and the view to allot triangles by.
+    steady: given the Aim of this picture, that of its shot.
     Raises SceneError when the scene cannot be converted at all.
     """
     if (space := compat.working_space()) != "Linear Rec.709":
@@ -40,15 +41,14 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     with progress.part(0.45, 0.5, "Converting the world"):
         environment, suns = world_light(depsgraph, report)
     progress.report(0.5)
-    sight, hits, focus = None, None, np.float32(found.bounds())
+    hits, aim = None, Aim(np.float32(found.bounds()), None)
     if view is not None:
         hits = look(found, view, clip_start(depsgraph))
-        focus, allotted_by = steady(find_focus(found, view, hits), view)
-        if allotted_by is not view:
-            hits = look(found, allotted_by, clip_start(depsgraph))
-        sight = sight_of(allotted_by, hits)
+        aim = steady(Aim(find_focus(found, view, hits), sight_of(view, hits)))
+        if aim.sight.view is not view:
+            hits = look(found, aim.sight.view, clip_start(depsgraph))
     progress.report(0.5)
-    (low, high), beyond = focus, found.beyond(focus)
+    (low, high), beyond = aim.box, found.beyond(aim.box)
     if beyond:
         report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
                             f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}); farther away, such as parts of "
@@ -56,17 +56,17 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     lamps = convert_lamps(found.lamps, suns, token_budget // 2, center, radius, report)
     budget = token_budget - sum(map(len, lamps))
-    size = Sizes(max_edge, Normalization.of(RenderScene(focus=focus)), sight)
+    size = Sizes(max_edge, Normalization.of(RenderScene(focus=aim.box)), aim.sight)
     with progress.part(0.5, 0.7):
         wanted = size.wanted(found.parts, budget)
         progress.report()
-        fit(found, budget, sight, hits, wanted, report)
+        fit(found, budget, aim, hits, wanted, report)
     size.subdivide(found.parts, budget)
     with progress.part(0.7, 0.9):
         surfaces = dressed(found.parts, materials, report)
     scene = surfaces.appended(*lamps)
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes = medium.cells(found.media, report)
-    scene.environment, scene.focus = environment, focus
+    scene.environment, scene.focus = environment, aim.box
     scene.validate()
     return scene

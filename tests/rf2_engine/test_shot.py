@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import shot
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.aim import Aim
 
 from .f12 import cube, mesh_object, sun
 
@@ -14,7 +15,7 @@ BOX = np.float32([(-1, -1, 0), (1, 1, 2)])
 @pytest.fixture
 def settled(scene):
     shot._kept.clear()
-    yield lambda box: shot.steady(bpy.context.evaluated_depsgraph_get())(np.float32(box), "this view")[0]
+    yield lambda box: shot.steady(bpy.context.evaluated_depsgraph_get())(Aim(np.float32(box), None)).box
     shot._kept.clear()
 
 
@@ -54,8 +55,8 @@ def test_every_view_layer_has_its_own(settled, scene):
 
 def test_triangles_are_allotted_by_the_view_that_came_with_the_box(settled):
     steady = shot.steady(bpy.context.evaluated_depsgraph_get())
-    assert [steady(box, view)[1] for box, view in ((BOX, "first"), (1.5 * BOX, "second"), (9 * BOX, "third"))] == [
-        "first", "first", "third"]
+    looks = ((BOX, "first"), (1.5 * BOX, "second"), (9 * BOX, "third"))
+    assert [steady(Aim(box, sight)).sight for box, sight in looks] == ["first", "first", "third"]
 
 
 @pytest.fixture
@@ -86,7 +87,7 @@ def rendered(scene, tmp_path, frames):
     finally:
         bpy.app.handlers.render_init.remove(begun)
     picture = bpy.data.images.load(f"{tmp_path}/{frames}000{frames[1]}.png")
-    return shot._kept[scene.name, "ViewLayer", "Camera"][0], np.array(picture.pixels)
+    return shot._kept[scene.name, "ViewLayer", "Camera"].box, np.array(picture.pixels)
 
 
 def test_frames_rendered_apart_are_those_of_the_animation(moving, tmp_path):
@@ -96,7 +97,7 @@ def test_frames_rendered_apart_are_those_of_the_animation(moving, tmp_path):
     np.testing.assert_allclose(picture_alone, picture, atol=2 / 255)
     moving.frame_set(3)
     bpy.ops.render.render()
-    assert np.abs(shot._kept["Scene", "ViewLayer", "Camera"][0] - box).max() > 0.1  # that of a picture is its own
+    assert np.abs(shot._kept["Scene", "ViewLayer", "Camera"].box - box).max() > 0.1  # that of a picture is its own
 
 
 def test_a_camera_bound_to_a_marker_begins_its_shot_there(moving, tmp_path):

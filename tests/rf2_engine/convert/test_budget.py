@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where the Triangle Budget goes, for the camera at (0, -5, 0) that looks along +Y."""
+from itertools import pairwise
+
 import bpy
 import numpy as np
 import pytest
@@ -44,6 +46,23 @@ def test_a_mirrored_camera_allots_alike(converted, scene):
         found = converted(token_budget=1500, seen=True)
         counts.append([count(found, *where) for where in ((-2, 2), (2, 6), (35, 45), (-45, -35))])
     np.testing.assert_allclose(*counts, rtol=0.1)
+
+
+def test_what_stands_still_keeps_its_triangles_while_something_enters_the_picture(converted):
+    ball((0.5, 0, 0)), ball((1, 5, 0))
+    entering, shot, pictures = ball((-6, 0, 0)), [], []
+
+    def steady(aim):
+        shot.append(aim)
+        return shot[0]
+    for x in np.linspace(-4, -1.7, 6):
+        entering.location.x = x
+        scene = converted(token_budget=1500, seen=True, steady=steady)
+        assert 1000 < len(scene) <= 1500
+        still = scene.triangles[scene.triangles[..., 0].min(axis=1) > -0.6]
+        pictures.append({triangle.tobytes() for triangle in still})
+    changed = [len(after - before) > 0.1 * len(after) for before, after in pairwise(pictures)]
+    assert sum(changed) <= 2 and shot[0].shares
 
 
 def test_near_instances_are_finer_than_far_ones(converted):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.focus import focus_of
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.focus import aim_of
 from mathutils import Vector
 
 EYE = (7.36, -6.93, 4.96)  # of Blender's default camera, which looks at a cube of 2 m
@@ -21,7 +21,7 @@ def focus(scene):
 
     def find():
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        return focus_of(depsgraph, convert_camera(depsgraph, 192, 108, None))
+        return aim_of(depsgraph, convert_camera(depsgraph, 192, 108, None)).box
     return find
 
 
