@@ -49,8 +49,8 @@ def test_a_mirrored_camera_allots_alike(converted, scene):
 
 
 def test_what_stands_still_keeps_its_triangles_while_something_enters_the_picture(converted):
-    ball((0.5, 0, 0)), ball((1, 5, 0))
-    entering, shot, pictures = ball((-6, 0, 0)), [], []
+    ball((0.5, 0, 0), 40), ball((1, 5, 0), 40)
+    entering, shot, pictures = ball((-6, 0, 0), 40), [], []
 
     def steady(aim):
         shot.append(aim)
