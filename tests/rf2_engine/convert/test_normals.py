@@ -4,6 +4,8 @@ import bpy
 import numpy as np
 import OpenEXR
 
+from bl_ext.user_default.renderformer_v2.model.geometry import area_vectors
+from bl_ext.user_default.renderformer_v2.model.specular import facing, reflected
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.guides import cast_guides
@@ -74,10 +76,11 @@ def test_normals_are_those_of_cycles(scene, converted, tmp_path):
     scene.camera.data.angle = 2 * np.arctan(6.5 / 60)
     scene.render.resolution_x = scene.render.resolution_y = SIZE
     expected = cycles_normals(scene, tmp_path)
-    guides = cast_guides(converted(), convert_camera(bpy.context.evaluated_depsgraph_get(), SIZE, SIZE, None))
+    tokens = converted()
+    guides = cast_guides(tokens, convert_camera(bpy.context.evaluated_depsgraph_get(), SIZE, SIZE, None))
     apart = np.degrees(np.arccos(np.clip((guides.normal * expected).sum(axis=-1), -1, 1)))
     length = np.linalg.norm(expected, axis=-1)
-    inside = (guides.alpha > 0) & (np.abs(length - 1) < 1e-3)
+    inside = (guides.alpha > 0) & (np.abs(length - 1) < 1e-3) & ~mirrored_into_the_surface(tokens, guides, scene)
     for i, kind in enumerate(kinds):
         column, row = i % 4, i // 4
         tile = np.s_[SIZE // 2 * (1 - row):SIZE // 2 * (2 - row), SIZE // 4 * column:SIZE // 4 * (column + 1)]
@@ -87,6 +90,13 @@ def test_normals_are_those_of_cycles(scene, converted, tmp_path):
         assert away.mean() < 0.1, kind.__name__
         errors = np.minimum(errors, 180 - errors)
         assert np.median(errors) < 0.1 and np.percentile(errors, 97) < 2, (kind.__name__, np.percentile(errors, 97))
+
+
+def mirrored_into_the_surface(tokens, guides, scene) -> np.ndarray:
+    """(H, W) where Cycles bends a smooth normal, so that what it mirrors lies above the surface (from Blender 5.0 on)."""
+    rays = guides.position - np.array(scene.camera.location)
+    mirrored = reflected(rays, facing(guides.normal, rays))
+    return (mirrored * facing(area_vectors(tokens.triangles[guides.hit_triangle]), rays)).sum(-1) < 0
 
 
 def cycles_normals(scene, tmp_path) -> np.ndarray:
