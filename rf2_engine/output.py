@@ -37,8 +37,8 @@ def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, 
         color, alpha = color + guides.environment, opacity
     picture = np.dstack([color, alpha])
     if catch is not None:
-        share = (guides.alpha - catch.others).clip(0, 1)[..., None]  # of the pixel, that catchers cover
-        picture += share * (catch.picture - picture)
+        share = 1 - catch.others / guides.alpha.clip(1e-6)  # of what covers the pixel, that catchers are
+        picture += share.clip(0, 1)[..., None] * (catch.picture - picture)
     return (picture * (exposure, exposure, exposure, 1)).astype(np.float32)
 
 
