@@ -15,7 +15,6 @@ from ..model.scene import Guides, RenderScene, View
 from ..model.silhouettes import blended
 from . import cycles_session, model_cache, shot, shutter
 from .convert.camera import convert_camera
-from .convert.focus import aim_of
 from .convert.lens import Lens
 from .convert.report import Report
 from .convert.scene import convert
@@ -28,7 +27,6 @@ from .reflections import with_ends
 from .settings import FrameSettings
 from .status import Status
 
-SHOT_SHARE = 0.1    # of the conversion
 CYCLES_SHARE = 0.8  # of the first hits; the rest finds the triangles behind them
 
 
@@ -49,22 +47,20 @@ class Layer:
                               self.report)
 
     def scene(self) -> RenderScene:
-        with progress.part(0.0, SHOT_SHARE):
-            self._begin_shot()
-        with progress.part(SHOT_SHARE, 1.0):
-            return convert(self.depsgraph, self._whole_view(), token_budget=self.settings.token_budget,
-                           max_edge=self.settings.max_edge, report=self.report, steady=shot.steady(self.depsgraph))
+        first = shot.begins_at(self.engine, self.depsgraph)
+        if first is None:
+            return self._converted(self.report)
+        # This frame is rendered apart from those before it: fit it as the first one of its shot is.
+        with progress.part(0.0, 0.5), shutter.clock(self.engine, self.depsgraph) as move_to:
+            move_to(first)
+            self._converted(Report())
+        with progress.part(0.5, 1.0):
+            return self._converted(self.report)
 
-    def _begin_shot(self) -> None:
-        """Of a frame that is rendered apart from those before it: look where the first one of its shot looks."""
-        if (first := shot.begins_at(self.engine, self.depsgraph)) is not None:
-            with shutter.clock(self.engine, self.depsgraph) as move_to:
-                move_to(first)
-                shot.begin(self.depsgraph, aim_of(self.depsgraph, self._whole_view()))
-
-    def _whole_view(self) -> View:
-        """Without a render border."""
-        return convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y, None)
+    def _converted(self, report: Report) -> RenderScene:
+        whole = convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y, None)
+        return convert(self.depsgraph, whole, token_budget=self.settings.token_budget, max_edge=self.settings.max_edge,
+                       report=report, steady=shot.steady(self.depsgraph))
 
     def first_hits(self, scene: RenderScene, look: Look, samples: int) -> dict[str, np.ndarray]:
         """The passes of cycles_session.render_passes."""

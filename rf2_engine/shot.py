@@ -3,8 +3,8 @@
 light flickers in a scene that is fitted and simplified anew for every frame.
 
 A shot lasts from the first frame of a render job, for as long as the camera stays the same and looks at about the
-same place. Where frames are rendered apart from each other, by a farm, the box is that of the shot's first frame all
-the same, whatever frame a job begins with.
+same place. Where frames are rendered apart from each other, by a farm, all this is as in the shot's first frame all the
+same, whatever frame a job begins with.
 """
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _kept: dict[tuple[str, str, str], Aim] = {}  # by scene, view layer and camera
 
 
 def begins_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> int | None:
-    """The frame that the box of this shot is to be taken from; None if it is known, or that of this frame is right."""
+    """The frame that has to be converted first, because its shot begins there; None if that is done, or is this one."""
     scene = depsgraph.scene_eval
     if not engine.is_animation or _key(depsgraph) in _kept:
         return None
@@ -33,11 +33,6 @@ def begins_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) ->
                 if marker.camera and marker.frame <= scene.frame_current]
     first = max([scene.frame_start, *switched])
     return first if first < scene.frame_current <= scene.frame_end else None
-
-
-def begin(depsgraph: bpy.types.Depsgraph, aim: Aim) -> None:
-    """Take what this evaluated frame is fitted to for the shot of its camera."""
-    _kept[_key(depsgraph)] = aim
 
 
 def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[Aim], Aim]:

@@ -10,24 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...model.scene import View
-from .aim import Aim
-from .camera import clip_start
-from .collect import collect
 from .collected import Collected
-from .report import Report
-from .seen import Hits, look
-from .shading.image import ImageCache
-from .sight import sight_of
+from .seen import Hits
 
 NEAR, FAR = 10, 30  # what is so many times as far as this percentile of the distances is background
 REACH = 1.5         # half of the box, in halves of the picture's longer side at the usual distance
-
-
-def aim_of(depsgraph, view: View) -> Aim:
-    """What a picture of a depsgraph is fitted to."""
-    found = collect(depsgraph, ImageCache(Report()), Report())
-    hits = look(found, view, clip_start(depsgraph))
-    return Aim(find_focus(found, view, hits), sight_of(view, hits))
 
 
 def find_focus(found: Collected, view: View, hits: Hits) -> np.ndarray:

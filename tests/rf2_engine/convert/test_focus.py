@@ -4,15 +4,18 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.focus import aim_of
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import clip_start, convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.collect import collect
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.focus import find_focus
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.seen import look
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.image import ImageCache
 from mathutils import Vector
 
 EYE = (7.36, -6.93, 4.96)  # of Blender's default camera, which looks at a cube of 2 m
 
 
 @pytest.fixture
-def focus(scene):
+def focus(scene, report):
     """Function that gives the box of the default view after a cube was added."""
     bpy.ops.object.camera_add(location=EYE, rotation=np.radians((63.6, 0, 46.7)))
     scene.camera = bpy.context.object
@@ -21,7 +24,8 @@ def focus(scene):
 
     def find():
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        return aim_of(depsgraph, convert_camera(depsgraph, 192, 108, None)).box
+        found, view = collect(depsgraph, ImageCache(report), report), convert_camera(depsgraph, 192, 108, None)
+        return find_focus(found, view, look(found, view, clip_start(depsgraph)))
     return find
 
 
