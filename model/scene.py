@@ -182,11 +182,13 @@ class RenderScene:
         if len(self) and (self.tile_index.min() < 0 or self.tile_index.max() >= len(self.tiles)):
             raise ValueError(f"tile_index reaches outside the {len(self.tiles)} tiles")
 
-    def appended(self, other: RenderScene) -> RenderScene:
-        """This scene with the triangles (and the tiles they use) of `other` behind its own."""
-        moved = replace(other, tile_index=other.tile_index + np.int32(len(self.tiles)), seen=other.is_seen)
-        before = replace(self, seen=self.is_seen)
-        return replace(self, **{name: np.concatenate([getattr(before, name), getattr(moved, name)])
+    def appended(self, *others: RenderScene) -> RenderScene:
+        """This scene with the triangles (and the tiles they use) of `others` behind its own."""
+        scenes, tiles = [], 0
+        for scene in (self, *others):
+            scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen))
+            tiles += len(scene.tiles)
+        return replace(self, **{name: np.concatenate([getattr(scene, name) for scene in scenes])
                                 for name, layout in layouts(self).items() if layout.shape[0] in ("N", "T")})
 
 

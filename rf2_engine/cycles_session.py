@@ -20,6 +20,7 @@ from ..model.errors import SceneError
 from . import compat
 from . import passes as pass_table
 from .convert.report import Report
+from .convert.visibility import catching_hosts, shadow_catchers
 from .cycles_run import overrides, run
 
 ALWAYS = {
@@ -74,6 +75,14 @@ class Light(Enum):
     ALL = auto()     # the scene's own bounces
 
 
+class Catchers(Enum):
+    """What shadow catchers are in a session."""
+
+    SHOWN = auto()  # objects like any other
+    CUT = auto()    # holes in the film
+    CATCH = auto()  # what they are for
+
+
 class Look(NamedTuple):
     """How a session looks: by default through a pinhole where the camera is, at one moment, on a transparent film.
 
@@ -85,6 +94,7 @@ class Look(NamedTuple):
     shutter: bool = False  # with its motion blur
     glass: bool = False    # the film is transparent behind glass too
     opaque: bool = False   # the film is opaque: alpha is 1, but for holdouts
+    catchers: Catchers = Catchers.SHOWN
     place: Callable[[Callable], None] | None = None  # moves the camera: given the function of cycles_run.overrides
 
 
@@ -102,7 +112,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
     seen directly, denoised where Blender can, "noise" (H, W, 3), what the denoiser took away, if the view layer wants
-    the noisy picture, and all light passes (never denoised) if the view layer asks for one.
+    the noisy picture, and all light passes (never denoised) if the view layer asks for one; where shadow catchers catch
+    also "combined", as with Light.ALL.
     With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
     if `denoise`) and all light passes.
 
@@ -132,8 +143,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         override(depsgraph.scene_eval, settings)
         if light is not Light.ALL:
             _set_camera(depsgraph, look, override)
-            for evaluated in _objects(depsgraph):  # catchers would be black: they are shown like any object
-                override(evaluated, {"is_shadow_catcher": False})
+            _set_catchers(depsgraph, look.catchers, override)
         if light is Light.NONE:
             _leave_out_light(depsgraph, override, occluding=view_layer.use_pass_ambient_occlusion)
         elif light is Light.TRACED:
@@ -148,7 +158,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         found["traced"] = (combined[..., :3] - found["emission"]).clip(0)
     if pass_table.NOISY.key in found:
         found["noise"] = found.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
-    if light is not Light.ALL:
+    if light is not Light.ALL and look.catchers is not Catchers.CATCH:
         del found["combined"]
     return found
 
@@ -162,6 +172,18 @@ def _set_camera(depsgraph: bpy.types.Depsgraph, look: Look, override) -> None:
         override(scene.camera.data, {"dof.use_dof": False})
     if look.place is not None:
         look.place(override)
+
+
+def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override) -> None:
+    if catchers is Catchers.CATCH:  # Cycles leaves them out of Combined where they have a pass of their own
+        layer = bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
+        override(depsgraph.scene_eval, {f'view_layers["{layer}"].cycles.use_pass_shadow_catcher': False})
+        return
+    if catchers is Catchers.CUT:
+        for host in catching_hosts(depsgraph):
+            override(host, {"is_holdout": True})
+    for evaluated in shadow_catchers(depsgraph):
+        override(evaluated, {"is_shadow_catcher": False})
 
 
 def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) -> None:

@@ -24,8 +24,9 @@ def work(width: int, height: int, part: Border | None, settings: FrameSettings, 
     """What the stages of one view layer have to do, in the units of costs.py."""
     x0, x1, y0, y1 = part or (0, width, 0, height)
     pixels = (x1 - x0) * (y1 - y0)
+    runs = (2 * optics.samples if optics else 1) + optics.holes + 2 * optics.catchers
     return {"Converting the scene": optics.scenes,
-            "First hits": pixels * settings.guide_samples * (2 * optics.samples if optics else 1),
+            "First hits": pixels * settings.guide_samples * runs,
             "Loading the network": not model_cache.is_loaded(),
             "Network, scene": settings.token_budget * optics.shutter, "Network, view": pixels * optics.samples,
             reference.NAME: pixels * settings.reference.samples if settings.reference else 0}

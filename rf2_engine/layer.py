@@ -20,9 +20,10 @@ from .convert.camera import convert_camera
 from .convert.lens import Lens
 from .convert.report import Report
 from .convert.scene import convert
-from .cycles_session import PINHOLE, Light, Look
+from .cycles_session import PINHOLE, Catchers, Light, Look
 from .guides import make_guides
 from .optics import Optics
+from .output import Catch
 from .rectangle import Border
 from .reflections import with_ends
 from .settings import FrameSettings
@@ -49,10 +50,21 @@ class Layer:
                               self.report)
 
     def scene(self) -> RenderScene:
+        first = shot.begins_at(self.engine, self.depsgraph)
+        if first is None:
+            return self._converted(self.report)
+        # This frame is rendered apart from those before it: fit it as the first one of its shot is.
+        with progress.part(0.0, 0.5), shutter.clock(self.engine, self.depsgraph) as move_to:
+            move_to(first)
+            self._converted(Report())
+        with progress.part(0.5, 1.0):
+            return self._converted(self.report)
+
+    def _converted(self, report: Report) -> RenderScene:
         whole = convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y, None)
         with Baker(self.depsgraph) if self.settings.bake_unknown else nullcontext() as baker:
             return convert(self.depsgraph, whole, token_budget=self.settings.token_budget,
-                           max_edge=self.settings.max_edge, report=self.report, steady=shot.steady(self.depsgraph),
+                           max_edge=self.settings.max_edge, report=report, steady=shot.steady(self.depsgraph),
                            by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status), baker=baker)
 
     def first_hits(self, scene: RenderScene, look: Look, samples: int) -> dict[str, np.ndarray]:
@@ -71,6 +83,20 @@ class Layer:
             return guides
         with progress.part(0.5, 1.0):
             return with_ends(guides, scene, view)
+
+    def catch(self) -> Catch | None:
+        """What shadow catchers show, if there are any."""
+        if not self.optics.catchers:
+            return None
+        look, found = self.optics.look(), []
+        catching = look._replace(catchers=Catchers.CATCH, opaque=not self.settings.film_transparent)
+        for light, asked in ((Light.NONE, look._replace(catchers=Catchers.CUT)), (Light.TRACED, catching)):
+            with self.status.during_cycles("Shadow catchers {}", share=CYCLES_SHARE):
+                found.append(cycles_session.render_passes(
+                    self.engine, self.depsgraph, samples=self.settings.guide_samples * self.optics.samples, light=light,
+                    look=asked, threads=self.settings.threads, report=self.report))
+        without, caught = found
+        return Catch(caught["combined"], without["alpha"][..., 0])
 
     def opacity(self, view: View) -> np.ndarray | None:
         """(H, W) alpha of an opaque film, in which holdouts cut holes; None of a transparent one."""

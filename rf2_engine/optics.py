@@ -8,7 +8,7 @@ import bpy
 
 from . import shutter
 from .convert.report import Report
-from .convert.visibility import has_holdouts
+from .convert.visibility import has_holdouts, shadow_catchers
 from .cycles_session import Light, Look
 
 
@@ -23,6 +23,7 @@ class Optics:
     shutter: int = 1
     glass: bool = False  # the film is transparent behind glass
     holes: bool = False  # the film is opaque, but for holdouts: Cycles is asked for alpha alone
+    catchers: bool = False  # some objects show nothing but the shadows on them
 
     @property
     def samples(self) -> int:
@@ -32,7 +33,7 @@ class Optics:
     @property
     def sessions(self) -> int:
         """How often Cycles runs for the picture."""
-        return (self.samples if self else 0) + 1 + self.holes
+        return (self.samples if self else 0) + 1 + self.holes + 2 * self.catchers
 
     @property
     def scenes(self) -> int:
@@ -50,7 +51,7 @@ class Optics:
         return cls(scene.renderformer_v2.lens_samples if "lens" in wanted else 1,
                    scene.renderformer_v2.shutter_samples if "shutter" in wanted else 1,
                    scene.render.film_transparent and getattr(cycles, "film_transparent_glass", False),
-                   not scene.render.film_transparent and has_holdouts(depsgraph))
+                   not scene.render.film_transparent and has_holdouts(depsgraph), bool(shadow_catchers(depsgraph)))
 
     def possible(self, light: Light, depsgraph: bpy.types.Depsgraph, report: Report) -> Optics:
         """What can be had with this light; `report` says what the scene wants beyond that."""
@@ -65,10 +66,16 @@ class Optics:
             report.approximated(still.name, "its Motion Blur is off, but it is blurred where it moves")
         if self.shutter > 1 and scene.cycles.rolling_shutter_type != "NONE":
             report.approximated(scene.name, "Rolling Shutter is left out: all rows see the same moments")
+        allowed = self
+        for catcher in shadow_catchers(depsgraph):
+            report.approximated(catcher.name, "a shadow catcher catches the shadows of direct light alone"
+                                if light is Light.TRACED else
+                                "a shadow catcher is shown like any object: its shadows need Light > Traced Hints")
+            allowed = replace(allowed, catchers=light is Light.TRACED)
         if self.glass and light is not Light.TRACED:
             report.approximated(scene.name, "the film is opaque behind glass: Transparent Glass needs Traced Hints")
-            return replace(self, glass=False)
-        return self
+            return replace(allowed, glass=False)
+        return allowed
 
     def look(self) -> Look:
         """How Cycles sees all samples at once."""

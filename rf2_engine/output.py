@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -17,7 +18,15 @@ ERROR_CHECKER = 16  # pixels
 ERROR_COLORS = np.array([[0.6, 0.0, 0.4, 1.0], [0.05, 0.0, 0.04, 1.0]], np.float32)
 
 
-def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, exposure: float) -> np.ndarray:
+class Catch(NamedTuple):
+    """What shadow catchers show."""
+
+    picture: np.ndarray  # (H, W, 4) Combined of a session in which they catch, premultiplied
+    others: np.ndarray   # (H, W) coverage by everything else, as seen with them
+
+
+def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, catch: Catch | None,
+              exposure: float) -> np.ndarray:
     """(H, W, 4) f32 Combined, premultiplied: surfaces and volumes + emitters seen directly + the world behind them.
 
     opacity (H, W): alpha of an opaque film, 1 but where holdouts are; None of a transparent one.
@@ -26,7 +35,11 @@ def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, 
     alpha = guides.alpha
     if opacity is not None:
         color, alpha = color + guides.environment, opacity
-    return np.dstack([color * exposure, alpha]).astype(np.float32)
+    picture = np.dstack([color, alpha])
+    if catch is not None:
+        share = 1 - catch.others / guides.alpha.clip(1e-6)  # of what covers the pixel, that catchers are
+        picture += share.clip(0, 1)[..., None] * (catch.picture - picture)
+    return (picture * (exposure, exposure, exposure, 1)).astype(np.float32)
 
 
 def noisy(combined: np.ndarray, found: dict[str, np.ndarray], exposure: float) -> np.ndarray:

@@ -81,7 +81,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         renderer = _load(status, settings)
     with output.unless_stopped(engine, layer) as passes:
         with status.stage("First hits", share=1 / 2 if optics else 1):
-            opacity = job.opacity(view)
+            opacity, catch = job.opacity(view), job.catch()
             found = job.first_hits(scene, optics.look(), settings.guide_samples * optics.samples)
             passes |= output.first_hits(found, settings.exposure)
             if optics.samples == 1 and not found["transmission_color"].any():  # no glass to see the film through
@@ -95,7 +95,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                 passes |= output.first_hits(found, settings.exposure)
 
         def combined(radiance: np.ndarray) -> np.ndarray:
-            return output.composite(radiance, guides, opacity, settings.exposure)
+            return output.composite(radiance, guides, opacity, catch, settings.exposure)
 
         def show(lobes: Lobes) -> None:
             output.write(engine, layer, passes | {"combined": combined(lobes.radiance)})

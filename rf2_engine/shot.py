@@ -1,38 +1,55 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The network's box, and the view that triangles are allotted by, held still over a shot: light flickers in a scene
-that is fitted and simplified anew for every frame.
+"""The network's box, the view that triangles are allotted by, and how many each mesh gets, held still over a shot:
+light flickers in a scene that is fitted and simplified anew for every frame.
 
 A shot lasts from the first frame of a render job, for as long as the camera stays the same and looks at about the
-same place.
+same place. Where frames are rendered apart from each other, by a farm, all this is as in the shot's first frame all the
+same, whatever frame a job begins with.
 """
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..model.scene import View
+from .convert.aim import Aim
 from .registering import handlers
 
 LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way
 FARTHEST = 1.0      # between their centres, in sides of the kept one
 
-_kept: dict[tuple[str, str, str], tuple[np.ndarray, View]] = {}  # by scene, view layer and camera
+_kept: dict[tuple[str, str, str], Aim] = {}  # by scene, view layer and camera
 
 
-def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[np.ndarray, View], tuple[np.ndarray, View]]:
-    """A function that takes the box (2, 3) and the view of this frame and gives those of its shot."""
+def begins_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> int | None:
+    """The frame that has to be converted first, because its shot begins there; None if that is done, or is this one."""
     scene = depsgraph.scene_eval
-    key = scene.name, depsgraph.view_layer_eval.name, scene.camera.name if scene.camera else ""
+    if not engine.is_animation or _key(depsgraph) in _kept:
+        return None
+    switched = [marker.frame for marker in depsgraph.scene.timeline_markers
+                if marker.camera and marker.frame <= scene.frame_current]
+    first = max([scene.frame_start, *switched])
+    return first if first < scene.frame_current <= scene.frame_end else None
 
-    def settled(box: np.ndarray, view: View) -> tuple[np.ndarray, View]:
-        if key not in _kept or _has_left(_kept[key][0], box):
-            _kept[key] = box, view
+
+def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[Aim], Aim]:
+    """A function that takes what this frame would be fitted to and gives what its shot is."""
+    key = _key(depsgraph)
+
+    def settled(aim: Aim) -> Aim:
+        if key not in _kept or _has_left(_kept[key].box, aim.box):
+            _kept[key] = aim
         return _kept[key]
 
     return settled
+
+
+def _key(depsgraph: bpy.types.Depsgraph) -> tuple[str, str, str]:
+    scene = depsgraph.scene_eval
+    return scene.name, depsgraph.view_layer_eval.name, scene.camera.name if scene.camera else ""
 
 
 def _has_left(kept: np.ndarray, box: np.ndarray) -> bool:
@@ -41,12 +58,23 @@ def _has_left(kept: np.ndarray, box: np.ndarray) -> bool:
     return not size / LARGEST_ZOOM <= new <= size * LARGEST_ZOOM or apart > FARTHEST * size
 
 
+@contextmanager
+def going_on():
+    """Inside, several render jobs are one animation."""
+    bpy.app.handlers.render_init.remove(_forget)
+    _forget()
+    try:
+        yield
+    finally:
+        bpy.app.handlers.render_init.append(_forget)
+
+
 @persistent
-def _begin(*_):
+def _forget(*_):
     _kept.clear()
 
 
-register, _remove_handlers = handlers(("render_init", _begin))
+register, _remove_handlers = handlers(("render_init", _forget))
 
 
 def unregister() -> None:

@@ -14,6 +14,7 @@ from ...model import progress
 from ...model.geometry import area_vectors
 from . import mesh as meshes
 from . import reduce
+from .aim import Aim
 from .collected import Collected, Part
 from .mesh import TriangleMesh
 from .reduce import COARSEST, KEPT_WHOLE
@@ -28,13 +29,13 @@ SAMPLE = 20_000    # triangles that tell how curved a mesh is
 TEXTURE, FLAT = 1.0, 0.1  # curvature that textures, and the lack of both, are worth
 
 
-def fit(found: Collected, budget: int, sight: Sight | None, hits: Hits | None, wanted: list[int], report) -> None:
+def fit(found: Collected, budget: int, aim: Aim, hits: Hits | None, wanted: list[int], report) -> None:
     """Simplify what is too fine; leave out the least visible instances where not even coarse shapes of all fit.
 
-    wanted: triangles of each part with those by which it will be subdivided; sight and hits: None where there is no
-    camera, and everything is seen alike.
+    wanted: triangles of each part with those by which it will be subdivided; hits: None where there is no camera, and
+    everything is seen alike.
     """
-    parts = found.parts
+    parts, sight = found.parts, aim.sight
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
     if not parts or counts @ copies <= budget:
         return
@@ -45,6 +46,7 @@ def fit(found: Collected, budget: int, sight: Sight | None, hits: Hits | None, w
     detail = np.array([_curvature(part.mesh) + (TEXTURE if part.is_textured else FLAT) for part in parts])
     weights = (np.array([share.max() for share in shown]) * detail) ** (2 / 3)
     shares = share_budget(np.maximum(counts, wanted), copies, weights, budget)
+    shares = aim.steadied(_names(parts), shares, copies, budget)
     before: dict[str, list[int]] = {}
     for i, (part, share, in_picture) in enumerate(zip(parts, shares, shown, strict=True)):
         if share >= len(part.mesh):
@@ -85,6 +87,17 @@ def _shares(counts: np.ndarray, floor: int, wanted: np.ndarray) -> np.ndarray:
     return np.minimum(counts, np.maximum(floor, wanted.astype(np.int64)))
 
 
+def _names(parts: list[Part]) -> list[tuple]:
+    """What tells the parts apart, in the next frame too: objects of one name have levels and kinds."""
+    seen: dict[tuple, int] = {}
+    names = []
+    for part in parts:
+        name = part.name, part.emits
+        seen[name] = seen.get(name, -1) + 1
+        names.append((*name, seen[name]))
+    return names
+
+
 def _copies(part: Part) -> int:
     return len(part.places)
 
@@ -97,7 +110,7 @@ def _shares_of_picture(parts: list[Part], sight: Sight | None, hits: Hits | None
     shares = []
     for part in parts:
         mine, seen = seen[:_copies(part)], seen[_copies(part):]
-        low, high = part.mesh.corners.min(axis=(0, 1)), part.mesh.corners.max(axis=(0, 1))
+        low, high = part.mesh.bounds()
         matrix = np.array(part.matrices)
         scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
         area = meshes.areas(part.mesh.corners).sum() * scale ** 2

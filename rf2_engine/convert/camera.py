@@ -31,6 +31,8 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
                          "Perspective with a wide lens, or to Orthographic, in Camera Properties > Lens")
     projection = np.array(camera.calc_matrix_camera(
         depsgraph, x=width, y=height, scale_x=scene.render.pixel_aspect_x, scale_y=scene.render.pixel_aspect_y))
+    if not (np.isfinite(projection).all() and projection[0, 0] and projection[1, 1]):
+        raise SceneError(f'Camera "{camera.name}" sees nothing: set its Clip End beyond its Clip Start')
     camera_to_world, mirror = _rigid(np.array(camera.matrix_world, np.float64), camera.name, report)
     if camera.data.type == "ORTHO":
         projection = orthographic.as_perspective(projection, camera_to_world, depsgraph)

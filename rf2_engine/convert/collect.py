@@ -118,7 +118,8 @@ class _Walk:
         parts, filled = self._parts[key]
         for part in parts:
             part.places.append(place)
-        self.found.media += [volume.at(place) for volume in filled]
+        if np.linalg.det(place.matrix[:3, :3]):  # a flat one is no medium
+            self.found.media += [volume.at(place) for volume in filled]
 
     def _filled(self, obj, mesh: TriangleMesh, slots: list) -> list[MeshVolume]:
         """Of each volume material of a mesh what it fills."""

@@ -23,7 +23,7 @@ def find_focus(found: Collected, view: View, hits: Hits) -> np.ndarray:
     points = hits.points
     if len(points):
         eye = view.camera_to_world[:3, 3]
-        distance = np.linalg.norm(points - eye, axis=1)
+        distance = hits.distances(eye)
         near = distance <= FAR * np.percentile(distance, NEAR)
         center = np.median(points[near], axis=0)
         half_picture = (view.longer_side / 2 / np.abs(view.focal)).max()

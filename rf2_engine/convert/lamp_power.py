@@ -60,7 +60,9 @@ def _emission(light, name, report, frame, distance) -> np.ndarray:
                         None if light.type == "SUN" else distance)
     evaluator = Evaluator(Points(lamp=points), ImageCache(report), report, name)
     emission = closure_at(NodeCall(evaluator, output), "Surface").emission.astype(np.float64)
-    return emission.reshape(3) if light.type == "SUN" else emission
+    if light.type == "SUN" or emission.size == 3:
+        return emission.reshape(3)
+    return emission.reshape(-1, *emission.shape[-2:])
 
 
 def _places() -> np.ndarray:

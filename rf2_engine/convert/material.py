@@ -98,6 +98,14 @@ class MaterialTiles:
         index[nothing & ~emission.any(axis=1)] = -1
         return index, emission
 
+    def shows_through(self, material, mesh: TriangleMesh, place: Place, smooth: float) -> np.ndarray:
+        """(n,) share of light that goes straight, or through glass of at most the roughness `smooth`, at triangles."""
+        if material is None:
+            return np.zeros(len(mesh))
+        surface, _ = self._evaluate(material, _points(mesh, place))
+        through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
+        return np.broadcast_to(_triangle_mean(through)[..., 0], len(mesh))
+
     def _evaluate(self, material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
         tree = material.node_tree if material.use_nodes else None
         evaluator = Evaluator(points, self.images, self.report, material.name, self.baker)

@@ -7,6 +7,7 @@ import numpy as np
 # A perspective camera this many frame widths away sees an object one frame deep with 1 % of perspective.
 DISTANCE = 100.0
 DEPTHS = 10.0  # at least so many times as far away as what is seen is deep: 5 % of perspective at either end
+SEEN = {"MESH", "VOLUME", "CURVES", "POINTCLOUD"}
 FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # of a Blender bound_box
 
 
@@ -31,7 +32,7 @@ def _heights_seen(to_clip: np.ndarray, depsgraph) -> np.ndarray:
     found = [[]]
     for instance in depsgraph.object_instances:
         obj = instance.object
-        if obj.type in {"MESH", "VOLUME"} and instance.show_self and obj.visible_camera:
+        if obj.type in SEEN and instance.show_self and obj.visible_camera:
             placed = to_clip @ np.array(instance.matrix_world)
             box = np.array(obj.bound_box) @ placed[:3, :3].T + placed[:3, 3]
             found.append(_heights_inside(box) if np.isfinite(box).all() else [])

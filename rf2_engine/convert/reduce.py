@@ -6,21 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from mathutils.bvhtree import BVHTree
-
 from ...model import progress
 from ...model.errors import SceneError
 from ...model.geometry import barycentric
 from . import mesh as meshes
 from .mesh import TriangleMesh
+from .nearest import Surface
+from .qslim import reduced
 from .sight import Lens
 
 COARSEST = 8            # no mesh is simplified further, unless it has fewer triangles to begin with
 KEPT_WHOLE = 64         # a mesh this small keeps all its triangles as long as the budget allows
-MANY = 64               # a mesh this many times too fine is first made coarser by cubes of 1 / FINE of the new edges,
-FINE, COARSE = 64, 8    # and one that QSlim leaves STUCK times too fine, of 1 / COARSE
-STUCK = 1.05
-UNIT = 2.0              # the new edges, for QSlim
 SEAMS = 0.1             # of the edges at most are kept for where UVs are cut
 
 
@@ -39,18 +35,25 @@ def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> Trian
                          "fast-simplification, is missing: use Render Properties > RenderFormer-V2 > Install Packages, "
                          "or raise the budget") from error
     progress.report(0.0)
-    points, faces, owner = _with_fins(*_welded(mesh.corners), mesh)
-    progress.report(0.1)
-    tree = BVHTree.FromPolygons(points.tolist(), faces.tolist(), all_triangles=True)
+    welded = _welded(mesh.corners)
+    with progress.part(0.05, 0.15):
+        points, faces, owner = _with_fins(*welded, mesh)
+    with progress.part(0.15, 0.3):
+        surface = Surface(points, faces)
     progress.report(0.3)
-    corners = _reduced(points if lens is None else lens.enter(points), faces, target)
+    as_seen = points if lens is None else lens.enter(points)
+    with progress.part(0.35, 0.6):
+        corners = reduced(as_seen, faces, target)
+    progress.report(0.6)
     if lens is not None:
         corners = lens.leave(corners)
     corners = corners.reshape(-1, 3, 3).astype(np.float32)
-    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    corners = corners[meshes.within_reach(corners)]
     corners = corners[meshes.has_area(corners)]
-    with progress.part(0.5, 1.0):
-        nearest = _nearest(corners, tree)
+    with progress.part(0.6, 0.95):
+        progress.report(0.0)
+        nearest = _nearest(corners, surface)
+    progress.report(0.95)
     centre, face = nearest[:, 3], meshes.face_normals(corners)
     there = meshes.face_normals(points[faces[centre]])
     fin = (centre >= len(mesh)) & (np.abs((there * face).sum(axis=1)) > 0.7)
@@ -62,43 +65,14 @@ def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> Trian
     return _dressed(corners[kept], mesh, owner[nearest[kept]])
 
 
-def _reduced(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndarray:
-    """(3 m, 3) f64 corners of about `target` triangles that approximate the surface.
-
-    Of fine meshes points closer than a small part of the new edges are merged first, which is quick; so they are, a
-    little coarser, where QSlim gets stuck: it turns no sliver over, and coarsens all around it instead.
-    """
-    import fast_simplification
-    edge = np.sqrt(meshes.areas(points[faces]).sum() / target)
-    for cell in (edge / FINE if len(faces) > MANY * target else 0, edge / COARSE):
-        merged, left = _clustered(points, faces, cell) if cell else (points, faces)
-        if len(left) <= target:
-            return merged[left].reshape(-1, 3)
-        # Its steps towards larger errors suit lengths of about 1.
-        found, shape = fast_simplification.simplify(merged * (UNIT / edge), left, target_count=target)
-        if len(shape) <= STUCK * target:
-            break
-    return (found * (edge / UNIT))[shape].reshape(-1, 3)
-
-
-def _clustered(points: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points and faces with one point for all in a cube of this side, that nearest to their mean."""
-    place = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
-    size = place.max(axis=0) + 1
-    _, inverse, count = np.unique((place[:, 0] * size[1] + place[:, 1]) * size[2] + place[:, 2],
-                                  return_inverse=True, return_counts=True)
-    mean = np.stack([np.bincount(inverse, points[:, i]) for i in range(3)], axis=1) / count[:, None]
-    order = np.lexsort((np.square(points - mean[inverse]).sum(axis=1), inverse))
-    chosen = order[np.cumsum(count) - count]
-    faces = inverse[faces].astype(np.int32)
-    return points[chosen], faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-
-
 def _welded(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shared (v, 3) f32 points and (n, 3) i32 faces; corners are one point if their coordinates are equal."""
     flat, key = corners.reshape(-1, 3).astype(np.float32), meshes.corner_keys(corners).ravel()
-    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    return flat[first], inverse.reshape(-1, 3).astype(np.int32)
+    order = np.argsort(key)
+    begins = np.insert(np.diff(key[order]) != 0, 0, True)
+    faces = np.empty(len(key), np.int32)
+    faces[order] = np.cumsum(begins) - 1
+    return flat[order[begins]], faces.reshape(-1, 3)
 
 
 def _with_fins(points: np.ndarray, faces: np.ndarray, mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -107,17 +81,23 @@ def _with_fins(points: np.ndarray, faces: np.ndarray, mesh: TriangleMesh) -> tup
 
     QSlim alone sees no error in cutting the corners off a flat wall; fins keep such edges in place.
     """
+    progress.report(0.0)
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     turned = edges[:, 0] > edges[:, 1]
-    low, high = np.sort(edges, axis=1).astype(np.int64).T
+    low, high = np.minimum(*edges.T).astype(np.int64), np.maximum(*edges.T)
     key = (low * len(points) + high) * (int(mesh.slot.max()) + 1) + np.repeat(mesh.slot, 3)
+    progress.report(0.3)
     ends = _single(key)
-    for layer in mesh.uv.values():
-        seams = _single(_with_uv(key, layer, turned))
+    for i, layer in enumerate(mesh.uv.values()):
+        progress.report(0.5 + 0.4 * i / len(mesh.uv))
+        cut = _with_uv(key, layer, turned)
+        progress.report(0.5 + 0.4 * (i + 0.5) / len(mesh.uv))
+        seams = _single(cut)
         if len(seams) < SEAMS * len(edges):  # else there is an island for every few triangles
             ends = np.union1d(ends, seams)
+    progress.report(0.9)
     start, end = points[edges[ends]].transpose(1, 0, 2)
-    height = np.linalg.norm(end - start, axis=1, keepdims=True)
+    height = meshes.lengths(end - start)[:, None]
     tips = (start + end) / 2 + height * meshes.face_normals(points[faces[ends // 3]])
     fins = np.column_stack([edges[ends, ::-1], len(points) + np.arange(len(ends))])
     return (np.concatenate([points, tips]).astype(np.float64), np.concatenate([faces, fins]).astype(np.int32),
@@ -126,8 +106,9 @@ def _with_fins(points: np.ndarray, faces: np.ndarray, mesh: TriangleMesh) -> tup
 
 def _single(key: np.ndarray) -> np.ndarray:
     """Indices of what occurs once."""
-    _, first, count = np.unique(key, return_index=True, return_counts=True)
-    return np.sort(first[count == 1])
+    order = np.argsort(key)
+    begins = np.append(np.insert(np.diff(key[order]) != 0, 0, True), True)
+    return np.sort(order[begins[:-1] & begins[1:]])
 
 
 def _with_uv(key: np.ndarray, layer: np.ndarray, turned: np.ndarray) -> np.ndarray:
@@ -138,17 +119,12 @@ def _with_uv(key: np.ndarray, layer: np.ndarray, turned: np.ndarray) -> np.ndarr
     return key * 0x2545F4914F6CDD1D + ends @ (0x1D8E4E27C47D124F, 0x369DEA0F31A53F85)
 
 
-def _nearest(corners: np.ndarray, tree: BVHTree) -> np.ndarray:
-    """(m, 4) i64: the triangle of `tree` nearest to the three corners and the centre of each of (m, 3, 3)."""
+def _nearest(corners: np.ndarray, surface: Surface) -> np.ndarray:
+    """(m, 4) i64: the triangle of `surface` nearest to the three corners and the centre of each of (m, 3, 3)."""
     centre = corners.mean(axis=1, keepdims=True)
     # Corners are looked up a little inside their triangle: at a crease or seam they belong to its side.
-    inside = 0.95 * corners + 0.05 * centre
-    found = []
-    batches = np.array_split(np.concatenate([inside, centre], axis=1), len(corners) // 5000 + 1)
-    for i, batch in enumerate(batches):
-        progress.report(i / len(batches))
-        found += [tree.find_nearest(point)[2] for point in batch.reshape(-1, 3).tolist()]
-    return np.array(found, np.int64).reshape(-1, 4)
+    places = np.concatenate([0.95 * corners + 0.05 * centre, centre], axis=1)
+    return surface.nearest(places.reshape(-1, 3).astype(np.float64)).reshape(-1, 4)
 
 
 def _dressed(corners: np.ndarray, source: TriangleMesh, nearest: np.ndarray) -> TriangleMesh:

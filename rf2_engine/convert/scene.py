@@ -2,8 +2,6 @@
 """A depsgraph as a RenderScene: the way a scene takes through this package, readable top to bottom."""
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 
 from ...model import progress
@@ -11,6 +9,7 @@ from ...model.normalize import Normalization
 from ...model.scene import RenderScene, View
 from .. import compat
 from . import medium
+from .aim import Aim
 from .budget import fit
 from .camera import clip_start
 from .collect import collect
@@ -26,13 +25,13 @@ from .world import shown_world, world_light
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda focus, view: (focus, view), by_cycles=None, baker=None) -> RenderScene:
+            steady=lambda aim: aim, by_cycles=None, baker=None) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
     view: of the whole picture, whose surroundings become the network's box (focus.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
-    steady: given the box found here and the view, the box to take and the view to allot triangles by.
+    steady: given the Aim of this picture, that of its shot.
     by_cycles: as world_light has it. baker: rf2_engine/bake.py, for nodes that only Cycles can evaluate.
     Raises SceneError when the scene cannot be converted at all.
     """
@@ -44,33 +43,35 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     materials = MaterialTiles(report, depsgraph.scene_eval.frame_current, baker)
     with progress.part(0.05, 0.5):
         found = collect(depsgraph, materials.images, report)
-    sight, hits, focus = None, None, np.float32(found.bounds())
+    hits, aim = None, Aim(np.float32(found.bounds()), None)
     if view is not None:
         hits = look(found, view, clip_start(depsgraph))
-        focus, allotted_by = steady(find_focus(found, view, hits), view)
-        if allotted_by is not view:
-            hits = look(found, allotted_by, clip_start(depsgraph))
-        sight = sight_of(allotted_by, hits)
-    (low, high), beyond = focus, found.beyond(focus)
+        aim = steady(Aim(find_focus(found, view, hits), sight_of(view, hits)))
+        if aim.sight.view is not view:
+            hits = look(found, aim.sight.view, clip_start(depsgraph))
+    progress.report(0.5)
+    (low, high), beyond = aim.box, found.beyond(aim.box)
     if beyond:
         report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
                             f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}); farther away, such as parts of "
                             f"{', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}, it sees less")
     eye = None if view is None else view.camera_to_world[:3, 3]
-    clear = add_fog(found, shown_world(depsgraph), focus, eye, report)
+    clear = add_fog(found, shown_world(depsgraph), aim.box, eye, report)
     environment, suns = through_fog(environment, suns, clear)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     lamps = convert_lamps(found.lamps, suns, token_budget // 2, center, radius, clear, report)
     budget = token_budget - sum(map(len, lamps))
-    size = Sizes(max_edge, Normalization.of(RenderScene(focus=focus)), sight)
+    size = Sizes(max_edge, Normalization.of(RenderScene(focus=aim.box)), aim.sight)
     with progress.part(0.5, 0.7):
-        fit(found, budget, sight, hits, size.wanted(found.parts, budget), report)
+        wanted = size.wanted(found.parts, budget)
+        progress.report()
+        fit(found, budget, aim, hits, wanted, report)
     size.subdivide(found.parts, budget)
     with progress.part(0.7, 0.9):
         surfaces = dressed(found.parts, materials, report)
-    scene = surfaces.appended(functools.reduce(RenderScene.appended, lamps, RenderScene()))
+    scene = surfaces.appended(*lamps)
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes = medium.cells(found.media, report)
-    scene.environment, scene.focus = environment, focus
+    scene.environment, scene.focus = environment, aim.box
     scene.validate()
     return scene

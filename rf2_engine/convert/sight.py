@@ -9,6 +9,7 @@ import numpy as np
 from ...model.camera import view_rays_at
 from ...model.geometry import barycentric
 from ...model.scene import View
+from .mesh import lengths
 from .seen import Hits
 
 ASIDE = 0.35   # how large what lies TURN aside of the picture looks, against what is in it
@@ -34,7 +35,7 @@ class Sight:
     @property
     def solid_angle(self) -> float:
         """Of the picture, about, in steradians."""
-        return self.view.width * self.view.height / float(np.prod(self.view.focal.astype(np.float64)))
+        return self.view.width * self.view.height / abs(float(np.prod(self.view.focal.astype(np.float64))))
 
     def distance(self, corners: np.ndarray) -> np.ndarray:
         """(n,) from the eye to the nearest point, about, of each of (n, 3, 3) world triangles; `near` at least."""
@@ -64,18 +65,18 @@ class Sight:
         Distances from the eye become logarithms, and what lies away from the picture shrinks.
         """
         away = points - self.eye
-        far = np.linalg.norm(away, axis=1, keepdims=True) / self.near
+        far = lengths(away)[:, None] / self.near
         return away / self.near * (np.where(far > 1, (1 + np.log(far.clip(1))) / far.clip(1), 1) * self._weight(away))
 
     def drawn_out(self, points: np.ndarray) -> np.ndarray:
         """The inverse of `drawn_in`."""
         near = points / self._weight(points)
-        far = np.linalg.norm(near, axis=1, keepdims=True)
+        far = lengths(near)[:, None]
         return self.eye + near * self.near * np.where(far > 1, np.exp(far.clip(1) - 1) / far.clip(1), 1)
 
     def _weight(self, away: np.ndarray) -> np.ndarray:
         """(n, 1) 1 in the cone of the picture, falling smoothly to ASIDE around it."""
-        cosine = away @ self.axis[:, None] / np.linalg.norm(away, axis=1, keepdims=True).clip(1e-30)
+        cosine = away @ self.axis[:, None] / lengths(away)[:, None].clip(1e-30)
         t = ((self.cosine - cosine) / TURN).clip(0, 1)
         return 1 - (1 - ASIDE) * t * t * (3 - 2 * t)
 

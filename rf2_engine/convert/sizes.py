@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...model import progress
 from ...model.geometry import contracted
 from ...model.normalize import Normalization
 from . import mesh as meshes
@@ -13,6 +14,7 @@ from . import subdivide
 from .collected import Part
 from .sight import Sight
 
+BATCH = 100_000  # triangles that are looked at before somebody asks about Esc
 TEXTURED = 3.0  # times as large looks a triangle whose material has to fit into 32 x 32 texels
 
 
@@ -33,11 +35,14 @@ class Sizes:
         coarse = [i for i, part in enumerate(parts) if counts[i] * len(part.matrices) <= budget and not part.emits]
         if self.sight is None or not coarse:
             return counts
-        corners, gain = self._seen([parts[i] for i in coarse])
-        looks = self.sight.size(corners, meshes.longest_edges(corners)) * gain
-        more = np.maximum(np.square(looks / self.max_edge) - 1, 0)
-        begin = np.cumsum(counts[coarse]) - counts[coarse]
-        counts[coarse] += np.add.reduceat(more, begin).clip(0, budget).astype(np.int64)
+        batch = np.cumsum(counts[coarse]) // BATCH
+        for some in np.split(np.array(coarse), np.flatnonzero(np.diff(batch)) + 1):
+            progress.report()
+            corners, gain = self._seen([parts[i] for i in some])
+            looks = self.sight.size(corners, meshes.longest_edges(corners)) * gain
+            more = np.maximum(np.square(looks / self.max_edge) - 1, 0)
+            begin = np.cumsum(counts[some]) - counts[some]
+            counts[some] += np.add.reduceat(more, begin).clip(0, budget).astype(np.int64)
         return counts
 
     def subdivide(self, parts: list[Part], budget: int) -> None:

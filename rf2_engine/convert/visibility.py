@@ -18,8 +18,6 @@ def is_shown(instance, layer, report) -> bool:
         report.approximated(obj.name, "Ray Visibility other than Camera is ignored")
     if obj.type == "LIGHT":
         return True
-    if obj.is_shadow_catcher:
-        report.approximated(obj.name, "a shadow catcher is shown like any object")
     if host.holdout_get(view_layer=layer):  # its own, or that of a collection
         report.approximated(obj.name, "a holdout lights the scene like any object")
     return True
@@ -45,6 +43,22 @@ def has_holdouts(depsgraph) -> bool:
     trees = (data for data in depsgraph.ids if data.id_type == "NODETREE")
     return (any(obj.holdout_get(view_layer=layer) for obj in depsgraph.objects)
             or any(node.type == "HOLDOUT" for tree in trees for node in tree.nodes))
+
+
+def shadow_catchers(depsgraph) -> list:
+    """Evaluated objects, those too that show only as instances of others; for lamps the flag means something else."""
+    return [data for data in depsgraph.ids
+            if data.id_type == "OBJECT" and data.type != "LIGHT" and data.is_shadow_catcher]
+
+
+def catching_hosts(depsgraph) -> list:
+    """Evaluated shadow catchers, or what instances them: whose Holdout counts."""
+    if not shadow_catchers(depsgraph):
+        return []
+    hosts = {(instance.parent if instance.is_instance and instance.parent else instance.object).original
+             for instance in depsgraph.object_instances
+             if instance.object.type != "LIGHT" and instance.object.is_shadow_catcher}
+    return [host.evaluated_get(depsgraph) for host in hosts]
 
 
 def gas_domain(obj):

@@ -137,31 +137,6 @@ def test_world_of_a_view_layer_lights_it(scene, tmp_path):
     assert most > 0.1 and red < 0.2 * most
 
 
-def test_shadow_catcher_is_shown(scene, tmp_path):
-    cube(scene)
-    catcher = cube(scene, "Catcher", location=(0, 0, -2.2))
-    catcher.is_shadow_catcher = True
-    scene.render.film_transparent = True
-    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"][34, 25]
-    assert picture[3] == 1 and picture[:3].min() > 0.05
-    assert catcher.is_shadow_catcher
-
-
-@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
-def test_instanced_shadow_catcher_is_shown(scene, tmp_path, light):
-    source, collection = cube(scene), bpy.data.collections.new("source")
-    source.is_shadow_catcher = True
-    scene.collection.objects.unlink(source)
-    collection.objects.link(source)
-    instance = bpy.data.objects.new("instance", None)
-    instance.instance_type, instance.instance_collection = "COLLECTION", collection
-    scene.collection.objects.link(instance)
-    sun(scene)
-    scene.renderformer_v2.light = light
-    assert press_f12(scene, tmp_path)["ViewLayer.Combined"][18, 25, :3].min() > 0.05
-    assert source.is_shadow_catcher
-
-
 @pytest.mark.parametrize("persistent", [False, True])
 def test_animation_renders_each_frame(scene, tmp_path, persistent):
     moving = cube(scene, of=material("Red", (0.9, 0.02, 0.02)))

@@ -72,6 +72,17 @@ def test_a_point_is_measured_once_and_both_outputs_are_written(tmp_path):
     assert len((tmp_path / "benchmark.csv").read_text().splitlines()) == 2
 
 
+def test_conversion_is_measured_for_every_budget(tmp_path):
+    import bpy
+    bpy.ops.wm.read_factory_settings()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "cube.blend"), copy=True)
+    command = [sys.executable, "-m", "tools.benchmark.conversion", str(tmp_path / "cube.blend"), "--budgets", "64,4096"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
+    (few, many), = json.loads(done.stdout).values()
+    assert few["triangles"] == 12 < few["remaining"] <= 64 == few["budget"] and few["share_of_published"] is None
+    assert 0 < many["longest_wait"] <= many["seconds"] and many["share_of_published"] > 0
+
+
 def test_renders_beside_busy_programs_are_compared_with_those_beside_the_fewest():
     measured = {0: [{"Network": 1.0, "total": 2.0}, {"Network": 3.0, "total": 9.0}, {"Network": 2.0, "total": 4.0}],
                 2: [{"Network": 4.0, "total": 4.0}]}

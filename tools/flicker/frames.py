@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 
 from renderformer_v2.model.presets import weights_folder
+from renderformer_v2.rf2_engine import shot
 from tools.exr import read_pass
 from tools.scene_file import configure, open_scene, save
 
@@ -37,13 +38,14 @@ def rendered(path: Path, output: Path, engine: str, frames: int, degrees: float,
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "settings.json").write_text(text)
     found = []
-    for number, view in enumerate(views(scene, frames, degrees), 1):
-        file = folder / f"{number:04d}.exr"
-        if not file.exists():
-            print(file, file=sys.stderr, flush=True)
-            bpy.ops.render.render(scene=scene.name)
-            save(file, scene)
-        found.append((view, file))
+    with shot.going_on():
+        for number, view in enumerate(views(scene, frames, degrees), 1):
+            file = folder / f"{number:04d}.exr"
+            if not file.exists():
+                print(file, file=sys.stderr, flush=True)
+                bpy.ops.render.render(scene=scene.name)
+                save(file, scene)
+            found.append((view, file))
     return found
 
 

@@ -108,6 +108,8 @@ def _frame(edges: np.ndarray, uv_edges: np.ndarray | None, normal: np.ndarray) -
 
 
 def _frame_in_world(n: NodeCall) -> np.ndarray:
+    if n.points.corners is None:
+        raise Unknown("there is no surface to bend")
     edges = n.points.edges @ np.float32(n.placed().matrix[:3, :3].T)
     return _frame(edges, n.points.uv_edges(), normals_in_world(n, n.points.normal))
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where the Triangle Budget goes, for the camera at (0, -5, 0) that looks along +Y."""
+from itertools import pairwise
+
 import bpy
 import numpy as np
 import pytest
@@ -34,6 +36,33 @@ def test_what_is_hidden_makes_room_for_what_is_seen(converted):
     bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 8, 0), rotation=(np.pi / 2, 0, 0))
     scene = converted(token_budget=1500, seen=True)
     assert count(scene, 35, 45) < 0.25 * count(scene, -2, 7.5)
+
+
+def test_a_mirrored_camera_allots_alike(converted, scene):
+    for place in ((0, 0, 0), (0, 4, 0), (0, 40, 0), (0, -40, 0)):
+        ball(place)
+    counts = []
+    for scene.camera.scale.x in (1, -1):
+        found = converted(token_budget=1500, seen=True)
+        counts.append([count(found, *where) for where in ((-2, 2), (2, 6), (35, 45), (-45, -35))])
+    np.testing.assert_allclose(*counts, rtol=0.1)
+
+
+def test_what_stands_still_keeps_its_triangles_while_something_enters_the_picture(converted):
+    ball((0.5, 0, 0), 40), ball((1, 5, 0), 40)
+    entering, shot, pictures = ball((-6, 0, 0), 40), [], []
+
+    def steady(aim):
+        shot.append(aim)
+        return shot[0]
+    for x in np.linspace(-4, -1.7, 6):
+        entering.location.x = x
+        scene = converted(token_budget=1500, seen=True, steady=steady)
+        assert 1000 < len(scene) <= 1500
+        still = scene.triangles[scene.triangles[..., 0].min(axis=1) > -0.6]
+        pictures.append({triangle.tobytes() for triangle in still})
+    changed = [len(after - before) > 0.1 * len(after) for before, after in pairwise(pictures)]
+    assert sum(changed) <= 2 and shot[0].shares
 
 
 def test_near_instances_are_finer_than_far_ones(converted):

@@ -11,6 +11,8 @@ from bl_ext.user_default.renderformer_v2.model.errors import SceneError
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
 from mathutils import Matrix, Vector
 
+from tests.rf2_engine.still_life import with_cycles
+
 PLACE = Vector((3, -4, 2))
 POINTS = [Vector(p) for p in ((0, 0, 0), (1, 0.5, -0.3), (-0.7, 0.2, 0.9), (0.1, -1, 0.4))]
 
@@ -50,6 +52,36 @@ def test_projection_is_blenders(scene, fit, size):
             np.testing.assert_allclose(project(view, point), blender_pixels(scene, size, point), atol=2e-3)
 
 
+PERSPECTIVE = {"lens": 40}
+ORTHOGRAPHIC = {"type": "ORTHO", "ortho_scale": 7}
+
+
+@pytest.mark.parametrize("size, aspect, settings", [
+    ((50, 37), (1, 1), PERSPECTIVE | {"sensor_fit": "AUTO"}),
+    ((37, 50), (2, 1), PERSPECTIVE | {"sensor_fit": "HORIZONTAL", "shift_x": 0.3}),
+    ((50, 37), (1, 1.5), PERSPECTIVE | {"sensor_fit": "VERTICAL", "sensor_height": 20, "shift_y": -0.2}),
+    ((50, 37), (1, 1), ORTHOGRAPHIC | {"shift_x": 0.2, "shift_y": 0.1}),
+    ((37, 50), (1, 2), ORTHOGRAPHIC | {"sensor_fit": "VERTICAL"})])
+def test_pixels_see_what_those_of_cycles_see(scene, add_mesh, tmp_path, size, aspect, settings):
+    add_mesh("ground", [(-90, -90, 0), (90, -90, 0), (90, 90, 0), (-90, 90, 0)], [(0, 1, 2, 3)])
+    add_mesh("near", [(-1, -1, 1), (1, -1, 1), (0, 1, 1.5)])
+    for name, value in settings.items():
+        setattr(scene.camera.data, name, value)
+    scene.camera.matrix_world = Matrix.LocRotScale(PLACE, (PLACE - Vector((0.3, 0, 0.5))).to_track_quat("Z", "Y"),
+                                                   (1, 1, 1))
+    scene.render.resolution_x, scene.render.resolution_y = size
+    scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = aspect
+    scene.view_layers[0].use_pass_position, scene.cycles.samples = True, 1
+    view = view_of(scene, size)
+    seen = with_cycles(scene, tmp_path)["ViewLayer.Position"].astype(float)
+    rows, columns = np.nonzero(seen.any(axis=-1))
+    close = np.linalg.norm(seen[rows, columns], axis=-1) < 3  # where an orthographic camera's stand-in is as exact
+    rows, columns = rows[close], columns[close]
+    assert len(rows) > 100
+    found = np.array([project(view, point) for point in seen[rows, columns]])
+    np.testing.assert_allclose(found, np.stack([columns, rows], axis=1) + 0.5, atol=1 if "type" in settings else 0.02)
+
+
 def test_border_moves_the_principal_point(scene):
     size = (50, 37)
     whole, part = view_of(scene, size), view_of(scene, size, (10, 31, 5, 20))
@@ -71,9 +103,22 @@ def test_impossible_cameras_are_errors_that_name_them(scene):
     scene.camera.data.type = "PANO"
     with pytest.raises(SceneError, match='"Camera" is panoramic.* Perspective .* or to Orthographic'):
         view_of(scene, (50, 37))
+    scene.camera.data.type, scene.camera.data.clip_start, scene.camera.data.clip_end = "PERSP", 5, 5
+    with pytest.raises(SceneError, match="Clip End beyond its Clip Start"):
+        view_of(scene, (50, 37))
     scene.camera = None
     with pytest.raises(SceneError, match="no camera"):
         view_of(scene, (50, 37))
+
+
+def test_eye_in_place_of_an_orthographic_camera_is_behind_hair_too(scene, add_mesh):
+    scene.camera.data.type, scene.camera.data.ortho_scale, scene.camera.data.clip_end = "ORTHO", 0.1, 5000
+    add_mesh("far", [(-9, 500, -9), (9, 500, -9), (0, 500, 9)])
+    curves = bpy.data.hair_curves.new("Hair")
+    curves.add_curves([2])
+    curves.points.foreach_set("position", np.float32([0, 0, 0, 0, 0, 0.01]))
+    scene.collection.objects.link(bpy.data.objects.new("Hair", curves))
+    assert view_of(scene, (50, 37)).camera_to_world[1, 3] < -5
 
 
 def test_eye_in_place_of_an_orthographic_camera_is_behind_all_that_it_sees(scene, add_mesh):

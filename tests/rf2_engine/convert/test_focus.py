@@ -121,6 +121,38 @@ def test_what_is_hidden_from_the_camera_is_looked_through(focus, scene):
     assert_is_around_the_cube(focus())
 
 
+def clear(**inputs):
+    material = bpy.data.materials.new("Clear")
+    material.use_nodes = True
+    for name, value in inputs.items():
+        material.node_tree.nodes["Principled BSDF"].inputs[name.replace("_", " ")].default_value = value
+    return material
+
+
+@pytest.mark.parametrize("inputs", [{"Transmission_Weight": 1, "Roughness": 0}, {"Alpha": 0.2}])
+def test_panes_close_before_the_camera_are_looked_through(focus, scene, inputs):
+    for distance in (0.3, 0.4):
+        pane = card(scene, distance)
+        pane.data.materials.append(clear(**inputs))
+        pane.modifiers.new("thick", "SOLIDIFY").thickness = 0.01
+    assert_is_around_the_cube(focus())
+
+
+@pytest.mark.parametrize("inputs", [{}, {"Transmission_Weight": 1, "Roughness": 0.8}, {"Alpha": 0.9}])
+def test_a_card_that_hides_what_is_behind_it_is_looked_at(focus, scene, inputs):
+    card(scene, 0.3).data.materials.append(clear(**inputs))
+    assert side(focus()) < 1.1
+
+
+def test_a_glass_vessel_is_looked_at_whatever_is_behind_it(focus, scene):
+    bpy.data.objects["Cube"].hide_render = bpy.data.objects["Cube"].hide_viewport = True
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=3)
+    bpy.context.object.data.materials.append(clear(Transmission_Weight=1, Roughness=0))
+    card(scene, 100.0)
+    low, high = focus()
+    assert (low < -1).all() and (high > 1).all() and side([low, high]) < 30
+
+
 def test_fog_around_the_camera_is_looked_through(focus, scene):
     bpy.data.objects["Cube"].scale = (0.3, 0.3, 0.3)
     bpy.ops.mesh.primitive_cube_add(size=1000)

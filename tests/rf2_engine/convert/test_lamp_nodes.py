@@ -53,6 +53,18 @@ def test_node_tree_of_a_lamp_scales_its_light():
     assert_as_in_cycles(obj, 0.05, POINTS[:1])
 
 
+@pytest.mark.parametrize("node", ["ShaderNodeTexWhiteNoise", "ShaderNodeBump", "ShaderNodeNewGeometry"])
+def test_a_lamp_has_no_surface_and_nodes_that_ask_for_one_still_convert(node):
+    obj, tree, _ = shining("POINT")
+    shader, asks = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new(node)
+    if "Vector" in asks.inputs:
+        tree.links.new(tree.nodes.new("ShaderNodeUVMap").outputs[0], asks.inputs["Vector"])
+    tree.links.new(asks.outputs[0], shader.inputs["Emission Color"])
+    shader.inputs["Emission Strength"].default_value = 2
+    tree.links.new(shader.outputs[0], tree.nodes["Light Output"].inputs["Surface"])
+    assert np.isfinite(converted(obj).emission).all()
+
+
 @pytest.mark.parametrize("kind, output, smooth, approximated", [
     ("POINT", "Quadratic", 0.0, False), ("POINT", "Quadratic", 3.0, True), ("POINT", "Linear", 0.0, True),
     ("POINT", "Constant", 0.5, True), ("SUN", "Constant", 0.0, False)])

@@ -106,6 +106,13 @@ def test_mesh_with_volume_shader_is_filled_and_has_no_surface(converted, absorbi
     np.testing.assert_allclose(volumes.absorption[0] / np.sqrt(np.mean(volumes.scale[0] ** 2)), [4, 5, 6], rtol=1e-4)
 
 
+def test_what_is_scaled_to_nothing_is_no_medium(converted, add_grid, absorbing):
+    bpy.ops.mesh.primitive_cube_add(scale=(1, 0, 1))
+    bpy.context.object.data.materials.append(absorbing)
+    add_grid(np.ones((8, 8, 8)), 0.1).scale = (1, 1, 0)
+    assert converted().volumes is None
+
+
 def test_many_volumes_share_the_cells_and_it_is_reported(converted, absorbing, report):
     for i in range(4):
         bpy.ops.mesh.primitive_cube_add(location=(4 * i, 0, 0), scale=(1, 1, 1 + 0.1 * i))

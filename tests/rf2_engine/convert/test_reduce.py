@@ -4,9 +4,13 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert import blocks, qslim, reduce
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert import mesh as meshes
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert import reduce
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.budget import share_budget
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.nearest import Surface
+from mathutils import Vector
+from mathutils.geometry import closest_point_on_tri
 
 
 def test_budget_keeps_shape(converted, report):
@@ -84,3 +88,36 @@ def test_short_budget_splits_the_largest_first(converted, add_mesh):
     assert len(scene) == 20
     assert meshes.longest_edges(scene.triangles).max() == pytest.approx(np.sqrt(8))  # of sqrt(128) when whole
     assert np.isclose(meshes.areas(scene.triangles), 0.5).sum() == 1  # the small one, whole
+
+
+@pytest.fixture
+def in_blocks(monkeypatch):
+    """Large meshes begin at 600 triangles."""
+    monkeypatch.setattr(blocks.blocks, "__defaults__", (300,))
+    monkeypatch.setattr(qslim, "WHOLE", 600)
+
+
+def test_a_very_large_mesh_is_simplified_in_blocks_without_cracks(in_blocks, report):
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=5)
+    mesh = meshes.read_mesh(bpy.context.object.data, "ball", report)
+    told = []
+    with progress.reporting(lambda text, fraction: told.append(fraction)):
+        small = reduce.simplify(mesh, 500)
+    assert 480 < len(small) <= 500 and told == sorted(told)
+    assert len(told) > 3 * len(mesh) / 300  # Esc is looked at block by block
+    _, faces = reduce._welded(small.corners)
+    edges = np.sort(np.stack([faces, np.roll(faces, 1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    np.testing.assert_allclose(np.linalg.norm(small.corners, axis=-1), 1, atol=0.03)
+
+
+def test_the_nearest_triangle_is_found_in_whatever_block_it_is(in_blocks, report):
+    bpy.ops.mesh.primitive_monkey_add()
+    corners = meshes.read_mesh(bpy.context.object.data, "monkey", report).corners.astype(np.float64)
+    points = np.random.default_rng(0).uniform(-1.5, 1.5, (50, 3))
+    faces = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
+    found = Surface(corners.reshape(-1, 3), faces).nearest(points)
+    for point, triangle in zip(points, found, strict=True):
+        near, wanted = (min(np.linalg.norm(Vector(point) - closest_point_on_tri(Vector(point), *map(Vector, some)))
+                            for some in candidates) for candidates in (corners[[triangle]], corners))
+        assert near == pytest.approx(wanted, abs=1e-5)

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Seconds that scenes take to become tokens, beside the published network's on the same number of triangles.
+
+    python -m tools.benchmark.conversion [SCENE.blend ...] [--budgets 4096,16384,65536]
+
+Without files: a mesh of a million triangles, and a million triangles in 500 objects, all of which are seen. Prints one
+line of JSON: per scene its triangles and per Triangle Budget the triangles that remain, the seconds of all that happens
+between Blender and the network, the longest time between two looks at Esc, and the seconds' share of those of the
+published network at 512x512 in docs/benchmark.csv, which were measured on two cores of another day.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from tools import extension
+
+from .points import read
+
+TABLE = Path(__file__).parents[2] / "docs" / "benchmark.csv"
+RESOLUTION = 512
+SIDE = 708    # squares along the mesh of a million triangles
+OBJECTS = 500
+
+
+def main() -> int:
+    arguments = _arguments()
+    answer = os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    extension.load().register()
+    from tools.scene_file import open_scene
+    published = {row["triangles"]: row["seconds"] for row in read(TABLE).values()
+                 if row["subject"] == "rf2_200m" and row["resolution"] == RESOLUTION}
+    found = {}
+    for name, scene in [*((str(path), lambda path=path: open_scene(path)) for path in arguments.scenes)] or [
+            ("one mesh", _mesh), (f"{OBJECTS} objects", _objects)]:
+        scene()
+        found[name] = [_measured(budget, published.get(budget)) for budget in arguments.budgets]
+    print(json.dumps(found), file=answer, flush=True)
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tools.benchmark.conversion", description=__doc__.splitlines()[0])
+    parser.add_argument("scenes", type=Path, nargs="*", help=".blend files")
+    parser.add_argument("--budgets", type=lambda text: tuple(map(int, text.split(","))), default=(4096, 16384, 65536))
+    return parser.parse_args()
+
+
+def _measured(budget: int, published: float | None) -> dict:
+    import bpy
+
+    from renderformer_v2.model import progress
+    from renderformer_v2.rf2_engine.convert.camera import convert_camera
+    from renderformer_v2.rf2_engine.convert.report import Report
+    from renderformer_v2.rf2_engine.convert.scene import convert
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    view, looks = convert_camera(depsgraph, RESOLUTION, RESOLUTION, None), [time.perf_counter()]
+    with progress.reporting(lambda *_: looks.append(time.perf_counter())):
+        tokens = len(convert(depsgraph, view, token_budget=budget, report=Report(),
+                             max_edge=bpy.context.scene.renderformer_v2.max_edge))
+    looks.append(time.perf_counter())
+    seconds = looks[-1] - looks[0]
+    return {"triangles": sum(map(_triangles, depsgraph.object_instances)), "budget": budget, "remaining": tokens,
+            "seconds": round(seconds, 2), "longest_wait": round(max(b - a for a, b in zip(looks, looks[1:])), 2),
+            "share_of_published": round(seconds / published, 3) if published else None}
+
+
+def _triangles(instance) -> int:
+    if instance.object.type != "MESH":
+        return 0
+    instance.object.data.calc_loop_triangles()
+    return len(instance.object.data.loop_triangles)
+
+
+def _mesh() -> None:
+    import bpy
+    import numpy as np
+    _empty()
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=SIDE, y_subdivisions=SIDE, size=4)
+    mesh = bpy.context.object.data
+    place = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", place)
+    x, y, z = place.reshape(-1, 3).T
+    z[:] = 0.3 * np.sin(3 * x) * np.cos(2 * y) + 0.002 * np.sin(40 * x) * np.sin(37 * y)
+    mesh.vertices.foreach_set("co", place)
+    mesh.shade_smooth()
+
+
+def _objects() -> None:
+    import bpy
+    _empty()
+    for i in range(OBJECTS):
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=32, ring_count=32, radius=0.12,
+                                             location=(i % 25 / 6 - 2, i // 25 / 5 - 2, 0))
+
+
+def _empty() -> None:
+    """A camera above, and a lamp."""
+    import bpy
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.engine = "RENDERFORMER_V2"
+    bpy.ops.object.light_add(type="AREA", location=(0, 0, 6))
+    bpy.ops.object.camera_add(location=(0, -6, 5), rotation=(0.88, 0, 0))
+    bpy.context.scene.camera = bpy.context.object
+
+
+if __name__ == "__main__":
+    sys.exit(extension.run(main))
