@@ -93,7 +93,7 @@ def test_normals_are_those_of_cycles(scene, converted, tmp_path):
 
 
 def mirrored_into_the_surface(tokens, guides, scene) -> np.ndarray:
-    """(H, W) where Cycles bends a smooth normal, so that what it mirrors lies above the surface (from Blender 5.0 on)."""
+    """(H, W) where Cycles bends a smooth normal, so that what it mirrors lies above the surface (from 5.0 on)."""
     rays = guides.position - np.array(scene.camera.location)
     mirrored = reflected(rays, facing(guides.normal, rays))
     return (mirrored * facing(area_vectors(tokens.triangles[guides.hit_triangle]), rays)).sum(-1) < 0
