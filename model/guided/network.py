@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The guided network: the paper's, told what a closed formula and first hits know (docs/architecture.md)."""
+"""The guided network: the paper's, told what first hits, traced light and two priors know (docs/architecture.md)."""
 from __future__ import annotations
 
 import torch
