@@ -44,7 +44,7 @@ def bake(scene, layer, object_name, material_name, groups, node_name, output, ma
 
     groups: names of the group nodes that lead to the node; output: its number.
     """
-    layer.material_override, scene.cycles.samples = None, samples
+    scene.cycles.samples = samples
     corners = np.load(triangles)
     _shine(bpy.data.materials[material_name].node_tree, groups, node_name, output)
     target, matrix = bpy.data.objects[object_name], mathutils.Matrix(matrix)

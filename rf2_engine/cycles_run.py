@@ -41,7 +41,9 @@ def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Non
         engine.emptied = False
         for evaluated in depsgraph.objects:
             evaluated.original.update_tag(refresh={"DATA"})
-        depsgraph.update()
+        scene = depsgraph.scene_eval
+        # A mere update would leave what is copied anew as the originals are: at the frame before an animation.
+        engine.frame_set(scene.frame_current, scene.frame_subframe)
 
 
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,

@@ -99,6 +99,16 @@ def test_a_node_in_a_group_is_baked_on_an_instance_and_calculated_with(scene, ba
     assert rough[:, 10, 10].max() < 0.1 and 'in "Inside"' in lines[0]
 
 
+def test_the_material_override_of_a_view_layer_is_baked(scene, baked):
+    cube(scene, Roughness=("Wireframe", "Fac", {"Size": 0.4}))
+    scene.view_layers[0].material_override = bpy.context.object.active_material
+    bpy.context.object.data.materials.clear()
+    found, lines = baked()
+    rough = found.tiles[found.tile_index, ROUGHNESS].astype(np.float32)
+    np.testing.assert_allclose(rough[:, 0, 4:28], 1, atol=0.02)
+    assert rough[:, 10, 10].max() < 0.1 and 'baked it on "Cube"' in lines[0]
+
+
 def test_what_depends_on_the_view_is_not_baked(scene, baked):
     cube(scene, Roughness=("CameraData", "View Distance", {}), Metallic=("NewGeometry", "Incoming", {}))
     _, lines = baked()

@@ -12,7 +12,7 @@ from tests.rf2_engine.convert.cycles_reference import irradiance
 from tests.rf2_engine.convert.test_suns import light
 from tests.rf2_engine.convert.worlds import sky_world
 
-from .f12 import cube, press_f12
+from .f12 import cube, press_f12, read_exr
 
 NORMALS = (0, 0, 1), (1, 0.3, 0.2)
 
@@ -112,3 +112,16 @@ def test_esc_while_a_world_is_drawn_leaves_nothing_of_it(scene, monkeypatch, tmp
     passes = press_f12(scene, tmp_path)
     assert stopped and statistics.last_frame[-1].cancelled
     assert not passes["ViewLayer.Combined"].any()
+
+
+def test_in_an_animation_the_sky_is_that_of_each_frame(scene, tmp_path):
+    tree = sky_world(0.3, kind=("PREETHAM",)).node_tree
+    for frame, turbidity in ((1, 1.7), (2, 9.0)):
+        tree.nodes["Sky Texture"].turbidity = turbidity
+        tree.keyframe_insert('nodes["Sky Texture"].turbidity', frame=frame)
+    scene.frame_set(2)
+    expected = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    scene.frame_set(1)
+    scene.render.filepath, scene.frame_end = str(tmp_path / "#"), 2
+    bpy.ops.render.render(scene=scene.name, animation=True)
+    np.testing.assert_allclose(read_exr(tmp_path / "2.exr")["ViewLayer.Combined"], expected, rtol=0.02)
