@@ -63,6 +63,7 @@ def test_pictures_larger_than_a_tile_of_cycles_are_whole(scene, tmp_path):
     assert scene.cycles.tile_size == 16
 
 
+@pytest.mark.slow
 def test_pictures_wider_than_the_largest_tile_of_cycles_are_whole(scene, tmp_path):
     cube(scene)
     scene.render.resolution_x, scene.render.resolution_y = 8200, 16

@@ -59,6 +59,7 @@ def test_the_scene_has_nearly_as_many_triangles_as_asked_for(asked):
     assert (facing[:, 2] < 0).all()
 
 
+@pytest.mark.slow
 def test_a_point_is_measured_once_and_both_outputs_are_written(tmp_path):
     command = [sys.executable, "-m", "tools.benchmark", "-o", str(tmp_path), "--quick", "--cycles-samples", "0",
                "--presets", "rf2_small", "--precision", "fp32", "--threads", "1"]
