@@ -88,7 +88,8 @@ class CyclesWorld:
         latitude, longitude = (half * (1 - 2 * (np.arange(n) + 0.5) / n) for n in (height, width))
         solid_angle = np.cos(latitude)[:, None] * (2 * half / height) * (2 * half / width)
         cosine = np.cos(latitude)[:, None] * np.cos(longitude)
-        around = np.median(window[np.hypot(latitude[:, None], longitude) > 0.8 * half], axis=0)
+        far = window[np.hypot(latitude[:, None], longitude) > 0.8 * half]
+        around = np.median(far, axis=0) if len(far) else 0.0  # of a picture of a few pixels
         excess = np.maximum(window - around, 0)
         return Sun(sun.toward, np.einsum("ijc,ij->c", excess, solid_angle * cosine), sun.angle)
 

@@ -114,6 +114,14 @@ def test_esc_while_a_world_is_drawn_leaves_nothing_of_it(scene, monkeypatch, tmp
     assert not passes["ViewLayer.Combined"].any()
 
 
+def test_a_picture_of_one_pixel_has_the_sun(scene, tokens):
+    cube(scene)
+    scene.render.resolution_x = scene.render.resolution_y = 4
+    scene.render.resolution_percentage = 25
+    sky_world(0.5, disc=True, size=0.02)
+    assert light(tokens(), (0, 0, 1)).min() > 20  # without a sun it is about 5
+
+
 def test_in_an_animation_the_sky_is_that_of_each_frame(scene, tmp_path):
     tree = sky_world(0.3, kind=("PREETHAM",)).node_tree
     for frame, turbidity in ((1, 1.7), (2, 9.0)):
