@@ -38,13 +38,14 @@ class Effect(NamedTuple):
 
 
 EFFECTS = {
-    "shadow": Effect(Place(38, 48, 3), Place(56, 10), 30, 0.15),
-    "mirror": Effect(Place(17, 30, 3), Place(12, 12), 28, 0.25),
-    "glass": Effect(Place(33, 27), Place(33, 4), 24, 0.4),  # light that reaches it through the pane is missing
-    "bleeding": Effect(Place(38, 38), Place(4, 4), 28, 0.2),
-    "fog": Effect(Place(30, 28), Place(2, 58), 30, 0.2),
-    "ground": Effect(Place(40, 30), Place(2, 2), 28, 0.15),
-    "sky": Effect(Place(18, 30), Place(46, 30), 36, 0.1),
+    "shadow": Effect(Place(38, 48, 3), Place(56, 10), 34, 0.15),
+    "mirror": Effect(Place(17, 30, 3), Place(12, 12), 30, 0.25),
+    "glass": Effect(Place(33, 27), Place(33, 4), 27, 0.4),  # light that reaches it through the pane is missing
+    "bleeding": Effect(Place(38, 38), Place(4, 4), 33, 0.2),
+    "fog": Effect(Place(30, 28), Place(2, 58), 35, 0.2),
+    "ground": Effect(Place(40, 30), Place(2, 2), 34, 0.15),
+    "sky": Effect(Place(18, 30), Place(46, 30), 39, 0.1),
+    "panel": Effect(Place(20, 8, 3), Place(42, 18, 8), 25, 0.2),  # beside the lamp, and the cube below
 }
 
 
