@@ -22,8 +22,8 @@ from .patches import patches
 from .voxels import Voxels
 
 BOUNCES = 8      # between patches, before the last one at the point
-PATCH_RAYS = 32  # from each side of a patch
-RAYS = 24        # from a point
+PATCH_RAYS = 16  # from each side of a patch
+RAYS = 12        # from a point
 ABOVE = 1e-3     # network units that a point is lifted off its surface
 BLUR = 0.3       # roughness that spreads the environment's radiance over what a ray stands for
 GOLDEN = (math.sqrt(5) - 1) / 2
