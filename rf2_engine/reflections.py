@@ -46,11 +46,18 @@ def with_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
     return replace(guides, **found)
 
 
+def hit_points(scene: RenderScene, guides: Guides, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(S, 3) places of pixels on the token triangles: from beside simplified ones a path would pass them once more."""
+    weights = guides.hit_barycentric[rows, columns]
+    weights = np.concatenate([weights, 1 - weights.sum(-1, keepdims=True)], axis=-1)
+    return np.einsum("sk,skc->sc", weights, scene.triangles[guides.hit_triangle[rows, columns]])
+
+
 def _leaving(name: str, guides: Guides, scene: RenderScene, view: View, rows: np.ndarray,
              columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """World points (S, 3), unit directions (S, 3) of what is reflected or refracted at pixels, and the eye (3,)."""
     eye, rays = view_rays_at(view, columns + 0.5, rows + 0.5)
-    position, normal = guides.position[rows, columns], facing(guides.normal[rows, columns], rays)
+    position, normal = hit_points(scene, guides, rows, columns), facing(guides.normal[rows, columns], rays)
     if name == "reflected":
         away = reflected(rays, normal)
     else:

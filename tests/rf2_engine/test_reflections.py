@@ -61,3 +61,20 @@ def test_glass_shows_the_wall_behind_it_and_a_matte_scene_nothing(scene, tmp_pat
     bpy.data.objects.remove(pane)
     press_f12(scene, tmp_path)
     assert guides[1].refracted_color is None and guides[1].reflected_color is None
+
+
+def test_a_simplified_ball_of_glass_shows_what_the_fine_one_shows(scene, tmp_path, guides):
+    """A red cube before a wall, upside down."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=1)
+    bpy.ops.object.shade_smooth()
+    bpy.context.object.data.materials.append(smooth("Glass", Transmission_Weight=1.0, Roughness=0.0, IOR=1.5))
+    mesh_object(scene, "Wall", [(2 * x, 6, 2 * z) for x, _, z in WALL], [(0, 1, 2, 3)], material("White", (0.8,) * 3))
+    cube(scene, location=(0, 4, 0), of=material("Red", RED))
+    sun(scene, (1.3, 0, 0))
+    for budget in (8192, 512):
+        scene.renderformer_v2.token_budget = budget
+        press_f12(scene, tmp_path)
+    fine, coarse = (seen.refracted_color.astype(np.float32) for seen in guides)
+    red = [color[..., 0] > 3 * color[..., 1] for color in (fine, coarse)]
+    assert 20 < red[0].sum() < 0.9 * (fine.max(-1) > 0).sum()
+    assert (red[0] != red[1]).sum() < 0.12 * red[0].sum()
