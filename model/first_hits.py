@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .geometry import latlong_uv
+from .geometry import corner_weights, latlong_uv
 from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels
 from .specular import facing
 
@@ -20,12 +20,12 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
     """
     hit = triangle >= 0
     row = np.maximum(triangle, 0)
-    corner_weights = np.concatenate([weights, 1 - weights.sum(-1, keepdims=True)], axis=-1)[..., None]
+    share = corner_weights(weights)[..., None]
     emission, color = np.zeros((*hit.shape, 3), np.float32), np.zeros((3, *hit.shape, 3), np.float32)
     position, normal, depth = emission.copy(), emission.copy(), np.full(hit.shape, NOTHING_HIT, np.float32)
     if hit.any():
-        position[hit] = (scene.triangles[row[hit]] * corner_weights[hit]).sum(-2)
-        normal[hit] = _unit(facing((scene.normals[row[hit]] * corner_weights[hit]).sum(-2), rays[hit]))
+        position[hit] = (scene.triangles[row[hit]] * share[hit]).sum(-2)
+        normal[hit] = _unit(facing((scene.normals[row[hit]] * share[hit]).sum(-2), rays[hit]))
         camera = view.camera_to_world
         depth[hit] = (position[hit] - camera[:3, 3]) @ -camera[:3, 2]
         emission[hit] = scene.emission[row[hit]]

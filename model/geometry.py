@@ -21,6 +21,18 @@ def contracted(points):
     return points * ((2 - 1 / length) / length)
 
 
+def quartered(corners):
+    """(S, 3, 3) array or tensor of triangles -> (4 S, 3, 3): those at corners 0, 1 and 2, then those in the middle."""
+    ends = [[[0, 0], [0, 1], [0, 2]], [[1, 1], [1, 2], [1, 0]], [[2, 2], [2, 0], [2, 1]], [[0, 1], [1, 2], [2, 0]]]
+    halves = corners[:, ends].sum(3) / 2  # S, quarter, corner, axis
+    return halves.swapaxes(0, 1).reshape(-1, 3, 3)
+
+
+def corner_weights(first_two: np.ndarray) -> np.ndarray:
+    """(..., 2) barycentric weights of the corners 0 and 1 -> (..., 3), those of all."""
+    return np.concatenate([first_two, 1 - first_two.sum(-1, keepdims=True)], axis=-1)
+
+
 def barycentric(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(..., 3) f64 weights of the corners of (..., 3, 3) triangles at the projections of (..., 3) points.
 

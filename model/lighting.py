@@ -44,7 +44,7 @@ class MeanLobes:
 
     def add(self, lobes: Lobes, guides: Guides) -> None:
         """`lobes` of one view with its own `guides`."""
-        colors = np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
+        colors = _lobe_colors(guides)
         light = {"added": lobes.radiance - (0 if lobes.traced is None else lobes.traced)}
         light |= {name: x * colors for name, x in (("direct", lobes.direct), ("indirect", lobes.indirect))
                   if x is not None}
@@ -54,7 +54,7 @@ class MeanLobes:
     def under(self, guides: Guides) -> Lobes:
         """The mean, with the colours and the traced light of `guides`, which are those of the whole picture."""
         mean = {name: x / self._count for name, x in self._sums.items()}
-        colors = np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
+        colors = _lobe_colors(guides)
         lobes = {name: x / np.maximum(colors, FAINT) for name, x in mean.items() if name != "added"}
         return Lobes(mean["added"] + (0 if guides.traced is None else guides.traced), guides.traced, **lobes)
 
@@ -99,9 +99,14 @@ def _picture(light: dict[str, np.ndarray], colors: dict[str, np.ndarray]) -> np.
     return sum(light[name] * colors.get(name, 1) for name in light)
 
 
+def _lobe_colors(guides: Guides) -> np.ndarray:
+    """(3, H, W, 3) of LOBES."""
+    return np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
+
+
 def _colors(guides: Guides) -> dict[str, np.ndarray]:
     """What each light pass is multiplied with, if anything is."""
-    colors = zip(LOBES, (guides.diffuse_color, guides.glossy_color, guides.transmission_color), strict=True)
+    colors = zip(LOBES, _lobe_colors(guides), strict=True)
     return {f"{lobe}_{part}": color for lobe, color in colors for part in ("direct", "indirect")}
 
 

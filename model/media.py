@@ -12,10 +12,9 @@ import numpy as np
 
 from .camera import view_rays
 from .geometry import rotation_matrix
-from .scene import Guides, View, Volumes
+from .scene import CELLS, Guides, View, Volumes
 
 RADIUS = 4           # pixels, of the square that is averaged
-CELLS = 8            # along a side of a medium's box
 CLEAR = 0.1          # transmittance below which the background behind a medium is averaged too
 COLORS = ("diffuse_color", "glossy_color", "transmission_color")
 PASSES = (*COLORS, "environment")  # of the guides, those that `smoothed` changes besides alpha

@@ -44,6 +44,7 @@ METALLIC, ROUGHNESS, IOR, TRANSMISSION, HEIGHT = map(
     TILE.index, ("metallic", "roughness", "ior", "transmission", "height"))
 
 ENVIRONMENT_SHAPE = (256, 512, 3)
+CELLS, VOXELS = 8, 4  # of a volume's box along each axis, and of a cell
 
 
 @dataclass

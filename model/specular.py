@@ -83,9 +83,9 @@ def facing(normal: np.ndarray, ray: np.ndarray) -> np.ndarray:
     return np.where((normal * ray).sum(-1, keepdims=True) > 0, -normal, normal)
 
 
-def reflected(ray: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Unit rays (P, 3), mirrored at unit normals (P, 3)."""
-    return ray - 2 * (ray * normal).sum(-1, keepdims=True) * normal
+def reflected(ray, normal):
+    """Unit rays (..., 3), arrays or tensors, mirrored at unit normals (..., 3)."""
+    return ray - 2 * (ray * normal).sum(-1)[..., None] * normal
 
 
 def refracted(ray: np.ndarray, normal: np.ndarray, ior: np.ndarray, inside: np.ndarray) -> np.ndarray:

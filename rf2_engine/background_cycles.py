@@ -64,11 +64,8 @@ def run(engine: bpy.types.RenderEngine, job: Job, wanted: list[pass_table.Pass])
     Raises RenderCancelled after Esc, and then ends that Blender; SceneError when it cannot be started or fails.
     """
     with tempfile.TemporaryDirectory(prefix="renderformer-v2-") as folder:
-        copy, request, answer = (Path(folder) / name for name in ("scene.blend", "job.json", "passes.exr"))
-        scene = bpy.data.scenes[job.scene]
-        main_thread.call(lambda: bpy.data.libraries.write(str(copy), {scene}, path_remap="ABSOLUTE"))
-        request.write_text(json.dumps(vars(job)))
-        _wait(started(WORKER, str(copy), str(request), str(answer)))
+        answer = Path(folder) / "passes.exr"
+        _wait(started(WORKER, *written(folder, bpy.data.scenes[job.scene], vars(job)), str(answer)))
         try:
             file = exr.read(answer)
         except (OSError, ValueError) as error:
@@ -76,6 +73,14 @@ def run(engine: bpy.types.RenderEngine, job: Job, wanted: list[pass_table.Pass])
     _stamp_cryptomatte(engine, file.metadata)
     return {p.key: _pixels(file.passes[job.layer, p.blender_name], p.channels)
             for p in wanted if (job.layer, p.blender_name) in file.passes}
+
+
+def written(folder: str, scene: bpy.types.Scene, job: dict) -> tuple[str, str]:
+    """Paths, in this folder, of a copy of the scene and of the job as JSON."""
+    copy, request = (Path(folder) / name for name in ("scene.blend", "job.json"))
+    main_thread.call(lambda: bpy.data.libraries.write(str(copy), {scene}, path_remap="ABSOLUTE"))
+    request.write_text(json.dumps(job))
+    return str(copy), str(request)
 
 
 def started(worker: Path, *arguments: str, stdin: int = subprocess.DEVNULL) -> subprocess.Popen:

@@ -9,6 +9,8 @@ It sees nothing of the add-on but the module beside it.
 import json
 import os
 import sys
+import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -64,21 +66,25 @@ def choose_devices(kind: str, devices: list[str]) -> None:
             device.use = device.id in devices
 
 
+def run(program: Callable[[], None]) -> None:
+    """Run a program to its end; the bpy module does not come back from this."""
+    status = 1
+    try:
+        program()
+        status = 0
+    finally:
+        if not bpy.app.binary_path:  # the exit handlers of the bpy module can hang
+            if status:
+                traceback.print_exc()
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+
+
 def _tell(status=None, *_) -> None:
     if isinstance(status, str):  # before Blender 5 it prints the status itself
         print(status, flush=True)
 
 
 if __name__ == "__main__":
-    status = 1
-    try:
-        main()
-        status = 0
-    finally:
-        if not bpy.app.binary_path:  # the exit handlers of the bpy module can hang
-            if status:
-                import traceback
-                traceback.print_exc()
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(status)
+    run(main)

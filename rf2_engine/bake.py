@@ -18,7 +18,7 @@ import numpy as np
 from ..model import progress
 from ..model.errors import RenderCancelled, SceneError
 from ..model.scene import TILE_SIZE
-from . import background_cycles, main_thread
+from . import background_cycles
 
 INTERVAL = 0.1  # seconds between two looks at the Esc key
 WORKER = Path(__file__).with_name("bake_worker.py")
@@ -89,10 +89,8 @@ class Baker:
 
     def _start(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="renderformer-v2-")
-        copy, settings = (Path(self._folder.name) / file for file in ("scene.blend", "job.json"))
-        main_thread.call(lambda: bpy.data.libraries.write(str(copy), {self._scene}, path_remap="ABSOLUTE"))
-        settings.write_text(json.dumps(self._settings))
-        self._process = background_cycles.started(WORKER, str(copy), str(settings), stdin=subprocess.PIPE)
+        files = background_cycles.written(self._folder.name, self._scene, self._settings)
+        self._process = background_cycles.started(WORKER, *files, stdin=subprocess.PIPE)
         threading.Thread(target=self._read, daemon=True).start()
         self._wait_for("ready")
 

@@ -7,7 +7,6 @@
 Each line of standard input is a request, a JSON object; what is baked is saved as `answer`, and "baked" printed.
 """
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -17,7 +16,7 @@ import numpy as np
 import mathutils
 
 sys.path.append(str(Path(__file__).parent))
-from background_worker import choose_devices  # noqa: E402  it lies beside this file
+from background_worker import choose_devices, run  # noqa: E402  it lies beside this file
 
 SCALE, OFFSET = 0.25, 0.5  # of values as emission, so that none is negative, and 0 is what was not baked
 REACH = 0.01               # of the size of the triangles: how far away their surface is looked for
@@ -125,15 +124,4 @@ def _shine(tree, groups, node_name: str, output: int) -> None:
 
 
 if __name__ == "__main__":
-    status = 1
-    try:
-        main()
-        status = 0
-    finally:
-        if not bpy.app.binary_path:  # the exit handlers of the bpy module can hang
-            if status:
-                import traceback
-                traceback.print_exc()
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(status)
+    run(main)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..model.camera import view_rays_at
+from ..model.geometry import corner_weights
 from ..model.progress import report
 from ..model.scene import IOR, Guides, RenderScene, View
 from ..model.specular import facing, follow, reflected, refracted, surface
@@ -48,8 +49,7 @@ def with_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
 def hit_points(scene: RenderScene, guides: Guides, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """(S, 3) places of pixels on the token triangles: from beside simplified ones a path would pass them once more."""
-    weights = guides.hit_barycentric[rows, columns]
-    weights = np.concatenate([weights, 1 - weights.sum(-1, keepdims=True)], axis=-1)
+    weights = corner_weights(guides.hit_barycentric[rows, columns])
     return np.einsum("sk,skc->sc", weights, scene.triangles[guides.hit_triangle[rows, columns]])
 
 

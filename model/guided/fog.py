@@ -7,12 +7,10 @@ import torch
 from torch import Tensor
 
 from ..geometry import rotation_matrix
-from ..scene import Volumes
+from ..scene import CELLS, VOXELS, Volumes
 
 SIDE = 32          # cells along the grid
 STEPS = 6          # places on a way that are looked at
-VOXELS = 4         # along a token's cell
-CELLS = 8          # along a volume's box
 REACH = 2.0        # network units from the centre, along each axis, within which volumes count
 SCATTERED = 0.85   # share of the scattered light that does not arrive
 
@@ -35,13 +33,6 @@ class Fog:
         """(...) share of the light that gets from points (..., 3) to points (..., 3)."""
         way = end - begin
         return (-self._mean(begin, way) * way.norm(dim=-1)).exp()
-
-    def around(self, points: Tensor, others: Tensor) -> Tensor:
-        """(P, 1) mean extinction per network unit on the ways from points (P, 3) to others (S, 3)."""
-        way = others - points[:, None]
-        length = way.norm(dim=-1)
-        depth = self._mean(points[:, None], way) * length
-        return depth.sum(1, keepdim=True) / length.sum(1, keepdim=True).clamp_min(1e-6)
 
     def _mean(self, begin: Tensor, way: Tensor) -> Tensor:
         """(...) mean extinction between points (..., 3) and points + way."""

@@ -16,6 +16,7 @@ from ..network.inputs import TensorGroup
 from ..network.memory import like
 from ..progress import part
 from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
+from ..specular import reflected as reflected_ray
 from .light_prior import LightPrior
 from .probes import gathered
 from .radiosity import Radiosity
@@ -124,7 +125,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     near = contracted(position)
     bundles = bundle_positions(near, alpha, rays, origin, patch)
     offset = (near - bundles.repeat_interleave(patch, 0).repeat_interleave(patch, 1)) * OFFSET_SCALE * (alpha > 0)
-    mirrored = rays - 2 * (rays * normal).sum(-1, keepdim=True) * normal
+    mirrored = reflected_ray(rays, normal)
     features = torch.cat([offset, normal, colors, roughness[..., None], alpha, _log(light), mirrored, _log(bounced),
                           _log(traced), hinted, _log(reflected), _log(refracted)], -1)
     return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3),

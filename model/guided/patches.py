@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..geometry import area_vectors, contracted
+from ..geometry import area_vectors, contracted, quartered
 from ..network.ordering import hilbert_order
 from ..scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene
 from .blocking import is_solid, passes_light
@@ -40,8 +40,9 @@ def patches(scene: RenderScene) -> Patches:
     albedo = _albedo(scene)[scene.tile_index[rows]][source]
     center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
     tint = scene.tiles[:, BASE_COLOR].mean(axis=(2, 3), dtype=np.float32)[scene.tile_index]
-    solid = is_solid(scene) & ~passes_light(scene)
-    kinds = (kind[rows][source] for kind in (solid, passes_light(scene) & ~passes_light(scene, straight=True), tint))
+    passing = passes_light(scene)
+    glass = passing & ~passes_light(scene, straight=True)
+    kinds = (kind[rows][source] for kind in (is_solid(scene) & ~passing, glass, tint))
     return Patches(*_merged(center, vector, albedo), *map(torch.from_numpy, (corners, *kinds)))
 
 
@@ -66,9 +67,7 @@ def _split(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         size = _apparent_size(corners.mean(axis=1), np.linalg.norm(area_vectors(corners), axis=1))
         order = np.argsort(-size, kind="stable")
         large, rest = np.split(order, [min(room, AT_ONCE, np.count_nonzero(size > size.max() / 4))])
-        middle = (corners[large] + np.roll(corners[large], -1, axis=1)) / 2
-        outer = [np.stack([corners[large, i], middle[:, i], middle[:, i - 1]], axis=1) for i in range(3)]
-        corners = np.concatenate([corners[rest], *outer, middle])
+        corners = np.concatenate([corners[rest], quartered(corners[large])])
         source = np.concatenate([source[rest], np.tile(source[large], 4)])
     return corners, source
 

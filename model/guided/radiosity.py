@@ -2,8 +2,8 @@
 """Light that has bounced between the token triangles, gathered by rays that know what stands in between.
 
 Radiosity (Goral et al. 1984) between patches whose form factors are counted by rays, as is what arrives at a point
-(Reichert 1992, "A two-pass radiosity method"). What shines on the patches first is the light prior's. Only what lies
-behind glass, where that cannot reach, is looked for by the same rays: sky and shining surfaces.
+(Reichert 1992, "A two-pass radiosity method"). What shines on the patches first is the light prior's. Only the sky
+behind glass, where that cannot reach, is looked for by the same rays.
 """
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Surroundings:
 
     side: Tensor     # (P, R) row of `Radiosity.leaving`, or the one behind
     passing: Tensor  # (P, R) share of the light that volumes let pass
-    through: Tensor  # (P, 3) mean radiance of lights behind glass
+    through: Tensor  # (P, 3) mean radiance of the sky behind glass
 
 
 class Radiosity:

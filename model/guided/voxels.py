@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ..geometry import quartered
 from ..progress import report
 from .shadow_maps import surface_points
 
@@ -111,10 +112,7 @@ def _near(triangles: Tensor, half: float) -> tuple[Tensor, Tensor]:
         large = size > half
         if not large.any():
             break
-        split = triangles[large]
-        middle = (split + split.roll(-1, 1)) / 2
-        outer = [torch.stack([split[:, i], middle[:, i], middle[:, i - 1]], 1) for i in range(3)]
-        triangles = torch.cat([triangles[~large], *outer, middle])
+        triangles = torch.cat([triangles[~large], quartered(triangles[large])])
         source = torch.cat([source[~large], source[large].repeat(4)])
     return triangles, source
 

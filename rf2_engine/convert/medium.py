@@ -10,11 +10,9 @@ import numpy as np
 
 from ...model import progress
 from ...model.geometry import euler_angles
-from ...model.scene import Volumes
+from ...model.scene import CELLS, VOXELS, Volumes
 
 MAX_CELLS = 1024          # what the published networks were trained with (docs/scene-input.md 2.4)
-CELLS = 8                 # cells per axis of a box
-VOXELS = 4                # voxels per axis of a cell
 # A cell is dropped whose densest voxel is not above this fraction of the box's maximum, and whose optical depth is not
 # above this either, unless there is no room for such cells.
 OCCUPIED, CLEAR = 0.02, 0.004

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.scene import CELLS, VOXELS
 from .. import compat
 from .grids import Grid
-from .medium import CELLS, VOXELS
 
 NUMBERS, COLORS = {"FLOAT", "DOUBLE", "INT", "INT64"}, {"VECTOR_FLOAT", "VECTOR_DOUBLE"}
 

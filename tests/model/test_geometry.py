@@ -2,14 +2,17 @@
 """Triangles, rotations and panoramas agree with themselves and with simple cases."""
 import numpy as np
 import pytest
+import torch
 
 from renderformer_v2.model.geometry import (
     area_vectors,
     barycentric,
     contracted,
+    corner_weights,
     euler_angles,
     latlong_directions,
     latlong_uv,
+    quartered,
     rotation_matrix,
 )
 
@@ -24,6 +27,21 @@ def test_barycentric_weights_rebuild_points_of_the_plane_inside_and_outside():
     weights /= weights.sum(-1, keepdims=True)
     points = np.einsum("nk,nkx->nx", weights, triangles)
     np.testing.assert_allclose(barycentric(triangles, points), weights, atol=1e-6, rtol=1e-6)
+
+
+def test_the_weights_of_two_corners_leave_the_rest_to_the_third():
+    weights = np.random.default_rng(2).random((4, 5, 3))
+    weights /= weights.sum(-1, keepdims=True)
+    np.testing.assert_allclose(corner_weights(weights[..., :2]), weights)
+
+
+@pytest.mark.parametrize("kind", [np.asarray, torch.as_tensor])
+def test_quarters_of_triangles_fill_them_and_face_the_same_way(kind):
+    triangles = np.random.default_rng(3).normal(size=(5, 3, 3))
+    quarters = np.asarray(quartered(kind(triangles))).reshape(4, 5, 3, 3)
+    np.testing.assert_allclose(area_vectors(quarters), np.tile(area_vectors(triangles) / 4, (4, 1, 1)))
+    np.testing.assert_allclose(quarters[:3, :, 0].swapaxes(0, 1), triangles)
+    np.testing.assert_allclose(quarters[3].mean(1), triangles.mean(1))
 
 
 def test_a_triangle_without_area_shares_equally():
