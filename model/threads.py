@@ -8,7 +8,11 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
+
+from .progress import report
 
 # For GNU's and LLVM's library, and for Intel's.
 _SLEEP = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
@@ -47,6 +51,36 @@ def team(count: int = 0):
     finally:
         if count:
             torch.set_num_threads(before)
+
+
+def shared(function: Callable, *tensors: Sequence) -> list:
+    """[function(*row) for row in zip(*tensors)], the rows shared between the threads of this one's team.
+
+    For long rows of small operations, which PyTorch's own threads would share one by one or not at all. A GPU works on
+    one row after the other, as do gradients. What is reported is how many rows are done.
+    """
+    import torch
+    rows, workers = list(zip(*tensors, strict=True)), torch.get_num_threads()
+    if workers == 1 or len(rows) < 2 or torch.is_grad_enabled() or rows[0][0].is_cuda:
+        return [function(*row) for row in _reported(rows)]
+    inference = torch.is_inference_mode_enabled()
+
+    def one(row: tuple):
+        with torch.inference_mode(inference), torch.no_grad():  # each thread's own, and the former sets the latter
+            return function(*row)
+
+    with ThreadPoolExecutor(workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        try:
+            return [result.result() for result in _reported([pool.submit(one, row) for row in rows])]
+        finally:
+            pool.shutdown(cancel_futures=True)
+            torch.set_num_threads(workers)  # for threads to come: a new one has as many as the last was given
+
+
+def _reported(items: list) -> Iterator:
+    for i, item in enumerate(items):
+        report(i / len(items))
+        yield item
 
 
 @contextmanager

@@ -2,17 +2,34 @@
 """Rays against token triangles, by Blender's BVH."""
 from __future__ import annotations
 
+import gc
+from contextlib import contextmanager
+
 import numpy as np
 
 from mathutils.bvhtree import BVHTree
 
 
+@contextmanager
+def _uncollected():
+    """Inside, Python looks for no garbage. Long lists make it do so, and with PyTorch loaded it takes 0.15 s a time."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+@_uncollected()
 def tree_of(triangles: np.ndarray) -> BVHTree:
     """Of (N, 3, 3) corners."""
     corners = triangles.reshape(-1, 3)
     return BVHTree.FromPolygons(corners.tolist(), np.arange(len(corners)).reshape(-1, 3).tolist(), all_triangles=True)
 
 
+@_uncollected()
 def cast(tree: BVHTree, origins: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Nearest triangle (S,) i32, -1 if none, and distance (S,) f32 for unit rays (S, 3) from (3,) or (S, 3)."""
     find = tree.ray_cast

@@ -60,7 +60,6 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     packages.require()
     cycles_session.require()
     threads.sleep_while_waiting()
-    model_cache.begin_import()
     settings = FrameSettings.of(depsgraph.scene_eval, depsgraph.view_layer_eval)
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
     frame.check(depsgraph, settings, report)
@@ -79,6 +78,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     renderer = None
     if has_content and settings.weights != BUNDLED:  # wrong weights are found before Cycles has worked for nothing
         renderer = _load(status, settings)
+    model_cache.begin_import()  # while Cycles works, which leaves Python alone
     with output.unless_stopped(engine, layer) as passes:
         with status.stage("First hits", share=1 / 2 if optics else 1):
             opacity, catch = job.opacity(view), job.catch()

@@ -14,8 +14,9 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..geometry import contracted
-from ..progress import report
+from ..progress import part
 from ..scene import RenderScene
+from ..threads import shared
 from .blocking import is_solid, passes_light
 from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
@@ -44,9 +45,12 @@ class LightPrior:
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
         blocking = as_tensor(scene.triangles[is_solid(scene) & ~scene.is_light & ~passes_light(scene, straight=True)])
         self.fog = fog_of(scene.volumes, device)
-        self.sky = None if self.environment is None else SkyVisibility(blocking, self.environment, self.fog)
-        towards = F.normalize(self.origins[self.distant], dim=-1)
-        self.shadows = LampShadows(blocking, self.origins[~self.distant]), DistantShadows(blocking, towards)
+        with part(0.0, 0.6):
+            self.sky = None if self.environment is None else SkyVisibility(blocking, self.environment, self.fog)
+        with part(0.6, 0.9):
+            near = LampShadows(blocking, self.origins[~self.distant])
+        with part(0.9, 1.0):
+            self.shadows = near, DistantShadows(blocking, F.normalize(self.origins[self.distant], dim=-1))
 
     def arriving(self, position: Tensor, normal: Tensor) -> Tensor:
         """Shares of diffuse light that arrive past the scene's triangles and through its volumes.
@@ -56,17 +60,18 @@ class LightPrior:
         position, normal (unit): (P, 3).
         """
         sky = torch.ones_like(position) if self.sky is None else self.sky(position, normal)
-        parts = [torch.ones_like(position[:0])]
-        for x, n in zip(position.split(CHUNK), normal.split(CHUNK), strict=True):
-            seen = x.new_ones(len(x), len(self.origins))
-            for which, shadows in zip((~self.distant, self.distant), self.shadows, strict=True):
-                seen[:, which] = shadows(x, n).to(x.dtype)
-            if self.fog is not None:
-                seen *= self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
-            direction, sine2, beam = self._beams(x)
-            light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
-            parts.append(((light * seen) @ self.radiance) / (light @ self.radiance).clamp_min(1e-12))
-        return torch.cat([sky, torch.cat(parts)], 1)
+        return torch.cat([sky, torch.cat(shared(self._unshaded, position.split(CHUNK), normal.split(CHUNK)))], 1)
+
+    def _unshaded(self, x: Tensor, n: Tensor) -> Tensor:
+        """(P, 3) share of the emitters' diffuse light that arrives."""
+        seen = x.new_ones(len(x), len(self.origins))
+        for which, shadows in zip((~self.distant, self.distant), self.shadows, strict=True):
+            seen[:, which] = shadows(x, n).to(x.dtype)
+        if self.fog is not None:
+            seen *= self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
+        direction, sine2, beam = self._beams(x)
+        light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
+        return ((light * seen) @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
 
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
                  arriving: Tensor | None = None) -> Tensor:
@@ -78,13 +83,10 @@ class LightPrior:
         Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none.
         """
         shares = torch.ones_like(roughness[:, None]).expand(-1, 6) if arriving is None else arriving
-        parts = []
-        for points in zip(*(x.split(CHUNK) for x in (position, normal, outgoing, roughness, shares))):
-            report(len(parts) * CHUNK / max(len(position), 1))
-            parts.append(self._chunk(*points))
-        return torch.cat(parts) if parts else position.new_zeros(0, 9)
+        return torch.cat(shared(self._leaving, *(x.split(CHUNK) for x in (position, normal, outgoing, roughness,
+                                                                          shares))))
 
-    def _chunk(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, arriving: Tensor) -> Tensor:
+    def _leaving(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, arriving: Tensor) -> Tensor:
         valid = (n.square().sum(-1, keepdim=True) > 0.25).float()
         sky, lamps = arriving.split(3, 1)
         diffuse, glossy = self._emitters(x, n, v, roughness)

@@ -50,12 +50,15 @@ class Radiosity:
         self.normal = F.normalize(vector, dim=-1)
         # Where nothing is met, and where emitters are, whose light is no bounced one, is the row behind all patches.
         self.patch = F.pad(found.patch[found.solid], (0, len(shining) + 1), value=len(center)).to(device)
-        self.voxels = Voxels(torch.cat([found.corners[found.solid], shining]).to(device))
+        with part(0.0, 0.1):
+            self.voxels = Voxels(torch.cat([found.corners[found.solid], shining]).to(device))
         self.fog, self.environment, self.panes = prior.fog, prior.environment, None
         if found.glass.any() and self.environment is not None:
-            self.panes, self.tint = Voxels(found.corners[found.glass].to(device)), found.tint[found.glass].to(device)
+            with part(0.1, 0.2):
+                self.panes = Voxels(found.corners[found.glass].to(device))
+            self.tint = found.tint[found.glass].to(device)
         x, n, albedo = torch.cat([center] * 2), torch.cat([self.normal, -self.normal]), torch.cat([albedo] * 2)
-        with part(0.0, 0.4):
+        with part(0.2, 0.4):
             arriving = prior.arriving(x, n)
         with part(0.4, 0.5):
             first = albedo * prior(x + ABOVE * n, n, n, torch.ones_like(x[:, 0]), arriving)[:, :3]

@@ -6,12 +6,13 @@ A map keeps, cell by cell, how far from the light the nearest of many points lie
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..progress import report
+from ..threads import shared
 
 SIDE = 128        # cells along a map
 DENSITY = 3.0     # points per cell of a surface that faces a distant light
@@ -32,11 +33,14 @@ class ShadowMaps:
         self.lights, self.center, self.radius = lights, (low + high) / 2, max((high - low).norm().item() / 2, 1e-6)
         points, _ = surface_points(triangles, (2 * self.radius / SIDE) ** 2 / DENSITY, POINTS // max(len(lights), 1))
         points = points[(points - self.center).norm(dim=-1) <= self.radius]
-        self.nearest = torch.full((len(lights), SIDE * SIDE), math.inf, device=triangles.device)
-        for k in range(len(lights)):
-            report(k / len(lights))
-            cell, distance = self.project(points[:, None], slice(k, k + 1))
-            self.nearest[k].scatter_reduce_(0, cell[:, 0], distance[:, 0], "amin")
+        rows = torch.arange(len(lights), device=lights.device).split(1)
+        self.nearest = torch.cat(shared(partial(self._drawn, points[:, None]), rows))
+
+    def _drawn(self, points: Tensor, which: Tensor) -> Tensor:
+        """(L, SIDE^2) distance to the nearest of points (P, 1, 3) in the cells of some lights' maps."""
+        cell, distance = self.project(points, which)
+        nearest = torch.full((len(which), SIDE * SIDE), math.inf, device=points.device)
+        return nearest.scatter_reduce_(1, cell.T, distance.T, "amin")
 
     def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
         """(P, L) bool, which lights see the points (P, 3) of surfaces with unit normals (P, 3)."""
@@ -45,7 +49,7 @@ class ShadowMaps:
         cell, distance = self.project(lifted, slice(None))
         return distance <= self.nearest.T.gather(0, cell)
 
-    def project(self, points: Tensor, which: slice) -> tuple[Tensor, Tensor]:
+    def project(self, points: Tensor, which: slice | Tensor) -> tuple[Tensor, Tensor]:
         """Cells and distances (P, L) of points (P, 1 or L, 3) in the maps of some lights."""
         raise NotImplementedError
 
@@ -57,7 +61,7 @@ class ShadowMaps:
 class DistantShadows(ShadowMaps):
     """Of lights infinitely far away in unit directions (L, 3)."""
 
-    def project(self, points: Tensor, which: slice) -> tuple[Tensor, Tensor]:
+    def project(self, points: Tensor, which: slice | Tensor) -> tuple[Tensor, Tensor]:
         towards = self.lights[which]
         aside = F.normalize(torch.linalg.cross(towards, towards.roll(1, dims=-1)), dim=-1)
         offset = (points - self.center) / self.radius
@@ -73,7 +77,7 @@ class DistantShadows(ShadowMaps):
 class LampShadows(ShadowMaps):
     """Of lights at points (L, 3), which look around in octahedral maps."""
 
-    def project(self, points: Tensor, which: slice) -> tuple[Tensor, Tensor]:
+    def project(self, points: Tensor, which: slice | Tensor) -> tuple[Tensor, Tensor]:
         offset = points - self.lights[which]
         x, y, z = (offset / offset.abs().sum(-1, keepdim=True).clamp_min(1e-12)).unbind(-1)
         right = torch.where(z < 0, torch.copysign(1 - y.abs(), x), x)

@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..geometry import quartered
-from ..progress import report
+from ..threads import shared
 from .shadow_maps import surface_points
 
 SIDE = 64                       # voxels along a grid
@@ -24,7 +24,7 @@ LEAP = 6                        # voxels, at most
 STEP = 0.7                      # voxels, at least
 NEAR = 0.6                      # voxels: what a ray meets before is the surface that it leaves
 STEPS = 96                      # of a ray, at most
-CHUNK = 1 << 16                 # rays at a time
+CHUNK = 1 << 15                 # rays at a time
 DONE = 1e4                      # where rays wait whose walk is over, network units
 TOGETHER = 4                    # steps between two looks at which rays go on
 
@@ -37,18 +37,13 @@ class Voxels:
         self.normal = F.normalize(torch.linalg.cross(*(triangles[:, 1:] - triangles[:, :1]).unbind(1)), dim=-1)
         self.radius = (triangles - self.center[:, None]).norm(dim=-1).amax(1)
         self.pitch = triangles.new_tensor(HALVES) * (2 / SIDE)
-        self.triangle = torch.cat([self._filled(triangles, half) for half in HALVES])
-        self.leap = torch.cat([_distance(grid == -1) for grid in self.triangle.view(-1, SIDE, SIDE, SIDE)])
+        self.triangle = torch.cat(shared(self._filled, [triangles] * len(HALVES), HALVES))
+        self.leap = _distance(self.triangle.view(-1, SIDE, SIDE, SIDE) == -1).view(-1)
 
     def __call__(self, origin: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
         """Triangle (P,), -1 if none, and distance (P,) met from points (P, 3) along unit directions (P, 3)."""
-        found = torch.full(origin.shape[:1], -1, device=origin.device)
-        distance = torch.zeros_like(origin[:, 0])
-        for begin in range(0, len(origin), CHUNK):
-            report(begin / len(origin))
-            rays = slice(begin, begin + CHUNK)
-            found[rays], distance[rays] = self._walk(origin[rays], direction[rays])
-        return found, distance
+        found, distance = zip(*shared(self._walk, origin.split(CHUNK), direction.split(CHUNK)))
+        return torch.cat(found), torch.cat(distance)
 
     def _walk(self, origin: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
         found = torch.full(origin.shape[:1], -1, device=origin.device)
@@ -118,11 +113,13 @@ def _near(triangles: Tensor, half: float) -> tuple[Tensor, Tensor]:
 
 
 def _distance(empty: Tensor) -> Tensor:
-    """(SIDE^3,) f32 voxels along an axis, at most LEAP, to the next that is not empty or outside the (S, S, S) grid."""
+    """(G, S, S, S) f32 voxels along an axis, at most LEAP, to the next of its grid that is full or outside."""
     distance = torch.zeros_like(empty, dtype=torch.float32)
-    reached = F.pad((~empty).float()[None, None], (1,) * 6, value=1.0)
+    reached = F.pad(~empty, (1,) * 6, value=True)
     for _ in range(LEAP):
-        distance += 1 - reached[0, 0, 1:-1, 1:-1, 1:-1]
-        for side in ((3, 1, 1), (1, 3, 1), (1, 1, 3)):
-            reached = F.max_pool3d(reached, side, stride=1, padding=[n // 2 for n in side])
-    return distance.reshape(-1)
+        distance += ~reached[:, 1:-1, 1:-1, 1:-1]
+        for axis in (1, 2, 3):
+            before, length = reached.clone(), reached.shape[axis] - 1
+            for to, source in ((0, 1), (1, 0)):
+                reached.narrow(axis, to, length).logical_or_(before.narrow(axis, source, length))
+    return distance

@@ -1,11 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many threads compute, and that they sleep while they wait: each case in a process that loads PyTorch anew."""
+"""How many threads compute and what they share; and that they sleep while they wait, in processes that load PyTorch."""
 import os
 import subprocess
 import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+import torch
+
+from renderformer_v2.model import progress
+from renderformer_v2.model.errors import RenderCancelled
+from renderformer_v2.model.threads import shared, team
 
 ROOT = Path(__file__).parents[2]
 POLICY = ("OMP_WAIT_POLICY", "KMP_BLOCKTIME", "GOMP_SPINCOUNT")
@@ -86,3 +94,53 @@ print(inside, torch.get_num_threads() == before)
 
 def test_the_number_of_threads_holds_inside_and_is_put_back():
     assert run(COUNT) == ["3", "True"]
+
+
+@pytest.fixture
+def two_threads():
+    with team(2), torch.no_grad():
+        yield
+
+
+def test_shared_rows_come_back_in_order_and_the_team_is_as_before(two_threads):
+    met, said = threading.Barrier(2, timeout=10), []
+
+    def product(a, b):
+        met.wait()  # both at the same time
+        return a * b, torch.get_num_threads(), torch.is_grad_enabled()
+
+    with progress.reporting(lambda text, fraction: said.append(fraction)):
+        done = shared(product, torch.arange(6.0).split(1), torch.full((6,), 2.0).split(1))
+    assert [(value.item(), *rest) for value, *rest in done] == [(2.0 * i, 1, False) for i in range(6)]
+    assert said == pytest.approx([i / 6 for i in range(6)])
+    assert torch.get_num_threads() == 2
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(torch.get_num_threads).result() == 2
+
+
+def test_gradients_pass_through_rows_that_are_then_not_shared():
+    x = torch.ones(4, requires_grad=True)
+    with team(2), torch.enable_grad():
+        torch.cat(shared(lambda row: row * row, x.split(1))).sum().backward()
+    assert x.grad.tolist() == [2.0] * 4
+
+
+def test_esc_ends_the_rows_that_have_not_begun(two_threads):
+    begun = []
+
+    def escape(text, fraction):
+        if fraction:
+            raise RenderCancelled
+
+    def slow(row):
+        begun.append(row)
+        time.sleep(0.05)
+
+    with pytest.raises(RenderCancelled), progress.reporting(escape):
+        shared(slow, torch.arange(100).split(1))
+    assert len(begun) < 10
+
+
+def test_what_a_shared_row_raises_comes_out(two_threads):
+    with pytest.raises(ZeroDivisionError):
+        shared(lambda row: 1 / int(row), torch.arange(3).split(1))
