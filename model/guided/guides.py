@@ -2,7 +2,9 @@
 """Guides of a view as tensors: what the guided preset knows about every pixel before the transformer runs."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -18,7 +20,7 @@ from ..progress import part
 from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
 from ..specular import reflected as reflected_ray
 from .light_prior import LightPrior
-from .probes import gathered
+from .probes import gathered, grid_of
 from .radiosity import Radiosity
 
 FEATURES = Channels(
@@ -104,21 +106,22 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
+    probed = partial(gathered, grid=grid_of(view.longer_side))
     with part(0.0, 0.2):
-        arriving = gathered(prior.arriving, position, normal, alpha > 0)
+        arriving = probed(prior.arriving, position, normal, alpha > 0)
     with part(0.2, 0.4):
         light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
                       arriving.reshape(h * w, 6))
         light = light.reshape(h, w, 9) * (alpha > 0)
     with part(0.4, 0.7):
-        bounced = gathered(radiosity, position, normal, alpha > 0, noisy=True)
+        bounced = probed(radiosity, position, normal, alpha > 0, noisy=True)
     with part(0.7, 0.8):
         through = tensor(guides.transmission_color).amax(-1, keepdim=True) > 0
-        behind = gathered(radiosity, position, -normal, through, noisy=True)
+        behind = probed(radiosity, position, -normal, through, noisy=True)
     with part(0.8, 0.9):
-        reflected = _seen_light(radiosity, guides, "reflected", tensor)
+        reflected = _seen_light(partial(probed, radiosity, noisy=True), guides, "reflected", tensor)
     with part(0.9, 1.0):
-        refracted = _seen_light(radiosity, guides, "refracted", tensor)
+        refracted = _seen_light(partial(probed, radiosity, noisy=True), guides, "refracted", tensor)
     hinted = torch.full_like(alpha, guides.traced is not None)
     traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
@@ -132,14 +135,13 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
                  torch.stack([bounced, behind, reflected, refracted, traced]))
 
 
-def _seen_light(radiosity: Radiosity, guides: Guides, name: str, tensor) -> Tensor:
+def _seen_light(bounced: Callable, guides: Guides, name: str, tensor) -> Tensor:
     """(h, W, 3) radiance of the surfaces that the paths of this `name` end at."""
     parts = [getattr(guides, f"{name}_{kind}") for kind in ("position", "normal", "color")]
     if parts[0] is None:
-        return torch.zeros(*guides.alpha.shape, 3, device=radiosity.normal.device)
+        return tensor(np.zeros_like(guides.position))
     position, normal, color = map(tensor, parts)
-    return gathered(radiosity, position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0,
-                    noisy=True) * color
+    return bounced(position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0) * color
 
 
 def _log(radiance: Tensor) -> Tensor:

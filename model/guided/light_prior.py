@@ -20,6 +20,7 @@ from ..threads import shared
 from .blocking import is_solid, passes_light
 from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
+from .far import unblocked
 from .fog import fog_of
 from .shadow_maps import DistantShadows, LampShadows
 from .sky import SkyVisibility
@@ -45,12 +46,17 @@ class LightPrior:
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
         blocking = as_tensor(scene.triangles[is_solid(scene) & ~scene.is_light & ~passes_light(scene, straight=True)])
         self.fog = fog_of(scene.volumes, device)
-        with part(0.0, 0.6):
-            self.sky = None if self.environment is None else SkyVisibility(blocking, self.environment, self.fog)
+        solid, towards = as_tensor(scene.triangles[is_solid(scene) & ~passes_light(scene)]), self.origins[self.distant]
+        towards = F.normalize(towards, dim=-1)
+        with part(0.0, 0.1):
+            self.radiance = self.radiance.index_put((self.distant,), unblocked(solid, towards)[:, None] *
+                                                    self.radiance[self.distant])
+        with part(0.1, 0.6):
+            self.sky = None if self.environment is None else SkyVisibility(blocking, solid, self.environment, self.fog)
         with part(0.6, 0.9):
             near = LampShadows(blocking, self.origins[~self.distant])
         with part(0.9, 1.0):
-            self.shadows = near, DistantShadows(blocking, F.normalize(self.origins[self.distant], dim=-1))
+            self.shadows = near, DistantShadows(blocking, towards)
 
     def arriving(self, position: Tensor, normal: Tensor) -> Tensor:
         """Shares of diffuse light that arrive past the scene's triangles and through its volumes.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Smooth light at every pixel from what is gathered at every GRID-th one."""
+"""Smooth light at every pixel from what is gathered at some of them."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 GRID = 4          # pixels between two probes, which stand in the middle of their cells
+FINE = 2, 256     # the same in pictures smaller than so many pixels
 NEAR = 0.05       # network units off a pixel's plane at which a probe counts 1/e
 CLOSE = 0.06       # network units at which one of the probes that a probe becomes the mean of counts 1/e
 FACING = 8        # exponent of the cosine between the normals of pixel and probe
@@ -16,8 +17,14 @@ TENT = 3 / 8, 1 / 4, 1 / 16  # weights of the 5x5, by how far they are
 SPREADS = (1, 2)  # probes between those of which a probe takes the mean, 5x5 at a time
 
 
+def grid_of(picture_size: int) -> int:
+    """Pixels between two probes of a picture with this longer side."""
+    grid, below = FINE
+    return grid if picture_size < below else GRID
+
+
 def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal: Tensor, covered: Tensor,
-             noisy: bool = False) -> Tensor:
+             grid: int = GRID, noisy: bool = False) -> Tensor:
     """(h, w, C) of a `light` that knows (P, C) at points and normals (P, 3); position and normal (h, w, 3).
 
     0 where a pixel is not covered, of which (h, w, 1) tells.
@@ -27,7 +34,7 @@ def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal
     edge-avoiding wavelets that denoise traced light).
     """
     h, w = position.shape[:2]
-    place = [(torch.arange(GRID // 2, side, GRID, device=position.device) if side > GRID // 2
+    place = [(torch.arange(grid // 2, side, grid, device=position.device) if side > grid // 2
               else torch.zeros(1, dtype=torch.long, device=position.device)) for side in (h, w)]
     rows, columns = torch.meshgrid(*place, indexing="ij")
     x, n, valid = (a[rows, columns] for a in (position, normal, covered))
@@ -41,8 +48,8 @@ def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal
     total = weights = 0.0
     for down in (0, 1):
         for right in (0, 1):
-            i, y = _neighbour(h, len(place[0]), down, position.device)
-            j, z = _neighbour(w, len(place[1]), right, position.device)
+            i, y = _neighbour(h, len(place[0]), grid, down, position.device)
+            j, z = _neighbour(w, len(place[1]), grid, right, position.device)
             i, j = i[:, None].expand(h, w), j[None].expand(h, w)
             alike = _alike(x[i, j] - position, n[i, j], normal)
             weight = (y[:, None] * z[None])[..., None] * (alike + LEAST) * valid[i, j]
@@ -73,9 +80,9 @@ def _mean_around(found: Tensor, x: Tensor, n: Tensor, valid: Tensor, spread: int
     return torch.where(weights > 0, total / weights.clamp_min(1e-12), found)
 
 
-def _neighbour(side: int, count: int, further: int, device) -> tuple[Tensor, Tensor]:
+def _neighbour(side: int, count: int, grid: int, further: int, device) -> tuple[Tensor, Tensor]:
     """Index of the probe before or behind each pixel along an axis, and its linear weight."""
-    at = ((torch.arange(side, device=device) - GRID // 2) / GRID).clamp(0, count - 1)
+    at = ((torch.arange(side, device=device) - grid // 2) / grid).clamp(0, count - 1)
     low = at.floor().long().clamp(max=max(count - 2, 0))
     share = at - low
     return (low + further).clamp(max=count - 1), share if further else 1 - share

@@ -7,7 +7,9 @@ import math
 import torch
 from torch import Tensor
 
+from ..progress import part
 from .environment_prior import EnvironmentPrior
+from .far import unblocked
 from .fog import Fog
 from .shadow_maps import DistantShadows
 
@@ -18,18 +20,21 @@ CHUNK = 4096    # points at a time
 
 
 class SkyVisibility:
-    """Built from (T, 3, 3) corners of the triangles, and the volumes, that stand in the way."""
+    """Built from (T, 3, 3) corners of the triangles, `near` and far, and the volumes, that stand in the way."""
 
-    def __init__(self, triangles: Tensor, environment: EnvironmentPrior, fog: Fog | None = None):
-        self.towards = sphere_directions(DIRECTIONS).to(triangles.device)
+    def __init__(self, near: Tensor, far: Tensor, environment: EnvironmentPrior, fog: Fog | None = None):
+        self.towards = sphere_directions(DIRECTIONS).to(near.device)
         self.radiance = environment.filtered(self.towards, torch.full_like(self.towards[:, 0], BLUR))
-        self.shadows, self.fog = DistantShadows(triangles, self.towards), fog
+        with part(0.0, 0.2):
+            self.unblocked = unblocked(far, self.towards)
+        with part(0.2, 1.0):
+            self.shadows, self.fog = DistantShadows(near, self.towards), fog
 
     def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
         """(P, 3) share of the environment's RGB irradiance that arrives at points (P, 3) with unit normals (P, 3)."""
         parts = [torch.zeros_like(position[:0])]
         for x, n in zip(position.split(CHUNK), normal.split(CHUNK), strict=True):
-            cosine, seen = (n @ self.towards.T).clamp_min(0), self.shadows(x, n).to(x.dtype)
+            cosine, seen = (n @ self.towards.T).clamp_min(0), self.shadows(x, n) * self.unblocked
             if self.fog is not None:
                 seen *= self.fog.passing(x[:, None], x[:, None] + FOGLESS * self.towards)
             parts.append((cosine * seen) @ self.radiance / (cosine @ self.radiance).clamp_min(1e-12))

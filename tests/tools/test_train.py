@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training samples, their symmetries, and resuming; on a scene made without Blender."""
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
 from tools.train.loader import admitted
-from tools.train.losses import image_loss, structure_loss
+from tools.train.losses import PSNR_WEIGHT, image_loss, structure_loss
 from tools.train.network import sample_loss
 from tools.train.samples import build_sample, cached_sample, with_latents
 from tools.train.state import TrainingState
@@ -203,6 +204,13 @@ def test_dark_places_count_as_on_a_screen():
     too_bright = torch.full((1, 3, 32, 32), 3.0, requires_grad=True)
     image_loss(too_bright, bright, none).backward()
     assert (too_bright.grad > 0).all()
+
+
+def test_a_picture_that_is_nearly_right_still_gains_by_its_decibels():
+    picture, none = torch.full((1, 3, 32, 32), 0.5), lambda a, b: 0.0
+    for off in (0.2, 0.02):
+        gain = image_loss(picture + off, picture, none) - image_loss(picture + off / 2, picture, none)
+        assert gain > 0.95 * PSNR_WEIGHT * 10 * math.log10(4)
 
 
 def test_equal_pictures_cost_nothing():

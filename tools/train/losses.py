@@ -18,6 +18,8 @@ from torch.nn import functional as F
 PERCEPTUAL_WEIGHT = 0.05
 SHOWN_WEIGHT = 0.25  # of the error as it is seen on a screen, which weighs dark places as an eye does
 SQUARED_WEIGHT = 4.0  # of its square beside its amount: PSNR counts squares
+PSNR_WEIGHT = 0.003  # of each view's decibels: those of a picture that is nearly right count as much as others
+BEST_PSNR = 50.0  # decibels that no view is asked to surpass
 PYRAMID_LEVELS = 3
 LOBE_WEIGHT = 0.2  # supervision of direct and indirect light per lobe (Cycles' passes), training only
 
@@ -31,8 +33,10 @@ def image_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
     a, b = log_radiance(predicted), log_radiance(target)
     display = lambda y: (y / math.log10(2)).clamp(0, 1)  # noqa: E731
     seen = shown(predicted) - shown(target)
+    decibels = -10 * torch.log10(seen.square().mean((1, 2, 3)) + 10 ** (-BEST_PSNR / 10))
     return ((a - b).abs().mean() + PERCEPTUAL_WEIGHT * perceptual(display(a), display(b))
-            + SHOWN_WEIGHT * (seen.abs() + SQUARED_WEIGHT * seen.square()).mean())
+            + SHOWN_WEIGHT * (seen.abs() + SQUARED_WEIGHT * seen.square()).mean()
+            + PSNR_WEIGHT * (BEST_PSNR - decibels).mean())
 
 
 def shown(radiance: Tensor) -> Tensor:
