@@ -16,6 +16,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+import mathutils
+
 from ..model import progress
 from ..model.errors import SceneError
 from . import cycles_progress, main_thread
@@ -53,8 +55,12 @@ class Job:
 
 
 def changed(data: bpy.types.ID, path: str, value: object) -> tuple[str, str, bool, str, object]:
-    """A setting of evaluated data: collection of bpy.data, name, whether it is linked, path, value."""
+    """A setting of evaluated data: collection of bpy.data, name, whether it is linked, path, value as JSON has it."""
     original = data.original
+    if isinstance(value, mathutils.Matrix):
+        value = [list(row) for row in value]
+    elif not isinstance(value, (str, int, float)):
+        value = list(value)
     return COLLECTIONS[original.id_type], original.name, original.library is not None, path, value
 
 

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import bpy
 
+import mathutils
+
 sys.path.append(str(Path(__file__).parent))
 import compat  # noqa: E402  it lies beside this file
 
@@ -30,6 +32,9 @@ def main() -> None:
     for collection, name, is_linked, path, value in job["changes"]:
         for data in getattr(bpy.data, collection):
             if data.name == name and (data.library is not None) == is_linked:
+                if path == "matrix_world":
+                    _hold(data)
+                    value = mathutils.Matrix(value)
                 parent, _, last = path.rpartition(".")
                 setattr(data.path_resolve(parent) if parent else data, last, value)
     bpy.ops.render.render(scene=scene.name)
@@ -54,6 +59,13 @@ def _prepare(scene: bpy.types.Scene, job: dict) -> None:
             owner, _, name = path.rpartition(".")
             setattr(getattr(layer, owner) if owner else layer, name, True)
     scene.frame_set(job["frame"], subframe=job["subframe"])
+
+
+def _hold(thing: bpy.types.Object) -> None:
+    """Nothing moves it but who asks for it."""
+    thing.animation_data_clear()
+    thing.constraints.clear()
+    thing.parent = None
 
 
 def choose_devices(kind: str, devices: list[str]) -> None:

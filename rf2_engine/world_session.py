@@ -14,8 +14,9 @@ from bpy.app.handlers import persistent
 
 from mathutils import Matrix
 
+from ..model.errors import SceneError
 from ..model.scene import ENVIRONMENT_SHAPE
-from . import compat, cycles_run, cycles_session, output
+from . import background_cycles, compat, cycles_run, cycles_session, output
 from . import passes as pass_table
 from .convert.grids import shares
 from .convert.lens import POSE
@@ -59,7 +60,7 @@ class CyclesWorld:
             return _known[key]
         try:
             found = self._light(rough)
-        except cycles_run.INTERNAL:
+        except (*cycles_run.INTERNAL, SceneError):
             return None
         finally:
             output.write(self.engine, self.depsgraph.view_layer_eval.name, {})  # no panorama is left in the picture
@@ -95,7 +96,7 @@ class CyclesWorld:
 
     def _drawn(self, frame: np.ndarray, half: tuple[float, float], discs: bool) -> np.ndarray | None:
         """(H, W, 3) of half so many radians of longitude and latitude; the columns of `frame` are the window's axes."""
-        engine, depsgraph, layer = self.engine, self.depsgraph, self.depsgraph.view_layer_eval.name
+        engine, depsgraph = self.engine, self.depsgraph
         wanted = [p for p in pass_table.of_session(depsgraph.view_layer_eval, False) if p.key == "combined"]
         samples = (RAYS_OF_SUN if discs else RAYS) // max(engine.resolution_x * engine.resolution_y, 1)
         kept, engine.bl_use_gpu_context = engine.bl_use_gpu_context, True
@@ -108,10 +109,19 @@ class CyclesWorld:
                 cycles_session.hide_all(depsgraph, override)
                 _point(depsgraph.scene_eval, frame, half, override)
                 with self.status.during_cycles("World {}", share=0.1):
-                    found = cycles_run.inside(engine, depsgraph, layer, wanted)
+                    found = self._run(wanted, override.changes)
         finally:
             engine.bl_use_gpu_context = kept
         return found["combined"][..., :3].clip(0)
+
+    def _run(self, wanted: list[pass_table.Pass], changes: list) -> dict[str, np.ndarray]:
+        """In a Blender in the background where there is a render border: a session draws no more than that."""
+        scene, layer = self.depsgraph.scene_eval, self.depsgraph.view_layer_eval.name
+        if not scene.render.use_border:
+            return cycles_run.inside(self.engine, self.depsgraph, layer, wanted)
+        whole = [*changes, background_cycles.changed(scene, "render.use_border", False)]
+        job = background_cycles.Job.of(self.depsgraph, layer, wanted, whole)
+        return background_cycles.run(self.engine, job, wanted)
 
 
 @dataclass
@@ -123,8 +133,8 @@ class ExpectedWorld:
 
 
 def is_possible(scene: bpy.types.Scene) -> bool:
-    """Whether panoramas can be drawn: a session draws no more than the render border."""
-    return not scene.render.use_border and scene.camera is not None and scene.camera.type == "CAMERA"
+    """Whether panoramas can be drawn."""
+    return scene.camera is not None and scene.camera.type == "CAMERA"
 
 
 def _alone(world: bpy.types.World, discs: bool, override) -> bool:

@@ -122,6 +122,18 @@ def test_a_picture_of_one_pixel_has_the_sun(scene, tokens):
     assert light(tokens(), (0, 0, 1)).min() > 20  # without a sun it is about 5
 
 
+def test_with_a_render_border_the_sky_is_that_of_the_whole_picture(scene, tokens):
+    scene.camera.constraints.new("TRACK_TO").target = cube(scene)
+    sky_world(0.5, disc=True, size=0.02)
+    whole = tokens()
+    scene.render.use_border = True
+    scene.render.border_min_x, scene.render.border_max_x, scene.render.border_max_y = 0.5, 0.7, 0.4
+    part = tokens()
+    assert tokens.found["depth"].size < scene.render.resolution_x * scene.render.resolution_y / 4
+    np.testing.assert_allclose(part.environment, whole.environment, rtol=0.02, atol=1e-3)
+    np.testing.assert_allclose(light(part, (0, 0, 1)), light(whole, (0, 0, 1)), rtol=0.01)
+
+
 def test_in_an_animation_the_sky_is_that_of_each_frame(scene, tmp_path):
     tree = sky_world(0.3, kind=("PREETHAM",)).node_tree
     for frame, turbidity in ((1, 1.7), (2, 9.0)):
