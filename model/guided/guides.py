@@ -108,7 +108,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     roughness = tensor(hit_roughness(scene, guides))
     probed = partial(gathered, grid=grid_of(view.longer_side))
     with part(0.0, 0.2):
-        arriving = probed(prior.arriving, position, normal, alpha > 0)
+        arriving = probed(lambda x, n, _: prior.arriving(x, n), position, normal, alpha > 0)
     with part(0.2, 0.4):
         light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
                       arriving.reshape(h * w, 6))

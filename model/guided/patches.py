@@ -2,6 +2,7 @@
 """The patches that exchange light: a scene's triangles, the largest split, small ones merged to PATCHES at most."""
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,6 @@ import torch
 from torch import Tensor
 
 from ..geometry import area_vectors, contracted, quartered
-from ..network.ordering import hilbert_order
 from ..scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene
 from .blocking import is_solid, passes_light
 
@@ -18,6 +18,8 @@ NEAR = 0.5           # network units from the origin, half a side of the box tha
 AT_ONCE = 64         # triangles that are split before the largest are looked for again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one
 SPECULAR = 0.04      # what a dielectric reflects besides its colour
+FINEST = 0.02        # side of a cell whose triangles are one patch, in contracted space
+COARSER = 2 ** 0.25  # than those of the cells that were too many
 
 
 @dataclass
@@ -79,29 +81,38 @@ def _apparent_size(center: np.ndarray, area: np.ndarray) -> np.ndarray:
 
 
 def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The same of groups of triangles that face the same way and follow each other along the Hilbert curve.
+    """The same of groups of triangles that face the same way in the same cell of contracted space.
 
     The centroid is that of the largest triangle of a group. And which group each of the (S,) triangles is in.
     """
     if len(center) <= PATCHES:
         return center, vector, albedo, torch.arange(len(center))
-    axis = vector.abs().argmax(1, keepdim=True)
-    side = (2 * axis + (vector.gather(1, axis) < 0))[:, 0]
-    order = hilbert_order(contracted(center))
-    order = order[side[order].argsort(stable=True)]
-    center, vector, albedo = center[order], vector[order], albedo[order]
+    group, count = _groups(contracted(center), vector)
     area = vector.norm(dim=-1, keepdim=True)
     size = area[:, 0]
-    shown = torch.from_numpy(_apparent_size(center.numpy(), size.numpy()))
-    along = shown.double().sqrt().cumsum(0)  # what looks large is a group of its own
-    key = (along / along[-1] * (PATCHES - 1)).long()
 
     def summed(x: Tensor) -> Tensor:
-        return torch.zeros(PATCHES, x.shape[-1]).index_add_(0, key, x)
+        return torch.zeros(count, x.shape[-1]).index_add_(0, group, x)
 
     # In the middle of its largest part a group is on a surface, and not between two with a lamp in between.
-    largest = torch.zeros(PATCHES).scatter_reduce_(0, key, size, "amax")
-    middle = torch.zeros(PATCHES, 3)
-    middle[key[size >= largest[key]]] = center[size >= largest[key]]
-    group = torch.empty_like(key).scatter_(0, order, key)
+    largest = torch.zeros(count).scatter_reduce_(0, group, size, "amax")
+    middle = torch.zeros(count, 3)
+    middle[group[size >= largest[group]]] = center[size >= largest[group]]
     return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20), group
+
+
+def _groups(place: Tensor, vector: Tensor) -> tuple[Tensor, int]:
+    """Which group each of the (S,) triangles is in, and how many there are: PATCHES at most, of the finest cells.
+
+    A triangle's group depends on nothing but its own place and side: light does not flicker when another one moves.
+    """
+    axis = vector.abs().argmax(1, keepdim=True)
+    side = (2 * axis + (vector.gather(1, axis) < 0))[:, 0]
+    cell = FINEST
+    while True:
+        x, y, z = (place / cell).floor().long().unbind(1)
+        count = math.ceil(4 / cell) + 1
+        names, group = (((x * count + y) * count + z) * 6 + side).unique(return_inverse=True)
+        if len(names) <= PATCHES:
+            return group, len(names)
+        cell *= COARSER

@@ -23,9 +23,11 @@ def grid_of(picture_size: int) -> int:
     return grid if picture_size < below else GRID
 
 
-def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal: Tensor, covered: Tensor,
+def gathered(light: Callable[[Tensor, Tensor, Tensor], Tensor], position: Tensor, normal: Tensor, covered: Tensor,
              grid: int = GRID, noisy: bool = False) -> Tensor:
-    """(h, w, C) of a `light` that knows (P, C) at points and normals (P, 3); position and normal (h, w, 3).
+    """(h, w, C) of a `light` that knows (P, C) at points and normals (P, 3) of probes (P,) by number.
+
+    position and normal: (h, w, 3).
 
     0 where a pixel is not covered, of which (h, w, 1) tells.
 
@@ -38,7 +40,8 @@ def gathered(light: Callable[[Tensor, Tensor], Tensor], position: Tensor, normal
               else torch.zeros(1, dtype=torch.long, device=position.device)) for side in (h, w)]
     rows, columns = torch.meshgrid(*place, indexing="ij")
     x, n, valid = (a[rows, columns] for a in (position, normal, covered))
-    known = light(x[valid[..., 0]], n[valid[..., 0]])
+    number = torch.arange(rows.numel(), device=position.device).view_as(rows)
+    known = light(*(a[valid[..., 0]] for a in (x, n, number)))
     if not len(known):
         return known.new_zeros(h, w, known.shape[-1])
     found = known.new_zeros(*x.shape[:2], known.shape[-1])

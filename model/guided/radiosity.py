@@ -27,6 +27,7 @@ RAYS = 12        # from a point
 ABOVE = 1e-3     # network units that a point is lifted off its surface
 BLUR = 0.3       # roughness that spreads the environment's radiance over what a ray stands for
 GOLDEN = (math.sqrt(5) - 1) / 2
+MIX, SCATTER = [(1298.98, 2695.31), (7823.3, 1833.06), (3771.9, 2461.7)], 43758.5453
 R2 = 0.7548776662, 0.5698402910  # steps of a sequence that fills a square evenly (Roberts 2018)
 
 
@@ -63,14 +64,18 @@ class Radiosity:
         with part(0.4, 0.5):
             first = albedo * prior(x + ABOVE * n, n, n, torch.ones_like(x[:, 0]), arriving)[:, :3]
         with part(0.5, 1.0):
-            around = self._look(x, n, PATCH_RAYS)
+            around = self._look(x, n, scattered(x), PATCH_RAYS)
         self.leaving = first  # radiance of all fronts, then of all backs
         for _ in range(BOUNCES):
             self.leaving = first + albedo * self._gathered(around)
 
-    def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
-        """Radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3) -> (P, 3)."""
-        return self._gathered(self._look(position, normal, RAYS))
+    def __call__(self, position: Tensor, normal: Tensor, number: Tensor | None = None) -> Tensor:
+        """Radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3) -> (P, 3).
+
+        number: (P,) of neighbours in a row, whose rays go between each other's; by default they are a row.
+        """
+        number = torch.arange(len(position), device=position.device) if number is None else number
+        return self._gathered(self._look(position, normal, number[:, None] * position.new_tensor(R2) % 1, RAYS))
 
     def _gathered(self, around: Surroundings) -> Tensor:
         """(P, 3) mean radiance that arrives."""
@@ -78,8 +83,8 @@ class Radiosity:
         rays = zip(around.side.T, around.passing.T, strict=True)
         return around.through + sum(leaving.index_select(0, side) * share[:, None] for side, share in rays) / count
 
-    def _look(self, position: Tensor, normal: Tensor, rays: int) -> Surroundings:
-        direction = cosine_directions(normal, rays).reshape(-1, 3)
+    def _look(self, position: Tensor, normal: Tensor, start: Tensor, rays: int) -> Surroundings:
+        direction = cosine_directions(normal, rays, start).reshape(-1, 3)
         origin = (position + ABOVE * normal)[:, None].expand(-1, rays, -1).reshape(-1, 3)
         with part(0.0, 0.7):
             triangle, distance = self.voxels(origin, direction)
@@ -99,11 +104,17 @@ class Radiosity:
         return Surroundings(side.view(-1, rays), passing.view(-1, rays), through.view(-1, rays, 3).mean(1))
 
 
-def cosine_directions(normal: Tensor, count: int) -> Tensor:
-    """(P, count, 3) unit vectors around unit normals (P, 3), as dense as their cosines, different from row to row."""
-    row, k = torch.arange(len(normal), device=normal.device)[:, None], torch.arange(count, device=normal.device)
-    sine2 = (k + (row * R2[0]) % 1) / count
-    phi = 2 * math.pi * ((k * GOLDEN + row * R2[1]) % 1)
+def scattered(position: Tensor) -> Tensor:
+    """(P, 2) f32 in [0, 1), as if at random, but the same wherever a point (P, 3) stands among others."""
+    mixed = position.double() @ position.new_tensor(MIX, dtype=torch.float64)
+    return (mixed.sin() * SCATTER % 1).float()
+
+
+def cosine_directions(normal: Tensor, count: int, start: Tensor) -> Tensor:
+    """(P, count, 3) unit vectors around unit normals (P, 3), as dense as their cosines; `start` (P, 2) in [0, 1)."""
+    k = torch.arange(count, device=normal.device)
+    sine2 = (k + start[:, :1]) / count
+    phi = 2 * math.pi * ((k * GOLDEN + start[:, 1:]) % 1)
     around = F.one_hot(normal.abs().argmin(-1), 3).to(normal.dtype)
     aside = F.normalize(torch.linalg.cross(normal, around), dim=-1)
     axes = torch.stack([aside, torch.linalg.cross(normal, aside), normal], dim=1)
