@@ -74,6 +74,21 @@ def test_both_runs_are_those_of_cycles_inside(lit, tmp_path, without_cycles, sta
     assert statistics.last_frame[0].reference_samples == 4 and lit.render.engine == "RENDERFORMER_V2"
 
 
+@pytest.mark.slow
+def test_a_lens_is_looked_through_as_inside(lit, tmp_path, without_cycles, started):
+    """From several points of it, by a camera that something aims."""
+    camera = lit.camera
+    camera.constraints.new("TRACK_TO").target = lit.objects["Cube"]
+    camera.data.dof.use_dof, camera.data.dof.focus_distance, camera.data.dof.aperture_fstop = True, 3.0, 0.3
+    lit.renderformer_v2.lens_samples = 2
+    inside = press_f12(lit, tmp_path)
+    without_cycles()
+    outside = press_f12(lit, tmp_path)
+    for name in inside:
+        np.testing.assert_allclose(outside[name], inside[name], rtol=1e-3, atol=1e-3, err_msg=name)
+    assert len(started) == 4 and all(process.returncode == 0 for process in started)  # the reference is the last
+
+
 def test_esc_ends_the_background_blender(lit, tmp_path, monkeypatch, without_cycles, started):
     folder = without_cycles()
     monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0].startswith("Starting a background"))
