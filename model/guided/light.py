@@ -20,7 +20,7 @@ MOST_TRACED = 4.0          # times, and its inverse at least: the factor of trac
 MAX_VISIBILITY = 1.2       # the prior's glossy lobe is approximate: leave room above 1
 VISIBLE, DARK = 1.5, -6.0  # offsets that start the decoder near "everything visible, nothing indirect"
 # Shares of the radiosity where the decoder starts: on a surface, as seen in mirrors and through glass, behind the glass
-BOUNCED, REFLECTED, REFRACTED, BEHIND = 0.97, 0.85, 0.95, 0.5
+BOUNCED, REFLECTED, REFRACTED, BEHIND = 1.0, 0.85, 0.95, 0.5
 
 
 def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:

@@ -17,7 +17,7 @@ PATCHES = 2048
 NEAR = 0.5           # network units from the origin, half a side of the box that is looked at
 AT_ONCE = 64         # triangles that are split before the largest are looked for again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one
-SPECULAR = 0.04      # what a dielectric reflects besides its colour
+SPECULAR = 0.04      # what a dielectric reflects before its colour
 FINEST = 0.02        # side of a cell whose triangles are one patch, in contracted space
 COARSER = 2 ** 0.25  # than those of the cells that were too many
 
@@ -43,9 +43,9 @@ def patches(scene: RenderScene) -> Patches:
     center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
     tint = scene.tiles[:, BASE_COLOR].mean(axis=(2, 3), dtype=np.float32)[scene.tile_index]
     passing = passes_light(scene)
-    glass = passing & ~passes_light(scene, straight=True)
-    kinds = (kind[rows][source] for kind in (is_solid(scene) & ~passing, glass, tint))
-    return Patches(*_merged(center, vector, albedo), *map(torch.from_numpy, (corners, *kinds)))
+    bending = passing & ~passes_light(scene, straight=True)
+    solid, glass, tint = (torch.from_numpy(kind[rows][source]) for kind in (is_solid(scene) & ~passing, bending, tint))
+    return Patches(*_merged(center, vector, albedo, glass), torch.from_numpy(corners), solid, glass, tint)
 
 
 def _albedo(scene: RenderScene) -> np.ndarray:
@@ -53,7 +53,7 @@ def _albedo(scene: RenderScene) -> np.ndarray:
     mean = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     base, metallic, transmission = mean[:, BASE_COLOR], mean[:, METALLIC, None], mean[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
-    return base * (metallic + (1 - metallic) * inside) + SPECULAR * (1 - metallic)
+    return base * (metallic + (1 - metallic) * (1 - SPECULAR) * inside) + SPECULAR * (1 - metallic)
 
 
 def _split(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -80,14 +80,14 @@ def _apparent_size(center: np.ndarray, area: np.ndarray) -> np.ndarray:
     return area / distance**2
 
 
-def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The same of groups of triangles that face the same way in the same cell of contracted space.
+def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The same of groups of triangles that face the same way in the same cell of contracted space, glass by itself.
 
     The centroid is that of the largest triangle of a group. And which group each of the (S,) triangles is in.
     """
     if len(center) <= PATCHES:
         return center, vector, albedo, torch.arange(len(center))
-    group, count = _groups(contracted(center), vector)
+    group, count = _groups(contracted(center), vector, glass)
     area = vector.norm(dim=-1, keepdim=True)
     size = area[:, 0]
 
@@ -101,18 +101,18 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor) -> tuple[Tensor, Ten
     return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20), group
 
 
-def _groups(place: Tensor, vector: Tensor) -> tuple[Tensor, int]:
+def _groups(place: Tensor, vector: Tensor, glass: Tensor) -> tuple[Tensor, int]:
     """Which group each of the (S,) triangles is in, and how many there are: PATCHES at most, of the finest cells.
 
     A triangle's group depends on nothing but its own place and side: light does not flicker when another one moves.
     """
     axis = vector.abs().argmax(1, keepdim=True)
-    side = (2 * axis + (vector.gather(1, axis) < 0))[:, 0]
+    kind = (2 * axis + (vector.gather(1, axis) < 0))[:, 0] + 6 * glass
     cell = FINEST
     while True:
         x, y, z = (place / cell).floor().long().unbind(1)
         count = math.ceil(4 / cell) + 1
-        names, group = (((x * count + y) * count + z) * 6 + side).unique(return_inverse=True)
+        names, group = (((x * count + y) * count + z) * 12 + kind).unique(return_inverse=True)
         if len(names) <= PATCHES:
             return group, len(names)
         cell *= COARSER

@@ -2,8 +2,8 @@
 """Light that has bounced between the token triangles, gathered by rays that know what stands in between.
 
 Radiosity (Goral et al. 1984) between patches whose form factors are counted by rays, as is what arrives at a point
-(Reichert 1992, "A two-pass radiosity method"). What shines on the patches first is the light prior's. Only the sky
-behind glass, where that cannot reach, is looked for by the same rays.
+(Reichert 1992, "A two-pass radiosity method"). What shines on the patches first is the light prior's. Only what
+shines through glass, where that cannot reach, is looked for by the same rays.
 """
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ from .light_prior import LightPrior
 from .patches import patches
 from .voxels import Voxels
 
-BOUNCES = 8      # between patches, before the last one at the point
+BOUNCES = 3      # between patches, before the last one at the point: together as many as Cycles' diffuse ones
 PATCH_RAYS = 16  # from each side of a patch
 RAYS = 12        # from a point
+SURFACES = 2     # of glass that a ray looks for lamps at
+PASSED = 0.9     # share of lamps' light that glass lets through besides its colour
 ABOVE = 1e-3     # network units that a point is lifted off its surface
 BLUR = 0.3       # roughness that spreads the environment's radiance over what a ray stands for
 GOLDEN = (math.sqrt(5) - 1) / 2
@@ -37,7 +39,7 @@ class Surroundings:
 
     side: Tensor     # (P, R) row of `Radiosity.leaving`, or the one behind
     passing: Tensor  # (P, R) share of the light that volumes let pass
-    through: Tensor  # (P, 3) mean radiance of the sky behind glass
+    through: Tensor  # (P, 3) mean radiance of the sky and of lamps behind glass
 
 
 class Radiosity:
@@ -54,18 +56,22 @@ class Radiosity:
         with part(0.0, 0.1):
             self.voxels = Voxels(torch.cat([found.corners[found.solid], shining]).to(device))
         self.fog, self.environment, self.panes = prior.fog, prior.environment, None
-        if found.glass.any() and self.environment is not None:
+        if found.glass.any():
             with part(0.1, 0.2):
                 self.panes = Voxels(found.corners[found.glass].to(device))
-            self.tint = found.tint[found.glass].to(device)
+            self.tint, self.pane = (a[found.glass].to(device) for a in (found.tint, found.patch))
         x, n, albedo = torch.cat([center] * 2), torch.cat([self.normal, -self.normal]), torch.cat([albedo] * 2)
         with part(0.2, 0.4):
             arriving = prior.arriving(x, n)
         with part(0.4, 0.5):
             first = albedo * prior(x + ABOVE * n, n, n, torch.ones_like(x[:, 0]), arriving)[:, :3]
-        with part(0.5, 1.0):
+        if self.panes is not None:
+            lamps = arriving * arriving.new_tensor([0, 0, 0, 1, 1, 1])
+            with part(0.5, 0.6):  # of all fronts, then of all backs, as of all that follows
+                self.shining = prior(x, n, n, torch.ones_like(x[:, 0]), lamps)[:, :3]
+        with part(0.6, 1.0):
             around = self._look(x, n, scattered(x), PATCH_RAYS)
-        self.leaving = first  # radiance of all fronts, then of all backs
+        self.leaving = first
         for _ in range(BOUNCES):
             self.leaving = first + albedo * self._gathered(around)
 
@@ -95,13 +101,30 @@ class Radiosity:
         if self.fog is not None:
             passing = self.fog.passing(origin, origin + distance[:, None] * direction)
         if self.panes is not None:
-            bright = (triangle < 0).nonzero()[:, 0]
             with part(0.7, 1.0):
-                pane, _ = self.panes(origin[bright], direction[bright])
-            bright, pane = bright[pane >= 0], pane[pane >= 0]
-            sky = self.environment.filtered(direction[bright], torch.full_like(direction[bright, 0], BLUR))
-            through[bright] = sky * self.tint[pane]**2  # a body's two surfaces
+                through = self._through(origin, direction, distance.masked_fill(triangle < 0, math.inf))
         return Surroundings(side.view(-1, rays), passing.view(-1, rays), through.view(-1, rays, 3).mean(1))
+
+    def _through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
+        """(N, 3) radiance of sky and lamps that rays find through glass within their distances (N,).
+
+        Lamps light a surface of glass from the side that a ray leaves by: it spreads their light as if it were milky.
+        """
+        sky, lamps = torch.zeros_like(direction), torch.zeros_like(direction)
+        ray, gone = torch.arange(len(origin), device=origin.device), torch.zeros_like(direction[:, :1])
+        for surface in range(SURFACES):
+            with part(surface / SURFACES, (surface + 1) / SURFACES):
+                pane, way = self.panes(origin[ray] + gone * direction[ray], direction[ray])
+            gone = gone + way[:, None]
+            met = (pane >= 0) & (gone[:, 0] < distance[ray])
+            ray, pane, gone = ray[met], pane[met], gone[met]
+            towards, tint, row = direction[ray], self.tint[pane]**2, self.pane[pane]  # a body's two surfaces
+            if surface == 0 and self.environment is not None:
+                seen = self.environment.filtered(towards, torch.full_like(gone[:, 0], BLUR))
+                sky[ray] = seen * tint * distance[ray, None].isinf()
+            from_behind = (self.normal[row] * towards).sum(-1) < 0
+            lamps[ray] = torch.maximum(lamps[ray], tint * self.shining[row + len(self.normal) * from_behind])
+        return sky + PASSED * lamps
 
 
 def scattered(position: Tensor) -> Tensor:

@@ -14,6 +14,8 @@ from renderformer_v2.model.scene import RenderScene, constant_tile
 from tests.model.samples import floor_scene
 
 MANY = 50  # times the rays of a point
+RATIO = 0.5 / 0.3  # of half the side of `roof` to its height
+COVERED = 4 / (2 * np.pi) * 2 * RATIO / np.sqrt(1 + RATIO**2) * np.arctan(RATIO / np.sqrt(1 + RATIO**2))  # by it
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 
 
@@ -127,12 +129,18 @@ def test_sky_seen_through_coloured_glass_lights_what_is_behind_and_through_holes
     """Two surfaces of glass are passed; an ior of 1 lets light pass straight, which the light prior knows."""
     scene = roof((0.8, 0.8, 0.8), transmission=1.0, ior=ior, roughness=0.0)
     scene.environment = np.full((256, 512, 3), 2.0, np.float32)
-    x = 0.5 / 0.3  # what the plate covers of the hemisphere
-    covered = 4 / (2 * np.pi) * 2 * x / np.sqrt(1 + x * x) * np.arctan(x / np.sqrt(1 + x * x))
     bounce, prior = built(scene), LightPrior(scene)
     found = arriving(bounce, [[0.0, 0.0, 0.0]], UP)[0, 0].item()
-    assert found == pytest.approx(2 * share * covered, abs=0.12)
-    assert prior.arriving(torch.zeros(1, 3), UP)[0, 0].item() == pytest.approx(1 if ior == 1 else 1 - covered, abs=0.12)
+    assert found == pytest.approx(2 * share * COVERED, abs=0.12)
+    assert prior.arriving(torch.zeros(1, 3), UP)[0, 0].item() == pytest.approx(1 if ior == 1 else 1 - COVERED, abs=0.12)
+
+
+def test_a_lamp_shines_through_coloured_glass_on_what_it_would_shade():
+    scene = floor_scene().appended(roof((0.9, 0.5, 0.0), transmission=1.0, ior=1.5, roughness=0.0))
+    found = arriving(built(scene), [[0.0, 0.0, 0.0]], UP)[0]
+    on_the_glass = LightPrior(floor_scene())(torch.tensor([[0.0, 0.0, 0.3]]), UP, UP, torch.ones(1))[0, :3]
+    expected = 0.9 * torch.tensor([0.81, 0.25, 0.0]) * on_the_glass * COVERED
+    torch.testing.assert_close(found, expected, rtol=0.1, atol=1e-4)
 
 
 def test_pixels_between_probes_get_smooth_light_and_edges_stay(monkeypatch):
