@@ -2,14 +2,13 @@
 """The patches that exchange light: a scene's triangles, the largest split, small ones merged to PATCHES at most."""
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ..geometry import area_vectors, contracted, quartered
+from ..geometry import area_vectors, quartered
 from ..scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene
 from .blocking import is_solid, passes_light
 
@@ -18,7 +17,7 @@ NEAR = 0.5           # network units from the origin, half a side of the box tha
 AT_ONCE = 64         # triangles that are split before the largest are looked for again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one
 SPECULAR = 0.04      # what a dielectric reflects before its colour
-FINEST = 0.02        # side of a cell whose triangles are one patch, in contracted space
+FINEST = 0.02        # side of a cell near the origin whose triangles are one patch
 COARSER = 2 ** 0.25  # than those of the cells that were too many
 
 
@@ -81,13 +80,13 @@ def _apparent_size(center: np.ndarray, area: np.ndarray) -> np.ndarray:
 
 
 def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The same of groups of triangles that face the same way in the same cell of contracted space, glass by itself.
+    """The same of groups of triangles that face the same way in the same cell, glass by itself; far cells are large.
 
     The centroid is that of the largest triangle of a group. And which group each of the (S,) triangles is in.
     """
     if len(center) <= PATCHES:
         return center, vector, albedo, torch.arange(len(center))
-    group, count = _groups(contracted(center), vector, glass)
+    group, count = _groups(center, vector, glass)
     area = vector.norm(dim=-1, keepdim=True)
     size = area[:, 0]
 
@@ -101,18 +100,19 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor) -> tu
     return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20), group
 
 
-def _groups(place: Tensor, vector: Tensor, glass: Tensor) -> tuple[Tensor, int]:
+def _groups(center: Tensor, vector: Tensor, glass: Tensor) -> tuple[Tensor, int]:
     """Which group each of the (S,) triangles is in, and how many there are: PATCHES at most, of the finest cells.
 
     A triangle's group depends on nothing but its own place and side: light does not flicker when another one moves.
     """
     axis = vector.abs().argmax(1, keepdim=True)
     kind = (2 * axis + (vector.gather(1, axis) < 0))[:, 0] + 6 * glass
+    level = (2 * (center.norm(dim=-1) / NEAR).clamp_min(1).log2()).floor()
     cell = FINEST
     while True:
-        x, y, z = (place / cell).floor().long().unbind(1)
-        count = math.ceil(4 / cell) + 1
-        names, group = (((x * count + y) * count + z) * 12 + kind).unique(return_inverse=True)
-        if len(names) <= PATCHES:
-            return group, len(names)
+        place = (center / (cell * 2 ** (level / 2))[:, None]).floor()
+        names = torch.cat([place, level[:, None], kind[:, None]], 1).long()
+        found, group = names.unique(dim=0, return_inverse=True)
+        if len(found) <= PATCHES:
+            return group, len(found)
         cell *= COARSER

@@ -12,11 +12,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ..geometry import quartered
 from ..threads import shared
 
-SIDE = 128        # cells along a map
+SIDES = 128, 512  # cells along a map, at least and at most
 DENSITY = 3.0     # points per cell of a surface that faces a distant light
 POINTS = 1 << 22  # of all maps together, at most
+SPLITS = 24       # times that a triangle is quartered, at most
 NEAR = 2.0        # network units from the centre within which shadows are cast: a map of a large ground is too coarse
 GOLDEN = (math.sqrt(5) - 1) / 2
 
@@ -26,20 +28,22 @@ class ShadowMaps:
 
     def __init__(self, triangles: Tensor, lights: Tensor):
         """triangles: (T, 3, 3) corners of what casts shadows, network units; lights: (L, 3)."""
-        middle = triangles.mean(1)
-        triangles = triangles[middle.norm(dim=-1) < NEAR + (triangles - middle[:, None]).norm(dim=-1).amax(1)]
+        triangles, _ = parts_near(triangles, NEAR)
         corners = triangles.reshape(-1, 3).clamp(-NEAR, NEAR)
         low, high = (corners.amin(0), corners.amax(0)) if len(corners) else corners.new_zeros(2, 3)
         self.lights, self.center, self.radius = lights, (low + high) / 2, max((high - low).norm().item() / 2, 1e-6)
-        points, _ = surface_points(triangles, (2 * self.radius / SIDE) ** 2 / DENSITY, POINTS // max(len(lights), 1))
+        most = POINTS // max(len(lights), 1)
+        cells = 4 * self.radius**2 * most / (DENSITY * areas(triangles).sum().item() + 1e-12)  # of so many points
+        self.side = min(max(1 << int(math.log2(cells) / 2), SIDES[0]), SIDES[1])
+        points, _ = surface_points(triangles, (2 * self.radius / self.side) ** 2 / DENSITY, most)
         points = points[(points - self.center).norm(dim=-1) <= self.radius]
         rows = torch.arange(len(lights), device=lights.device).split(1)
         self.nearest = torch.cat(shared(partial(self._drawn, points[:, None]), rows))
 
     def _drawn(self, points: Tensor, which: Tensor) -> Tensor:
-        """(L, SIDE^2) distance to the nearest of points (P, 1, 3) in the cells of some lights' maps."""
+        """(L, side^2) distance to the nearest of points (P, 1, 3) in the cells of some lights' maps."""
         cell, distance = self.project(points, which)
-        nearest = torch.full((len(which), SIDE * SIDE), math.inf, device=points.device)
+        nearest = torch.full((len(which), self.side * self.side), math.inf, device=points.device)
         return nearest.scatter_reduce_(1, cell.T, distance.T, "amin")
 
     def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
@@ -57,6 +61,11 @@ class ShadowMaps:
         """(P, 1 or L) width of a cell at points (P, 3)."""
         raise NotImplementedError
 
+    def cell(self, right: Tensor, up: Tensor) -> Tensor:
+        """Cells of places on the maps, from -1 to 1 along both sides."""
+        column, row = (((a + 1) * (self.side / 2)).long().clamp_(0, self.side - 1) for a in (right, up))
+        return row * self.side + column
+
 
 class DistantShadows(ShadowMaps):
     """Of lights infinitely far away in unit directions (L, 3)."""
@@ -68,10 +77,10 @@ class DistantShadows(ShadowMaps):
         axes = aside, torch.linalg.cross(towards, aside), towards
         right, up, height = ((offset @ axis.T).squeeze(1) for axis in axes)
         outside = torch.maximum(right.abs(), up.abs()) > 1 + 1e-4
-        return _cell(right, up), torch.where(outside, -math.inf, -height)
+        return self.cell(right, up), torch.where(outside, -math.inf, -height)
 
     def pitch(self, position: Tensor) -> Tensor:
-        return torch.full_like(position[:, :1], math.sqrt(8) * self.radius / SIDE)  # from corner to corner
+        return torch.full_like(position[:, :1], math.sqrt(8) * self.radius / self.side)  # from corner to corner
 
 
 class LampShadows(ShadowMaps):
@@ -82,15 +91,16 @@ class LampShadows(ShadowMaps):
         x, y, z = (offset / offset.abs().sum(-1, keepdim=True).clamp_min(1e-12)).unbind(-1)
         right = torch.where(z < 0, torch.copysign(1 - y.abs(), x), x)
         up = torch.where(z < 0, torch.copysign(1 - x.abs(), y), y)
-        return _cell(right, up), offset.norm(dim=-1)
+        return self.cell(right, up), offset.norm(dim=-1)
 
     def pitch(self, position: Tensor) -> Tensor:
-        return 8 * math.sqrt(3) / SIDE * torch.cdist(position, self.lights)  # the widest cells are this wide
+        return 8 * math.sqrt(3) / self.side * torch.cdist(position, self.lights)  # the widest cells are this wide
 
 
-def _cell(right: Tensor, up: Tensor) -> Tensor:
-    column, row = (((a + 1) * (SIDE / 2)).long().clamp_(0, SIDE - 1) for a in (right, up))
-    return row * SIDE + column
+def areas(triangles: Tensor) -> Tensor:
+    """(T,) of (T, 3, 3)."""
+    a, b, c = triangles.unbind(1)
+    return torch.linalg.cross(b - a, c - a).norm(dim=-1) / 2
 
 
 def surface_points(triangles: Tensor, area: float, limit: int) -> tuple[Tensor, Tensor]:
@@ -98,10 +108,24 @@ def surface_points(triangles: Tensor, area: float, limit: int) -> tuple[Tensor, 
 
     One per started `area` of each, or of so much more that N <= limit + T.
     """
-    a, b, c = triangles.unbind(1)
-    size = torch.linalg.cross(b - a, c - a).norm(dim=-1) / 2
+    size = areas(triangles)
     count = (size / max(area, size.sum().item() / limit)).ceil().long()
     row = torch.repeat_interleave(count)
     k = torch.arange(len(row), device=row.device) - (count.cumsum(0) - count)[row]
     u, v = ((k + 0.5) / count[row]).sqrt(), (k.double() * GOLDEN % 1).float()  # a Fibonacci lattice
     return torch.stack([1 - u, u * (1 - v), u * v], dim=1)[:, None].matmul(triangles[row])[:, 0], row
+
+
+def parts_near(triangles: Tensor, half: float) -> tuple[Tensor, Tensor]:
+    """Triangles (T, 3, 3) that may reach into a box, large ones as smaller parts, and their rows (T,)."""
+    source = torch.arange(len(triangles), device=triangles.device)
+    for _ in range(SPLITS):
+        low, high = triangles.amin(1), triangles.amax(1)
+        near = ((low < half) & (high > -half)).all(1)
+        triangles, source, size = triangles[near], source[near], (high - low)[near].amax(1)
+        large = size > half
+        if not large.any():
+            break
+        triangles = torch.cat([triangles[~large], quartered(triangles[large])])
+        source = torch.cat([source[~large], source[large].repeat(4)])
+    return triangles, source

@@ -11,15 +11,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..geometry import quartered
 from ..threads import shared
-from .shadow_maps import surface_points
+from .shadow_maps import parts_near, surface_points
 
 SIDE = 64                       # voxels along a grid
 HALVES = (0.6, 2.4, 9.6, 38.4)  # half the side of each grid, network units
 SPACING = 0.6                   # voxels between the points that find a triangle's voxels
 POINTS = 1 << 21                # of a grid, at most
-SPLITS = 24                     # times that a triangle is quartered, at most
 LEAP = 6                        # voxels, at most
 STEP = 0.7                      # voxels, at least
 NEAR = 0.6                      # voxels: what a ray meets before is the surface that it leaves
@@ -89,27 +87,12 @@ class Voxels:
     def _filled(self, triangles: Tensor, half: float) -> Tensor:
         """(SIDE^3,) i32 triangle in each voxel of a grid, -1 where there is none."""
         grid = torch.full((SIDE ** 3,), -1, dtype=torch.int32, device=triangles.device)
-        triangles, source = _near(triangles, half)
+        triangles, source = parts_near(triangles, half)
         points, row = surface_points(triangles, (SPACING * 2 * half / SIDE) ** 2, POINTS)
         inside = (points.abs() < half).all(1)
         x, y, z = ((points[inside] / half + 1) * (SIDE / 2)).long().clamp_(0, SIDE - 1).unbind(1)
         index = (x * SIDE + y) * SIDE + z
         return grid.scatter_reduce_(0, index, source[row[inside]].int(), "amax")
-
-
-def _near(triangles: Tensor, half: float) -> tuple[Tensor, Tensor]:
-    """Triangles (T, 3, 3) that may reach into a box, large ones as smaller parts, and their rows (T,)."""
-    source = torch.arange(len(triangles), device=triangles.device)
-    for _ in range(SPLITS):
-        low, high = triangles.amin(1), triangles.amax(1)
-        near = ((low < half) & (high > -half)).all(1)
-        triangles, source, size = triangles[near], source[near], (high - low)[near].amax(1)
-        large = size > half
-        if not large.any():
-            break
-        triangles = torch.cat([triangles[~large], quartered(triangles[large])])
-        source = torch.cat([source[~large], source[large].repeat(4)])
-    return triangles, source
 
 
 def _distance(empty: Tensor) -> Tensor:
