@@ -61,6 +61,8 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     cycles_session.require()
     threads.sleep_while_waiting()
     settings = FrameSettings.of(depsgraph.scene_eval, depsgraph.view_layer_eval)
+    if settings.weights != BUNDLED:
+        model_cache.begin_import()
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
     frame.check(depsgraph, settings, report)
     report_limits(depsgraph, report)
