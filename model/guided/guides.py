@@ -106,22 +106,23 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    probed = partial(gathered, grid=grid_of(view.longer_side))
+    grid = grid_of(view.longer_side)
+    lit = partial(gathered, radiosity, grid=grid, noisy=True)
     with part(0.0, 0.2):
-        arriving = probed(lambda x, n, _: prior.arriving(x, n), position, normal, alpha > 0)
+        arriving = gathered(lambda x, n, _: prior.arriving(x, n), position, normal, alpha > 0, grid)
     with part(0.2, 0.4):
         light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
                       arriving.reshape(h * w, 6))
         light = light.reshape(h, w, 9) * (alpha > 0)
     with part(0.4, 0.7):
-        bounced = probed(radiosity, position, normal, alpha > 0, noisy=True)
+        bounced = lit(position, normal, alpha > 0)
     with part(0.7, 0.8):
         through = tensor(guides.transmission_color).amax(-1, keepdim=True) > 0
-        behind = probed(radiosity, position, -normal, through, noisy=True)
+        behind = lit(position, -normal, through)
     with part(0.8, 0.9):
-        reflected = _seen_light(partial(probed, radiosity, noisy=True), guides, "reflected", tensor)
+        reflected = _seen_light(lit, guides, "reflected", tensor)
     with part(0.9, 1.0):
-        refracted = _seen_light(partial(probed, radiosity, noisy=True), guides, "refracted", tensor)
+        refracted = _seen_light(lit, guides, "refracted", tensor)
     hinted = torch.full_like(alpha, guides.traced is not None)
     traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
@@ -135,13 +136,13 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
                  torch.stack([bounced, behind, reflected, refracted, traced]))
 
 
-def _seen_light(bounced: Callable, guides: Guides, name: str, tensor) -> Tensor:
+def _seen_light(lit: Callable, guides: Guides, name: str, tensor) -> Tensor:
     """(h, W, 3) radiance of the surfaces that the paths of this `name` end at."""
     parts = [getattr(guides, f"{name}_{kind}") for kind in ("position", "normal", "color")]
     if parts[0] is None:
         return tensor(np.zeros_like(guides.position))
     position, normal, color = map(tensor, parts)
-    return bounced(position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0) * color
+    return lit(position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0) * color
 
 
 def _log(radiance: Tensor) -> Tensor:

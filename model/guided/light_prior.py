@@ -20,7 +20,7 @@ from ..threads import shared
 from .blocking import is_solid, passes_light
 from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
-from .far import unblocked
+from .far import FarBlockers
 from .fog import fog_of
 from .shadow_maps import DistantShadows, LampShadows
 from .sky import SkyVisibility
@@ -46,13 +46,13 @@ class LightPrior:
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
         blocking = as_tensor(scene.triangles[is_solid(scene) & ~scene.is_light & ~passes_light(scene, straight=True)])
         self.fog = fog_of(scene.volumes, device)
-        solid, towards = as_tensor(scene.triangles[is_solid(scene) & ~passes_light(scene)]), self.origins[self.distant]
-        towards = F.normalize(towards, dim=-1)
+        far = FarBlockers(as_tensor(scene.triangles[is_solid(scene) & ~passes_light(scene)]))
+        towards = F.normalize(self.origins[self.distant], dim=-1)
         with part(0.0, 0.1):
-            self.radiance = self.radiance.index_put((self.distant,), unblocked(solid, towards)[:, None] *
-                                                    self.radiance[self.distant])
+            arrives = far.unblocked(towards)[:, None] * self.radiance[self.distant]
+            self.radiance = self.radiance.index_put((self.distant,), arrives)
         with part(0.1, 0.6):
-            self.sky = None if self.environment is None else SkyVisibility(blocking, solid, self.environment, self.fog)
+            self.sky = None if self.environment is None else SkyVisibility(blocking, far, self.environment, self.fog)
         with part(0.6, 0.9):
             near = LampShadows(blocking, self.origins[~self.distant])
         with part(0.9, 1.0):

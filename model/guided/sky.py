@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ..progress import part
 from .environment_prior import EnvironmentPrior
-from .far import unblocked
+from .far import FarBlockers
 from .fog import Fog
 from .shadow_maps import DistantShadows
 
@@ -20,13 +20,13 @@ CHUNK = 4096    # points at a time
 
 
 class SkyVisibility:
-    """Built from (T, 3, 3) corners of the triangles, `near` and far, and the volumes, that stand in the way."""
+    """Built from (T, 3, 3) corners of the triangles near, from what is far, and the volumes, that stand in the way."""
 
-    def __init__(self, near: Tensor, far: Tensor, environment: EnvironmentPrior, fog: Fog | None = None):
+    def __init__(self, near: Tensor, far: FarBlockers, environment: EnvironmentPrior, fog: Fog | None = None):
         self.towards = sphere_directions(DIRECTIONS).to(near.device)
         self.radiance = environment.filtered(self.towards, torch.full_like(self.towards[:, 0], BLUR))
         with part(0.0, 0.2):
-            self.unblocked = unblocked(far, self.towards)
+            self.unblocked = far.unblocked(self.towards)
         with part(0.2, 1.0):
             self.shadows, self.fog = DistantShadows(near, self.towards), fog
 

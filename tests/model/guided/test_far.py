@@ -6,11 +6,15 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from renderformer_v2.model.guided.far import unblocked
+from renderformer_v2.model.guided.far import FarBlockers
 from renderformer_v2.model.guided.sky import sphere_directions
 
 LEVEL = torch.tensor([[0.0, 0.0, 1.0], [0.9, 0.0, 0.1], [0.0, -0.7, 0.3]])
 TOWARDS = F.normalize(LEVEL, dim=-1)
+
+
+def unblocked(triangles: torch.Tensor, towards: torch.Tensor) -> torch.Tensor:
+    return FarBlockers(triangles).unblocked(towards)
 
 
 def box(size: float) -> torch.Tensor:
