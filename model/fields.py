@@ -48,6 +48,17 @@ class Channels:
     def __getitem__(self, name: str) -> slice:
         return self.parts[name][0]
 
+    def without(self, name: str) -> Channels:
+        """All parts but one."""
+        return Channels(self.axis, **{key: part for key, part in self._sizes().items() if key != name})
+
+    def joined(self, **parts: int | tuple[int, Behaviour]) -> Channels:
+        """These parts and more behind them."""
+        return Channels(self.axis, **self._sizes(), **parts)
+
+    def _sizes(self) -> dict[str, tuple[int, Behaviour]]:
+        return {name: (part.stop - part.start, behaviour) for name, (part, behaviour) in self.parts.items()}
+
     def index(self, name: str) -> int:
         """Place of a part that is one channel."""
         return self[name].start

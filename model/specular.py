@@ -17,6 +17,7 @@ SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
 PURE = 0.5         # metallic or transmission from which a surface is a mirror or glass
 LIFTED = 1e-4      # of the longest way so far, that a ray starts off the surface it leaves
+SHARP, BLURRED = 0.2, 0.8  # roughness up to which what is seen is an image, and from which it is a mean of all around
 
 Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -28,6 +29,12 @@ class Ends:
     position: np.ndarray  # (P, 3) f32, world
     normal: np.ndarray    # (P, 3) f32, unit, facing the path
     color: np.ndarray     # (P, 3) f32: diffuse colour there times that of what was passed; 0 = lamp, sky or no end
+
+
+def blur(roughness):
+    """Array or tensor, 0 to 1: how far what a surface shows is not an image but a mean of all around."""
+    x = ((roughness - SHARP) / (BLURRED - SHARP)).clip(0, 1)
+    return x * x * (3 - 2 * x)
 
 
 def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray) -> Ends:

@@ -18,6 +18,7 @@ from ..network.inputs import TensorGroup
 from ..network.memory import like
 from ..progress import part
 from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
+from ..specular import blur
 from ..specular import reflected as reflected_ray
 from .light_prior import LightPrior
 from .probes import gathered, grid_of
@@ -41,6 +42,7 @@ FEATURES = Channels(
 BAND_PIXELS = 1 << 17     # computed at once: guides of a large picture are gigabytes
 OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
 UNSEEN_DISTANCE = 2.0     # where a bundle that hits nothing is placed along its rays, network units
+AROUND = 0.8              # share of the light from all around that a rough surface reflects besides its colour
 UNKNOWN_ROUGHNESS = 0.5   # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
 
 
@@ -115,12 +117,13 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
                       arriving.reshape(h * w, 6))
         light = light.reshape(h, w, 9) * (alpha > 0)
     with part(0.4, 0.7):
-        bounced = lit(position, normal, alpha > 0)
+        bounced, around = lit(position, normal, alpha > 0).split(3, dim=-1)
     with part(0.7, 0.8):
         through = tensor(guides.transmission_color).amax(-1, keepdim=True) > 0
-        behind = lit(position, -normal, through)
+        behind = lit(position, -normal, through)[..., :3]
     with part(0.8, 0.9):
-        reflected = _seen_light(lit, guides, "reflected", tensor)
+        mirrored_light = _seen_light(lit, guides, "reflected", tensor)
+        reflected = torch.lerp(mirrored_light, AROUND * around, blur(roughness)[..., None])
     with part(0.9, 1.0):
         refracted = _seen_light(lit, guides, "refracted", tensor)
     hinted = torch.full_like(alpha, guides.traced is not None)
@@ -142,7 +145,7 @@ def _seen_light(lit: Callable, guides: Guides, name: str, tensor) -> Tensor:
     if parts[0] is None:
         return tensor(np.zeros_like(guides.position))
     position, normal, color = map(tensor, parts)
-    return lit(position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0) * color
+    return lit(position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0)[..., :3] * color
 
 
 def _log(radiance: Tensor) -> Tensor:

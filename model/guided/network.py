@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from ..network.config import ModelConfig
 from ..network.decoder import DPTDecoder
-from ..network.inputs import EnvironmentInputs, encode_light
+from ..network.inputs import EnvironmentInputs
 from ..network.memory import chunked
 from ..network.renderformer import RenderFormer
 from ..progress import part
 from .encoders import EnvironmentEncoder, TileEncoder
+from .gain_map import GainMap
 from .guidance import Guidance
 from .guides import FEATURES
 from .inputs import GuidedInputs, GuidedView
-from .light import OUTPUTS, decode_image
-from .refiner import Refiner
+from .light import OUTPUTS, SEEN, light_cells
 
 
 class GuidedRenderFormer(RenderFormer):
@@ -28,7 +29,7 @@ class GuidedRenderFormer(RenderFormer):
         self.environment_encoder = EnvironmentEncoder(config)
         self.guidance = Guidance(config)
         self.view_transformer.out_dpt = DPTDecoder(config, len(FEATURES), len(OUTPUTS))
-        self.refiner = Refiner(len(OUTPUTS) + len(FEATURES) + 3, config.guidance.refiner_width, len(OUTPUTS))
+        self.gain_map = GainMap(len(SEEN), config.guidance.gain_map_width, 3)
 
     def embed_textures(self, tiles: Tensor) -> Tensor:
         """(T, 13, 2 q, 2 q) material tiles -> (T, D)."""
@@ -57,9 +58,11 @@ class GuidedRenderFormer(RenderFormer):
 
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
         """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
-        with part(0.0, 0.6):
+        with part(0.0, 0.8):
             raw = self.view_transformer.out_dpt(features, view.guides.features)
-        with part(0.6, 0.7):
-            image = encode_light(decode_image(raw, view.guides))
-        with part(0.7, 1.0):
-            return raw + self.refiner(raw, image, view.guides.features)
+        hinted = view.guides.features[:, FEATURES["hinted"]]
+        if hinted.any():  # what else there is to be seen is too coarse to be judged by
+            with part(0.8, 1.0):
+                gain = self.gain_map(light_cells(raw, view.guides))
+            raw[:, OUTPUTS["gain"]] += hinted * F.interpolate(gain, raw.shape[2:], mode="bilinear")
+        return raw

@@ -71,23 +71,20 @@ class Radiosity:
                 self.shining = prior(x, n, n, torch.ones_like(x[:, 0]), lamps)[:, :3]
         with part(0.6, 1.0):
             around = self._look(x, n, scattered(x), PATCH_RAYS)
-        self.leaving = first
+        again = torch.zeros_like(first)
         for _ in range(BOUNCES):
-            self.leaving = first + albedo * self._gathered(around)
+            again = albedo * (around.through + _gathered(around, first + again))
+        self.leaving = torch.cat([first + again, again], dim=1)  # all, and what had bounced before
 
     def __call__(self, position: Tensor, normal: Tensor, number: Tensor | None = None) -> Tensor:
-        """Radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3) -> (P, 3).
+        """Radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3) -> (P, 6).
 
+        The last three are the part that has bounced more than once.
         number: (P,) of neighbours in a row, whose rays go between each other's; by default they are a row.
         """
         number = torch.arange(len(position), device=position.device) if number is None else number
-        return self._gathered(self._look(position, normal, number[:, None] * position.new_tensor(R2) % 1, RAYS))
-
-    def _gathered(self, around: Surroundings) -> Tensor:
-        """(P, 3) mean radiance that arrives."""
-        leaving, count = F.pad(self.leaving, (0, 0, 0, 1)), around.side.shape[1]
-        rays = zip(around.side.T, around.passing.T, strict=True)
-        return around.through + sum(leaving.index_select(0, side) * share[:, None] for side, share in rays) / count
+        around = self._look(position, normal, number[:, None] * position.new_tensor(R2) % 1, RAYS)
+        return F.pad(around.through, (0, 3)) + _gathered(around, self.leaving)
 
     def _look(self, position: Tensor, normal: Tensor, start: Tensor, rays: int) -> Surroundings:
         direction = cosine_directions(normal, rays, start).reshape(-1, 3)
@@ -125,6 +122,13 @@ class Radiosity:
             from_behind = (self.normal[row] * towards).sum(-1) < 0
             lamps[ray] = torch.maximum(lamps[ray], tint * self.shining[row + len(self.normal) * from_behind])
         return sky + PASSED * lamps
+
+
+def _gathered(around: Surroundings, leaving: Tensor) -> Tensor:
+    """(P, C) mean of what arrives of the radiance (2 S, C) that leaves both sides of the patches."""
+    leaving, count = F.pad(leaving, (0, 0, 0, 1)), around.side.shape[1]
+    rays = zip(around.side.T, around.passing.T, strict=True)
+    return sum(leaving.index_select(0, side) * share[:, None] for side, share in rays) / count
 
 
 def scattered(position: Tensor) -> Tensor:

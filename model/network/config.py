@@ -42,7 +42,7 @@ class Guidance:
 
     tile_encoder_width: int = 32
     environment_encoder_width: int = 32
-    refiner_width: int = 24
+    gain_map_width: int = 48
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from ...model.geometry import area_vectors
 from . import attributes
 from .report import AS_GOOD_AS_INFINITE
 
+ROUNDING = 1e-6  # of the length of unit vectors
+
 
 @dataclass
 class TriangleMesh:
@@ -166,12 +168,10 @@ def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
         report.approximated(name, f"{len(mesh) - len(first)} triangles that lie where others are were dropped")
         mesh = mesh.take(first)
     progress.report()
-    faces = face_normals(mesh.corners)[:, None]
+    if not (np.abs(lengths(mesh.normals) - 1) < ROUNDING).all():
+        mesh = replace(mesh, normals=unit_or(mesh.normals, face_normals(mesh.corners)[:, None]))
     progress.report()
-    normals = unit_or(mesh.normals, faces)
-    progress.report()
-    return replace(mesh.mapped(lambda layer: layer if np.isfinite(layer).all()
-                               else np.nan_to_num(layer, posinf=0, neginf=0)), normals=normals)
+    return mesh.mapped(lambda layer: layer if np.isfinite(layer).all() else np.nan_to_num(layer, posinf=0, neginf=0))
 
 
 def _first_of_its_place(corners: np.ndarray) -> np.ndarray:

@@ -49,6 +49,8 @@ def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
             middle = _unit((brightness * solid_angle)[core] @ towards[core])
         cosine = towards @ middle
         core, ring = cosine > math.cos(CORE), (cosine <= math.cos(CORE)) & (cosine > math.cos(RING))
+        if not ring.any():  # light that is too faint to have a middle
+            break
         unseen &= ~core
         around = np.median(left[ring], axis=0)
         excess = np.maximum(left[core] - around, 0) * solid_angle[core, None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A small scene without Blender: a floor of triangles under one light, seen from above."""
+"""Small scenes without Blender: a floor of triangles under one light, seen from above, and others made of it."""
 import numpy as np
 
 from renderformer_v2.model.camera import view_rays
@@ -40,3 +40,20 @@ def floor_view(width: int = 64, height: int = 64) -> tuple[View, Guides]:
         depth=np.where(hit, 3.0, 1e10).astype(np.float32), alpha=hit.astype(np.float32),
         hit_triangle=np.where(hit, 0, -1).astype(np.int32), hit_barycentric=np.full(hit.shape + (2,), 0.3, np.float32))
     return view, guides
+
+
+def flat(corners: np.ndarray, color) -> RenderScene:
+    """Triangles (n, 3, 3) of one colour, without vertex normals."""
+    n = len(corners)
+    rows = np.zeros((n, 3), np.float32)
+    return RenderScene(corners, np.zeros((n, 3, 3), np.float32), rows, rows, np.zeros((n, 2), np.float32),
+                       np.zeros(n, np.int32), constant_tile(color)[None])
+
+
+def walls(color) -> RenderScene:
+    """The floor, grey, and a coloured wall on its left side."""
+    scene = floor_scene(side=6)
+    scene.tiles[:, :3] = 0.5
+    floor = scene.triangles[~scene.is_light]
+    wall = np.stack([np.full_like(floor[..., 0], -1), floor[..., 1], floor[..., 0] + 1], axis=-1)[:, ::-1]
+    return scene.appended(flat(wall.copy(), color))

@@ -45,7 +45,7 @@ EFFECTS = {
     "fog": Effect(Place(30, 28), Place(2, 58), 35, 0.2),
     "ground": Effect(Place(40, 30), Place(2, 2), 34, 0.15),
     "sky": Effect(Place(18, 30), Place(46, 30), 39, 0.1),
-    "panel": Effect(Place(20, 8, 3), Place(42, 18, 8), 25, 0.2),  # beside the lamp, and the cube below
+    "panel": Effect(Place(20, 8, 3), Place(42, 18, 8), 25, 0.22),  # beside the lamp, and the cube below
 }
 
 

@@ -55,11 +55,11 @@ def test_outputs_that_were_not_there_start_at_zero(folder):
     assert torch.equal(bias[:21], stored[name].float()) and len(bias) > 21 and not bias[21:].any()
 
 
-def test_a_refiner_that_was_not_there_changes_nothing(folder):
-    changed(folder, lambda state: [state.pop(name) for name in list(state) if name.startswith("refiner.")])
+def test_a_gain_map_that_was_not_there_changes_nothing(folder):
+    changed(folder, lambda state: [state.pop(name) for name in list(state) if name.startswith("gain_map.")])
     model = new_network(TINY)
     start_from(model, folder)
-    assert not model.refiner(torch.randn(1, model.refiner.enter.in_channels, 8, 8)).any()
+    assert not model.gain_map(torch.randn(1, model.gain_map.enter.in_channels, 8, 8)).any()
 
 
 @pytest.mark.parametrize("change, message", [

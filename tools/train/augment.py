@@ -7,6 +7,7 @@ The paper turns every sample by a random rotation and swaps the environment's ch
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -30,11 +31,7 @@ def augment(sample: TrainingSample, generator: torch.Generator, unhinted: float 
 def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> TrainingSample:
     """Turned by so many columns of the panorama, with the colour channels in this order."""
     angle = 2 * math.pi * shift / sample.inputs.environment.ldr.shape[-1]
-    c, s = math.cos(angle), math.sin(angle)
-    matrix = torch.tensor([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-
-    def turn(x: Tensor) -> Tensor:
-        return x @ matrix.T
+    turn = turn_about_z(angle)
 
     def add_turn(euler: Tensor) -> Tensor:
         """Rz(angle) Rz(z) Ry(y) Rx(x): turning about Z only adds to the last angle."""
@@ -49,6 +46,13 @@ def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> Tra
     changed = mapped(sample, changes)
     tiles = mapped_channels(sample.inputs.texture, TILE, changes)
     return replace(changed, inputs=replace(changed.inputs, texture=tiles))
+
+
+def turn_about_z(angle: float) -> Callable[[Tensor], Tensor]:
+    """A function of (..., 3) vectors."""
+    c, s = math.cos(angle), math.sin(angle)
+    matrix = torch.tensor([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return lambda x: x @ matrix.T
 
 
 def without_hints(sample: TrainingSample) -> TrainingSample:

@@ -15,6 +15,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from renderformer_v2.model.guided.light import shown
+
 PERCEPTUAL_WEIGHT = 0.05
 SHOWN_WEIGHT = 0.25  # of the error as it is seen on a screen, which weighs dark places as an eye does
 SQUARED_WEIGHT = 4.0  # of its square beside its amount: PSNR counts squares
@@ -37,13 +39,6 @@ def image_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
     return ((a - b).abs().mean() + PERCEPTUAL_WEIGHT * perceptual(display(a), display(b))
             + SHOWN_WEIGHT * (seen.abs() + SQUARED_WEIGHT * seen.square()).mean()
             + PSNR_WEIGHT * (BEST_PSNR - decibels).mean())
-
-
-def shown(radiance: Tensor) -> Tensor:
-    """sRGB-encoded; beyond 1 it grows slowly, so that what is too bright still knows its way back."""
-    x = radiance.clamp_min(0)
-    curve = 1.055 * x.clamp(0.0031308, 1) ** (1 / 2.4) - 0.055
-    return torch.where(x > 0.0031308, curve, 12.92 * x) + 0.1 * x.clamp_min(1).log()
 
 
 def lobe_loss(light: Tensor, target: Tensor, colors: Tensor) -> Tensor:

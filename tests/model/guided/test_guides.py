@@ -12,7 +12,8 @@ from renderformer_v2.model.guided.light import BEHIND, BOUNCED, OUTPUTS, REFRACT
 from renderformer_v2.model.guided.light_prior import LightPrior
 from renderformer_v2.model.guided.radiosity import Radiosity
 from renderformer_v2.model.presets import rf2_small
-from tests.model.samples import floor_scene, floor_view
+from renderformer_v2.model.scene import ROUGHNESS
+from tests.model.samples import floor_scene, floor_view, walls
 
 PATCH = rf2_small().patch_size
 
@@ -25,6 +26,13 @@ def tensors(width=64, height=64, hinted=False):
     if not hinted:
         guides.traced = None
     return guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
+
+
+def dark_outputs():
+    """Of a decoder that sees no light, and does not change what there is."""
+    outputs = torch.full((1, len(OUTPUTS), 64, 64), -30.0)
+    outputs[:, OUTPUTS["gain"]] = 0
+    return outputs
 
 
 def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
@@ -49,17 +57,16 @@ def test_far_bundles_are_drawn_in():
 
 
 def test_the_prior_is_the_only_light_of_an_undecided_decoder():
-    guides = tensors()
-    visible, dark = torch.full((1, 9, 64, 64), 30.0), torch.full((1, len(OUTPUTS) - 9, 64, 64), -30.0)
-    image = decode_light(torch.cat([visible, dark], 1), guides)["image"]
+    guides, outputs = tensors(), dark_outputs()
+    assert decode_light(outputs, guides)["image"].amax() < 1e-5
+    outputs[:, OUTPUTS["visibility"]] = 30
+    image = decode_light(outputs, guides)["image"]
     torch.testing.assert_close(image, 1.2 * (guides.prior * guides.colors).sum(1), atol=1e-5, rtol=1e-4)
     assert image.amax() > 0.01
-    black = decode_light(torch.cat([-visible, dark], 1), guides)["image"]
-    assert black.amax() < 1e-5
 
 
 def test_traced_light_stands_for_all_direct_light():
-    guides, dark = tensors(hinted=True), torch.full((1, len(OUTPUTS), 64, 64), -30.0)
+    guides, dark = tensors(hinted=True), dark_outputs()
     dark[:, OUTPUTS["traced"]] = 0
     image = decode_light(dark, guides)["image"]
     torch.testing.assert_close(image, guides.traced, atol=1e-5, rtol=1e-4)
@@ -68,7 +75,7 @@ def test_traced_light_stands_for_all_direct_light():
 
 @pytest.mark.parametrize(("raw", "factor"), [(30.0, 4.0), (-30.0, 0.25)])
 def test_traced_light_is_corrected_within_bounds(raw, factor):
-    guides, outputs = tensors(hinted=True), torch.full((1, len(OUTPUTS), 64, 64), -30.0)
+    guides, outputs = tensors(hinted=True), dark_outputs()
     outputs[:, OUTPUTS["traced"]] = raw
     light = decode_light(outputs, guides)
     torch.testing.assert_close(light["traced"], factor * guides.traced, atol=1e-5, rtol=1e-4)
@@ -99,6 +106,22 @@ def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
     prior = LightPrior(scene)
     found = guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
     assert found.behind[0, :, 32, 32].min() > 0.01 > 10 * found.bounced[0, :, 32, 32].max()
+
+
+def test_a_rough_surface_shows_no_image_but_the_mean_of_light_that_has_bounced_before():
+    scene, (view, guides) = walls((0.8, 0.8, 0.8)), floor_view(64, 64)
+    ends = {"reflected_position": guides.position, "reflected_normal": guides.normal,
+            "reflected_color": np.full_like(guides.position, 0.5)}
+    prior = LightPrior(scene)
+    radiosity, shown = Radiosity(scene, prior), []
+    for roughness in (0.1, 0.9):
+        scene.tiles[:, ROUGHNESS] = roughness
+        found = guide_tensors(scene, view, replace(guides, **ends), prior, radiosity, PATCH)
+        seen = found.features[0, FEATURES.index("alpha")] > 0
+        shown.append(found.reflected[0, :, seen])
+    image = 0.5 * found.bounced[0, :, seen]
+    torch.testing.assert_close(shown[0], image)
+    assert 0 < shown[1].mean() < 0.5 * image.mean()
 
 
 def test_no_light_where_nothing_is_hit():

@@ -11,7 +11,7 @@ from renderformer_v2.model.guided.light_prior import LightPrior
 from renderformer_v2.model.guided.probes import gathered
 from renderformer_v2.model.guided.radiosity import Radiosity
 from renderformer_v2.model.scene import RenderScene, constant_tile
-from tests.model.samples import floor_scene
+from tests.model.samples import flat, floor_scene, walls
 
 MANY = 50  # times the rays of a point
 RATIO = 0.5 / 0.3  # of half the side of `roof` to its height
@@ -23,10 +23,14 @@ def built(scene: RenderScene) -> Radiosity:
     return Radiosity(scene, LightPrior(scene))
 
 
-def arriving(bounce: Radiosity, points, normals) -> torch.Tensor:
-    """(P, 3) without the noise of a point's few rays."""
+def parts(bounce: Radiosity, points, normals) -> tuple[torch.Tensor, torch.Tensor]:
+    """(P, 3) all and that which has bounced before, without the noise of a point's few rays."""
     points, normals = torch.as_tensor(points), torch.as_tensor(normals).expand(len(points), 3)
-    return bounce(points.repeat(MANY, 1), normals.repeat(MANY, 1)).view(MANY, -1, 3).mean(0)
+    return bounce(points.repeat(MANY, 1), normals.repeat(MANY, 1)).view(MANY, -1, 6).mean(0).split(3, dim=-1)
+
+
+def arriving(bounce: Radiosity, points, normals) -> torch.Tensor:
+    return parts(bounce, points, normals)[0]
 
 
 def test_a_point_that_faces_a_bright_plane_gathers_its_radiance():
@@ -41,26 +45,20 @@ def test_a_point_that_faces_a_bright_plane_gathers_its_radiance():
     assert built(floor_scene())(torch.tensor([[0.0, 0.0, 0.5]]), UP).abs().max() == 0  # nothing above but the lamp
 
 
-def flat(corners, color) -> RenderScene:
-    n = len(corners)
-    rows = np.zeros((n, 3), np.float32)
-    return RenderScene(corners, np.zeros((n, 3, 3), np.float32), rows, rows, np.zeros((n, 2), np.float32),
-                       np.zeros(n, np.int32), constant_tile(color)[None])
-
-
-def walls(color) -> RenderScene:
-    """The floor, grey, and a coloured wall on its left side."""
-    scene = floor_scene(side=6)
-    scene.tiles[:, :3] = 0.5
-    floor = scene.triangles[~scene.is_light]
-    wall = np.stack([np.full_like(floor[..., 0], -1), floor[..., 1], floor[..., 0] + 1], axis=-1)[:, ::-1]
-    return scene.appended(flat(wall.copy(), color))
-
-
 def test_a_coloured_wall_bleeds_onto_what_is_near_it():
     bounce = built(walls((0.8, 0.05, 0.05)))
     near, far = arriving(bounce, [[-0.8, 0.0, 0.0], [0.9, 0.0, 0.0]], UP)
     assert near[0] > 3 * near[1] > 0 and near[0] > 2 * far[0] > 0
+
+
+def test_light_that_has_bounced_before_is_known_apart():
+    """Over the floor alone there is none; between floor and wall it is what the other sends back, and of its colour."""
+    at, towards = [[-0.8, 0.0, 0.3]], -UP
+    once, again = parts(built(floor_scene(side=6)), at, towards)
+    assert once.min() > 0 and again.abs().max() < 1e-3 * once.min()
+    total, again = parts(built(walls((0.8, 0.05, 0.05))), at, towards)
+    red, green, _ = again[0]
+    assert 0 < green < red / 3 and red < 0.5 * total[0, 0]
 
 
 def test_no_more_than_a_whole_hemisphere_arrives():
@@ -119,7 +117,7 @@ def test_what_stands_in_between_keeps_light_away():
     for scene in (ceiling, ceiling.appended(roof((0.0, 0.0, 0.0)))):
         bounce = built(scene)
         bright = patches.patches(scene).center[:, 2] > 0.5
-        bounce.leaving = bright.float().repeat(2)[:, None].expand(-1, 3)
+        bounce.leaving = bright.float().repeat(2)[:, None].expand(-1, 6)
         light.append(arriving(bounce, [[0.0, 0.0, 0.0], [0.0, 0.0, 0.45]], UP)[:, 0])
     assert light[1][0] < 0.4 * light[0][0] and light[1][1] > 0.9
 
@@ -168,4 +166,4 @@ def test_a_scene_of_lights_alone_gathers_nothing():
                               ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")})
     radiosity = Radiosity(alone, LightPrior(alone))
     points = torch.zeros(3, 3)
-    assert (radiosity(points, torch.eye(3)) == 0).all() and radiosity(points[:0], points[:0]).shape == (0, 3)
+    assert (radiosity(points, torch.eye(3)) == 0).all() and radiosity(points[:0], points[:0]).shape == (0, 6)

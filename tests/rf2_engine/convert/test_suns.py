@@ -61,3 +61,11 @@ def test_what_is_wide_or_faint_stays_in_the_world():
     panorama[50, 511] = 1e6          # across the seam
     left, (sun,) = split_suns(panorama)
     assert left.max() == 500 and np.allclose(left[50, 511], 0.5)
+
+
+@pytest.mark.filterwarnings("error")
+def test_light_too_faint_to_be_measured_is_no_sun():
+    panorama = np.zeros((8, 16, 3), np.float32)
+    panorama[2, 3] = 1e-44
+    left, suns = split_suns(panorama)
+    assert not suns and np.array_equal(left, panorama)
