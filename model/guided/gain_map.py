@@ -26,7 +26,11 @@ class GainMap(nn.Module):
         self.context = Linear(2 * in_channels, width)
         self.look = nn.ModuleList(nn.Conv2d(width, width, 3, padding=d, dilation=d) for d in DILATIONS)
         self.leave = Float32Conv2d(width, out_channels, 1)
-        nn.init.zeros_(self.leave.weight)  # untrained it changes nothing
+        self.forget()
+
+    def forget(self) -> None:
+        """Change nothing, as when untrained."""
+        nn.init.zeros_(self.leave.weight)
         nn.init.zeros_(self.leave.bias)
 
     def standardise(self, cells: Tensor) -> None:

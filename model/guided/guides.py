@@ -108,19 +108,19 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    grid = grid_of(view.longer_side)
-    lit = partial(gathered, radiosity, grid=grid, noisy=True)
+    probed = partial(gathered, grid=grid_of(view.longer_side))
+    lit = partial(probed, lambda *probes: radiosity(*probes)[:, :3], noisy=True)
     with part(0.0, 0.2):
-        arriving = gathered(lambda x, n, _: prior.arriving(x, n), position, normal, alpha > 0, grid)
+        arriving = probed(lambda x, n, _: prior.arriving(x, n), position, normal, alpha > 0)
     with part(0.2, 0.4):
         light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
                       arriving.reshape(h * w, 6))
         light = light.reshape(h, w, 9) * (alpha > 0)
     with part(0.4, 0.7):
-        bounced, around = lit(position, normal, alpha > 0).split(3, dim=-1)
+        bounced, around = probed(radiosity, position, normal, alpha > 0, noisy=True).split(3, dim=-1)
     with part(0.7, 0.8):
         through = tensor(guides.transmission_color).amax(-1, keepdim=True) > 0
-        behind = lit(position, -normal, through)[..., :3]
+        behind = lit(position, -normal, through)
     with part(0.8, 0.9):
         mirrored_light = _seen_light(lit, guides, "reflected", tensor)
         reflected = torch.lerp(mirrored_light, AROUND * around, blur(roughness)[..., None])
@@ -145,7 +145,7 @@ def _seen_light(lit: Callable, guides: Guides, name: str, tensor) -> Tensor:
     if parts[0] is None:
         return tensor(np.zeros_like(guides.position))
     position, normal, color = map(tensor, parts)
-    return lit(position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0)[..., :3] * color
+    return lit(position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0) * color
 
 
 def _log(radiance: Tensor) -> Tensor:

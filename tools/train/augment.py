@@ -38,11 +38,9 @@ def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> Tra
         z = euler[..., 2] + angle
         return torch.cat([euler[..., :2], torch.atan2(z.sin(), z.cos())[..., None]], -1)
 
-    def swap(x: Tensor) -> Tensor:
-        return x.unflatten(-1, (-1, 3))[..., order].flatten(-2)
-
     # Column c of a panorama looks along phi = pi - 2 pi c / columns: a turn by +angle moves it to the left.
-    changes = {POINT: turn, DIRECTION: turn, EULER: add_turn, PANORAMA: lambda x: x.roll(-shift, -1), COLOR: swap}
+    changes = {POINT: turn, DIRECTION: turn, EULER: add_turn, PANORAMA: lambda x: x.roll(-shift, -1),
+               COLOR: recolored(order)}
     changed = mapped(sample, changes)
     tiles = mapped_channels(sample.inputs.texture, TILE, changes)
     return replace(changed, inputs=replace(changed.inputs, texture=tiles))
@@ -53,6 +51,11 @@ def turn_about_z(angle: float) -> Callable[[Tensor], Tensor]:
     c, s = math.cos(angle), math.sin(angle)
     matrix = torch.tensor([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     return lambda x: x @ matrix.T
+
+
+def recolored(order: Tensor) -> Callable[[Tensor], Tensor]:
+    """A function of (..., 3 n) colours: their channels in this order."""
+    return lambda x: x.unflatten(-1, (-1, 3))[..., order].flatten(-2)
 
 
 def without_hints(sample: TrainingSample) -> TrainingSample:

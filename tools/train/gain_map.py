@@ -21,11 +21,13 @@ from renderformer_v2.model.fields import COLOR, DIRECTION, mapped_channels
 from renderformer_v2.model.guided.gain_map import GainMap
 from renderformer_v2.model.guided.light import SEEN, factor, shown
 from renderformer_v2.model.presets import BUNDLED, PRESETS, weights_folder
+from renderformer_v2.model.threads import team
 from tools.arguments import whole_number
 
-from .augment import turn_about_z
+from .augment import recolored, turn_about_z
 from .cells import CHANNELS, CellFiles, load_cells
 from .errors import TrainingError
+from .run import explained
 from .start import start_from
 
 VIEWS = 16             # at a time
@@ -46,9 +48,8 @@ def decibels(gain: Tensor, before: Tensor, wanted: Tensor) -> Tensor:
 def augmented(cells: Tensor) -> Tensor:
     """Views (V, sum(CHANNELS), h, w) turned about Z, recoloured and mirrored, all alike."""
     order, turn = torch.randperm(3), turn_about_z(float(torch.rand(())) * 2 * torch.pi)
-    swap = lambda x: x.unflatten(-1, (-1, 3))[..., order].flatten(-2)  # noqa: E731
     seen, before, wanted = cells.split(CHANNELS, 1)
-    seen = mapped_channels(seen, SEEN, {COLOR: swap, DIRECTION: turn})
+    seen = mapped_channels(seen, SEEN, {COLOR: recolored(order), DIRECTION: turn})
     cells = torch.cat([seen, before[:, order], wanted[:, order]], 1)
     for axis in (2, 3):
         if torch.rand(()) < 0.5:
@@ -86,15 +87,12 @@ def train(gain_map: GainMap, samples: list[Tensor], seconds: float, write) -> No
     write()
 
 
-def run(options: argparse.Namespace) -> None:
+def fit(options: argparse.Namespace) -> None:
     """Raises TrainingError when there is nothing to learn from, or the weights are of another network."""
-    if options.threads:
-        torch.set_num_threads(options.threads)
     torch.manual_seed(options.seed)
     network = new_network(PRESETS[BUNDLED]())
     start_from(network, weights_folder(options.start))
-    torch.nn.init.zeros_(network.gain_map.leave.weight)
-    torch.nn.init.zeros_(network.gain_map.leave.bias)
+    network.gain_map.forget()
     network.eval().requires_grad_(False)
     files = CellFiles(options.data, options.cells or options.data.parent / "cells", network, load_material_mapper())
     samples = load_cells(files, options.processes or os.cpu_count() or 1)
@@ -120,12 +118,9 @@ def main() -> int:
     parser.add_argument("--processes", type=whole_number(0), default=0, help="that render (default: one per core)")
     parser.add_argument("--threads", type=whole_number(0), default=0, help="that train (default: all)")
     parser.add_argument("--seed", type=int, default=0)
-    try:
-        run(parser.parse_args())
-    except TrainingError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+    options = parser.parse_args()
+    with team(options.threads):
+        return explained(lambda: fit(options))
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from renderformer_v2.model.material.autoencoder import MaterialAutoencoder
 from renderformer_v2.model.material.mappers import MetallicTransmissionMapper
 
 from .errors import TrainingError
+from .run import explained
 from .state import TrainingState
 
 AUTOENCODER = {"image_size": 64, "widths": (32, 64, 128), "residual_blocks": 1, "groups": 8}
@@ -182,12 +183,7 @@ def main() -> int:
     parser.add_argument("--mapper-steps", type=int, default=2000, help="of mapper and decoder")
     parser.add_argument("--encoder-steps", type=int, default=500)
     args = parser.parse_args()
-    try:
-        train(args)
-    except TrainingError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+    return explained(lambda: train(args))
 
 
 if __name__ == "__main__":

@@ -79,10 +79,15 @@ def add_arguments(parser: argparse.ArgumentParser, config: str) -> None:
 
 
 def status(train: Callable[[argparse.Namespace, TrainConfig], None], options: argparse.Namespace) -> int:
-    """Train, and return the exit status: 2, and one sentence on stderr, for what the user can put right."""
+    """Train with `add_arguments`, and return the exit status as `explained` does."""
+    with team(options.threads):
+        return explained(lambda: train(options, TrainConfig.load(options.config)))
+
+
+def explained(work: Callable[[], None]) -> int:
+    """The exit status of some work: 2, and one sentence on stderr, for what the user can put right."""
     try:
-        with team(options.threads):
-            train(options, TrainConfig.load(options.config))
+        work()
     except (TrainingError, CheckpointError) as error:
         print(error, file=sys.stderr)
         return 2

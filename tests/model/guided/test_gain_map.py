@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from renderformer_v2.model.guided import guides as guides_module
 from renderformer_v2.model.guided.gain_map import CELLS, GainMap, cell_side
 from renderformer_v2.model.guided.guides import FEATURES
 from renderformer_v2.model.guided.light import OUTPUTS, SEEN, decode_light, light_cells
@@ -49,6 +50,14 @@ def test_a_gain_is_a_factor_of_all_light(hinted):
     assert factor.min() > 1.1 and factor.max() - factor.min() < 1e-4
     for key, light in plain.items():
         torch.testing.assert_close(brighter[key], light * factor[0])
+
+
+@torch.no_grad()
+def test_bands_of_a_large_picture_change_nothing(monkeypatch):
+    guides, raw = tensors(64, 128, hinted=True), torch.randn(1, len(OUTPUTS), 128, 64)
+    whole = light_cells(raw, guides)
+    monkeypatch.setattr(guides_module, "BAND_PIXELS", 1)
+    assert torch.equal(light_cells(raw, guides), whole)
 
 
 @torch.no_grad()
