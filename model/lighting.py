@@ -31,6 +31,12 @@ class Lobes:
     direct: np.ndarray | None = None
     indirect: np.ndarray | None = None
 
+    def scaled_to(self, radiance: np.ndarray) -> Lobes:
+        """The same light in the same proportions, whose sum is another picture (H, W, 3)."""
+        scale = radiance / np.maximum(self.radiance, FAINT ** 2)
+        return Lobes(radiance, **{name: light * scale for name in ("traced", "direct", "indirect")
+                                  if (light := getattr(self, name)) is not None})
+
     def rows(self, rows: slice) -> Lobes:
         """Those of a part of the picture's rows; shared memory."""
         return Lobes(**{f.name: x[..., rows, :, :] for f in fields(self) if (x := getattr(self, f.name)) is not None})

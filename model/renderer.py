@@ -9,7 +9,7 @@ A pipeline is one of the two ways from a normalised scene to a picture, guided/p
     variant(picture_size)           which of its networks renders pictures whose longer side has so many pixels
     encode(scene, variant)          stage 1; the result has `.context` (SceneContext)
     image(encoded, view, guides)    (3, H, W) f32 radiance in network exposure, without emitters seen directly
-and the guided one also gives `light`, the same by lobe.
+and the guided one also gives `light`, the same by lobe, and pictures `antialiased`.
 """
 from __future__ import annotations
 
@@ -85,6 +85,16 @@ class EncodedScene:
         keys = ["image"] + ["traced"] * (guides.traced is not None) + ["direct", "indirect"] * apart
         found = self._rendered(view, guides, lambda *given: self.renderer.pipeline.light(*given, keys))
         return Lobes(found.pop("image"), **found)
+
+    def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides) -> dict[str, np.ndarray]:
+        """All `pictures` (H, W, C) f32, with the edges of the view of `lobes` as more samples would show them.
+
+        They are made of the view's light or its guides. Guided networks alone know how, and where light was traced.
+        """
+        exposure = self.normalization.exposure
+        with torch.inference_mode():
+            return self.renderer.pipeline.antialiased(pictures, lobes.radiance * exposure,
+                                                      self.normalization.guides(guides))
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""

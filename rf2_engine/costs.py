@@ -22,6 +22,7 @@ _first_guess = {
     "Loading the network": 3.0,         # once
     "Network, scene": 3e-4,             # a triangle
     "Network, view": 2e-5,              # a pixel
+    "Network, edges": 2e-6,             # a pixel
     "Cycles Reference": 4e-6,           # a sample of a pixel
 }
 LEAST_LEARNED = 0.5   # of what was known: a stage that found its work done already says little about the next time

@@ -29,6 +29,7 @@ def work(width: int, height: int, part: Border | None, settings: FrameSettings, 
             "First hits": pixels * settings.guide_samples * runs,
             "Loading the network": not model_cache.is_loaded(),
             "Network, scene": settings.token_budget * optics.shutter, "Network, view": pixels * optics.samples,
+            "Network, edges": pixels * (settings.guided and settings.light is Light.TRACED and not optics),
             reference.NAME: pixels * settings.reference.samples if settings.reference else 0}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -23,7 +23,7 @@ from .convert.scene import convert
 from .cycles_session import PINHOLE, Catchers, Light, Look
 from .guides import make_guides
 from .optics import Optics
-from .output import Catch
+from .output import SHINING, Catch
 from .rectangle import Border
 from .reflections import with_ends
 from .settings import FrameSettings
@@ -126,6 +126,15 @@ class Layer:
                 with progress.part(0.9, 1.0, "Blending edges"):
                     lobes = blended(lobes, guides, normal)
         return lobes
+
+    def antialiased(self, encoded, lobes: Lobes, guides: Guides,
+                    combined: np.ndarray) -> tuple[Lobes, Guides, np.ndarray]:
+        """A view's light, what it sees shine, and the picture `combined` (H, W, 4) of both, with smooth edges."""
+        found = {"combined": combined, "radiance": lobes.radiance} | {key: getattr(guides, key) for key in SHINING}
+        with self.status.stage("Network", "edges"):
+            found = encoded.antialiased(found, lobes, guides)
+        shining = {key: found[key] for key in SHINING}
+        return lobes.scaled_to(found["radiance"]), replace(guides, **shining), found["combined"]
 
     def blurred(self, renderer, scene: RenderScene, whole: Guides, show: Callable[[Lobes], None]) -> tuple[Lobes, int]:
         """The network's light as the mean of the samples of the optics, and the tokens of the last scene.

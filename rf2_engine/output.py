@@ -13,7 +13,7 @@ from ..model.lighting import Lobes
 from ..model.scene import Guides
 from . import passes as pass_table
 
-SHINING = {"emission", "environment"}  # first-hit passes in units of light
+SHINING = ("emission", "environment")  # first-hit passes in units of light
 ERROR_CHECKER = 16  # pixels
 ERROR_COLORS = np.array([[0.6, 0.0, 0.4, 1.0], [0.05, 0.0, 0.04, 1.0]], np.float32)
 

@@ -106,21 +106,25 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         if first is None:
             first = guides.diffuse_color + guides.glossy_color + guides.transmission_color
         show(Lobes(first))
-        radiance, tokens, light = np.zeros((view.height, view.width, 3), np.float32), 0, {}
+        whole, tokens, light = combined(np.zeros((view.height, view.width, 3), np.float32)), 0, {}
         if has_content and (guides.alpha.any() or guides.transmission_color.any()):
             renderer = renderer or _load(status, settings)  # PyTorch was imported meanwhile
             with threads.team(settings.threads):
                 if optics:
                     lobes, tokens = job.blurred(renderer, scene, guides, show)
+                    whole = combined(lobes.radiance)
                 else:
                     encoded = job.encoded(renderer, scene, view)
                     lobes, tokens = job.lobes(encoded, view, guides, found["normal"]), encoded.tokens
+                    whole = combined(lobes.radiance)
+                    if settings.guided and guides.traced is not None and catch is None:
+                        lobes, guides, whole = job.antialiased(encoded, lobes, guides, whole)
+                        shining = {key: getattr(guides, key) for key in output.SHINING}
+                        passes |= output.first_hits(shining, settings.exposure)
                 if lit:
                     with status.stage("Dividing the light"):
                         light = output.light_passes(guides, lobes, found, bool(scene.volumes), settings.exposure)
-                radiance = lobes.radiance
     with status.stage("Writing passes"):
-        whole = combined(radiance)
         noisy = output.noisy(whole, found, settings.exposure)
         picture = passes | light | {"combined": whole, pass_table.NOISY.key: noisy}
         output.write(engine, layer, picture)

@@ -12,6 +12,7 @@ from ..network.inputs import EnvironmentInputs
 from ..network.memory import chunked
 from ..network.renderformer import RenderFormer
 from ..progress import part
+from .antialiasing import KernelPredictor
 from .encoders import EnvironmentEncoder, TileEncoder
 from .gain_map import GainMap
 from .guidance import Guidance
@@ -30,6 +31,7 @@ class GuidedRenderFormer(RenderFormer):
         self.guidance = Guidance(config)
         self.view_transformer.out_dpt = DPTDecoder(config, len(FEATURES), len(OUTPUTS))
         self.gain_map = GainMap(len(SEEN), config.guidance.gain_map_width, 3)
+        self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)  # of finished pictures
 
     def embed_textures(self, tiles: Tensor) -> Tensor:
         """(T, 13, 2 q, 2 q) material tiles -> (T, D)."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from ..checkpoint import load_material_mapper, load_network
@@ -14,6 +15,7 @@ from ..precision import in_precision
 from ..presets import weights_folder
 from ..progress import part
 from ..scene import Guides, RenderScene, View
+from .antialiasing import antialiased
 from .inputs import guided_inputs, guided_view
 from .light import decode_bands
 from .light_prior import LightPrior
@@ -62,3 +64,10 @@ class GuidedPipeline:
             raw = self.network.render_view(encoded.context, inputs)
         with part(0.95, 1.0, "Adding the light up"):
             return {key: light[0] for key, light in decode_bands(raw, inputs.guides, keys).items()}
+
+    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray,
+                    guides: Guides) -> dict[str, np.ndarray]:
+        """`pictures` (H, W, C) with smooth edges, if light was traced; `radiance` (H, W, 3) is the view's `image`."""
+        if guides.traced is None:
+            return pictures
+        return antialiased(self.network.kernel_predictor, pictures, radiance, guides)

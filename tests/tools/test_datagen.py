@@ -51,7 +51,7 @@ def test_scene_cameras_guides_and_passes_of_a_sample_belong_together(folder, see
         assert np.median(np.abs(view.principal[0] - seen[:, 0] / seen[:, 2] * view.focal[0] - columns - 0.5)) < 0.1
         assert np.median(np.abs(view.principal[1] + seen[:, 1] / seen[:, 2] * view.focal[1] - rows - 0.5)) < 0.1
 
-        total = guide.emission + light["volume_direct"] + light["volume_indirect"]
+        total = light["emission"] + light["volume_direct"] + light["volume_indirect"]
         for lobe in ("diffuse", "glossy", "transmission"):
             total = total + getattr(guide, f"{lobe}_color") * (light[f"{lobe}_direct"] + light[f"{lobe}_indirect"])
         # "combined" is denoised and the others are not: compare what denoising keeps.

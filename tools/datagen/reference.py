@@ -25,8 +25,9 @@ from .cameras import Setup  # noqa: E402
 
 MAX_EDGE = 0.25  # of the scene's longest side
 HINT_SAMPLES = 8  # of traced light, as F12's default
-LIGHTING = ("combined", "diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "transmission_direct",
-            "transmission_indirect", "volume_direct", "volume_indirect")
+REFERENCE = ("combined", "diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect",
+             "transmission_direct", "transmission_indirect", "volume_direct", "volume_indirect", "emission",
+             "environment")
 
 
 @dataclass
@@ -74,15 +75,14 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     depsgraph.scene_eval.cycles.seed += 1  # noise that they share with the reference would be a hint too many
     hints = cycles_session.render_passes(engine, depsgraph, samples=HINT_SAMPLES, light=Light.TRACED,
                                          hazy=bool(sample.scene.volumes))
-    found["traced"] = hints["traced"]
     if sample.equal:
         few = cycles_session.render_passes(engine, depsgraph, samples=sample.equal, light=Light.ALL, denoise=True)
         found["equal"] = few["combined"]
     depsgraph.scene_eval.cycles.seed -= 1
     rendered = time.perf_counter()
-    sample.guides.append(with_ends(make_guides(found, sample.scene, view), sample.scene, view))
+    sample.guides.append(with_ends(make_guides(hints, sample.scene, view), sample.scene, view))
     sample.views.append(view)
-    sample.passes.append({name: found[name] for name in (*LIGHTING, *(["equal"] if sample.equal else []))})
+    sample.passes.append({name: found[name] for name in (*REFERENCE, *(["equal"] if sample.equal else []))})
     guided = time.perf_counter()
     for stage, seconds in zip(sample.seconds, (converted - start, rendered - converted, guided - rendered),
                               strict=True):

@@ -74,10 +74,12 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
     """(scene, views, guides, passes) of a sample, the last three one entry per view, floats as f32.
 
     `passes` has the keys of rf2_engine/cycles_session.py: "combined" (H, W, 4), denoised, premultiplied, with directly
-    seen emitters but without the directly seen world (guides.environment), and noisy light per lobe, for which
-    combined = diffuse_color * (diffuse_direct + diffuse_indirect) + glossy and transmission likewise
-    + volume_direct + volume_indirect + emission. With `tile_size` STORED_TILE the tiles are not blown up to the
-    contract's 32 x 32, which saves the training loop a copy of up to 70 MB.
+    seen emitters but without the directly seen world, both of which are passes of their own ("emission",
+    "environment"), and noisy light per lobe, for which combined = diffuse_color * (diffuse_direct + diffuse_indirect)
+    + glossy and transmission likewise + volume_direct + volume_indirect + emission. Guides have the few samples of
+    F12; in older files they have the reference's, and those are its emission and environment. With `tile_size`
+    STORED_TILE the tiles are not blown up to the contract's 32 x 32, which saves the training loop a copy of up to 70
+    MB.
     """
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files}
@@ -98,7 +100,11 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
     views = [View(view["camera_to_world"][i], view["focal"][i], view["principal"][i], int(view["width"][i]),
                   int(view["height"][i])) for i in range(count)]
     guides = [Guides(**{k: _unpacked_guide(k, v[i]) for k, v in guide.items()}) for i in range(count)]
-    return result, views, guides, [{k: v[i].astype(np.float32) for k, v in passes.items()} for i in range(count)]
+    passes = [{k: v[i].astype(np.float32) for k, v in passes.items()} for i in range(count)]
+    for g, p in zip(guides, passes, strict=True):
+        for name in ("emission", "environment"):
+            p.setdefault(name, getattr(g, name))
+    return result, views, guides, passes
 
 
 def _packed_tiles(scene: RenderScene, size: int) -> dict[str, np.ndarray]:

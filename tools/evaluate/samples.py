@@ -25,7 +25,7 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
     begin = time.perf_counter()
     encoded = renderer.encode(scene)
     seen = list(zip(views, guides, strict=True))
-    pictures = [encoded.view(view, guide) for view, guide in seen]
+    ours = [_picture(encoded, view, guide) for view, guide in seen]
     seconds = time.perf_counter() - begin
     beside = {}
     if isinstance(encoded.encoded, GuidedContext) and guides[0].traced is not None:
@@ -40,13 +40,22 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
     def shown(surfaces: list[np.ndarray]) -> list[np.ndarray]:
         return [a + guide.emission + guide.environment for a, guide in zip(surfaces, guides, strict=True)]
 
-    ours, beside = shown(pictures), {name: shown(surfaces) for name, surfaces in beside.items()}
-    references = [p["combined"][..., :3] + guide.environment for p, guide in zip(passes, guides, strict=True)]
+    beside = {name: shown(surfaces) for name, surfaces in beside.items()}
+    references = [p["combined"][..., :3] + p["environment"] for p in passes]
     found = scores(ours, references, triangles=len(scene), seconds=seconds)
     found["beside"] = {name: scores(shown, references) for name, shown in beside.items()}
     columns = {"ours": ours, "reference": references} | (
         {"equal": beside["cycles_equal"]} if "cycles_equal" in beside else {})
     return Evaluation(found, [dict(zip(columns, row)) for row in zip(*columns.values())])
+
+
+def _picture(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
+    """(H, W, 3) as F12 writes it on an opaque film."""
+    if not isinstance(encoded.encoded, GuidedContext):
+        return encoded.view(view, guides) + guides.emission + guides.environment
+    lobes = encoded.lobes(view, guides, apart=False)
+    whole = {"whole": lobes.radiance + guides.emission + guides.environment}
+    return encoded.antialiased(whole, lobes, guides)["whole"]
 
 
 def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:

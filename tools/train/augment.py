@@ -58,6 +58,14 @@ def recolored(order: Tensor) -> Callable[[Tensor], Tensor]:
     return lambda x: x.unflatten(-1, (-1, 3))[..., order].flatten(-2)
 
 
+def mirrored(pictures: Tensor) -> Tensor:
+    """(..., h, w) flipped and transposed at random, all alike."""
+    for axis in (-1, -2):
+        if torch.rand(()) < 0.5:
+            pictures = pictures.flip(axis)
+    return pictures.transpose(-1, -2) if torch.rand(()) < 0.5 else pictures
+
+
 def without_hints(sample: TrainingSample) -> TrainingSample:
     """As if no light had been traced."""
     guides = sample.view.guides

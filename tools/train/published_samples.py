@@ -68,7 +68,7 @@ def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
         inputs = pipeline.encoder.inputs(pipeline.encoder.process(normalization.scene(scene)))
     rays, pictures, masks = [], [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):
-        surface = (reference["combined"][..., :3] - guide.emission).clip(0) * np.float32(normalization.exposure)
+        surface = (reference["combined"][..., :3] - reference["emission"]).clip(0) * np.float32(normalization.exposure)
         larger, picture, mask = compared(view, guide, surface, scene.is_light, pipeline.granularity)
         rays.append(view_inputs(normalization.view(larger)))
         pictures.append(picture)

@@ -61,7 +61,7 @@ def build_sample(path: Path) -> TrainingSample:
     for view, guide, reference in zip(views, guides, passes, strict=True):
         inputs.append(guided_view(normalized, normalization.view(view), normalization.guides(guide), prior,
                                   radiosity, CONFIG))
-        surface = reference["combined"][..., :3] - guide.emission
+        surface = reference["combined"][..., :3] - reference["emission"]
         targets.append([surface.clip(0), *(np.stack([reference[f"{lobe}_{part}"] for lobe in LOBES])
                                            for part in ("direct", "indirect"))])
     image, direct, indirect = (torch.from_numpy(np.stack(t).astype(np.float32) * np.float32(normalization.exposure))

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Edges as more samples would show them: each pixel of the finished picture becomes a weighted mean of those around.
+
+With a few samples a pixel's coverage is noisy, in light that is traced as in light that is added. How much a pixel sees
+of each surface shows along the whole edge (kernel prediction, Bako et al. 2017; docs/architecture.md 4.2).
+"""
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from ..bands import bands
+from ..fields import COLOR, DIRECTION, Channels
+from ..network.norm import Float32Conv2d
+from ..scene import Guides
+from .light import shown
+
+SEEN = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), colors=(9, COLOR), normal=(3, DIRECTION),
+                alpha=1)
+RADIUS = 2                         # pixels, of a kernel
+WEIGHTS = (2 * RADIUS + 1) ** 2    # row by row
+CENTRE = WEIGHTS // 2
+REACH = RADIUS + 2                 # pixels around one that have a say in it
+SURE = 20.0                        # offset of the centre's logit that leaves nothing for the others
+
+
+class KernelPredictor(nn.Module):
+    """What is seen of a picture (V, len(SEEN), H, W) -> a kernel for every pixel (V, WEIGHTS, H, W) f32, of sum 1."""
+
+    def __init__(self, width: int):
+        super().__init__()
+        self.enter = nn.Conv2d(len(SEEN), width, 3, padding=1)
+        self.look = nn.Conv2d(width, width, 3, padding=1)
+        self.leave = Float32Conv2d(width, WEIGHTS, 1)
+        self.forget()
+
+    def forget(self, sure: float = SURE) -> None:
+        """Leave every pixel as it is, as when untrained; less `sure` of it, it is readier to learn."""
+        nn.init.zeros_(self.leave.weight)
+        nn.init.zeros_(self.leave.bias)
+        nn.init.constant_(self.leave.bias[CENTRE], sure)
+
+    def forward(self, seen: Tensor) -> Tensor:
+        x = F.silu(self.enter(seen.to(self.enter.weight.dtype)))
+        x = x + F.silu(self.look(x))
+        return self.leave(x).softmax(1)
+
+
+def weighted(picture: Tensor, kernels: Tensor) -> Tensor:
+    """(V, C, H, W): the mean of every pixel's surroundings under its kernel; the outermost pixels are repeated."""
+    h, w = picture.shape[2:]
+    padded = F.pad(picture, (RADIUS,) * 4, mode="replicate")
+    side = 2 * RADIUS + 1
+    return sum(kernels[:, i, None] * padded[..., i // side:i // side + h, i % side:i % side + w]
+               for i in range(WEIGHTS))
+
+
+def seen(radiance: np.ndarray, guides: Guides) -> Tensor:
+    """(1, len(SEEN), H, W) of a picture (H, W, 3) without emitters seen directly, in network exposure."""
+    traced = np.zeros_like(radiance) if guides.traced is None else guides.traced
+    light = shown(tensor(np.dstack([radiance + guides.emission, guides.emission, traced])))
+    surface = tensor(np.dstack([guides.diffuse_color, guides.glossy_color, guides.transmission_color,
+                                guides.normal * guides.alpha[..., None], guides.alpha]))
+    return torch.cat([light, surface], 1)
+
+
+def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], radiance: np.ndarray,
+                guides: Guides) -> dict[str, np.ndarray]:
+    """All `pictures` (H, W, C) f32 under the kernels of one picture, whose `radiance` and `guides` are as in `seen`."""
+    device, done = predictor.enter.weight.device, []
+    for outer, inner in bands(*guides.alpha.shape, margin=REACH):
+        kernels = predictor(seen(radiance[outer], guides.rows(outer)).to(device))
+        joined = tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
+        done.append(weighted(joined, kernels)[0, :, inner].permute(1, 2, 0).cpu().numpy())
+    ends = np.cumsum([picture.shape[-1] for picture in pictures.values()])
+    return dict(zip(pictures, np.split(np.concatenate(done), ends[:-1], axis=-1), strict=True))
+
+
+def tensor(picture: np.ndarray) -> Tensor:
+    """(H, W, C) -> (1, C, H, W) f32."""
+    return torch.from_numpy(np.ascontiguousarray(picture, np.float32)).permute(2, 0, 1)[None]

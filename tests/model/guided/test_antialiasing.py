@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kernels leave a picture as it is until they are trained; the bundled ones know what noisy edges look like."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model import bands
+from renderformer_v2.model.checkpoint import load_network
+from renderformer_v2.model.guided.antialiasing import (
+    CENTRE,
+    RADIUS,
+    SEEN,
+    WEIGHTS,
+    KernelPredictor,
+    antialiased,
+    tensor,
+    weighted,
+)
+from renderformer_v2.model.presets import BUNDLED, weights_folder
+from tests.model.samples import floor_view
+
+SAMPLES = 8
+
+
+def covered(distance: np.ndarray, rng: np.random.Generator, samples: int) -> np.ndarray:
+    """Coverage of pixels whose centres are so far inside an edge, by samples in a pixel's filter."""
+    return (distance[..., None] + rng.normal(0, 0.4, (*distance.shape, samples)) > 0).mean(-1).astype(np.float32)
+
+
+def inside(angle: float) -> np.ndarray:
+    """(64, 64) pixels by which the centres lie inside the edge."""
+    y, x = np.mgrid[-32:32, -32:32] + 0.5
+    return (x - 0.3) * np.cos(angle) + y * np.sin(angle)
+
+
+def bright_half(angle: float, samples: int, seed: int = 0):
+    """A white half before a dark one, both matte and opaque: radiance and guides."""
+    view, guides = floor_view(64, 64)
+    distance = inside(angle)
+    share = covered(distance, np.random.default_rng(seed), samples)[..., None]
+    normal = np.where(distance[..., None] > 0, (0, 0, 1), (0, 1, 0)).astype(np.float32)
+    color, radiance = 0.2 + 0.6 * share, 0.1 + 0.5 * share
+    picture = lambda value: np.broadcast_to(value, (64, 64, 3)).astype(np.float32)  # noqa: E731
+    guides = replace(guides, diffuse_color=picture(color), glossy_color=picture(0.04), transmission_color=picture(0),
+                     normal=normal, alpha=np.ones((64, 64), np.float32), emission=picture(0), environment=picture(0),
+                     traced=picture(radiance))
+    return picture(radiance), guides
+
+
+def test_an_untrained_predictor_leaves_every_pixel_as_it_is():
+    kernels = KernelPredictor(4)(torch.randn(1, len(SEEN), 9, 7))
+    assert kernels.shape == (1, WEIGHTS, 9, 7)
+    picture = torch.rand(1, 2, 9, 7)
+    torch.testing.assert_close(weighted(picture, kernels), picture, atol=1e-6, rtol=1e-6)
+
+
+def test_a_kernel_takes_from_the_pixels_around():
+    picture, kernels = torch.rand(1, 3, 8, 8), torch.zeros(1, WEIGHTS, 8, 8)
+    kernels[:, CENTRE + 1] = 0.25      # the pixel to the right
+    kernels[:, CENTRE - 2 * RADIUS - 1] = 0.75  # the one above
+    found = weighted(picture, kernels)
+    torch.testing.assert_close(found[..., 1:, :-1], 0.25 * picture[..., 1:, 1:] + 0.75 * picture[..., :-1, :-1])
+    torch.testing.assert_close(found[..., 0, -1], picture[..., 0, -1])  # what lies outside is like the outermost
+
+
+def trained_like() -> KernelPredictor:
+    torch.manual_seed(0)
+    predictor = KernelPredictor(4)
+    torch.nn.init.normal_(predictor.leave.weight)
+    torch.nn.init.zeros_(predictor.leave.bias)
+    return predictor
+
+
+@torch.no_grad()
+def test_all_pictures_get_the_same_kernels_whatever_the_bands(monkeypatch):
+    radiance, guides = bright_half(0.5, SAMPLES)
+    predictor = trained_like()
+    pictures = {"combined": np.dstack([radiance, guides.alpha]), "half": 0.5 * radiance}
+    found = antialiased(predictor, pictures, radiance, guides)
+    assert found["combined"].shape == (64, 64, 4) and np.abs(found["combined"][..., :3] - radiance).max() > 0.01
+    np.testing.assert_allclose(found["combined"][..., :3], 2 * found["half"], rtol=1e-5)
+    np.testing.assert_allclose(found["combined"][..., 3], 1, rtol=1e-5)
+    monkeypatch.setattr(bands, "PIXELS", 5 * 64)
+    again = antialiased(predictor, pictures, radiance, guides)
+    for name, picture in found.items():
+        np.testing.assert_allclose(again[name], picture, rtol=1e-4, atol=1e-5)
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("degrees", [8, 33, 70])
+def test_the_bundled_kernels_bring_a_noisy_edge_nearer_to_the_truth(degrees):
+    predictor = load_network(weights_folder(BUNDLED)).kernel_predictor
+    radiance, guides = bright_half(np.radians(degrees), SAMPLES)
+    truth, _ = bright_half(np.radians(degrees), 4096, seed=1)
+    found = antialiased(predictor, {"picture": radiance}, radiance, guides)["picture"]
+    before, after = (np.square(picture - truth).mean() for picture in (radiance, found))
+    assert after < 0.7 * before
+    far = np.abs(inside(np.radians(degrees))) > 8
+    np.testing.assert_allclose(found[far], truth[far], atol=1e-3)  # what has no edge stays as it is
+
+
+def test_pictures_are_stacked_row_0_on_top():
+    assert tensor(np.arange(6.0).reshape(1, 2, 3))[0, :, 0, 1].tolist() == [3, 4, 5]

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The kernel predictor is trained alone, from what the rest of the network renders; without Blender."""
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.guided.antialiasing import KernelPredictor, seen, weighted
+from renderformer_v2.model.normalize import Normalization
+from renderformer_v2.model.renderer import Renderer
+from tests.tools.test_train import stored  # noqa: F401 - a fixture
+from tools.datagen.shards import load_sample
+from tools.train import antialiasing as training
+from tools.train.antialiasing import CHANNELS
+from tools.train.errors import SampleError
+
+
+@torch.inference_mode()
+def test_a_sample_becomes_what_the_predictor_sees_and_what_it_should_make(stored, tmp_path):  # noqa: F811
+    renderer = Renderer(device="cpu", precision="fp32")
+    found = training.pixels(renderer, stored)
+    scene, (view,), (guide,), (reference,) = load_sample(stored)
+    exposure = Normalization.of(scene).exposure
+    assert found.shape == (1, sum(CHANNELS), view.height, view.width)
+    known, ours, wanted = found.split(CHANNELS, 1)
+    radiance = renderer.encode(scene).view(view, guide)
+    whole = exposure * (radiance + guide.emission + guide.environment)
+    np.testing.assert_allclose(ours[0, :3].permute(1, 2, 0), whole, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(wanted[0, :3].permute(1, 2, 0), exposure * (
+        reference["combined"][..., :3] + reference["environment"]), rtol=1e-5, atol=1e-6)
+    np.testing.assert_array_equal(ours[0, 3], guide.alpha)
+    np.testing.assert_array_equal(wanted[0, 3], reference["combined"][..., 3])
+    torch.testing.assert_close(known, seen(radiance * exposure, encoded_guides(scene, guide)))
+
+
+def encoded_guides(scene, guide):
+    return Normalization.of(scene).guides(guide)
+
+
+def test_a_damaged_sample_is_named(tmp_path):
+    (tmp_path / "scene_00000002.npz").write_bytes(b"no sample")
+    with pytest.raises(SampleError, match="scene_00000002.npz"):
+        training.pixels(None, tmp_path / "scene_00000002.npz")
+
+
+def test_noise_of_a_pixel_is_learnt_to_be_taken_out():
+    torch.manual_seed(0)
+    samples = []
+    for _ in range(8):
+        wanted = torch.full((1, 4, 64, 64), 0.5)
+        ours = wanted + 0.05 * torch.randn(1, 4, 64, 64)
+        samples.append(torch.cat([torch.randn(1, CHANNELS[0], 64, 64) * 0.1, ours, wanted], 1).half())
+    predictor, written = KernelPredictor(8), []
+    training.train(predictor, samples, 4.0, lambda: written.append(1))
+    known, ours, wanted = samples[0].float().split(CHANNELS, 1)
+    with torch.no_grad():
+        found = weighted(ours, predictor(known))
+    assert written and (found - wanted).square().mean() < 0.9 * (ours - wanted).square().mean()
+
+
+def test_the_command_says_what_is_missing(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["antialiasing", "--data", str(tmp_path), "--out", str(tmp_path), "--minutes", "1"])
+    assert training.main() == 2 and "tools.datagen" in capsys.readouterr().err

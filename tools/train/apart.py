@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small parts of the network that are trained apart, from memory, on what all the rest makes of the samples."""
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import torch
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+from torch.utils.data import DataLoader, Dataset
+
+from renderformer_v2.model.color import HALF_MAX
+from renderformer_v2.model.guided.network import GuidedRenderFormer
+from renderformer_v2.model.presets import BUNDLED
+from tools.arguments import whole_number
+from tools.datagen.shards import sample_paths
+
+from . import cache_key
+from .errors import SampleError, TrainingError
+
+LEARNING_RATE, WARM_UP = 2e-3, 50
+LEAST_ERROR = 1e-5     # mean square that counts as none
+LOG_EVERY = 100        # steps
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Those of every such training."""
+    parser.add_argument("--data", type=Path, required=True, help="folder of samples")
+    parser.add_argument("--start", default=BUNDLED, metavar="WEIGHTS_DIR", help=f"default: {BUNDLED}")
+    parser.add_argument("--rendered", type=Path, help="what is learnt from (default: DATA/../rendered)")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--minutes", type=float, required=True, help="of training, after the samples were rendered")
+    parser.add_argument("--processes", type=whole_number(0), default=0, help="that render (default: one per core)")
+    parser.add_argument("--threads", type=whole_number(0), default=0, help="that train (default: all)")
+    parser.add_argument("--seed", type=int, default=0)
+
+
+def rendered(options: argparse.Namespace, network: GuidedRenderFormer, apart: Iterable[str],
+             render: Callable[[Path], Tensor]) -> list[Tensor]:
+    """(V, C, h, w) f16 of every sample, as `RenderedFiles` has it; raises TrainingError if there is none."""
+    files = RenderedFiles(options.data, options.rendered or options.data.parent / "rendered", network, apart, render)
+    found = []
+    for file in DataLoader(files, batch_size=None, num_workers=options.processes or os.cpu_count() or 1):
+        if file is not None:
+            found.append(load_file(file)["views"])
+            if len(found) % 50 == 0:
+                print(f"{len(found)} of {len(files)} samples", flush=True)
+    if not found:
+        raise TrainingError(f"{options.data} holds no samples that can be read: make some with tools.datagen")
+    return found
+
+
+class RenderedFiles(Dataset):
+    """Of all samples in a folder, made where they are missing or out of date."""
+
+    def __init__(self, data: Path, stored: Path, network: GuidedRenderFormer, apart: Iterable[str],
+                 render: Callable[[Path], Tensor]):
+        """render: a sample's path -> (V, C, h, w), by the network without the parts that are called `apart`."""
+        self.paths, self.stored, self.render = sample_paths(data), stored, render
+        stored.mkdir(parents=True, exist_ok=True)
+        weights = b"".join(p.detach().numpy().tobytes() for name, p in network.named_parameters()
+                           if name.partition(".")[0] not in apart)
+        self.made_by = hashlib.sha256(weights).hexdigest()[:12]
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __getitem__(self, index: int) -> Path | None:
+        """The file of one sample; None, and a line that says so, if that cannot be read."""
+        torch.set_num_threads(1)
+        path = self.paths[index]
+        file = self.stored / f"{path.stem}-{self.made_by}-{cache_key.key(path)}.safetensors"
+        if not file.is_file():
+            try:
+                with torch.inference_mode():
+                    views = self.render(path).clamp(-HALF_MAX, HALF_MAX).half()
+            except SampleError as error:
+                print(f"{error} (left out)", flush=True)
+                return None
+            save_file({"views": views.contiguous()}, file.with_suffix(".tmp"))
+            file.with_suffix(".tmp").replace(file)
+        return file
+
+
+def decibels(after: Tensor, before: Tensor, wanted: Tensor) -> Tensor:
+    """(V,) by how much pictures (V, C, h, w) have come closer to what is wanted."""
+    errors = ((x - wanted).square().mean((1, 2, 3)) + LEAST_ERROR for x in (before, after))
+    return 10 * (torch.log10(next(errors)) - torch.log10(next(errors)))
+
+
+def gain_decibels(part: nn.Module, gained: Callable[[], Tensor], seconds: float, weight_decay: float, write) -> None:
+    """Train a part by what is `gained()` at every step; `write()` is called in between and in the end."""
+    optimizer = torch.optim.AdamW((p for p in part.parameters() if p.requires_grad), LEARNING_RATE,
+                                  weight_decay=weight_decay)
+    begin, step, log = time.monotonic(), 0, []
+    part.train()
+    while (left := 1 - (time.monotonic() - begin) / seconds) > 0:
+        optimizer.param_groups[0]["lr"] = LEARNING_RATE * min(1, (step + 1) / WARM_UP) * left
+        gain = gained().mean()
+        optimizer.zero_grad()
+        (-gain).backward()
+        optimizer.step()
+        step, log = step + 1, [*log, float(gain.detach())]
+        if step % LOG_EVERY == 0:
+            print(f"step {step}: {sum(log) / len(log):.3f} dB gained", flush=True)
+            log = []
+            write()
+    write()
