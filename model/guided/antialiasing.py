@@ -22,7 +22,8 @@ SEEN = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), col
 RADIUS = 2                         # pixels, of a kernel
 WEIGHTS = (2 * RADIUS + 1) ** 2    # row by row
 CENTRE = WEIGHTS // 2
-REACH = RADIUS + 2                 # pixels around one that have a say in it
+DILATIONS = (1, 2)
+REACH = RADIUS + 1 + sum(DILATIONS)  # pixels around one that have a say in it
 SURE = 20.0                        # offset of the centre's logit that leaves nothing for the others
 
 
@@ -32,7 +33,7 @@ class KernelPredictor(nn.Module):
     def __init__(self, width: int):
         super().__init__()
         self.enter = nn.Conv2d(len(SEEN), width, 3, padding=1)
-        self.look = nn.Conv2d(width, width, 3, padding=1)
+        self.look = nn.ModuleList(nn.Conv2d(width, width, 3, padding=d, dilation=d) for d in DILATIONS)
         self.leave = Float32Conv2d(width, WEIGHTS, 1)
         self.forget()
 
@@ -44,7 +45,8 @@ class KernelPredictor(nn.Module):
 
     def forward(self, seen: Tensor) -> Tensor:
         x = F.silu(self.enter(seen.to(self.enter.weight.dtype)))
-        x = x + F.silu(self.look(x))
+        for look in self.look:
+            x = x + F.silu(look(x))
         return self.leave(x).softmax(1)
 
 
