@@ -21,13 +21,11 @@ from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, see
 from renderformer_v2.model.guided.light import shown
 from renderformer_v2.model.guided.pipeline import GuidedPipeline
 from renderformer_v2.model.renderer import Renderer
-from renderformer_v2.model.threads import team
 from tools.datagen.shards import load_sample
 
 from . import apart
 from .augment import mirrored, recolored, turn_about_z
 from .errors import SampleError, TrainingError
-from .run import explained
 
 CHANNELS = len(SEEN), 4, 4  # what is seen, the picture and its alpha, and both as they should be
 SIDE = 48                   # pixels of a part
@@ -100,11 +98,7 @@ def fit(options: argparse.Namespace) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tools.train.antialiasing", description=__doc__)
-    apart.add_arguments(parser)
-    options = parser.parse_args()
-    with team(options.threads):
-        return explained(lambda: fit(options))
+    return apart.command("antialiasing", __doc__, fit)
 
 
 if __name__ == "__main__":

@@ -17,19 +17,22 @@ from torch.utils.data import DataLoader, Dataset
 from renderformer_v2.model.color import HALF_MAX
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import BUNDLED
+from renderformer_v2.model.threads import team
 from tools.arguments import whole_number
 from tools.datagen.shards import sample_paths
 
 from . import cache_key
 from .errors import SampleError, TrainingError
+from .run import explained
 
 LEARNING_RATE, WARM_UP = 2e-3, 50
 LEAST_ERROR = 1e-5     # mean square that counts as none
 LOG_EVERY = 100        # steps
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Those of every such training."""
+def command(name: str, description: str, fit: Callable[[argparse.Namespace], None]) -> int:
+    """The command line of such a training; returns its exit status, which is 2 for what the user can put right."""
+    parser = argparse.ArgumentParser(prog=f"python -m tools.train.{name}", description=description)
     parser.add_argument("--data", type=Path, required=True, help="folder of samples")
     parser.add_argument("--start", default=BUNDLED, metavar="WEIGHTS_DIR", help=f"default: {BUNDLED}")
     parser.add_argument("--rendered", type=Path, help="what is learnt from (default: DATA/../rendered)")
@@ -38,6 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--processes", type=whole_number(0), default=0, help="that render (default: one per core)")
     parser.add_argument("--threads", type=whole_number(0), default=0, help="that train (default: all)")
     parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    with team(options.threads):
+        return explained(lambda: fit(options))
 
 
 def rendered(options: argparse.Namespace, network: GuidedRenderFormer, apart: Iterable[str],

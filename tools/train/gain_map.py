@@ -20,11 +20,9 @@ from renderformer_v2.model.guided.gain_map import GainMap, cell_side
 from renderformer_v2.model.guided.light import SEEN, decode_light, factor, light_cells, shown
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import BUNDLED, PRESETS, weights_folder
-from renderformer_v2.model.threads import team
 
 from . import apart
 from .augment import mirrored, recolored, turn_about_z
-from .run import explained
 from .samples import TrainingSample, build_sample, with_latents
 from .start import start_from
 
@@ -92,11 +90,7 @@ def fit(options: argparse.Namespace) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tools.train.gain_map", description=__doc__)
-    apart.add_arguments(parser)
-    options = parser.parse_args()
-    with team(options.threads):
-        return explained(lambda: fit(options))
+    return apart.command("gain_map", __doc__, fit)
 
 
 if __name__ == "__main__":
