@@ -55,8 +55,9 @@ def weighted(picture: Tensor, kernels: Tensor) -> Tensor:
     h, w = picture.shape[2:]
     padded = F.pad(picture, (RADIUS,) * 4, mode="replicate")
     side = 2 * RADIUS + 1
-    return sum(kernels[:, i, None] * padded[..., i // side:i // side + h, i % side:i % side + w]
-               for i in range(WEIGHTS))
+    # By differences, so that what is the same all around stays exactly so.
+    return picture + sum(kernels[:, i, None] * (padded[..., i // side:i // side + h, i % side:i % side + w] - picture)
+                         for i in range(WEIGHTS) if i != CENTRE)
 
 
 def seen(radiance: np.ndarray, guides: Guides) -> Tensor:
