@@ -86,15 +86,16 @@ class EncodedScene:
         found = self._rendered(view, guides, lambda *given: self.renderer.pipeline.light(*given, keys))
         return Lobes(found.pop("image"), **found)
 
-    def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides) -> dict[str, np.ndarray]:
+    def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
+                    samples: int) -> dict[str, np.ndarray]:
         """All `pictures` (H, W, C) f32, with the edges of the view of `lobes` as more samples would show them.
 
-        They are made of the view's light or its guides. Guided networks alone know how, and where light was traced.
+        They are made of the view's light or its guides, which have so many samples. Guided networks alone know how, and
+        where light was traced.
         """
-        exposure = self.normalization.exposure
         with torch.inference_mode():
-            return self.renderer.pipeline.antialiased(pictures, lobes.radiance * exposure,
-                                                      self.normalization.guides(guides))
+            return self.renderer.pipeline.antialiased(pictures, lobes.radiance, guides, self.normalization.exposure,
+                                                      samples)
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""

@@ -25,11 +25,12 @@ def work(width: int, height: int, part: Border | None, settings: FrameSettings, 
     x0, x1, y0, y1 = part or (0, width, 0, height)
     pixels = (x1 - x0) * (y1 - y0)
     runs = (2 * optics.samples if optics else 1) + optics.holes + 2 * optics.catchers
+    smooth = settings.guided and settings.light is Light.TRACED and not (optics or optics.catchers)
     return {"Converting the scene": optics.scenes,
             "First hits": pixels * settings.guide_samples * runs,
             "Loading the network": not model_cache.is_loaded(),
             "Network, scene": settings.token_budget * optics.shutter, "Network, view": pixels * optics.samples,
-            "Network, edges": pixels * (settings.guided and settings.light is Light.TRACED and not optics),
+            "Network, edges": pixels * smooth,
             reference.NAME: pixels * settings.reference.samples if settings.reference else 0}
 
 

@@ -132,7 +132,7 @@ class Layer:
         """A view's light, what it sees shine, and the picture `combined` (H, W, 4) of both, with smooth edges."""
         found = {"combined": combined, "radiance": lobes.radiance} | {key: getattr(guides, key) for key in SHINING}
         with self.status.stage("Network", "edges"):
-            found = encoded.antialiased(found, lobes, guides)
+            found = encoded.antialiased(found, lobes, guides, self.settings.guide_samples)
         shining = {key: found[key] for key in SHINING}
         return lobes.scaled_to(found["radiance"]), replace(guides, **shining), found["combined"]
 

@@ -25,6 +25,8 @@ CENTRE = WEIGHTS // 2
 DILATIONS = (1, 2)
 REACH = RADIUS + 1 + sum(DILATIONS)  # pixels around one that have a say in it
 SURE = 20.0                        # offset of the centre's logit that leaves nothing for the others
+SAMPLES = 8                        # of a pixel in the pictures of the training: with more there is less to mend
+LEAST = 2e-3                       # a weight below is none: what is a thousand times brighter would shine through
 
 
 class KernelPredictor(nn.Module):
@@ -50,33 +52,41 @@ class KernelPredictor(nn.Module):
         return self.leave(x).softmax(1)
 
 
-def weighted(picture: Tensor, kernels: Tensor) -> Tensor:
+def weighted(picture: Tensor, kernels: Tensor, samples: int = SAMPLES) -> Tensor:
     """(V, C, H, W): the mean of every pixel's surroundings under its kernel; the outermost pixels are repeated."""
+    kernels = (kernels - LEAST).clamp_min(0) * min(1.0, SAMPLES / samples)
     h, w = picture.shape[2:]
     padded = F.pad(picture, (RADIUS,) * 4, mode="replicate")
     side = 2 * RADIUS + 1
-    # By differences, so that what is the same all around stays exactly so.
-    return picture + sum(kernels[:, i, None] * (padded[..., i // side:i // side + h, i % side:i % side + w] - picture)
-                         for i in range(WEIGHTS) if i != CENTRE)
+    moved = torch.zeros_like(picture)  # by differences, so that what is the same all around stays exactly so
+    for i in range(WEIGHTS):
+        y, x = divmod(i, side)
+        if i != CENTRE:
+            moved.addcmul_(kernels[:, i, None], padded[..., y:y + h, x:x + w] - picture)
+    return picture + moved
 
 
-def seen(radiance: np.ndarray, guides: Guides) -> Tensor:
-    """(1, len(SEEN), H, W) of a picture (H, W, 3) without emitters seen directly, in network exposure."""
+def seen(radiance: np.ndarray, guides: Guides, exposure: float) -> Tensor:
+    """(1, len(SEEN), H, W) of a picture (H, W, 3) without emitters and world seen directly, in world radiance."""
     traced = np.zeros_like(radiance) if guides.traced is None else guides.traced
-    light = shown(tensor(np.dstack([radiance + guides.emission, guides.emission, traced])))
+    whole = radiance + guides.emission + guides.environment
+    light = shown(tensor(np.dstack([whole, guides.emission, traced]) * np.float32(exposure)))
     surface = tensor(np.dstack([guides.diffuse_color, guides.glossy_color, guides.transmission_color,
                                 guides.normal * guides.alpha[..., None], guides.alpha]))
     return torch.cat([light, surface], 1)
 
 
-def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], radiance: np.ndarray,
-                guides: Guides) -> dict[str, np.ndarray]:
-    """All `pictures` (H, W, C) f32 under the kernels of one picture, whose `radiance` and `guides` are as in `seen`."""
+def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
+                exposure: float, samples: int) -> dict[str, np.ndarray]:
+    """All `pictures` (H, W, C) f32 under the kernels of one, of which `radiance` and `guides` are as in `seen`.
+
+    samples: of a pixel in the first hits and in the traced light.
+    """
     device, done = predictor.enter.weight.device, []
     for outer, inner in bands(*guides.alpha.shape, margin=REACH):
-        kernels = predictor(seen(radiance[outer], guides.rows(outer)).to(device))
+        kernels = predictor(seen(radiance[outer], guides.rows(outer), exposure).to(device))
         joined = tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
-        done.append(weighted(joined, kernels)[0, :, inner].permute(1, 2, 0).cpu().numpy())
+        done.append(weighted(joined, kernels, samples)[0, :, inner].permute(1, 2, 0).cpu().numpy())
     ends = np.cumsum([picture.shape[-1] for picture in pictures.values()])
     return dict(zip(pictures, np.split(np.concatenate(done), ends[:-1], axis=-1), strict=True))
 

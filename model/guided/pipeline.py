@@ -65,9 +65,9 @@ class GuidedPipeline:
         with part(0.95, 1.0, "Adding the light up"):
             return {key: light[0] for key, light in decode_bands(raw, inputs.guides, keys).items()}
 
-    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray,
-                    guides: Guides) -> dict[str, np.ndarray]:
-        """`pictures` (H, W, C) with smooth edges, if light was traced; `radiance` (H, W, 3) is the view's `image`."""
+    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, exposure: float,
+                    samples: int) -> dict[str, np.ndarray]:
+        """As the function of that name, in world units; `pictures` as they are if no light was traced."""
         if guides.traced is None:
             return pictures
-        return antialiased(self.network.kernel_predictor, pictures, radiance, guides)
+        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, exposure, samples)

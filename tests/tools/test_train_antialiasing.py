@@ -30,11 +30,7 @@ def test_a_sample_becomes_what_the_predictor_sees_and_what_it_should_make(stored
         reference["combined"][..., :3] + reference["environment"]), rtol=1e-5, atol=1e-6)
     np.testing.assert_array_equal(ours[0, 3], guide.alpha)
     np.testing.assert_array_equal(wanted[0, 3], reference["combined"][..., 3])
-    torch.testing.assert_close(known, seen(radiance * exposure, encoded_guides(scene, guide)))
-
-
-def encoded_guides(scene, guide):
-    return Normalization.of(scene).guides(guide)
+    torch.testing.assert_close(known, seen(radiance, guide, exposure))
 
 
 def test_a_damaged_sample_is_named(tmp_path):
@@ -61,3 +57,10 @@ def test_noise_of_a_pixel_is_learnt_to_be_taken_out():
 def test_the_command_says_what_is_missing(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["antialiasing", "--data", str(tmp_path), "--out", str(tmp_path), "--minutes", "1"])
     assert training.main() == 2 and "tools.datagen" in capsys.readouterr().err
+
+
+def test_pictures_without_room_for_a_part_are_named(stored, tmp_path, capsys, monkeypatch):  # noqa: F811
+    monkeypatch.setattr(training, "SIDE", 100)
+    monkeypatch.setattr("sys.argv", ["antialiasing", "--data", str(stored.parent), "--out", str(tmp_path / "out"),
+                                     "--rendered", str(tmp_path / "rendered"), "--minutes", "1", "--processes", "1"])
+    assert training.main() == 2 and "smaller than 100 pixels" in capsys.readouterr().err

@@ -22,9 +22,9 @@ from renderformer_v2.rf2_engine.guides import make_guides  # noqa: E402
 from renderformer_v2.rf2_engine.reflections import with_ends  # noqa: E402
 
 from .cameras import Setup  # noqa: E402
+from .shards import HINT_SAMPLES  # noqa: E402
 
 MAX_EDGE = 0.25  # of the scene's longest side
-HINT_SAMPLES = 8  # of traced light, as F12's default
 REFERENCE = ("combined", "diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect",
              "transmission_direct", "transmission_indirect", "volume_direct", "volume_indirect", "emission",
              "environment")

@@ -18,6 +18,7 @@ from renderformer_v2.model.color import half
 from renderformer_v2.model.scene import TILE_SIZE, Guides, RenderScene, View, Volumes
 
 STORED_TILE = 8
+HINT_SAMPLES = 8  # of first hits and traced light, as F12's default
 
 
 def save_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:

@@ -14,7 +14,7 @@ from renderformer_v2.model.guided.light import OUTPUTS, decode_image
 from renderformer_v2.model.guided.pipeline import GuidedContext
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
-from tools.datagen.shards import load_sample
+from tools.datagen.shards import HINT_SAMPLES, load_sample
 
 from .scores import Evaluation, scores
 
@@ -50,12 +50,12 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
 
 
 def _picture(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
-    """(H, W, 3) as F12 writes it on an opaque film."""
+    """(H, W, 3) on an opaque film."""
     if not isinstance(encoded.encoded, GuidedContext):
         return encoded.view(view, guides) + guides.emission + guides.environment
     lobes = encoded.lobes(view, guides, apart=False)
     whole = {"whole": lobes.radiance + guides.emission + guides.environment}
-    return encoded.antialiased(whole, lobes, guides)["whole"]
+    return encoded.antialiased(whole, lobes, guides, HINT_SAMPLES)["whole"]
 
 
 def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:

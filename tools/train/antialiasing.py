@@ -48,7 +48,7 @@ def pixels(renderer: Renderer, path: Path) -> Tensor:
         exposure = encoded.normalization.exposure
         pictures = tensor(np.dstack([ours, wanted]))
         pictures[:, [0, 1, 2, 4, 5, 6]] *= exposure
-        found.append(torch.cat([seen(radiance * exposure, encoded.normalization.guides(guide)), pictures], 1))
+        found.append(torch.cat([seen(radiance, guide, exposure), pictures], 1))
     return torch.cat(found)
 
 
@@ -92,6 +92,9 @@ def fit(options: argparse.Namespace) -> None:
         raise TrainingError(f"{options.start} is a published network, which knows no guides and no edges")
     network = renderer.pipeline.network.requires_grad_(False)
     samples = apart.rendered(options, network, ("kernel_predictor",), lambda path: pixels(renderer, path))
+    samples = [sample for sample in samples if min(sample.shape[2:]) >= SIDE]
+    if not samples:
+        raise TrainingError(f"all pictures in {options.data} are smaller than {SIDE} pixels")
     network.kernel_predictor.requires_grad_(True)
     train(network.kernel_predictor, samples, 60 * options.minutes,
           lambda: save_network(options.out / "weights", network.config, network.state_dict()))

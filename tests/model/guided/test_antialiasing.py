@@ -10,18 +10,19 @@ from renderformer_v2.model import bands
 from renderformer_v2.model.checkpoint import load_network
 from renderformer_v2.model.guided.antialiasing import (
     CENTRE,
+    LEAST,
     RADIUS,
+    SAMPLES,
     SEEN,
     WEIGHTS,
     KernelPredictor,
     antialiased,
+    seen,
     tensor,
     weighted,
 )
 from renderformer_v2.model.presets import BUNDLED, weights_folder
 from tests.model.samples import floor_view
-
-SAMPLES = 8
 
 
 def covered(distance: np.ndarray, rng: np.random.Generator, samples: int) -> np.ndarray:
@@ -61,8 +62,18 @@ def test_a_kernel_takes_from_the_pixels_around():
     kernels[:, CENTRE + 1] = 0.25      # the pixel to the right
     kernels[:, CENTRE - 2 * RADIUS - 1] = 0.75  # the one above
     found = weighted(picture, kernels)
-    torch.testing.assert_close(found[..., 1:, :-1], 0.25 * picture[..., 1:, 1:] + 0.75 * picture[..., :-1, :-1])
+    mean = 0.25 * picture[..., 1:, 1:] + 0.75 * picture[..., :-1, :-1]
+    torch.testing.assert_close(found[..., 1:, :-1], mean, atol=2 * LEAST, rtol=0)
     torch.testing.assert_close(found[..., 0, -1], picture[..., 0, -1])  # what lies outside is like the outermost
+    quarter = weighted(picture, kernels, 4 * SAMPLES)  # so much less noise there is
+    torch.testing.assert_close(quarter - picture, (found - picture) / 4)
+
+
+def test_what_shines_a_million_times_brighter_does_not_leak_through_weights_near_0():
+    picture, kernels = torch.full((1, 1, 8, 8), 0.05), torch.full((1, WEIGHTS, 8, 8), 1e-3)
+    picture[..., 4, 4] = 5e4
+    kernels[:, CENTRE] = 1 - 1e-3 * (WEIGHTS - 1)
+    assert torch.equal(weighted(picture, kernels), picture)
 
 
 def trained_like() -> KernelPredictor:
@@ -78,12 +89,12 @@ def test_all_pictures_get_the_same_kernels_whatever_the_bands(monkeypatch):
     radiance, guides = bright_half(0.5, SAMPLES)
     predictor = trained_like()
     pictures = {"combined": np.dstack([radiance, guides.alpha]), "half": 0.5 * radiance}
-    found = antialiased(predictor, pictures, radiance, guides)
+    found = antialiased(predictor, pictures, radiance, guides, 1.0, SAMPLES)
     assert found["combined"].shape == (64, 64, 4) and np.abs(found["combined"][..., :3] - radiance).max() > 0.01
     np.testing.assert_allclose(found["combined"][..., :3], 2 * found["half"], rtol=1e-5)
     np.testing.assert_allclose(found["combined"][..., 3], 1, rtol=1e-5)
     monkeypatch.setattr(bands, "PIXELS", 5 * 64)
-    again = antialiased(predictor, pictures, radiance, guides)
+    again = antialiased(predictor, pictures, radiance, guides, 1.0, SAMPLES)
     for name, picture in found.items():
         np.testing.assert_allclose(again[name], picture, rtol=1e-4, atol=1e-5)
 
@@ -94,11 +105,18 @@ def test_the_bundled_kernels_bring_a_noisy_edge_nearer_to_the_truth(degrees):
     predictor = load_network(weights_folder(BUNDLED)).kernel_predictor
     radiance, guides = bright_half(np.radians(degrees), SAMPLES)
     truth, _ = bright_half(np.radians(degrees), 4096, seed=1)
-    found = antialiased(predictor, {"picture": radiance}, radiance, guides)["picture"]
+    found = antialiased(predictor, {"picture": radiance}, radiance, guides, 1.0, SAMPLES)["picture"]
     before, after = (np.square(picture - truth).mean() for picture in (radiance, found))
     assert after < 0.7 * before
     far = np.abs(inside(np.radians(degrees))) > 8
     np.testing.assert_allclose(found[far], truth[far], atol=1e-3)  # what has no edge stays as it is
+
+
+def test_kernels_do_not_depend_on_the_unit_of_light():
+    radiance, guides = bright_half(0.5, SAMPLES)
+    guides = replace(guides, emission=radiance, environment=0.5 * radiance)
+    brighter = replace(guides, **{name: 1000 * getattr(guides, name) for name in ("emission", "environment", "traced")})
+    torch.testing.assert_close(seen(1000 * radiance, brighter, 1e-3), seen(radiance, guides, 1.0))
 
 
 def test_pictures_are_stacked_row_0_on_top():
