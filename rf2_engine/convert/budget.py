@@ -12,7 +12,6 @@ import numpy as np
 
 from ...model import progress
 from ...model.geometry import area_vectors
-from . import mesh as meshes
 from . import reduce
 from .aim import Aim
 from .collected import Collected, Part
@@ -51,11 +50,11 @@ def fit(found: Collected, budget: int, aim: Aim, hits: Hits | None, wanted: list
     for i, (part, share, in_picture) in enumerate(zip(parts, shares, shown, strict=True)):
         if share >= len(part.mesh):
             continue
-        area, count = meshes.areas(part.mesh.corners).sum(), len(part.mesh)
+        area, count = part.mesh.area, len(part.mesh)
         lens = None if sight is None else Lens(part.matrices[in_picture.argmax()], sight)
         with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying meshes, {i + 1} of {len(parts)}"):
             part.mesh = reduce.simplify(part.mesh, int(share), lens)
-        part.flux_gain *= area / meshes.areas(part.mesh.corners).sum()
+        part.flux_gain *= area / part.mesh.area
         before.setdefault(part.name, [count]).append(len(part.mesh))
     for name, (count, *after) in before.items():
         to = f"{min(after)}" if min(after) == max(after) else f"{min(after)} to {max(after)}"
@@ -110,10 +109,10 @@ def _shares_of_picture(parts: list[Part], sight: Sight | None, hits: Hits | None
     shares = []
     for part in parts:
         mine, seen = seen[:_copies(part)], seen[_copies(part):]
-        low, high = part.mesh.bounds()
+        low, high = part.mesh.bounds
         matrix = np.array(part.matrices)
         scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
-        area = meshes.areas(part.mesh.corners).sum() * scale ** 2
+        area = part.mesh.area * scale ** 2
         if sight is None:
             shares.append(area + 1e-30)
             continue

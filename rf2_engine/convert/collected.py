@@ -72,6 +72,6 @@ class Collected:
 
 def _boxes(part: Part) -> list[np.ndarray]:
     """(8, 3) world corners of the bounding box of each instance."""
-    low, high = part.mesh.bounds()
+    low, high = part.mesh.bounds
     corners = low + np.indices((2, 2, 2)).reshape(3, 8).T * (high - low).astype(np.float64)
     return [corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in part.matrices]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -31,10 +32,15 @@ class TriangleMesh:
     def __len__(self) -> int:
         return len(self.corners)
 
+    @cached_property
     def bounds(self) -> np.ndarray:
         """(2, 3) lowest and highest coordinates."""
         flat = self.corners.reshape(-1, 9)
         return np.stack([flat.min(axis=0).reshape(3, 3).min(axis=0), flat.max(axis=0).reshape(3, 3).max(axis=0)])
+
+    @cached_property
+    def area(self) -> float:
+        return float(areas(self.corners).sum())
 
     def take(self, index: np.ndarray) -> TriangleMesh:
         """The triangles picked by an integer or boolean index."""
@@ -62,15 +68,18 @@ def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
     loop = _read(mesh.loop_triangles, "loops", 3 * count, np.int32).reshape(count, 3)
-    vertex = _read(mesh.loop_triangles, "vertices", 3 * count, np.int32).reshape(count, 3)
-    slot = _read(mesh.loop_triangles, "material_index", count, np.int32)
+    progress.report()
+    # Arrays are copied at one go; triangles are asked one by one, which takes many times as long.
+    vertex = _read(mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), np.int32)[loop] if count else loop
+    slot = np.zeros(count, np.int32)
+    if "material_index" in mesh.attributes:
+        slot = _read(mesh.loop_triangles, "material_index", count, np.int32)
     progress.report()
     position = _read(mesh.vertices, "co", 3 * len(mesh.vertices)).reshape(-1, 3)
     normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)
     uv = {layer.name: _read(layer.uv, "vector", 2 * len(mesh.loops)).reshape(-1, 2)[loop] for layer in mesh.uv_layers}
     active = next((layer.name for layer in mesh.uv_layers if layer.active_render), None)
-    polygon = _read(mesh.loop_triangles, "polygon_index", count, np.int32)
-    named = attributes.of_mesh(mesh, asked, loop, vertex, polygon)
+    named = attributes.of_mesh(mesh, asked, loop, vertex)
     progress.report()
     space = np.float32([mesh.texspace_location, mesh.texspace_size])
     triangles = TriangleMesh(position[vertex], normal[loop], uv, active, named, _render_color(mesh), slot, space)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathutils.bvhtree import BVHTree
-
 from ...model import progress
+from ..casting import tree_of, uncollected
 from . import mesh as meshes
 from .blocks import blocks, points_of
 
@@ -24,8 +23,7 @@ class Surface:
             progress.report(i / len(self.blocks))
             corners, shape = points_of(points, faces[rows])
             self.boxes.append((corners.min(axis=0), corners.max(axis=0)))
-            # Tuples of plain numbers: lists of lists take Blender three times as long.
-            self.trees.append(BVHTree.FromPolygons(_tuples(corners), _tuples(shape), all_triangles=True))
+            self.trees.append(tree_of(corners, shape))
 
     def nearest(self, points: np.ndarray) -> np.ndarray:
         """(q,) i64: the triangle nearest to each of (q, 3) points."""
@@ -39,6 +37,7 @@ class Surface:
         self._ask(rounds, points, found, distance, 0.8, 1.0)
         return found
 
+    @uncollected()
     def _ask(self, rounds, points, found, distance, start: float, end: float) -> None:
         """Improve `found` and `distance` in place, by the tree of each block for some rows."""
         done, total = 0, sum(len(rows) for _, rows in rounds)
@@ -51,6 +50,3 @@ class Surface:
                 better = near < distance[batch]
                 found[batch[better]], distance[batch[better]] = self.blocks[block][index[better]], near[better]
 
-
-def _tuples(rows: np.ndarray) -> list[tuple]:
-    return list(zip(*rows.T.tolist(), strict=True))

@@ -56,8 +56,11 @@ class Sight:
 
     def size(self, corners: np.ndarray, longest: np.ndarray) -> np.ndarray:
         """(n,) about how long edges of length `longest` look, as a fraction of the picture; 0 outside of it."""
-        angle = longest / self.distance(corners)
-        return angle * self.is_inside(corners) * float(self.view.focal.max()) / self.view.longer_side
+        return self.largest(longest) * self.near / self.distance(corners) * self.is_inside(corners)
+
+    def largest(self, longest: np.ndarray) -> np.ndarray:
+        """(n,) how long edges of length `longest` look where they look longest."""
+        return longest / self.near * float(self.view.focal.max()) / self.view.longer_side
 
     def drawn_in(self, points: np.ndarray) -> np.ndarray:
         """(n, 3) world points moved to where lengths are as they look from the eye: a space to simplify meshes in.

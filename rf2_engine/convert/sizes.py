@@ -39,8 +39,10 @@ class Sizes:
         for some in np.split(np.array(coarse), np.flatnonzero(np.diff(batch)) + 1):
             progress.report()
             corners, gain = self._seen([parts[i] for i in some])
-            looks = self.sight.size(corners, meshes.longest_edges(corners)) * gain
-            more = np.maximum(np.square(looks / self.max_edge) - 1, 0)
+            longest, more = meshes.longest_edges(corners), np.zeros(len(corners))
+            large = np.flatnonzero(self.sight.largest(longest) * gain > self.max_edge)
+            looks = self.sight.size(corners[large], longest[large]) * gain[large]
+            more[large] = np.maximum(np.square(looks / self.max_edge) - 1, 0)
             begin = np.cumsum(counts[some]) - counts[some]
             counts[some] += np.add.reduceat(more, begin).clip(0, budget).astype(np.int64)
         return counts
