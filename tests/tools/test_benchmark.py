@@ -77,11 +77,18 @@ def test_conversion_is_measured_for_every_budget(tmp_path):
     import bpy
     bpy.ops.wm.read_factory_settings()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "cube.blend"), copy=True)
-    command = [sys.executable, "-m", "tools.benchmark.conversion", str(tmp_path / "cube.blend"), "--budgets", "64,4096"]
+    command = [sys.executable, "-m", "tools.benchmark.conversion", str(tmp_path / "cube.blend"), "--budgets", "300,1024",
+               "--resolutions", "64"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
     (few, many), = json.loads(done.stdout).values()
-    assert few["triangles"] == 12 < few["remaining"] <= 64 == few["budget"] and few["share_of_published"] is None
-    assert 0 < many["longest_wait"] <= many["seconds"] and many["share_of_published"] > 0
+    assert few["triangles"] == 12 < few["remaining"] <= 300 == few["budget"] < many["remaining"]
+    assert 0 < many["longest_wait"] <= many["seconds"] and many["share_of_published"]["64"] > 0
+
+
+def test_fewer_triangles_than_the_benchmark_has_are_refused():
+    command = [sys.executable, "-m", "tools.benchmark.conversion", "--budgets", "64"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 1 and done.stdout == "" and "at least" in done.stderr.splitlines()[-1]
 
 
 def test_renders_beside_busy_programs_are_compared_with_those_beside_the_fewest():

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 
+from .measured import MeasurementError, measured
 from .points import CYCLES_RULE, RESOLUTIONS, SUBJECTS, TRIANGLES, append, key, points, read
 from .report import plot, summary
 
@@ -32,14 +31,11 @@ def main() -> int:
         if key(point) in rows:
             continue
         print(" ".join(map(str, key(point)[:4])), file=sys.stderr, flush=True)
-        threads = {"OMP_NUM_THREADS": str(point["threads"])} if point["threads"] else {}
-        done = subprocess.run([sys.executable, "-m", "tools.benchmark.point", json.dumps(point)], text=True,
-                              cwd=Path(__file__).parents[2], env=os.environ | threads, capture_output=True)
-        if done.returncode or not done.stdout.strip():
-            reason = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
-            failed.append({"point": point, "error": reason[-1]})
+        try:
+            rows[key(point)] = measured(point)
+        except MeasurementError as error:
+            failed.append({"point": point, "error": str(error)})
             continue
-        rows[key(point)] = point | {"precision_asked": point["precision"]} | json.loads(done.stdout.splitlines()[-1])
         append(table, rows[key(point)])
     wanted = [rows[key(point)] for point in points(arguments) if key(point) in rows]
     plot(wanted, arguments.output / "benchmark.png")

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Seconds that scenes take to become tokens, beside the published network's on the same number of triangles.
 
-    python -m tools.benchmark.conversion [SCENE.blend ...] [--budgets 4096,16384,65536]
+    python -m tools.benchmark.conversion [SCENE.blend ...] [--budgets 4096,16384,65536] [--resolutions 512,1440]
 
 Without files: a mesh of a million triangles, and a million triangles in 500 objects, all of which are seen. Prints one
 line of JSON: per scene its triangles and per Triangle Budget the triangles that remain, the seconds of all that happens
-between Blender and the network, the longest time between two looks at Esc, and the seconds' share of those of the
-published network at 512x512 in docs/benchmark.csv, which were measured on two cores of another day.
+between Blender and the network, the longest time between two looks at Esc, and for each resolution the seconds' share
+of those of the published network's forward (random weights) for that many triangles, measured in the same run. A
+picture of 1440x1440 has as many pixels as one of 1920x1080.
 """
 from __future__ import annotations
 
@@ -19,10 +20,9 @@ from pathlib import Path
 
 from tools import extension
 
-from .points import read
+from .measured import MeasurementError, measured
 
-TABLE = Path(__file__).parents[2] / "docs" / "benchmark.csv"
-RESOLUTION = 512
+RESOLUTION = 512  # that triangles are allotted by
 SIDE = 708    # squares along the mesh of a million triangles
 OBJECTS = 500
 
@@ -31,15 +31,19 @@ def main() -> int:
     arguments = _arguments()
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    try:
+        published = {budget: {resolution: _published(budget, resolution) for resolution in arguments.resolutions}
+                     for budget in arguments.budgets}
+    except MeasurementError as error:
+        print(error, file=sys.stderr)
+        return 1
     extension.load().register()
     from tools.scene_file import open_scene
-    published = {row["triangles"]: row["seconds"] for row in read(TABLE).values()
-                 if row["subject"] == "rf2_200m" and row["resolution"] == RESOLUTION}
     found = {}
     for name, scene in [*((str(path), lambda path=path: open_scene(path)) for path in arguments.scenes)] or [
             ("one mesh", _mesh), (f"{OBJECTS} objects", _objects)]:
         scene()
-        found[name] = [_measured(budget, published.get(budget)) for budget in arguments.budgets]
+        found[name] = [_measured(budget, published[budget]) for budget in arguments.budgets]
     print(json.dumps(found), file=answer, flush=True)
     return 0
 
@@ -47,11 +51,22 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark.conversion", description=__doc__.splitlines()[0])
     parser.add_argument("scenes", type=Path, nargs="*", help=".blend files")
-    parser.add_argument("--budgets", type=lambda text: tuple(map(int, text.split(","))), default=(4096, 16384, 65536))
+    parser.add_argument("--budgets", type=_numbers, default=(4096, 16384, 65536))
+    parser.add_argument("--resolutions", type=_numbers, default=(512, 1440))
     return parser.parse_args()
 
 
-def _measured(budget: int, published: float | None) -> dict:
+def _numbers(text: str) -> tuple[int, ...]:
+    return tuple(map(int, text.split(",")))
+
+
+def _published(triangles: int, resolution: int) -> float:
+    """Seconds of the forward."""
+    return measured({"subject": "rf2_200m", "triangles": triangles, "resolution": resolution, "samples": 0,
+                     "precision": "auto", "threads": 0})["seconds"]
+
+
+def _measured(budget: int, published: dict[int, float]) -> dict:
     import bpy
 
     from renderformer_v2.model import progress
@@ -67,7 +82,7 @@ def _measured(budget: int, published: float | None) -> dict:
     seconds = looks[-1] - looks[0]
     return {"triangles": sum(map(_triangles, depsgraph.object_instances)), "budget": budget, "remaining": tokens,
             "seconds": round(seconds, 2), "longest_wait": round(max(b - a for a, b in zip(looks, looks[1:])), 2),
-            "share_of_published": round(seconds / published, 3) if published else None}
+            "share_of_published": {resolution: round(seconds / whole, 3) for resolution, whole in published.items()}}
 
 
 def _triangles(instance) -> int:
