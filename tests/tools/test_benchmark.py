@@ -77,8 +77,8 @@ def test_conversion_is_measured_for_every_budget(tmp_path):
     import bpy
     bpy.ops.wm.read_factory_settings()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "cube.blend"), copy=True)
-    command = [sys.executable, "-m", "tools.benchmark.conversion", str(tmp_path / "cube.blend"), "--budgets", "300,1024",
-               "--resolutions", "64"]
+    command = [sys.executable, "-m", "tools.benchmark.conversion", str(tmp_path / "cube.blend"),
+               "--budgets", "300,1024", "--resolutions", "64"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
     (few, many), = json.loads(done.stdout).values()
     assert few["triangles"] == 12 < few["remaining"] <= 300 == few["budget"] < many["remaining"]
