@@ -12,7 +12,7 @@ import numpy as np
 
 from ...model import progress
 from ...model.geometry import area_vectors
-from . import reduce
+from . import pieces, reduce
 from .aim import Aim
 from .collected import Collected, Part
 from .mesh import TriangleMesh
@@ -142,12 +142,35 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
     kept = []
     for part, share, want, keep in zip(parts, shown, wanted, np.split(fits, np.cumsum(copies)[:-1]), strict=True):
         if not keep.all():
-            report.skipped(part.name, f"no room for {np.count_nonzero(~keep)} of its {len(keep)} instances: "
-                                      f"raise the Triangle Budget")
+            room = f"no room for {np.count_nonzero(~keep)} of its {len(keep)} instances"
+            if keep.any() and len(part.mesh) <= COARSEST and not part.emits:  # as cards and leaves are
+                keep = _sampled(part, share, np.count_nonzero(keep))
+                report.approximated(part.name, f"{room}: others, enlarged, stand for them")
+            else:
+                report.skipped(part.name, f"{room}: raise the Triangle Budget")
             part.places = [place for place, k in zip(part.places, keep, strict=True) if k]
         if part.places:
             kept.append((part, share[keep], want))
     return [list(column) for column in zip(*kept)]
+
+
+def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:
+    """(m,) bool: about `count` of its instances, at most, which are enlarged here to the area of all of them."""
+    low, high = part.mesh.bounds
+    middle, matrix = (low + high) / 2, np.array(part.matrices)
+    scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
+    places = matrix[:, :3, :3] @ middle + matrix[:, :3, 3]
+    keep, growth = pieces.sampled(share, np.ones(len(share)), count - 0.5, places, scale * (high - low).max())
+    for i in np.flatnonzero(keep):
+        part.places[i] = replace(part.places[i], matrix=part.places[i].matrix @ _about(middle, growth[i]))
+    return keep
+
+
+def _about(middle: np.ndarray, growth: float) -> np.ndarray:
+    """(4, 4) enlarging what is around a point."""
+    matrix = np.diag([growth] * 3 + [1.0])
+    matrix[:3, 3] = (1 - growth) * middle
+    return matrix
 
 
 def _levels(parts: list[Part], shown: list[np.ndarray], wanted):

@@ -50,6 +50,10 @@ class TriangleMesh:
         """The same surface with the corner order reversed, for matrices with a negative determinant."""
         return self.mapped(lambda layer: layer[:, [1, 0, 2]])
 
+    def moved(self, corners: np.ndarray) -> TriangleMesh:
+        """With other (n, 3, 3) corners."""
+        return replace(self, corners=corners.astype(np.float32))
+
     def mapped(self, function, **changes) -> TriangleMesh:
         """This mesh with `function` applied to every array that varies per corner."""
         return replace(self, corners=function(self.corners), normals=function(self.normals),

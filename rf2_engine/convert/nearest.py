@@ -49,4 +49,3 @@ class Surface:
                 index, near = (np.array(column) for column in zip(*answers, strict=True))
                 better = near < distance[batch]
                 found[batch[better]], distance[batch[better]] = self.blocks[block][index[better]], near[better]
-

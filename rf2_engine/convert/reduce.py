@@ -12,6 +12,7 @@ from ...model.geometry import barycentric
 from . import mesh as meshes
 from .mesh import TriangleMesh
 from .nearest import Surface
+from .pieces import thinned
 from .qslim import reduced
 from .sight import Lens
 
@@ -36,6 +37,11 @@ def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> Trian
                          "or raise the budget") from error
     progress.report(0.0)
     welded = _welded(mesh.corners)
+    some = thinned(mesh, *welded, target, lens)
+    if some is not mesh:
+        mesh, welded = some, _welded(some.corners)
+        if len(mesh) <= target:
+            return mesh
     with progress.part(0.05, 0.15):
         points, faces, owner = _with_fins(*welded, mesh)
     with progress.part(0.15, 0.3):

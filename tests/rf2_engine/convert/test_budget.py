@@ -75,6 +75,20 @@ def test_near_instances_are_finer_than_far_ones(converted):
     assert count(scene, -2, 2) > 4 * count(scene, 85, 91) >= 32
 
 
+@pytest.mark.parametrize("seen", [False, True])
+def test_instanced_leaves_for_which_there_is_no_room_are_stood_for_by_larger_ones(converted, add_mesh, report, seen):
+    places = np.random.default_rng(0).uniform(-1, 1, (4000, 3))
+    crown = add_mesh("Crown", places, ())
+    leaf = add_mesh("Leaf", ((-0.01, 0, -0.01), (0.01, 0, -0.01), (0.01, 0, 0.01), (-0.01, 0, 0.01)), [(0, 1, 2, 3)])
+    leaf.parent, crown.instance_type = crown, "VERTS"
+    scene = converted(token_budget=1000, seen=seen)
+    assert 800 < len(scene) <= 1000
+    assert meshes.areas(scene.triangles).sum() == pytest.approx(4000 * 0.02 ** 2, rel=0.1)
+    assert np.abs(np.median(scene.triangles.mean(axis=1), axis=0)).max() < 0.3  # near ones are kept rather
+    assert [(kind, name) for kind, name, *_ in report.entries] == [("approximated", "Leaf")]
+    assert "enlarged" in report.entries[0][2]
+
+
 def test_a_large_mesh_is_finer_near_the_camera(converted):
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=100, y_subdivisions=100, size=40, location=(0, 10, -1))
     mesh = bpy.context.object.data
