@@ -24,7 +24,8 @@ def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: i
 
     points (v, 3), faces (n, 3): of the mesh, where pieces are connected. lens: as for reduce.simplify.
     """
-    if _characteristic(points, faces) <= target / LEAST:
+    # By Euler's formula a sheet without holes has more points than half its faces, and a closed piece two more.
+    if len(points) - len(faces) / 2 <= target / LEAST:
         return mesh
     progress.report()
     piece = np.unique(_connected(faces, len(points))[faces[:, 0]], return_inverse=True)[1]
@@ -54,13 +55,6 @@ def sampled(area: np.ndarray, cost: np.ndarray, budget: float, places: np.ndarra
     kept[order] = np.floor(along + 0.5) > np.floor(along - chance[order] + 0.5)
     most = LARGEST * np.ptp(places, axis=0).max() / np.maximum(sizes, 1e-300)
     return kept, np.minimum(1 / np.sqrt(chance.clip(1e-12)), most.clip(1))
-
-
-def _characteristic(points: np.ndarray, faces: np.ndarray) -> int:
-    """Euler's, of all pieces together: no more than twice their number, and 1 for each sheet without holes."""
-    ends = np.stack([faces, np.roll(faces, -1, axis=1)]).reshape(2, -1)
-    edges = np.sort(ends.min(axis=0).astype(np.int64) * len(points) + ends.max(axis=0))
-    return len(points) - np.count_nonzero(np.diff(edges)) - 1 + len(faces)
 
 
 def _connected(faces: np.ndarray, count: int) -> np.ndarray:
