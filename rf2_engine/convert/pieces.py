@@ -15,12 +15,13 @@ from .sight import Lens
 
 LEAST = 4       # triangles for each piece that has as many
 SHARE = 0.8     # of the triangles wanted at most are planned for these; what is left over goes where it bends
+MISSED = 0.2    # of the area is what leaves are worth: fewer, such as the screws of a machine, are not enlarged
 LARGEST = 0.1   # of the extent of all of them at most is that of one that is enlarged
 CELLS = 1 << 10  # along each axis, for the order in which pieces are sampled
 
 
 def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, lens: Lens | None) -> TriangleMesh:
-    """`mesh`, or if its pieces do not fit into `target` triangles, some of them that stand for all.
+    """`mesh`, or if much of it is pieces that do not fit into `target` triangles, some of them that stand for all.
 
     points (v, 3), faces (n, 3): of the mesh, where pieces are connected. lens: as for reduce.simplify.
     """
@@ -36,8 +37,10 @@ def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: i
     corners = mesh.corners.astype(np.float64)
     as_seen = corners if lens is None else lens.enter(corners.reshape(-1, 3)).reshape(corners.shape)
     low, high = _boxes(piece, corners)
-    kept, growth = sampled(np.bincount(piece, meshes.areas(as_seen)), cost, SHARE * target, (low + high) / 2,
-                           (high - low).max(axis=1))
+    area = np.bincount(piece, meshes.areas(as_seen))
+    kept, growth = sampled(area, cost, SHARE * target, (low + high) / 2, (high - low).max(axis=1))
+    if area[~kept].sum() < MISSED * area.sum():
+        return mesh
     rows = np.flatnonzero(kept[piece])
     own = piece[rows]
     middle = ((low + high) / 2)[own, None]

@@ -44,6 +44,18 @@ def test_no_piece_becomes_larger_than_a_tenth_of_the_mesh(report):
     assert 4 * LEAF < extent < 0.11 * 2
 
 
+def test_small_pieces_of_little_area_are_not_enlarged(report):
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=1, segments=16)
+    body = bpy.context.object
+    screws = bpy.data.objects.new("Screws", _crown())
+    bpy.context.collection.objects.link(screws)
+    screws.scale = [0.1] * 3
+    with bpy.context.temp_override(active_object=body, selected_editable_objects=[body, screws]):
+        bpy.ops.object.join()
+    mesh = meshes.read_mesh(body.data, "machine", report)
+    assert pieces.thinned(mesh, *reduce._welded(mesh.corners), 1000, None) is mesh
+
+
 @pytest.mark.parametrize("target", [600, 20_000])
 def test_a_mesh_whose_pieces_fit_keeps_them_all(target, report):
     bpy.ops.mesh.primitive_monkey_add()
