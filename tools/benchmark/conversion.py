@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Seconds that scenes take to become tokens, beside the published network's on the same number of triangles.
 
-    python -m tools.benchmark.conversion [SCENE.blend ...] [--budgets 4096,16384,65536] [--resolutions 512,1440]
+    python -m tools.benchmark.conversion [SCENE.blend ...] [--budgets 4096,16384,65536] [--resolutions 512,1408]
 
 Without files: a mesh of a million triangles, and a million triangles in 500 objects, all of which are seen. Prints one
 line of JSON: per scene its triangles and per Triangle Budget the triangles that remain, the seconds of all that happens
 between Blender and the network, the longest time between two looks at Esc, and for each resolution the seconds' share
 of those of the published network's forward (random weights) for that many triangles, measured in the same run. A
-picture of 1440x1440 has as many pixels as one of 1920x1080.
+picture of 1408x1408 has about as many pixels as one of 1920x1080.
 """
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark.conversion", description=__doc__.splitlines()[0])
     parser.add_argument("scenes", type=Path, nargs="*", help=".blend files")
     parser.add_argument("--budgets", type=_numbers, default=(4096, 16384, 65536))
-    parser.add_argument("--resolutions", type=_numbers, default=(512, 1440))
+    parser.add_argument("--resolutions", type=_numbers, default=(512, 1408))
     return parser.parse_args()
 
 
