@@ -16,6 +16,11 @@ def whole_number(least: int) -> Callable[[str], int]:
     return parse
 
 
+def numbers(text: str) -> tuple[int, ...]:
+    """A `type` of argparse: "512,1024"."""
+    return tuple(map(int, text.split(",")))
+
+
 def file_with(*suffixes: str):
     """Parses an absolute path that ends in one of `suffixes`."""
     def parse(text: str) -> Path:

@@ -60,10 +60,10 @@ class Asked:
         return {name: tuple(rows[guess].tolist()) for name, rows in values.items()}
 
 
-def of_mesh(mesh, names, loop: np.ndarray, vertex: np.ndarray) -> dict[str, np.ndarray]:
+def of_mesh(mesh, names, loop: np.ndarray, vertex: np.ndarray, polygon: np.ndarray) -> dict[str, np.ndarray]:
     """(n, 3, c) f32 of the attributes called `names`, and of all colour attributes, at the corners of n triangles.
 
-    loop, vertex: (n, 3) where their values lie. Values of edges go to the ends, as in Cycles.
+    loop, vertex: (n, 3), polygon: (n,) where their values lie. Values of edges go to the ends, as in Cycles.
     """
     names = {*names, *(attribute.name for attribute in mesh.color_attributes)}
     found = {}
@@ -72,12 +72,8 @@ def of_mesh(mesh, names, loop: np.ndarray, vertex: np.ndarray) -> dict[str, np.n
             continue
         if attribute.domain == "EDGE":
             values = EDGES.get(attribute.data_type, np.asarray)(_at_vertices(mesh, values)).astype(np.float32)
-        if attribute.domain == "FACE":
-            polygon = np.empty(len(loop), np.int32)
-            mesh.loop_triangles.foreach_get("polygon_index", polygon)
-            found[attribute.name] = np.repeat(values[polygon, None], 3, axis=1)
-        else:
-            found[attribute.name] = values[loop if attribute.domain == "CORNER" else vertex]
+        index = {"CORNER": loop, "FACE": np.repeat(polygon[:, None], 3, axis=1)}.get(attribute.domain, vertex)
+        found[attribute.name] = values[index]
     return found
 
 

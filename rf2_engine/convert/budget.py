@@ -109,15 +109,13 @@ def _shares_of_picture(parts: list[Part], sight: Sight | None, hits: Hits | None
     shares = []
     for part in parts:
         mine, seen = seen[:_copies(part)], seen[_copies(part):]
-        low, high = part.mesh.bounds
-        matrix = np.array(part.matrices)
-        scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
+        middle, scale = _middles_and_scales(part)
         area = part.mesh.area * scale ** 2
         if sight is None:
             shares.append(area + 1e-30)
             continue
-        away = matrix[:, :3, :3] @ ((low + high) / 2) + matrix[:, :3, 3] - sight.eye
-        radius = np.linalg.norm(high - low) / 2 * scale
+        away = middle - sight.eye
+        radius = np.linalg.norm(np.ptp(part.mesh.bounds, axis=0)) / 2 * scale
         distance = np.linalg.norm(away, axis=1)
         whole = (area / 4 / (distance - radius).clip(sight.near) ** 2 / sight.solid_angle).clip(0, 1)
         angle = np.arccos((away @ sight.axis / distance.clip(1e-30)).clip(-1, 1))
@@ -125,6 +123,13 @@ def _shares_of_picture(parts: list[Part], sight: Sight | None, hits: Hits | None
         missed = ahead & ((whole < 2 / GRID ** 2) | part.emits)  # too small for the rays, or looked through by them
         shares.append(np.maximum(mine, np.where(missed, whole, HIDDEN * whole)) + 1e-12)
     return shares
+
+
+def _middles_and_scales(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Of its instances: where in the world (m, 3) and how many times as large as the mesh (m,)."""
+    (low, high), matrix = part.mesh.bounds, np.array(part.matrices)
+    scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
+    return matrix[:, :3, :3] @ ((low + high) / 2) + matrix[:, :3, 3], scale
 
 
 def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, report):
@@ -156,13 +161,11 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
 
 def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:
     """(m,) bool: about `count` of its instances, at most, which are enlarged here to the area of all of them."""
+    places, scale = _middles_and_scales(part)
     low, high = part.mesh.bounds
-    middle, matrix = (low + high) / 2, np.array(part.matrices)
-    scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
-    places = matrix[:, :3, :3] @ middle + matrix[:, :3, 3]
     keep, growth = pieces.sampled(share, np.ones(len(share)), count - 0.5, places, scale * (high - low).max())
     for i in np.flatnonzero(keep):
-        part.places[i] = replace(part.places[i], matrix=part.places[i].matrix @ _about(middle, growth[i]))
+        part.places[i] = replace(part.places[i], matrix=part.places[i].matrix @ _about((low + high) / 2, growth[i]))
     return keep
 
 

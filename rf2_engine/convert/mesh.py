@@ -50,10 +50,6 @@ class TriangleMesh:
         """The same surface with the corner order reversed, for matrices with a negative determinant."""
         return self.mapped(lambda layer: layer[:, [1, 0, 2]])
 
-    def moved(self, corners: np.ndarray) -> TriangleMesh:
-        """With other (n, 3, 3) corners."""
-        return replace(self, corners=corners.astype(np.float32))
-
     def mapped(self, function, **changes) -> TriangleMesh:
         """This mesh with `function` applied to every array that varies per corner."""
         return replace(self, corners=function(self.corners), normals=function(self.normals),
@@ -73,7 +69,8 @@ def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
     count = len(mesh.loop_triangles)
     loop = _read(mesh.loop_triangles, "loops", 3 * count, np.int32).reshape(count, 3)
     progress.report()
-    # Arrays are copied at one go; triangles are asked one by one, which takes many times as long.
+    # These are copied at one go; triangles are asked one by one, which takes many times as long.
+    polygon = _read(mesh.loop_triangle_polygons, "value", count, np.int32)
     vertex = _read(mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), np.int32)[loop] if count else loop
     slot = np.zeros(count, np.int32)
     if "material_index" in mesh.attributes:
@@ -83,7 +80,7 @@ def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
     normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)
     uv = {layer.name: _read(layer.uv, "vector", 2 * len(mesh.loops)).reshape(-1, 2)[loop] for layer in mesh.uv_layers}
     active = next((layer.name for layer in mesh.uv_layers if layer.active_render), None)
-    named = attributes.of_mesh(mesh, asked, loop, vertex)
+    named = attributes.of_mesh(mesh, asked, loop, vertex, polygon)
     progress.report()
     space = np.float32([mesh.texspace_location, mesh.texspace_size])
     triangles = TriangleMesh(position[vertex], normal[loop], uv, active, named, _render_color(mesh), slot, space)

@@ -6,6 +6,8 @@ the more is left out the smaller it looks, spread evenly through space.
 """
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...model import progress
@@ -38,13 +40,15 @@ def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: i
     as_seen = corners if lens is None else lens.enter(corners.reshape(-1, 3)).reshape(corners.shape)
     low, high = _boxes(piece, corners)
     area = np.bincount(piece, meshes.areas(as_seen))
-    kept, growth = sampled(area, cost, SHARE * target, (low + high) / 2, (high - low).max(axis=1))
+    middle = (low + high) / 2
+    kept, growth = sampled(area, cost, SHARE * target, middle, (high - low).max(axis=1))
     if area[~kept].sum() < MISSED * area.sum():
         return mesh
     rows = np.flatnonzero(kept[piece])
     own = piece[rows]
-    middle = ((low + high) / 2)[own, None]
-    return mesh.take(rows).moved(middle + (corners[rows] - middle) * growth[own, None, None])
+    around = middle[own, None]
+    larger = around + (corners[rows] - around) * growth[own, None, None]
+    return replace(mesh.take(rows), corners=larger.astype(np.float32))
 
 
 def sampled(area: np.ndarray, cost: np.ndarray, budget: float, places: np.ndarray,

@@ -17,6 +17,8 @@ import json
 import sys
 from pathlib import Path
 
+from tools.arguments import numbers
+
 from .measured import MeasurementError, measured
 from .points import CYCLES_RULE, RESOLUTIONS, SUBJECTS, TRIANGLES, append, key, points, read
 from .report import plot, summary
@@ -47,7 +49,6 @@ def main() -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark", description=__doc__.splitlines()[0])
-    numbers = lambda text: tuple(map(int, text.split(",")))  # noqa: E731
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     parser.add_argument("--triangles", type=numbers, default=TRIANGLES)
     parser.add_argument("--resolutions", type=numbers, default=RESOLUTIONS, help="the smallest is that of --triangles")

@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 
 from tools import extension
+from tools.arguments import numbers
 
 from .measured import MeasurementError, measured
 
@@ -51,13 +52,9 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark.conversion", description=__doc__.splitlines()[0])
     parser.add_argument("scenes", type=Path, nargs="*", help=".blend files")
-    parser.add_argument("--budgets", type=_numbers, default=(4096, 16384, 65536))
-    parser.add_argument("--resolutions", type=_numbers, default=(512, 1408))
+    parser.add_argument("--budgets", type=numbers, default=(4096, 16384, 65536))
+    parser.add_argument("--resolutions", type=numbers, default=(512, 1408))
     return parser.parse_args()
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    return tuple(map(int, text.split(",")))
 
 
 def _published(triangles: int, resolution: int) -> float:

@@ -20,6 +20,8 @@ import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 
+from tools.arguments import numbers
+
 ROOT = Path(__file__).parents[2]
 IN_BLENDER = """
 import json, sys, bpy
@@ -36,15 +38,15 @@ print(json.dumps({"seconds": last_frame[0].seconds}))
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark.load", description=__doc__.splitlines()[0])
     parser.add_argument("scene")
-    parser.add_argument("--busy", type=lambda text: sorted(map(int, text.split(","))), default=[0, 1, 2])
+    parser.add_argument("--busy", type=numbers, default=(0, 1, 2))
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--threads", type=int, default=0, help="of the render (default: all)")
     parser.add_argument("--blender", type=str.split, metavar="COMMAND")
     arguments = parser.parse_args()
-    measured = {count: [] for count in arguments.busy}
+    measured = {count: [] for count in sorted(arguments.busy)}
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(arguments.repeats):  # in turn, so that what else happens on the machine meets all alike
-            for count in arguments.busy:
+            for count in measured:
                 with busy(count):
                     measured[count].append(stages(command(arguments, folder)))
     print(json.dumps(summary(measured) | {"threads": arguments.threads, "load_average": os.getloadavg()[0]}))
