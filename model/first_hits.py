@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from .geometry import corner_weights, latlong_uv
+from .guided.specular import facing
 from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels
-from .specular import facing
 
 NOTHING_HIT = 1e10  # depth there, as Blender has it
 

@@ -25,7 +25,7 @@ from .camera import padded_view, place_in
 from .checkpoint import explained
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
-from .lighting import Lobes
+from .lobes import Lobes
 from .normalize import Normalization
 from .precision import choose_device, choose_precision
 from .presets import BUNDLED, weights_folder

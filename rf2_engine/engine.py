@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from . import passes, reference, render, settings, viewport
+from . import passes, settings, viewport
+from .frame import reference, render
 
 
 class RenderFormerEngine(bpy.types.RenderEngine):

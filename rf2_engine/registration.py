@@ -1,24 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything the add-on registers, in order, and taken back in the reverse order."""
-from . import (
-    compare,
-    costs,
-    engine,
-    model_cache,
-    panels,
-    preflight,
-    reference_settings,
-    running,
-    settings,
-    shot,
-    statistics,
-    status_line,
-    viewport,
-    world_session,
-)
+from . import compare, engine, panels, reference_settings, settings, viewport
+from .cycles import world as world_session
+from .frame import model_cache, preflight, running, shot
+from .progress import costs, last_render, status_line
 from .setup import package_operators, preferences, weights_operators
 
-MODULES = (running, shot, world_session, costs, statistics, status_line, preflight, reference_settings, settings,
+MODULES = (running, shot, world_session, costs, last_render, status_line, preflight, reference_settings, settings,
            preferences, engine, package_operators, weights_operators, panels, viewport, compare)
 
 

@@ -12,7 +12,8 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from ..model.errors import CheckpointError
 from ..model.presets import BUNDLED, weights_folder
 from ..model.published.bundle_files import is_bundle
-from . import cycles_session, passes
+from . import passes
+from .cycles import session as cycles_session
 from .reference_settings import FrameReference, ReferenceSettings
 from .setup import published_weights
 

@@ -56,7 +56,7 @@ def export(scene, weights: str | None, path: Path) -> dict:
     from renderformer_v2.model import errors  # the package's own, not those of `model`
     from renderformer_v2.model.published.h5 import write_h5
     from renderformer_v2.model.published.pipeline import PublishedPipeline
-    from renderformer_v2.rf2_engine.convert.camera import convert_camera
+    from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
     from renderformer_v2.rf2_engine.convert.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert
 

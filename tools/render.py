@@ -121,7 +121,7 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
                   "tokens": None, "triangles": None, "report": [], "output": list(map(str, arguments.output))}
     if arguments.engine == "cycles":
         statistics["samples"] = scene.cycles.samples
-    from renderformer_v2.rf2_engine.statistics import last_frame
+    from renderformer_v2.rf2_engine.progress.last_render import last_frame
     # Without the engine there are none: Cycles rendered, or compositor or sequencer made the picture alone.
     if last_frame:
         layers = [_of_layer(layer) for layer in last_frame]
@@ -134,7 +134,7 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
         if len(layers) > 1:
             statistics["layers"] = layers
         if arguments.beside_cycles:
-            from renderformer_v2.rf2_engine import rectangle
+            from renderformer_v2.rf2_engine.frame import rectangle
 
             from . import beside
             settings = scene.render

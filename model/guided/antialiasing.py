@@ -15,7 +15,7 @@ from ..bands import bands
 from ..fields import COLOR, DIRECTION, Channels
 from ..network.norm import Float32Conv2d
 from ..scene import Guides
-from .light import shown
+from .decoding import shown
 
 SEEN = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), colors=(9, COLOR), normal=(3, DIRECTION),
                 alpha=1)

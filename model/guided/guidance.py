@@ -8,7 +8,7 @@ from torch.nn import functional as F
 
 from ..network.config import ModelConfig
 from ..network.norm import Linear, RMSNorm
-from .guides import FEATURES, band_rows
+from .guide_tensors import FEATURES, band_rows
 
 BEAM_FEATURES = 5  # axis and two cosines of a light triangle's beam
 

@@ -13,12 +13,12 @@ from ..network.memory import chunked
 from ..network.renderformer import RenderFormer
 from ..progress import part
 from .antialiasing import KernelPredictor
+from .decoding import OUTPUTS, SEEN, light_cells
 from .encoders import EnvironmentEncoder, TileEncoder
 from .gain_map import GainMap
 from .guidance import Guidance
-from .guides import FEATURES
-from .inputs import GuidedInputs, GuidedView
-from .light import OUTPUTS, SEEN, light_cells
+from .guide_tensors import FEATURES
+from .guided_inputs import GuidedInputs, GuidedView
 
 
 class GuidedRenderFormer(RenderFormer):

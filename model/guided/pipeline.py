@@ -16,10 +16,10 @@ from ..presets import weights_folder
 from ..progress import part
 from ..scene import Guides, RenderScene, View
 from .antialiasing import antialiased
-from .inputs import guided_inputs, guided_view
-from .light import decode_bands
-from .light_prior import LightPrior
-from .radiosity import Radiosity
+from .bounce.radiosity import Radiosity
+from .decoding import decode_bands
+from .guided_inputs import guided_inputs, guided_view
+from .prior.light_prior import LightPrior
 
 
 @dataclass

@@ -7,7 +7,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from ..progress import part, report
-from .bands import Rows, added, combined, convolved, enlarged, resized, whole
+from .banded import Rows, added, combined, convolved, enlarged, resized, whole
 from .config import ModelConfig
 from .norm import Float32Conv2d
 

@@ -10,7 +10,6 @@ import torch
 
 from ..camera import padded_view, square_view
 from ..errors import CheckpointError
-from ..inputs import view_inputs
 from ..material.appearance import Appearance
 from ..network.inputs import NetworkInputs
 from ..network.renderformer import RenderFormer, SceneContext, to_radiance
@@ -19,6 +18,7 @@ from ..precision import in_precision
 from ..presets import rf2_200m
 from ..progress import part, report
 from ..scene import Guides, RenderScene, View
+from ..tensors import view_inputs
 from .bundle import Bundle, load_transformer, transformer_name
 from .image_encoder import ImageEncoder, find_vae
 from .processed_scene import ProcessedScene, square_fov

@@ -7,11 +7,11 @@ import torch
 
 from ..environment import environment_images
 from ..errors import SceneError
-from ..inputs import material_tiles, nearer_lights, volume_inputs
 from ..material.appearance import Appearance
 from ..network.inputs import EnvironmentInputs, NetworkInputs, encode_light
 from ..progress import part, report
 from ..scene import ENVIRONMENT_SHAPE, RenderScene, constant_tile
+from ..tensors import material_tiles, nearer_lights, volume_inputs
 from .image_encoder import ImageEncoder
 from .processed_scene import ProcessedScene
 

@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 
 from ...model.color import srgb_to_linear
-from .. import compat
-from . import exr, windows
+from .. import compat, exr
+from . import windows
 from .saving import file_format
 from .windows import Window
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import bpy
 from bpy.app.handlers import persistent
 
-from .. import rectangle
+from ..frame import rectangle
 from ..registering import handlers
 
 

@@ -8,20 +8,20 @@ import numpy as np
 
 from ...model import progress
 from .. import compat
-from . import mesh as meshes
-from . import strands
 from .attributes import MESH, Asked
 from .collected import Collected, LampInstance, Part
-from .displace import displaced
-from .grids import Grid
-from .light_linking import dark_emitters
+from .lamps.light_linking import dark_emitters
 from .material import MaterialTiles
-from .mesh import TriangleMesh
+from .media.grids import Grid
+from .media.volumes import MeshVolume, gridded
+from .meshes import mesh as meshes
+from .meshes import strands
+from .meshes.displace import displaced
+from .meshes.mesh import TriangleMesh
 from .place import Place
 from .report import AS_GOOD_AS_INFINITE, Report
 from .shading import volume as shading
 from .visibility import gas_domain, hidden_in_renders, is_shown
-from .volumes import MeshVolume, gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .medium import Medium
-from .mesh import TriangleMesh
+from .media.medium import Medium
+from .meshes.mesh import TriangleMesh
 from .place import Place
 
 

@@ -19,13 +19,13 @@ from ...model.scene import (
     TRANSMISSION,
     constant_tile,
 )
-from .displace import HEIGHT_UNIT
-from .mesh import TriangleMesh, face_normals
+from .meshes.displace import HEIGHT_UNIT
+from .meshes.mesh import TriangleMesh, face_normals
 from .place import Place
 from .shading import graph
 from .shading.closure import Closure, SurfaceParameters, lobe, parameters
 from .shading.evaluate import Evaluator, Points, interpolated
-from .shading.image import ImageCache
+from .shading.images.image import ImageCache
 from .shading.node_call import NodeCall
 from .shading.normal_map import bent_by
 from .shading.surface import closure_at

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .shading.hashing import LARGEST, jenkins
+from .shading.noise.hashing import LARGEST, jenkins
 
 
 @dataclass(frozen=True)

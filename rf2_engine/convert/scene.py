@@ -8,18 +8,18 @@ from ...model import progress
 from ...model.normalize import Normalization
 from ...model.scene import RenderScene, View
 from .. import compat
-from . import medium
-from .aim import Aim
-from .budget import fit
-from .camera import clip_start
+from .camera.apparent_size import sight_of
+from .camera.camera import clip_start
+from .camera.framing import Aim
+from .camera.scene_box import find_focus
+from .camera.visible import look
 from .collect import collect
-from .focus import find_focus
-from .fog import add_fog, through_fog
-from .lamps import convert_lamps
+from .lamps.lamps import convert_lamps
 from .material import MaterialTiles
-from .seen import look
-from .sight import sight_of
-from .sizes import Sizes
+from .media import medium
+from .media.fog import add_fog, through_fog
+from .meshes.budget import fit
+from .meshes.sizes import Sizes
 from .surfaces import dressed
 from .world import shown_world, world_light
 
@@ -28,11 +28,11 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
             steady=lambda aim: aim, by_cycles=None, baker=None) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
-    view: of the whole picture, whose surroundings become the network's box (focus.py); None = all there is.
+    view: of the whole picture, whose surroundings become the network's box (camera/scene_box.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
     steady: given the Aim of this picture, that of its shot.
-    by_cycles: as world_light has it. baker: rf2_engine/bake.py, for nodes that only Cycles can evaluate.
+    by_cycles: as world_light has it. baker: rf2_engine/cycles/bake.py, for nodes that only Cycles can evaluate.
     Raises SceneError when the scene cannot be converted at all.
     """
     if (space := compat.working_space()) != "Linear Rec.709":

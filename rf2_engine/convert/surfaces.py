@@ -6,9 +6,9 @@ import numpy as np
 
 from ...model import progress
 from ...model.scene import RenderScene
-from . import mesh as meshes
 from .collected import Part
 from .material import MaterialTiles
+from .meshes import mesh as meshes
 from .place import Place
 
 

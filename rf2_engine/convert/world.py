@@ -10,15 +10,15 @@ from ...model import progress
 from ...model.geometry import latlong_directions
 from ...model.scene import ENVIRONMENT_SHAPE
 from .. import compat
-from ..fingerprint import nodes
-from .light import SUN_ANGLE
+from ..cycles.fingerprint import nodes
+from .lamps.lamp_triangles import SUN_ANGLE
+from .lamps.suns import Sun, split_suns
 from .report import Report
 from .shading import graph, sky
 from .shading.evaluate import Evaluator, Points
-from .shading.image import ImageCache
+from .shading.images.image import ImageCache
 from .shading.node_call import OF_A_NODE, NodeCall
 from .shading.surface import closure_at
-from .suns import Sun, split_suns
 
 MAX_SUPERSAMPLING = 4  # rays per texel and axis; larger images are reduced first
 BAND_ROWS = 16        # texel rows evaluated at once
@@ -34,7 +34,7 @@ def shown_world(depsgraph):
 def world_light(depsgraph, report, by_cycles=None) -> tuple[np.ndarray | None, list[Sun]]:
     """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these.
 
-    by_cycles: a CyclesWorld (world_session.py), which is asked where a node cannot be evaluated as it is.
+    by_cycles: a CyclesWorld (cycles/world.py), which is asked where a node cannot be evaluated as it is.
     """
     world = shown_world(depsgraph)
     if world is None:

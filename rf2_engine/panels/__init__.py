@@ -3,7 +3,6 @@
 from ..registering import modules
 from . import (
     adopted,
-    again,
     camera,
     last_render,
     material,
@@ -15,8 +14,11 @@ from . import (
     render_settings,
     view_layer,
 )
+from . import (
+    copied as copied,
+)
 
 MODULES = (remarks, presets, render_settings, preflight, reference, last_render, passes, view_layer, material, camera,
-           again, adopted)
+           copied, adopted)
 
 register, unregister = modules(MODULES)

@@ -17,7 +17,7 @@ EXCLUDED = {
     "DATA_PT_lightprobe", "DATA_PT_lightprobe_visibility", "DATA_PT_lightprobe_parallax",
     "DATA_PT_lightprobe_display",
     "OBJECT_PT_visibility",
-    "RENDER_PT_simplify", "RENDER_PT_simplify_viewport", "RENDER_PT_simplify_render",  # again.py
+    "RENDER_PT_simplify", "RENDER_PT_simplify_viewport", "RENDER_PT_simplify_render",  # copied.py
     "RENDER_PT_simplify_greasepencil",
 }
 OF_EEVEE = {

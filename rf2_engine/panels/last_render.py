@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import statistics
+from ..progress import last_render
 from ..setup.display import draw_text
 from .panel import EnginePanel
 from .remarks import draw_badges, draw_copy, draw_remarks
@@ -17,15 +17,15 @@ class RENDERFORMER_PT_report(EnginePanel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header_preset(self, context):
-        draw_badges(self.layout, [remark for layer in statistics.last_frame for remark in layer.remarks])
+        draw_badges(self.layout, [remark for layer in last_render.last_frame for remark in layer.remarks])
 
     def draw(self, context):
         column = self.layout.column(align=True)
-        if not statistics.last_frame:
+        if not last_render.last_frame:
             column.label(text="Nothing was rendered yet")
             return
-        for i, layer in enumerate(statistics.last_frame):
-            if len(statistics.last_frame) > 1:
+        for i, layer in enumerate(last_render.last_frame):
+            if len(last_render.last_frame) > 1:
                 if i:
                     column.separator()
                 column.label(text=layer.layer, icon="RENDERLAYERS")
@@ -33,7 +33,7 @@ class RENDERFORMER_PT_report(EnginePanel):
         draw_copy(self.layout, "LAST_RENDER")
 
 
-def _draw_statistics(column, layer: statistics.LayerStatistics, scene: bpy.types.Scene) -> None:
+def _draw_statistics(column, layer: last_render.LayerStatistics, scene: bpy.types.Scene) -> None:
     if layer.cancelled:
         column.label(text="Cancelled", icon="CANCEL")
         return

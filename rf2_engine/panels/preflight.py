@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from .. import preflight
 from ..engine import RenderFormerEngine
+from ..frame import preflight
 from ..setup.display import draw_text
 from .panel import EnginePanel
 from .remarks import draw_badges, draw_copy, draw_remarks

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from .. import preflight, statistics
 from ..convert.report import Remark
+from ..frame import preflight
+from ..progress import last_render
 from ..setup.display import draw_text
 
 ICONS = {"approximated": "INFO", "skipped": "ERROR", "refused": "CANCEL"}
@@ -86,7 +87,7 @@ class RENDERFORMER_OT_copy_report(bpy.types.Operator):
                                    options={"SKIP_SAVE"})
 
     def execute(self, context):
-        text = statistics.as_text() if self.source == "LAST_RENDER" else preflight.as_text(context.scene)
+        text = last_render.as_text() if self.source == "LAST_RENDER" else preflight.as_text(context.scene)
         context.window_manager.clipboard = text
         self.report({"INFO"}, f"Copied {len(text.splitlines())} lines")
         return {"FINISHED"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import model_cache
+from ..frame import model_cache
 from ..setup import package_panel, packages, published_weights
 from ..setup.display import draw_text
 from .panel import EnginePanel

@@ -7,7 +7,7 @@ from os.path import isdir
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from .. import model_cache
+from ..frame import model_cache
 from . import package_panel, packages, published_weights, weights_download
 from .display import amount, draw_progress, draw_text, free_space
 

@@ -6,7 +6,7 @@ import shutil
 
 import bpy
 
-from .. import model_cache
+from ..frame import model_cache
 from . import packages, preferences, published_weights, redraw, weights_download
 
 

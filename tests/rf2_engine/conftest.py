@@ -51,7 +51,7 @@ def scene():
 @pytest.fixture
 def lit(scene):
     """A cube in the sun, with a reference of 4 samples that is not denoised."""
-    from .f12 import cube, material, sun
+    from tests.rf2_engine.f12 import cube, material, sun
     cube(scene, of=material("Red", (0.8, 0.05, 0.05))).rotation_euler = (0.3, 0.2, 0.5)
     sun(scene)
     chosen = scene.renderformer_v2.reference
@@ -62,6 +62,6 @@ def lit(scene):
 @pytest.fixture
 def still_life(scene):
     """The scene, with things of which every pass has something to say (still_life.py)."""
-    from .still_life import build  # it imports the extension that is installed above
+    from tests.rf2_engine.still_life import build  # it imports the extension that is installed above
     build(scene)
     return scene

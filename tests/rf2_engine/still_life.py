@@ -4,7 +4,7 @@ import bpy
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 
-from .f12 import cube, material, mesh_object, press_f12, sun
+from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
 
 SAMPLES = 4
 

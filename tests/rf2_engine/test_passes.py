@@ -11,8 +11,8 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.panels import passes as pass
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import light_passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
-from .f12 import press_f12
-from .still_life import compositor, tick, tick_own, with_cycles
+from tests.rf2_engine.f12 import press_f12
+from tests.rf2_engine.still_life import compositor, tick, tick_own, with_cycles
 
 COMMON = {p.key for p in passes.PASSES if p.source in ("guide", "data")}
 

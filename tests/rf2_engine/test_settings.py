@@ -7,10 +7,11 @@ import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model import presets
-from bl_ext.user_default.renderformer_v2.rf2_engine import render, statistics
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import render
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
 
-from .f12 import cube, press_f12
+from tests.rf2_engine.f12 import cube, press_f12
 
 
 @pytest.mark.parametrize("persistent", [False, True])
@@ -28,7 +29,7 @@ def test_keyframed_settings_are_those_of_each_frame(scene, tmp_path, monkeypatch
         used.append(options["samples"])
         return real(*arguments, **options)
     monkeypatch.setattr(render.cycles_session, "render_passes", first_hits)
-    keep = lambda *_: triangles.append(statistics.last_frame[0].triangles)  # noqa: E731
+    keep = lambda *_: triangles.append(last_render.last_frame[0].triangles)  # noqa: E731
     bpy.app.handlers.render_post.append(keep)
     scene.frame_start, scene.frame_end, scene.render.filepath = 1, 2, str(tmp_path / "frame_")
     scene.render.use_persistent_data = persistent
@@ -45,7 +46,7 @@ def test_a_weights_folder_is_relative_to_the_blend_file(scene, tmp_path):
     scene = bpy.context.scene
     scene.renderformer_v2.weights_source, scene.renderformer_v2.weights_folder = "FOLDER", "//network"
     press_f12(scene, tmp_path)
-    assert Path(statistics.last_frame[0].weights) == tmp_path / "network"
+    assert Path(last_render.last_frame[0].weights) == tmp_path / "network"
 
 
 @pytest.mark.parametrize("ours, blenders, expected", [
@@ -85,4 +86,4 @@ def test_a_weights_folder_that_is_none_is_found_before_cycles_works(scene, tmp_p
     monkeypatch.setattr(render.cycles_session, "render_passes", lambda *_, **__: worked.append(1))
     with pytest.raises(RuntimeError):
         bpy.ops.render.render(scene=scene.name)
-    assert statistics.last_frame[0].error and not worked
+    assert last_render.last_frame[0].error and not worked

@@ -5,8 +5,8 @@ from argparse import Namespace
 import torch
 
 from renderformer_v2.model.checkpoint import load_material_mapper, load_network
+from renderformer_v2.model.guided.decoding import SEEN
 from renderformer_v2.model.guided.gain_map import GainMap
-from renderformer_v2.model.guided.light import SEEN
 from renderformer_v2.model.presets import BUNDLED, weights_folder
 from tests.tools.test_train import stored  # noqa: F401 - a fixture
 from tools.train import apart

@@ -19,8 +19,8 @@ driver, stages, lines = Driver(FOLDER), [], []
 def session():
     found = driver.found
     bpy.ops.extensions.package_install_files(filepath=str(ARCHIVE), repo="user_default", enable_on_install=True)
-    from bl_ext.user_default.renderformer_v2.rf2_engine import statistics
     from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison
+    from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
     watch()
     scene = bpy.context.scene
     shading = area("VIEW_3D").spaces.active.shading
@@ -47,17 +47,17 @@ def session():
     yield 0.5
     yield from render(editor, shots=True)
     found["lines"] = sorted(set(lines), key=lines.index)
-    found["reference_samples"] = statistics.last_frame[0].reference_samples
+    found["reference_samples"] = last_render.last_frame[0].reference_samples
     yield from compare(editor, comparison, found)
-    yield from escape(editor, statistics, found)
+    yield from escape(editor, last_render, found)
     yield from reopen(editor, comparison, found)
-    yield from hostile(editor, comparison, statistics, found)
-    yield from elsewhere(editor, statistics, found)
+    yield from hostile(editor, comparison, last_render, found)
+    yield from elsewhere(editor, last_render, found)
 
 
 def watch() -> None:
     """Note the stages that begin, and the lines that are shown while Cycles runs."""
-    from bl_ext.user_default.renderformer_v2.rf2_engine import status, status_line
+    from bl_ext.user_default.renderformer_v2.rf2_engine.progress import status, status_line
 
     def stage(of, name, *how, real=status.Status.stage, **more):
         stages.append(name)
@@ -156,7 +156,7 @@ def drawn(editor, comparison, found):
         bpy.ops.image.view_zoom_ratio(ratio=1.0)
 
 
-def escape(editor, statistics, found):
+def escape(editor, last_render, found):
     """Esc in each stage: ours is gone before the reference, and stays after it."""
     found["escaped"] = {}
     for stage in STAGES:
@@ -167,7 +167,7 @@ def escape(editor, statistics, found):
         driver.key(ESC)
         yield lambda: not is_rendering()
         yield 1.0
-        (last,) = statistics.last_frame
+        (last,) = last_render.last_frame
         found["escaped"][stage] = "cancelled" if last.cancelled else last.report
         driver.shot(f"esc_{stage.split()[0].lower()}")
 
@@ -196,7 +196,7 @@ def reopen(editor, comparison, found):
     found["file_is_the_render"] = bool(np.array_equal(of_file, comparison.a.pixels))
 
 
-def hostile(editor, comparison, statistics, found):
+def hostile(editor, comparison, last_render, found):
     """What is compared goes away, and the engine changes under a render."""
     chosen, scene = comparison.settings(), bpy.context.scene
     said = found["said"] = {}
@@ -225,19 +225,19 @@ def hostile(editor, comparison, statistics, found):
     scene.render.engine = "CYCLES"
     yield lambda: not is_rendering()
     scene.render.engine = "RENDERFORMER_V2"
-    found["engine_changed"] = [statistics.last_frame[0].error, statistics.last_frame[0].reference_samples]
+    found["engine_changed"] = [last_render.last_frame[0].error, last_render.last_frame[0].reference_samples]
     chosen.show = False
 
 
-def elsewhere(editor, statistics, found):
+def elsewhere(editor, last_render, found):
     """Cycles' functions have gone; the user goes on working meanwhile."""
     import cycles.engine
     lines.clear()
     del cycles.engine.create
     editor.spaces.active.image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
     yield from render(editor, shots=True)
-    found["elsewhere"] = {"report": statistics.last_frame[0].report, "lines": sorted(set(lines), key=lines.index),
-                          "samples": statistics.last_frame[0].reference_samples}
+    found["elsewhere"] = {"report": last_render.last_frame[0].report, "lines": sorted(set(lines), key=lines.index),
+                          "samples": last_render.last_frame[0].reference_samples}
 
 
 bpy.context.preferences.view.show_splash = False

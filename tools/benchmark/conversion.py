@@ -67,7 +67,7 @@ def _measured(budget: int, published: dict[int, float]) -> dict:
     import bpy
 
     from renderformer_v2.model import progress
-    from renderformer_v2.rf2_engine.convert.camera import convert_camera
+    from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
     from renderformer_v2.rf2_engine.convert.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert
     depsgraph = bpy.context.evaluated_depsgraph_get()

@@ -25,7 +25,7 @@ from tools.arguments import numbers
 ROOT = Path(__file__).parents[2]
 IN_BLENDER = """
 import json, sys, bpy
-from bl_ext.user_default.renderformer_v2.rf2_engine.statistics import last_frame
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress.last_render import last_frame
 scene, threads = bpy.context.scene, int(sys.argv[-1])
 scene.render.engine, scene.render.threads_mode = "RENDERFORMER_V2", "FIXED" if threads else "AUTO"
 if threads:

@@ -49,7 +49,7 @@ def rf2_small(point: dict) -> dict:
     settings.light = "NETWORK"
     total = _render(scene)
     from renderformer_v2.model.presets import rf2_small as preset
-    from renderformer_v2.rf2_engine.statistics import last_frame
+    from renderformer_v2.rf2_engine.progress.last_render import last_frame
     (last,) = last_frame
     return {"seconds": total - last.seconds.get("Loading the network", 0.0), "real_triangles": last.triangles,
             "tokens": last.tokens} | _efficiency(preset(), last.triangles, point, last.seconds["Network"])
@@ -60,10 +60,10 @@ def rf2_200m(point: dict) -> dict:
     import torch
 
     from renderformer_v2.model.camera import square_view
-    from renderformer_v2.model.inputs import view_inputs
     from renderformer_v2.model.network.renderformer import RenderFormer
     from renderformer_v2.model.precision import choose_device, choose_precision, in_precision
     from renderformer_v2.model.presets import rf2_200m as preset
+    from renderformer_v2.model.tensors import view_inputs
     device = choose_device()
     torch.manual_seed(SEED)
     model = in_precision(RenderFormer(preset()), choose_precision(point["precision"], device)).to(device).eval()

@@ -12,14 +12,14 @@ from tools import extension
 
 extension.load()
 from renderformer_v2.model.scene import Guides, RenderScene, View  # noqa: E402
-from renderformer_v2.rf2_engine import cycles_session  # noqa: E402
 from renderformer_v2.rf2_engine import passes as pass_table  # noqa: E402
-from renderformer_v2.rf2_engine.convert.camera import convert_camera  # noqa: E402
+from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera  # noqa: E402
 from renderformer_v2.rf2_engine.convert.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
-from renderformer_v2.rf2_engine.cycles_session import Light  # noqa: E402
-from renderformer_v2.rf2_engine.guides import make_guides  # noqa: E402
-from renderformer_v2.rf2_engine.reflections import with_ends  # noqa: E402
+from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa: E402
+from renderformer_v2.rf2_engine.cycles.session import Light  # noqa: E402
+from renderformer_v2.rf2_engine.frame.guides import make_guides  # noqa: E402
+from renderformer_v2.rf2_engine.frame.reflections import with_ends  # noqa: E402
 
 from .cameras import Setup  # noqa: E402
 from .shards import HINT_SAMPLES  # noqa: E402

@@ -74,7 +74,7 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
                                                                  list[dict[str, np.ndarray]]]:
     """(scene, views, guides, passes) of a sample, the last three one entry per view, floats as f32.
 
-    `passes` has the keys of rf2_engine/cycles_session.py: "combined" (H, W, 4), denoised, premultiplied, with directly
+    `passes` has the keys of rf2_engine/cycles/session.py: "combined" (H, W, 4), denoised, premultiplied, with directly
     seen emitters but without the directly seen world, both of which are passes of their own ("emission",
     "environment"), and noisy light per lobe, for which combined = diffuse_color * (diffuse_direct + diffuse_indirect)
     + glossy and transmission likewise + volume_direct + volume_indirect + emission. Guides have the few samples of

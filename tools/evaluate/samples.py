@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from renderformer_v2.model.guided.inputs import guided_view
-from renderformer_v2.model.guided.light import OUTPUTS, decode_image
+from renderformer_v2.model.guided.decoding import OUTPUTS, decode_image
+from renderformer_v2.model.guided.guided_inputs import guided_view
 from renderformer_v2.model.guided.pipeline import GuidedContext
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View

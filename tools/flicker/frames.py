@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 
 from renderformer_v2.model.presets import weights_folder
-from renderformer_v2.rf2_engine import shot
+from renderformer_v2.rf2_engine.frame import shot
 from tools.exr import read_pass
 from tools.scene_file import configure, open_scene, save
 

@@ -18,7 +18,7 @@ def views(scene: bpy.types.Scene, frames: int, degrees: float) -> Iterator[View]
     The camera turns by so many degrees a frame about a vertical axis, with the file's own pose in the middle; with 0
     degrees the file's animation is played from its first frame. Raises SceneError when there is no usable camera.
     """
-    from renderformer_v2.rf2_engine.convert.camera import convert_camera
+    from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 
     turn = _turning_camera(scene) if degrees and scene.camera else None
     for index in range(frames):

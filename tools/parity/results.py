@@ -22,15 +22,7 @@ from renderformer_v2.model.published.model_config import model_config
 from renderformer_v2.model.published.texture_tiles import sample_tiles
 from renderformer_v2.model.scene import barycentric_grid
 
-from .cases import (
-    VOLUME_FIELDS,
-    Case,
-    Recorder,
-    network_inputs,
-    recipe_network,
-    view_inputs,
-    with_recipe_weights,
-)
+from .cases import VOLUME_FIELDS, Case, Recorder, network_inputs, recipe_network, view_inputs, with_recipe_weights
 
 
 @torch.no_grad()

@@ -18,7 +18,7 @@ from torch import Tensor
 from renderformer_v2.model.checkpoint import save_network
 from renderformer_v2.model.fields import COLOR, DIRECTION, mapped_channels
 from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, seen, tensor, weighted
-from renderformer_v2.model.guided.light import shown
+from renderformer_v2.model.guided.decoding import shown
 from renderformer_v2.model.guided.pipeline import GuidedPipeline
 from renderformer_v2.model.renderer import Renderer
 from tools.datagen.shards import load_sample

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, mapped, mapped_channels
-from renderformer_v2.model.guided.guides import FEATURES
+from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.scene import TILE
 
 from .samples import TrainingSample

@@ -8,10 +8,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 # The code between a file of tools.datagen and a prepared sample: if any of it changes, all are prepared again.
-SOURCES = ("model/camera.py", "model/color.py", "model/environment.py", "model/fields.py", "model/geometry.py",
-           "model/guided/*.py", "model/inputs.py", "model/network/inputs.py", "model/normalize.py", "model/renderer.py",
-           "model/scene.py", "model/specular.py", "tools/datagen/shards.py", "tools/train/antialiasing.py",
-           "tools/train/gain_map.py", "tools/train/samples.py")
+SOURCES = ("model/camera.py", "model/clusters.py", "model/color.py", "model/environment.py", "model/fields.py",
+           "model/geometry.py", "model/guided/**/*.py", "model/network/inputs.py", "model/normalize.py",
+           "model/renderer.py", "model/scene.py", "model/tensors.py", "tools/datagen/shards.py",
+           "tools/train/antialiasing.py", "tools/train/gain_map.py", "tools/train/samples.py")
 
 
 def stored_path(path: Path, cache: Path) -> Path:

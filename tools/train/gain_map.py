@@ -16,8 +16,8 @@ from torch.nn import functional as F
 
 from renderformer_v2.model.checkpoint import load_material_mapper, new_network, save_network
 from renderformer_v2.model.fields import COLOR, DIRECTION, mapped_channels
+from renderformer_v2.model.guided.decoding import SEEN, decode_light, factor, light_cells, shown
 from renderformer_v2.model.guided.gain_map import GainMap, cell_side
-from renderformer_v2.model.guided.light import SEEN, decode_light, factor, light_cells, shown
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import BUNDLED, PRESETS, weights_folder
 

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from renderformer_v2.model.guided.light import shown
+from renderformer_v2.model.guided.decoding import shown
 
 PERCEPTUAL_WEIGHT = 0.05
 SHOWN_WEIGHT = 0.25  # of the error as it is seen on a screen, which weighs dark places as an eye does

@@ -15,8 +15,8 @@ from pathlib import Path
 import torch
 
 from renderformer_v2.model.checkpoint import load_material_mapper, new_network, save_network
-from renderformer_v2.model.guided.guides import FEATURES
-from renderformer_v2.model.guided.light import decode_light
+from renderformer_v2.model.guided.decoding import decode_light
+from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import PRESETS
 

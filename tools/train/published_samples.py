@@ -10,12 +10,12 @@ import numpy as np
 import torch
 
 from renderformer_v2.model.camera import place_in
-from renderformer_v2.model.inputs import view_inputs
 from renderformer_v2.model.network.inputs import NetworkInputs, TensorGroup, ViewInputs, stacked
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.published.pipeline import PublishedPipeline, shown
 from renderformer_v2.model.renderer import padded
 from renderformer_v2.model.scene import Guides, View
+from renderformer_v2.model.tensors import view_inputs
 from tools.datagen.shards import load_sample, sample_paths
 
 from .errors import SampleError, TrainingError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import lamp
+from . import lamp_nodes
 from .arrays import joined, unit
 from .node_call import DependsOnView, NodeCall, Unknown
 
@@ -16,7 +16,7 @@ MIDDLE = {"Pointiness": "edges are not found, so all is as if it were flat",
 
 def coordinate(n: NodeCall):
     if n.points.lamp is not None:
-        return lamp.coordinate(n)
+        return lamp_nodes.coordinate(n)
     name, direction, points = n.output.name, n.points.direction, n.points
     if direction is not None:
         if name not in WORLD_COORDINATES:
@@ -58,7 +58,7 @@ def active_uv(n: NodeCall, name: str = "") -> np.ndarray:
 
 def geometry(n: NodeCall):
     if n.points.lamp is not None:
-        return lamp.coordinate(n)
+        return lamp_nodes.coordinate(n)
     name, points = n.output.name, n.points
     if points.direction is not None and name in ("Position", "Normal", "True Normal", "Incoming"):
         return points.direction if name == "Position" else -points.direction

@@ -13,13 +13,13 @@ from functools import cached_property
 import numpy as np
 
 from ....model.scene import barycentric_grid
-from ..mesh import face_normals
+from ..meshes.mesh import face_normals
 from ..place import Place
 from . import graph
 from .arrays import unit
 from .functions import FUNCTIONS
-from .image import ImageCache
-from .lamp import LampPoints
+from .images.image import ImageCache
+from .lamp_nodes import LampPoints
 from .node_call import DependsOnView, NodeCall, Unknown
 from .working_space import luminance
 

@@ -4,22 +4,20 @@ from . import (
     blend,
     colors,
     coordinates,
-    gabor,
-    inputs,
-    lamp,
+    input_nodes,
+    lamp_nodes,
     maths,
-    noise,
     normal_map,
     object_info,
     pattern,
     sky,
     spectrum,
-    texture,
     vectors,
-    voronoi,
 )
+from .images import image_texture
+from .noise import gabor, noise_texture, voronoi
 
-FUNCTIONS = (blend.FUNCTIONS | colors.FUNCTIONS | coordinates.FUNCTIONS | gabor.FUNCTIONS | inputs.FUNCTIONS
-             | lamp.FUNCTIONS | maths.FUNCTIONS | noise.FUNCTIONS | normal_map.FUNCTIONS | object_info.FUNCTIONS
-             | pattern.FUNCTIONS | sky.FUNCTIONS | spectrum.FUNCTIONS | texture.FUNCTIONS | vectors.FUNCTIONS
-             | voronoi.FUNCTIONS)
+FUNCTIONS = (blend.FUNCTIONS | colors.FUNCTIONS | coordinates.FUNCTIONS | gabor.FUNCTIONS | image_texture.FUNCTIONS
+             | input_nodes.FUNCTIONS | lamp_nodes.FUNCTIONS | maths.FUNCTIONS | noise_texture.FUNCTIONS
+             | normal_map.FUNCTIONS | object_info.FUNCTIONS | pattern.FUNCTIONS | sky.FUNCTIONS | spectrum.FUNCTIONS
+             | vectors.FUNCTIONS | voronoi.FUNCTIONS)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from .arrays import joined, length, mixed, smoothstep
-from .fractal import Fractal, fbm
 from .node_call import NodeCall
+from .noise.fractal import Fractal, fbm
 
 INWARD, AWAY = np.float32(0.999999), np.float32(1e-6)  # points on whole coordinates belong to one side
 TURN = 2 * np.pi

@@ -11,7 +11,7 @@ from ..place import Place
 from ..report import Report
 from . import graph
 from .evaluate import Evaluator, Points
-from .image import ImageCache
+from .images.image import ImageCache
 from .node_call import NodeCall
 
 NONE = np.zeros(3, np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....model.color import LUMINANCE
 from ... import compat
-from .image_files import scene_linear
+from .images.image_files import scene_linear
 
 
 def from_rec709(colors: np.ndarray) -> np.ndarray:

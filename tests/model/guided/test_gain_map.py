@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-from renderformer_v2.model.guided import guides as guides_module
+from renderformer_v2.model.guided import guide_tensors as guides_module
+from renderformer_v2.model.guided.decoding import OUTPUTS, SEEN, decode_light, light_cells
 from renderformer_v2.model.guided.gain_map import CELLS, GainMap, cell_side
-from renderformer_v2.model.guided.guides import FEATURES
-from renderformer_v2.model.guided.light import OUTPUTS, SEEN, decode_light, light_cells
-from tests.model.guided.test_guides import tensors
+from renderformer_v2.model.guided.guide_tensors import FEATURES
+from tests.model.guided.test_guide_tensors import tensors
 
 
 def test_an_untrained_gain_map_changes_nothing():

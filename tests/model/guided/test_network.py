@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from renderformer_v2.model.checkpoint import load_material_mapper, load_network
-from renderformer_v2.model.guided.inputs import guided_inputs, guided_view
-from renderformer_v2.model.guided.light import OUTPUTS
-from renderformer_v2.model.guided.light_prior import LightPrior
-from renderformer_v2.model.guided.radiosity import Radiosity
+from renderformer_v2.model.guided.bounce.radiosity import Radiosity
+from renderformer_v2.model.guided.decoding import OUTPUTS
+from renderformer_v2.model.guided.guided_inputs import guided_inputs, guided_view
+from renderformer_v2.model.guided.prior.light_prior import LightPrior
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.presets import BUNDLED, weights_folder
 from tests.model.samples import floor_scene, floor_view

@@ -5,7 +5,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
 
-from ..f12 import cube, sun
+from tests.rf2_engine.f12 import cube, sun
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.compare import exr, saving, sources
+from bl_ext.user_default.renderformer_v2.rf2_engine import exr
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import saving, sources
 
 
 def _channels(path):

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 

@@ -2,8 +2,9 @@
 """Scenes that nobody would build: objects of all kinds, odd shapes, transforms, modifiers, parents and instances."""
 import bpy
 
+from tests.rf2_engine.convert.random_nodes import number
+
 from . import random_nodes
-from .random_nodes import number
 
 MODIFIERS = {  # and what keeps their work small; without simulations and Skin, in which Blender itself may crash
     "ARRAY": {"count": 4}, "BEVEL": {"segments": 2}, "BOOLEAN": {}, "BUILD": {}, "CAST": {}, "CURVE": {},

@@ -8,7 +8,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.mesh import read_mesh
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.mesh import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.functions import FUNCTIONS

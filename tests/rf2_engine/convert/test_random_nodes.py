@@ -7,8 +7,9 @@ import bpy
 import numpy as np
 import pytest
 
+from tests.rf2_engine.convert.random_conversion import run_seeds
+
 from . import random_nodes
-from .random_conversion import run_seeds
 
 UV = np.tile([(0, 0), (1, 0), (0.3, 1)], (4, 1))
 

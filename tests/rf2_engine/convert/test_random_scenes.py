@@ -3,9 +3,10 @@
 import bpy
 import pytest
 
+from tests.rf2_engine.convert.random_conversion import run_seeds
+from tests.rf2_engine.convert.random_scenes import RandomScene
+
 from . import random_nodes
-from .random_conversion import run_seeds
-from .random_scenes import RandomScene
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import json
 import random
 from http.server import BaseHTTPRequestHandler
 
-from .local_server import LocalServer
+from tests.rf2_engine.setup.local_server import LocalServer
 
 BUNDLE, VAE = "RenderFormer/renderformer-v2", "Qwen/Qwen-Image"
 LARGE = "transformer_512/model.safetensors"  # large enough to break off in the middle

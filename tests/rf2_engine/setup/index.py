@@ -8,7 +8,7 @@ import zipfile
 from http.server import BaseHTTPRequestHandler
 from urllib.parse import unquote, urlsplit
 
-from .local_server import LocalServer
+from tests.rf2_engine.setup.local_server import LocalServer
 
 TAG = "py3-none-any"
 

@@ -19,7 +19,7 @@ sys.path.insert(0, sys.argv[1])
 import bpy
 from tools import extension
 extension.load().register()
-from renderformer_v2.rf2_engine import statistics
+from renderformer_v2.rf2_engine.progress import last_render
 bpy.context.scene.render.engine = "RENDERFORMER_V2"
 bpy.context.scene.render.resolution_percentage = 2
 bpy.context.scene.renderformer_v2.guide_samples = 1
@@ -28,7 +28,7 @@ for _ in range(2):
         bpy.ops.render.render()
     except RuntimeError:
         pass
-    print("SAID", statistics.last_frame[-1].error if statistics.last_frame else "nothing", flush=True)
+    print("SAID", last_render.last_frame[-1].error if last_render.last_frame else "nothing", flush=True)
 os._exit(0)
 """
 

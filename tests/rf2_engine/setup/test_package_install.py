@@ -19,8 +19,8 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
     wheels,
 )
 
-from ..conftest import PACKAGE
-from .index import Index, wheel
+from tests.rf2_engine.conftest import PACKAGE
+from tests.rf2_engine.setup.index import Index, wheel
 
 NAMES = {"tiny_one": "tiny-one", "tiny_two": "tiny-two"}
 SETUP = os.path.dirname(package_install.__file__)

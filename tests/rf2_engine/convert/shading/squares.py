@@ -13,11 +13,11 @@ import numpy as np
 from bl_ext.user_default.renderformer_v2.model.scene import TILE_SIZE
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.attributes import MESH, Asked
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import _points
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.mesh import read_mesh
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.mesh import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.image import ImageCache
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.images.image import ImageCache
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered
 

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the guided network is given: the same call for F12 and for training."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ..environment import environment_images
+from ..fields import DIRECTION, array
+from ..geometry import contracted
+from ..network.config import ModelConfig
+from ..network.inputs import EnvironmentInputs, NetworkInputs, ViewInputs, VolumeInputs, encode_light
+from ..scene import Guides, RenderScene, View, Volumes
+from ..tensors import material_tiles, nearer_lights, view_inputs, volume_inputs
+from .bounce.radiosity import Radiosity
+from .encoders import panorama_size, tile_side
+from .guide_tensors import GuideTensors, guide_tensors
+from .prior.light_prior import LightPrior
+
+
+@dataclass(kw_only=True)
+class GuidedInputs(NetworkInputs):
+    """A scene whose texture and environment are not encoded yet: (T, 13, t, t) material tiles, (3, h, w) images."""
+
+    beam_axis: Tensor = array("L", 3, behaves=DIRECTION)  # of the light triangles, in input order
+    beam_cosine: Tensor = array("L", 2)
+
+
+@dataclass(kw_only=True)
+class GuidedView(ViewInputs):
+    """V views and what is known about their pixels."""
+
+    guides: GuideTensors
+
+
+def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None) -> GuidedInputs:
+    """Tensors of a normalised scene on the CPU.
+
+    mapper: (P, 7) BSDF parameters -> (P, 9) latents; without one the texture stays (T, 11, t, t) parameters, which
+    `model.inputs.material_tiles` maps later.
+    """
+    tiles = F.adaptive_avg_pool2d(torch.from_numpy(scene.tiles).float(), tile_side(config))
+    light = encode_light(torch.from_numpy(scene.emission))
+    shines = (light > 0).any(dim=-1).numpy()  # the very faint ones are none for the network
+    return GuidedInputs(
+        triangles=torch.from_numpy(_nearer(scene)), normals=torch.from_numpy(scene.normals),
+        texture=tiles if mapper is None else material_tiles(tiles, mapper),
+        texture_index=torch.from_numpy(scene.tile_index).long(), light=light,
+        environment=_environment(scene.environment, panorama_size(config)), volumes=_volumes(scene.volumes),
+        beam_axis=torch.from_numpy(scene.beam_axis[shines]), beam_cosine=torch.from_numpy(scene.beam_cosine[shines]))
+
+
+def _nearer(scene: RenderScene) -> np.ndarray:
+    """(N, 3, 3) corners in a space without far places: a large ground or a sky dome is like nothing in training."""
+    lights = scene.is_light[:, None, None]
+    return np.where(lights, nearer_lights(scene), contracted(scene.triangles)).astype(np.float32)
+
+
+def _volumes(volumes: Volumes | None) -> VolumeInputs | None:
+    return volume_inputs(volumes and replace(volumes, position=contracted(volumes.position)))
+
+
+def guided_view(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
+                config: ModelConfig) -> GuidedView:
+    """Rays and guides of one view, all normalised, on the prior's device."""
+    rays = view_inputs(view).to(prior.radiance.device)
+    return GuidedView(rays.origin, rays.directions,
+                      guides=guide_tensors(scene, view, guides, prior, radiosity, config.patch_size))
+
+
+def _environment(radiance: np.ndarray | None, size: tuple[int, int]) -> EnvironmentInputs:
+    """LDR and HDR images; black ones where there is no world, as in training."""
+    if radiance is None:
+        radiance = np.zeros((*size, 3), np.float32)
+    pooled = F.adaptive_avg_pool2d(torch.from_numpy(radiance).permute(2, 0, 1)[None], size)[0]
+    ldr, hdr, strength = environment_images(pooled.permute(1, 2, 0).numpy())
+    return EnvironmentInputs(torch.from_numpy(ldr), torch.from_numpy(hdr), torch.tensor([strength]))

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which triangles of a scene stop the light that surfaces send each other."""
+from __future__ import annotations
+
+import numpy as np
+
+from ...scene import BASE_COLOR, IOR, TRANSMISSION, RenderScene
+
+BLACK = 1e-3         # base colour up to which an unseen surface is the back of a lamp
+TRANSPARENT = 0.5    # transmission from which light passes
+STRAIGHT = 1.05      # index of refraction up to which it passes straight on
+
+
+def passes_light(scene: RenderScene, straight: bool = False) -> np.ndarray:
+    """(N,) bool: glass, or only what light passes `straight`, such as leaves cut out by their alpha."""
+    mean = scene.tiles[:, (TRANSMISSION, IOR)].mean(axis=(2, 3), dtype=np.float32)
+    passing = mean[:, 0] > TRANSPARENT
+    if straight:
+        passing &= mean[:, 1] < STRAIGHT
+    return passing[scene.tile_index]
+
+
+def is_solid(scene: RenderScene) -> np.ndarray:
+    """(N,) bool: what is neither a lamp nor the back of one, which are there for the network alone."""
+    black = scene.tiles[:, BASE_COLOR].max(axis=(1, 2, 3)) < BLACK
+    return scene.is_seen | ~scene.is_light & ~black[scene.tile_index]

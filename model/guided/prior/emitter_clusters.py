@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Emitters with a closed form, and many of them merged into a few that give the same light from afar."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...clusters import clusters
+from ...geometry import area_vectors
+
+FACING, COLOR, BEAM = 0.3, 0.1, 0.3  # how much differences in these count beside a distance of the scene's radius
+
+
+@dataclass
+class Emitters:
+    """P triangles and S spheres; radiance in the scene's units; a beam axis of zero length radiates everywhere."""
+
+    corners: np.ndarray      # (P, 3, 3) f32, without beam they radiate to both sides
+    centers: np.ndarray      # (S, 3) f32
+    radii: np.ndarray        # (S,) f32
+    radiance: np.ndarray     # (P + S, 3) f32
+    beam_axis: np.ndarray    # (P + S, 3) f32
+    beam_cosine: np.ndarray  # (P + S, 2) f32
+
+    def __len__(self) -> int:
+        return len(self.radiance)
+
+    @classmethod
+    def of(cls, polygons: list[tuple], spheres: list[tuple]) -> Emitters:
+        """polygons: (corners, light) each, spheres: (center, radius, light), light: (8,) radiance, axis, cosines."""
+        light = np.array([p[-1] for p in polygons] + [s[-1] for s in spheres], np.float32).reshape(-1, 8)
+        return cls(
+            corners=np.array([p[0] for p in polygons], np.float32).reshape(-1, 3, 3),
+            centers=np.array([s[0] for s in spheres], np.float32).reshape(-1, 3),
+            radii=np.array([s[1] for s in spheres], np.float32),
+            radiance=light[:, :3], beam_axis=light[:, 3:6], beam_cosine=light[:, 6:])
+
+
+def merged(emitters: Emitters, most: int, center: np.ndarray, radius: float) -> Emitters:
+    """At most `most` emitters: those that are near each other, seen from the scene's bounding sphere, become one.
+
+    For each colour the sum of radiance times vector area (of a sphere: times area) stays as it is.
+    """
+    vectors, count = area_vectors(emitters.corners.astype(np.float64)), len(emitters.corners)
+    size = np.concatenate([np.linalg.norm(vectors, axis=1), 2 * np.pi * emitters.radii.astype(np.float64) ** 2])
+    power = np.maximum(size * emitters.radiance.mean(axis=1), 1e-30)
+    kinds = [rows for rows in np.split(np.arange(len(emitters)), [count]) if len(rows)]
+    polygons, spheres = [], []
+    for rows in clusters(_features(emitters, vectors, center, radius), power, kinds, most):
+        if rows[0] >= count:
+            spheres.append(_one_sphere(emitters, rows - count, power[rows]))
+        else:
+            polygons.append(_one_polygon(emitters, vectors[rows], rows, power[rows]))
+    return Emitters.of(polygons, spheres)
+
+
+def triangle(vector: np.ndarray, center: np.ndarray) -> np.ndarray:
+    """(3, 3) equilateral triangle with this vector area (3,) and centroid (3,)."""
+    area = np.linalg.norm(vector)
+    normal = vector / max(area, 1e-20)
+    side = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    side /= np.linalg.norm(side)
+    up = np.cross(normal, side)
+    radius = np.sqrt(area * 4 / (3 * np.sqrt(3)))
+    angles = 2 * np.pi * np.arange(3) / 3
+    return center + radius * (np.cos(angles)[:, None] * side + np.sin(angles)[:, None] * up)
+
+
+def _features(emitters: Emitters, vectors: np.ndarray, center: np.ndarray, radius: float) -> np.ndarray:
+    """(P + S, K) coordinates in which emitters that may replace each other are close."""
+    place = np.concatenate([emitters.corners.mean(axis=1), emitters.centers]) - center
+    place = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), radius)  # outside only directions differ
+    normal = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-30)
+    facing = np.zeros((len(emitters), 9))
+    facing[:len(normal)] = (normal[:, :, None] * normal[:, None]).reshape(-1, 9)  # the same for both sides
+    color = emitters.radiance / emitters.radiance.sum(axis=1, keepdims=True)
+    return np.concatenate([place, FACING * facing, COLOR * color, BEAM * emitters.beam_axis,
+                           BEAM * emitters.beam_cosine], axis=1)
+
+
+def _one_polygon(emitters: Emitters, vectors: np.ndarray, rows: np.ndarray, power: np.ndarray) -> tuple:
+    if len(rows) == 1:
+        return emitters.corners[rows[0]], _light(emitters, rows, power, emitters.radiance[rows[0]])
+    _, axes = np.linalg.eigh(vectors.T @ vectors)
+    vectors = vectors * np.where(vectors @ axes[:, -1] < 0, -1, 1)[:, None]  # of two opposite sides neither is lost
+    total = vectors.sum(axis=0)
+    share = vectors @ total / max(total @ total, 1e-300)
+    center = np.average(emitters.corners[rows].mean(axis=1), axis=0, weights=power)
+    return triangle(total, center), _light(emitters, rows, power, share @ emitters.radiance[rows])
+
+
+def _one_sphere(emitters: Emitters, rows: np.ndarray, power: np.ndarray) -> tuple:
+    area, behind = emitters.radii[rows].astype(np.float64) ** 2, rows + len(emitters.corners)
+    center = np.average(emitters.centers[rows], axis=0, weights=power)
+    radiance = area @ emitters.radiance[behind] / area.sum()
+    return center, np.sqrt(area.sum()), _light(emitters, behind, power, radiance)
+
+
+def _light(emitters: Emitters, rows: np.ndarray, power: np.ndarray, radiance: np.ndarray) -> np.ndarray:
+    """(8,) radiance and the mean beam; no beam if those of `rows` diverge."""
+    axis = np.average(emitters.beam_axis[rows], axis=0, weights=power)
+    length = np.linalg.norm(axis)
+    axis = axis / length if length > 0.5 else 0 * axis
+    return np.concatenate([radiance, axis, np.average(emitters.beam_cosine[rows], axis=0, weights=power)])

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Unshadowed light of the light tokens and the environment token, in closed form (docs/architecture.md).
+
+No ray is traced: shadows, bounces and everything non-local are the transformer's work. An emitter enters by its vector
+form factor, which a sphere of the same solid angle replaces for the horizon and the glossy lobe (Snyder 1996,
+"Area light sources for real-time graphics"; Heitz and Hill 2017, "Real-time line- and disk-light shading").
+"""
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ...geometry import contracted
+from ...progress import part
+from ...scene import RenderScene
+from ...threads import shared
+from .blocking import is_solid, passes_light
+from .emitters import gather_emitters
+from .environment_prior import EnvironmentPrior
+from .far import FarBlockers
+from .shadow_maps import DistantShadows, LampShadows
+from .sky import SkyVisibility
+from .transmittance import fog_of
+
+DISTANT = 15.0  # network units; an emitter beyond stands for a sun, which looks alike from everywhere
+FOGLESS = 3.0   # network units from the centre: nobody looks for fog beyond
+CHUNK = 8192  # pixels at a time: bounds memory with many lights, and the time between two polls
+
+
+class LightPrior:
+    """Light arriving at surface points from everything that shines, as if nothing stood between unless told.
+
+    Built from a RenderScene in network units (in any exposure; the result is in the same radiance units).
+    """
+
+    def __init__(self, scene: RenderScene, device: torch.device | str = "cpu"):
+        e = gather_emitters(scene)
+        as_tensor = lambda x: torch.as_tensor(x, dtype=torch.float32, device=device)  # noqa: E731
+        self.corners, self.centers, self.radii = as_tensor(e.corners), as_tensor(e.centers), as_tensor(e.radii)
+        self.origins = torch.cat([self.corners.mean(1), self.centers])
+        self.distant = self.origins.norm(dim=-1) > DISTANT
+        self.radiance, self.beam_axis, self.beam_cosine = map(as_tensor, (e.radiance, e.beam_axis, e.beam_cosine))
+        self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
+        blocking = as_tensor(scene.triangles[is_solid(scene) & ~scene.is_light & ~passes_light(scene, straight=True)])
+        self.fog = fog_of(scene.volumes, device)
+        far = FarBlockers(as_tensor(scene.triangles[is_solid(scene) & ~passes_light(scene)]))
+        towards = F.normalize(self.origins[self.distant], dim=-1)
+        with part(0.0, 0.1):
+            arrives = far.unblocked(towards)[:, None] * self.radiance[self.distant]
+            self.radiance = self.radiance.index_put((self.distant,), arrives)
+        with part(0.1, 0.6):
+            self.sky = None if self.environment is None else SkyVisibility(blocking, far, self.environment, self.fog)
+        with part(0.6, 0.9):
+            near = LampShadows(blocking, self.origins[~self.distant])
+        with part(0.9, 1.0):
+            self.shadows = near, DistantShadows(blocking, towards)
+
+    def arriving(self, position: Tensor, normal: Tensor) -> Tensor:
+        """Shares of diffuse light that arrive past the scene's triangles and through its volumes.
+
+        (P, 6), RGB of the sky and of emitters.
+
+        position, normal (unit): (P, 3).
+        """
+        sky = torch.ones_like(position) if self.sky is None else self.sky(position, normal)
+        return torch.cat([sky, torch.cat(shared(self._unshaded, position.split(CHUNK), normal.split(CHUNK)))], 1)
+
+    def _unshaded(self, x: Tensor, n: Tensor) -> Tensor:
+        """(P, 3) share of the emitters' diffuse light that arrives."""
+        seen = x.new_ones(len(x), len(self.origins))
+        for which, shadows in zip((~self.distant, self.distant), self.shadows, strict=True):
+            seen[:, which] = shadows(x, n).to(x.dtype)
+        if self.fog is not None:
+            seen *= self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
+        direction, sine2, beam = self._beams(x)
+        light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
+        return ((light * seen) @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
+
+    def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
+                 arriving: Tensor | None = None) -> Tensor:
+        """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe.
+
+        position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual. The normal is
+        taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a silhouette.
+        arriving: (P, 6) as above, for the diffuse lobe; all of the light without it.
+        Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none.
+        """
+        shares = torch.ones_like(roughness[:, None]).expand(-1, 6) if arriving is None else arriving
+        return torch.cat(shared(self._leaving, *(x.split(CHUNK) for x in (position, normal, outgoing, roughness,
+                                                                          shares))))
+
+    def _leaving(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, arriving: Tensor) -> Tensor:
+        valid = (n.square().sum(-1, keepdim=True) > 0.25).float()
+        sky, lamps = arriving.split(3, 1)
+        diffuse, glossy = self._emitters(x, n, v, roughness)
+        diffuse, transmitted = diffuse * lamps, torch.zeros_like(diffuse)
+        if self.environment is not None:
+            mirrored = 2 * (n * v).sum(-1, keepdim=True) * n - v
+            diffuse = diffuse + self.environment.irradiance(n) * sky / math.pi
+            glossy = glossy + self.environment.filtered(mirrored, roughness)
+            transmitted = self.environment.filtered(-v, roughness)
+        return torch.cat([diffuse, glossy, transmitted], -1) * valid
+
+    def _emitters(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
+        if not len(self.radiance):
+            return torch.zeros_like(x), torch.zeros_like(x)
+        direction, sine2, beam = self._beams(x)
+        cosine = torch.einsum("plc,pc->pl", direction, n)
+        diffuse = sphere_form_factor(cosine, sine2) * beam
+        glossy = ggx_lobe(direction, cosine, sine2, n, v, roughness) * beam
+        return diffuse @ self.radiance, glossy @ self.radiance
+
+    def _beams(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Unit direction (P, L, 3) to every emitter, its squared angular sine and its share of radiance (P, L)."""
+        direction, sine2 = self._vector_form_factors(x)
+        beam = smoothstep(self.beam_cosine[:, 0], self.beam_cosine[:, 1], -(direction * self.beam_axis).sum(-1))
+        return direction, sine2, torch.where(self.beam_axis.square().sum(-1) > 0.25, beam, torch.ones_like(beam))
+
+    def _vector_form_factors(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Unit direction (P, L, 3) to every emitter and its squared angular sine (P, L)."""
+        x = torch.where(self.distant[:, None], contracted(x)[:, None], x[:, None])
+        flat = len(self.corners)
+        to_corners = F.normalize(self.corners[None] - x[:, :flat, None], dim=-1)
+        following = to_corners.roll(-1, dims=2)
+        edge = torch.linalg.cross(to_corners, following)
+        sine = edge.square().sum(-1).sqrt()
+        angle = torch.atan2(sine, (to_corners * following).sum(-1))
+        vector = (edge * (angle / sine.clamp_min(1e-6))[..., None]).sum(2) / (2 * math.pi)
+        vector = vector * (vector * to_corners.sum(2)).sum(-1, keepdim=True).sign()
+        to_center = self.centers[None] - x[:, flat:]
+        distance2 = to_center.square().sum(-1)
+        sphere_sine2 = self.radii**2 / torch.maximum(distance2, self.radii**2)
+        length = vector.square().sum(-1).sqrt()
+        direction = torch.cat([vector / length.clamp_min(1e-20)[..., None],
+                               to_center / distance2.clamp_min(1e-20).sqrt()[..., None]], 1)
+        return direction, torch.cat([length, sphere_sine2], 1).clamp(0, 0.999)
+
+
+def smoothstep(low: Tensor, high: Tensor, x: Tensor) -> Tensor:
+    t = ((x - low) / (high - low).clamp_min(1e-4)).clamp(0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def sphere_form_factor(cosine: Tensor, sine2: Tensor) -> Tensor:
+    """Share of the hemisphere's projected solid angle that a sphere covers, cut by the horizon.
+
+    cosine between the normal and the sphere's centre; sine2 = (radius / distance)^2 < 1. Same shapes in and out.
+    """
+    above = cosine.clamp_min(0) * sine2
+    cut = (sine2 - cosine.square()).clamp_min(0)  # > 0 where the horizon cuts the sphere
+    root = (cut * (1 - sine2)).clamp_min(1e-20).sqrt()
+    edge = (-cosine * ((1 - sine2) / (sine2 * (1 - cosine.square())).clamp_min(1e-12)).sqrt()).clamp(-1, 1)
+    partial = (sine2 * cosine * torch.acos(edge) - root + torch.atan(cut.sqrt() / (1 - sine2).sqrt())) / math.pi
+    return torch.where(cut > 0, partial.clamp_min(0), above)
+
+
+def ggx_lobe(direction: Tensor, cosine: Tensor, sine2: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> Tensor:
+    """(P, L) share of a light's radiance that a white GGX lobe sends along v; the light widens the lobe."""
+    alpha = roughness.clamp_min(0.02).square()[:, None]
+    wide = (alpha + sine2.sqrt() / 3).clamp(max=1)
+    n_h = _half_cosine(direction, cosine, n, v)
+    n_v = (n * v).sum(-1, keepdim=True).abs().clamp_min(1e-3)
+    n_l = cosine.clamp_min(1e-4)
+    density = wide.square() / (math.pi * (n_h.square() * (wide.square() - 1) + 1).square().clamp_min(1e-8))
+    a2 = alpha.square()
+    smith = 2 * n_l / (n_l * (a2 + (1 - a2) * n_v.square()).sqrt() + n_v * (a2 + (1 - a2) * n_l.square()).sqrt())
+    return (density * smith / 4 * math.pi * sine2).clamp(max=1) * (cosine > 0)
+
+
+def _half_cosine(direction: Tensor, cosine: Tensor, n: Tensor, v: Tensor) -> Tensor:
+    v_l = torch.einsum("plc,pc->pl", direction, v)
+    n_v = (n * v).sum(-1, keepdim=True)
+    return (cosine + n_v) / (2 + 2 * v_l).clamp_min(1e-6).sqrt()

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What mirrors and glass show of the token triangles: where the light of a pixel comes from, past smooth surfaces.
+
+Whitted 1980, "An improved illumination model for shaded display", with one path per pixel and lobe.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry import area_vectors, barycentric
+from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, texels
+
+SURFACES = 6       # a path passes at most
+SMOOTH = 0.5       # roughness up to which a metal is a mirror
+PURE = 0.5         # metallic or transmission from which a surface is a mirror or glass
+LIFTED = 1e-4      # of the longest way so far, that a ray starts off the surface it leaves
+SHARP, BLURRED = 0.2, 0.8  # roughness up to which what is seen is an image, and from which it is a mean of all around
+
+Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+@dataclass
+class Ends:
+    """Of P paths: the matte surfaces where they end."""
+
+    position: np.ndarray  # (P, 3) f32, world
+    normal: np.ndarray    # (P, 3) f32, unit, facing the path
+    color: np.ndarray     # (P, 3) f32: diffuse colour there times that of what was passed; 0 = lamp, sky or no end
+
+
+def blur(roughness):
+    """Array or tensor, 0 to 1: how far what a surface shows is not an image but a mean of all around."""
+    x = ((roughness - SHARP) / (BLURRED - SHARP)).clip(0, 1)
+    return x * x * (3 - 2 * x)
+
+
+def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray) -> Ends:
+    """Paths from world points (P, 3) along unit directions (P, 3), none of which starts at a lamp.
+
+    eye: (3,) or (P, 3), where what is seen at these points is seen from.
+    cast(origins, directions) gives the nearest triangle (S,) i32, -1 if none, and its distance (S,).
+    """
+    ends = Ends(*(np.zeros((len(origin), 3), np.float32) for _ in range(3)))
+    path, share = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
+    reach = np.linalg.norm(origin - eye, axis=1)  # the longest way so far: precision depends on it
+    origin = origin + LIFTED * reach[:, None] * direction
+    for _ in range(SURFACES):
+        if not len(path):
+            break
+        triangle, distance = cast(origin, direction)
+        hit = (triangle >= 0) & ~scene.is_light[triangle]
+        path, share, origin, direction, triangle, distance, reach = (
+            x[hit] for x in (path, share, origin, direction, triangle, distance, reach))
+        point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
+        normal, inside, texel = surface(scene, triangle, point, direction)
+        base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
+        passed = share * base
+        ends.position[path], ends.normal[path] = point, normal
+        matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
+        glass = (transmission > PURE) & (metallic <= PURE)
+        goes_on = glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
+        ends.color[path] = passed * np.where(goes_on, 0, matte)[:, None]
+        direction = np.where(glass[:, None], refracted(direction, normal, texel[:, IOR], inside),
+                             reflected(direction, normal))
+        origin = point + LIFTED * reach[:, None] * direction
+        path, share, origin, direction, reach = (x[goes_on] for x in (path, passed, origin, direction, reach))
+    return ends
+
+
+def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
+            direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of world points (P, 3) on triangles (P,) that are met along unit directions (P, 3).
+
+    Unit shading normals (P, 3) facing the viewer, whether they are met from behind (P,), and material texels (P, C).
+    """
+    corners = scene.triangles[triangle]
+    weights = barycentric(corners, point).clip(0, 1).astype(np.float32)
+    normal = np.einsum("pk,pkc->pc", weights, scene.normals[triangle])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12)
+    x, y = texels(weights[:, :2])
+    texel = scene.tiles[scene.tile_index[triangle], :, y, x].astype(np.float32)
+    return facing(normal, direction), (area_vectors(corners) * direction).sum(1) > 0, texel
+
+
+def facing(normal: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """Normals (..., 3), turned where they point along the ray (..., 3)."""
+    return np.where((normal * ray).sum(-1, keepdims=True) > 0, -normal, normal)
+
+
+def reflected(ray, normal):
+    """Unit rays (..., 3), arrays or tensors, mirrored at unit normals (..., 3)."""
+    return ray - 2 * (ray * normal).sum(-1)[..., None] * normal
+
+
+def refracted(ray: np.ndarray, normal: np.ndarray, ior: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Unit rays (P, 3) behind a surface whose unit normals (P, 3) face them; mirrored where nothing passes.
+
+    ior: (P,) of the medium behind the surface's front; inside: (P,), whether the rays come from within.
+    """
+    ior = np.maximum(ior, 1.0)
+    ratio = np.where(inside, ior, 1 / ior)
+    cosine = -(ray * normal).sum(-1)
+    rest = 1 - ratio**2 * (1 - cosine**2)
+    through = ratio[:, None] * ray + (ratio * cosine - np.sqrt(np.maximum(rest, 0)))[:, None] * normal
+    return np.where(rest[:, None] > 0, through, reflected(ray, normal))

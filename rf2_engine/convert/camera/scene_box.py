@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the camera looks at: the box of the world that becomes the network's (docs/scene-input.md 1.2).
+
+A ground to the horizon, a sky dome or a far mountain must not shrink what is looked at, and what the camera does not
+see far behind it must not either. So the box is that of the scene's surfaces, but no larger than what a picture of the
+usual distance shows. How finely surfaces are divided does not change it.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from ....model.scene import View
+from ..collected import Collected
+from .visible import Hits
+
+NEAR, FAR = 10, 30  # what is so many times as far as this percentile of the distances is background
+REACH = 1.5         # half of the box, in halves of the picture's longer side at the usual distance
+
+
+def find_focus(found: Collected, view: View, hits: Hits) -> np.ndarray:
+    """(2, 3) f32 lowest and highest corner, world; those of all surfaces and media where the view shows none."""
+    low, high = found.bounds()
+    points = hits.points
+    if len(points):
+        eye = view.camera_to_world[:3, 3]
+        distance = hits.distances(eye)
+        near = distance <= FAR * np.percentile(distance, NEAR)
+        center = np.median(points[near], axis=0)
+        half_picture = (view.longer_side / 2 / np.abs(view.focal)).max()
+        reach = REACH * half_picture * np.median(distance[near])
+        low, high = np.clip([low, high], center - reach, center + reach)
+    return np.float32([low, high])

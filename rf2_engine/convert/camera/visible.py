@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A coarse raster of rays from the camera: what of the scene it sees, and where."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mathutils.bvhtree import BVHTree
+
+from ....model.camera import view_rays_at
+from ....model.scene import View
+from ..collected import Collected
+from .panes import is_pane
+
+GRID = 64                 # rays along either side of the picture
+FEW = GRID * GRID // 144  # that hit something else than light
+PANES = 3                 # one behind the other, that are looked through
+BEHIND = 3                # times as far away as a pane is what counts instead of it
+TRIANGLES = 40_000        # of stand-ins, about as many as a BVH of a tenth of a second holds
+LEAST = 12                # of a mesh
+BOX = np.array([(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
+                (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)])  # corners of a box's triangles
+
+
+@dataclass
+class Hits:
+    """P of the GRID x GRID rays hit something."""
+
+    points: np.ndarray    # (P, 3) f64, world
+    instance: np.ndarray  # (P,) i64 counted over the matrices of all parts in their order; -1 = a medium
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def distances(self, eye: np.ndarray) -> np.ndarray:
+        """(P,) from a point (3,)."""
+        return np.linalg.norm(self.points - eye, axis=1)
+
+
+def look(found: Collected, view: View, clip_start: float = 0.0) -> Hits:
+    """What the view sees from `clip_start` on, in world units along its axis.
+
+    It sees through what shines, unless there is hardly anything else: a sky dome is no more than a background; and
+    through panes that fill most of the picture, far in front of what is behind them.
+    """
+    shown = {i for i, part in enumerate(found.parts) if part.is_shown and not part.emits}
+    hits = _cast(found, view, clip_start, shown)
+    if len(hits) < FEW:
+        return _cast(found, view, clip_start, {i for i, part in enumerate(found.parts) if part.is_shown})
+    owner = np.repeat(np.arange(len(found.parts)), [len(part.places) for part in found.parts])
+    eye, behind = view.camera_to_world[:3, 3], hits
+    for _ in range(PANES):
+        parts, counts = np.unique(owner[behind.instance[behind.instance >= 0]], return_counts=True)
+        if not len(parts) or counts.max() < len(behind) / 2 or not is_pane(found.parts[parts[counts.argmax()]]):
+            break
+        shown -= {parts[counts.argmax()]}
+        behind = _cast(found, view, clip_start, shown)
+    far = len(behind) >= FEW and np.median(behind.distances(eye)) > BEHIND * np.median(hits.distances(eye))
+    return behind if far else hits
+
+
+def _cast(found: Collected, view: View, clip_start: float, shown: set[int]) -> Hits:
+    """shown: indices of the parts that there are for these rays."""
+    triangles, owner = _stand_ins(found, view.camera_to_world[:3, 3], shown)
+    if not len(triangles):
+        return Hits(np.zeros((0, 3)), np.zeros(0, np.int64))
+    tree = BVHTree.FromPolygons(triangles.reshape(-1, 3).tolist(),
+                                np.arange(3 * len(triangles)).reshape(-1, 3).tolist(), all_triangles=True)
+    x, y = np.meshgrid((np.arange(GRID) + 0.5) / GRID * view.width, (np.arange(GRID) + 0.5) / GRID * view.height)
+    eye, rays = view_rays_at(view, x.ravel(), y.ravel())
+    starts = eye + rays * clip_start / -(rays @ view.camera_to_world[:3, 2:3])
+    found_at = [tree.ray_cast(start, ray) for start, ray in zip(starts.tolist(), rays.tolist(), strict=True)]
+    hits = [(point, index) for point, _, index, _ in found_at if point is not None]
+    return Hits(np.array([point for point, _ in hits]).reshape(-1, 3), owner[[index for _, index in hits]])
+
+
+def _stand_ins(found: Collected, eye: np.ndarray, visible: set[int]) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3, 3) world triangles that look alike from afar, and (n,) whose: of a fine mesh every k-th, enlarged.
+
+    Stochastic simplification (Cook et al. 2007). Fog around the eye (3,) is looked through.
+    """
+    placed = [medium.box.corners()[BOX] for medium in found.media if not medium.box.holds(eye)]
+    owner = [np.full(len(box), -1) for box in placed]
+    shows = [i in visible for i in range(len(found.parts))]
+    instances = sum(len(part.matrices) for part, shown in zip(found.parts, shows, strict=True) if shown)
+    share = max(TRIANGLES // max(instances, 1), LEAST)
+    before = 0
+    for part, shown in zip(found.parts, shows, strict=True):
+        copies = len(part.matrices)
+        if shown:
+            corners = part.mesh.corners
+            if len(corners) > share:
+                some = corners[np.linspace(0, len(corners) - 1, share).astype(int)]
+                middle = some.mean(axis=1, keepdims=True)
+                corners = middle + (some - middle) * np.sqrt(len(corners) / share)
+            matrix = np.array(part.matrices)[:, None]
+            world = corners.astype(np.float64) @ matrix[..., :3, :3].swapaxes(-1, -2) + matrix[..., None, :3, 3]
+            placed.append(world.reshape(-1, 3, 3))
+            owner.append(np.repeat(before + np.arange(copies), len(corners)))
+        before += copies
+    if not placed:
+        return np.zeros((0, 3, 3)), np.zeros(0, np.int64)
+    return np.concatenate(placed), np.concatenate(owner)

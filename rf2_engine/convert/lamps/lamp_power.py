@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much light a lamp gives: energy, colour, exposure, temperature, nodes and "Normalize" (measured in Cycles)."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..shading import graph
+from ..shading.evaluate import Evaluator, Points
+from ..shading.images.image import ImageCache
+from ..shading.lamp_nodes import LampPoints
+from ..shading.node_call import NodeCall
+from ..shading.surface import closure_at
+from .cones import sphere
+
+PLACES = 16  # across the surface of an area lamp
+
+
+@dataclass(frozen=True)
+class LampLight:
+    """Energy times colour, exposure, temperature and node tree."""
+
+    strength: np.ndarray                  # (3,) mean over the surface, and over all directions if they are alike
+    directions: np.ndarray | None = None  # (n, 3) strength in the directions of `sphere(n)`, in the lamp's frame
+    places: np.ndarray | None = None      # (PLACES, PLACES, 3) [y, x] of an area lamp: mean 1, or 0
+
+
+def lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> LampLight | None:
+    """What a lamp gives; None when it gives no light.
+
+    frame: (3, 3) rotation of the lamp; distance: from it to the middle of what is looked at, for lamps that do not fall
+    off with its square.
+    """
+    if light.type == "AREA" and light.cycles.is_portal:
+        report.skipped(name, "a light portal only guides Cycles' sampling")
+        return None
+    strength = np.array(light.color, np.float64) * light.energy * 2.0 ** getattr(light, "exposure", 0.0)
+    if getattr(light, "use_temperature", False):
+        strength = strength * np.array(light.temperature_color)
+    if light.use_nodes and light.node_tree is not None:
+        strength = strength * _emission(light, name, report, frame, distance)
+    strength = report.finite(name, "its strength", strength)
+    if not light.use_shadow:
+        report.approximated(name, "a lamp without shadows casts shadows")
+    if (strength < 0).any():
+        report.approximated(name, "negative light is left out")
+        strength = np.maximum(strength, 0)
+    return _parts(strength) if strength.any() else None
+
+
+def _emission(light, name, report, frame, distance) -> np.ndarray:
+    """(3,), or (directions, places, 3) either of which may be 1."""
+    output = graph.output_node(light.node_tree)
+    if output is None:
+        return np.zeros(3)
+    toward = sphere() if light.type != "SUN" else np.float32([(0, 0, -1)])
+    points = LampPoints(toward[:, None], frame.astype(np.float32), _places() if light.type == "AREA" else None,
+                        None if light.type == "SUN" else distance)
+    evaluator = Evaluator(Points(lamp=points), ImageCache(report), report, name)
+    emission = closure_at(NodeCall(evaluator, output), "Surface").emission.astype(np.float64)
+    if light.type == "SUN" or emission.size == 3:
+        return emission.reshape(3)
+    return emission.reshape(-1, *emission.shape[-2:])
+
+
+def _places() -> np.ndarray:
+    across = (np.arange(PLACES) + 0.5) / PLACES
+    y, x = (a.ravel() for a in np.meshgrid(across, across, indexing="ij"))
+    return np.stack([x, y, 0 * x], axis=-1)[None].astype(np.float32)
+
+
+def _parts(strength: np.ndarray) -> LampLight:
+    if strength.ndim == 1:
+        return LampLight(strength)
+    count, places = strength.shape[:2]
+    facing = np.maximum(-sphere(count)[:, 2], 0) if count > 1 else None
+    surface = np.average(strength, axis=0, weights=facing)
+    mean = surface.mean(axis=0)
+    share = np.divide(surface, mean, out=np.zeros_like(surface), where=mean > 0)
+    return LampLight(mean, strength.mean(axis=1) if count > 1 else None,
+                     share.reshape(PLACES, PLACES, 3) if places > 1 else None)
+
+
+def normalized(light) -> bool:
+    """Whether energy means power (watts, or irradiance of a sun) rather than radiance times pi."""
+    return getattr(light, "normalize", True)
+
+
+def ball_power(light, strength):
+    """Without "Normalize" Cycles takes the energy per square metre of the ball; a ball of radius 0 counts as 4."""
+    if normalized(light):
+        return strength
+    return strength * (4 * math.pi * light.shadow_soft_size ** 2 if light.shadow_soft_size > 0 else 4.0)

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender lamps to emitting triangles (docs/scene-input.md 6.4, factors of unnormalised lamps measured in Cycles).
+
+Radiance leaves a lamp triangle through its front only, within its beam (model/scene.py, `beam_axis`).
+"""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ....model.geometry import area_vectors
+from ....model.scene import RenderScene
+from . import proxies
+from .beam import HALF_SPACE, spot_beam, spread_beam
+from .cones import Cone
+from .flat_light import DARK, black, shining
+from .lamp_power import ball_power, lamp_light, normalized
+from .placed_lamp import Detail, PlacedLamp, beams, half_angle_of, rotation
+from .suns import Sun
+
+BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
+SUN_ANGLE = math.radians(3)   # least diameter of a sun
+SUN_DISTANCE = 50             # scene radii
+LEAST_SPREAD = math.radians(2)  # of an area lamp: narrower beams are lost in the precision of their cosines
+CELL = 0.35                   # scene radii: wanted side of one cell of an area lamp
+DOWN, NOWHERE = np.array([0.0, 0.0, -1.0]), np.zeros(3)  # where a lamp shines in its frame; of light without a beam
+WIDEST_SHADE = math.radians(80)  # of the black shade around a lamp that shines one way
+FINE, COARSE = Detail(20, 12, 8, 4), Detail(8, 6, 4, 1)
+
+
+def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray, radius: float,
+                  detail: Detail = FINE) -> RenderScene:
+    """Triangles of one lamp, ready for `RenderScene.appended`.
+
+    matrix_world: (4, 4) of the object; light: bpy Light; name: of the object, for the report; center (3,) and radius:
+    bounding sphere of the scene, world units, which decides where a sun stands and how small a lamp may be.
+    """
+    lamp = _placed(matrix_world, light, name, report, center, radius, detail)
+    return DARK if lamp is None else CONVERTERS[light.type](lamp)
+
+
+def lamp_sun(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray, radius: float) -> Sun | None:
+    """What a sun lamp is; the same arguments."""
+    lamp = _placed(matrix_world, light, name, report, center, radius, FINE)
+    return None if lamp is None else _sun(lamp)
+
+
+def _placed(matrix_world, light, name, report, center, radius, detail) -> PlacedLamp | None:
+    """None, and a remark where it is worth one, of a lamp that gives no light."""
+    matrix, center = np.asarray(matrix_world, np.float64), np.asarray(center, np.float64)
+    frame = rotation(matrix)
+    given = lamp_light(light, name, report, frame, float(np.linalg.norm(matrix[:3, 3] - center)))
+    if given is None:
+        return None
+    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    if not all(scale[axis] for axis in NEEDED_AXES[light.type]):
+        report.skipped(name, "a lamp scaled to nothing gives no light: reset its scale")
+        return None
+    return PlacedLamp(light, given, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail)
+
+
+def _area(lamp: PlacedLamp) -> RenderScene:
+    """The lamp's own shape, and a black copy just behind it."""
+    light = lamp.light
+    second = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
+    size = np.array([light.size, second]) * lamp.scale[:2]
+    if size.min() == 0:
+        lamp.report.skipped(lamp.name, "an area lamp of size 0 gives no light")
+        return DARK
+    if light.shape in ("DISK", "ELLIPSE"):
+        front = back = proxies.disk(*size, lamp.detail.disk_corners)
+    else:
+        cells = np.clip(np.ceil(size / (CELL * lamp.scene_radius)), 1, lamp.detail.most_cells).astype(int)
+        front, back = proxies.rectangle(*size, *cells), proxies.rectangle(*size)
+    spread = max(light.spread, LEAST_SPREAD)
+    if light.spread < LEAST_SPREAD:
+        was, now = math.degrees(light.spread), math.degrees(LEAST_SPREAD)
+        lamp.approximated(f"its spread is {now:.0f} instead of {was:.2g} degrees")
+    elif spread < math.pi - 0.01:
+        lamp.approximated(f"a spread of {math.degrees(spread):.0f} degrees falls off a little differently")
+    gain, border = spread_beam(spread)
+    per_watt = 1 / (math.pi * (proxies.area(front) if normalized(light) else 1))
+    scene = black(lamp.placed(back[:, ::-1] + [0, 0, 0.01 * size.min()]))
+    for strength, axis, cosines in beams(lamp, Cone(gain * lamp.strength, DOWN, border), facing=True):
+        radiance = per_watt * strength * _textured(front, size, lamp.given.places)
+        scene = shining(lamp.placed(front), radiance, lamp.frame @ axis, cosines).appended(scene)
+    return scene
+
+
+def _textured(front: np.ndarray, size: np.ndarray, places: np.ndarray | None) -> np.ndarray:
+    """(n, 3) or (1,) share of its mean light that each triangle of an area lamp gives: that of the places nearest."""
+    if places is None:
+        return np.ones(1)
+    across = (np.arange(len(places)) + 0.5) / len(places) - 0.5
+    at = np.stack(np.meshgrid(across, across, indexing="xy"), axis=-1).reshape(-1, 2) * size
+    nearest = np.linalg.norm(at[:, None] - front.mean(axis=1)[None, :, :2], axis=-1).argmin(axis=1)
+    share, areas = np.ones((len(front), 3)), np.linalg.norm(area_vectors(front), axis=-1)
+    for i in range(len(front)):
+        if (nearest == i).any():
+            share[i] = places.reshape(-1, 3)[nearest == i].mean(axis=0)
+    return share * areas.sum() / np.maximum(areas @ share, 1e-30)
+
+
+def _point(lamp: PlacedLamp) -> RenderScene:
+    return _ball(lamp, beams(lamp, Cone(lamp.strength, NOWHERE, (0.0, 0.0))), half_angle=math.pi)
+
+
+def _spot(lamp: PlacedLamp) -> RenderScene:
+    x, y, z = lamp.scale
+    if abs(x - y) > 1e-3 * max(x, y):
+        lamp.approximated("the elliptic cone of a spot scaled unevenly is shown round")
+    cosines = spot_beam(lamp.light, math.sqrt(x * y) / max(z, 1e-12))
+    return _ball(lamp, beams(lamp, Cone(lamp.strength, DOWN, cosines)), half_angle=math.acos(cosines[0]))
+
+
+def _ball(lamp: PlacedLamp, kept: list[Cone], half_angle: float) -> RenderScene:
+    """A ball for each beam, and a black shade that makes the cone for a network that does not know beams."""
+    size = _ball_radius(lamp)
+    triangles = proxies.ball(size, lamp.detail.ball_faces)
+    scene = DARK
+    for strength, axis, cosines in kept:
+        radiance = _softened(lamp) * ball_power(lamp.light, strength) / (math.pi * proxies.area(triangles))
+        scene = scene.appended(shining(lamp.placed(triangles), radiance, lamp.frame @ axis, cosines))
+    if lamp.given.directions is not None:
+        half_angle = min(half_angle, half_angle_of(lamp.given.directions))
+    if half_angle > WIDEST_SHADE and lamp.light.type != "SPOT":
+        return scene
+    return scene.appended(black(lamp.placed(proxies.shade(half_angle, size, lamp.detail.shade_sides))))
+
+
+def _softened(lamp: PlacedLamp) -> float:
+    """What Soft Falloff leaves: Cycles then takes a disk that faces what it lights, here at the scene's middle."""
+    away = max(float(np.linalg.norm(lamp.place - lamp.scene_center)), lamp.scene_radius / 2)
+    return 1 / (1 + (lamp.light.shadow_soft_size / away) ** 2) if lamp.light.use_soft_falloff else 1.0
+
+
+def _ball_radius(lamp: PlacedLamp) -> float:
+    size, least = lamp.light.shadow_soft_size, BALL_RADIUS * lamp.scene_radius
+    if size < 0.99 * least:
+        lamp.approximated(f"its radius is {least:.3g} instead of {size:.3g}: shadows are softer")
+    return max(size, least)
+
+
+def _sun(lamp: PlacedLamp) -> Sun:
+    own = lamp.light.angle
+    if own < SUN_ANGLE:
+        was, now = math.degrees(own), math.degrees(SUN_ANGLE)
+        lamp.approximated(f"the sun's angle is {now:.0f} instead of {was:.2g} degrees: shadows are softer")
+    disk = math.pi * math.sin(own / 2) ** 2 if own and not normalized(lamp.light) else 1.0
+    return Sun(lamp.frame[:, 2], lamp.strength * disk, own)
+
+
+def convert_sun(sun: Sun, center: np.ndarray, radius: float, detail: Detail = FINE) -> RenderScene:
+    """A distant disk that fills the sun's solid angle, seen from the middle of the scene.
+
+    center (3,) and radius: bounding sphere of the scene, world units.
+    """
+    pose = np.eye(3)
+    pose[:, 2] = sun.toward
+    frame, angle = rotation(pose), np.clip(sun.angle, SUN_ANGLE, math.radians(170))
+    distance = SUN_DISTANCE * max(radius, 1e-6)
+    size = 2 * distance * math.tan(angle / 2)
+    triangles = proxies.disk(size, size, detail.disk_corners) @ frame.T + np.asarray(center, np.float64)
+    triangles += distance * frame[:, 2]
+    return shining(triangles, sun.irradiance / (math.pi * math.sin(angle / 2) ** 2), -frame[:, 2], HALF_SPACE)
+
+
+NEEDED_AXES = {"AREA": (0, 1, 2), "POINT": (), "SPOT": (0, 1, 2), "SUN": (2,)}  # at scale 0 Cycles shows no light
+CONVERTERS = {
+    "AREA": _area, "POINT": _point, "SPOT": _spot,
+    "SUN": lambda lamp: convert_sun(_sun(lamp), lamp.scene_center, lamp.scene_radius, lamp.detail),
+}

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangle shapes that stand in for lamps: rectangles, disks, balls and shades.
+
+All return (n, 3, 3) f64, counter-clockwise from the front, in the frame of the lamp: it shines along -Z.
+"""
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from ....model.geometry import area_vectors
+
+SHADE_MAX_ANGLE = np.radians(80)
+
+
+def rectangle(width: float, height: float, columns: int = 1, rows: int = 1) -> np.ndarray:
+    """In the plane z = 0, front towards -Z, cut into `columns` x `rows` cells of two triangles."""
+    x = np.linspace(-width / 2, width / 2, columns + 1)
+    y = np.linspace(-height / 2, height / 2, rows + 1)
+    x0, y0 = (a.ravel() for a in np.meshgrid(x[:-1], y[:-1]))
+    x1, y1 = (a.ravel() for a in np.meshgrid(x[1:], y[1:]))
+
+    def corner(px, py):
+        return np.stack([px, py, np.zeros_like(px)], axis=-1)
+
+    a, b, c, d = corner(x0, y0), corner(x0, y1), corner(x1, y1), corner(x1, y0)
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def disk(width: float, height: float, corners: int) -> np.ndarray:
+    """A fan in the plane z = 0, front towards -Z, of the area of the ellipse with these diameters."""
+    angle = np.arange(corners) * 2 * np.pi / corners
+    grow = np.sqrt(np.pi / (corners / 2 * np.sin(2 * np.pi / corners)))
+    rim = np.stack([np.cos(angle) * width / 2, -np.sin(angle) * height / 2, 0 * angle], axis=-1) * grow
+    return np.stack([np.zeros_like(rim), rim, np.roll(rim, -1, axis=0)], axis=1)
+
+
+def ball(radius: float, faces: int) -> np.ndarray:
+    """Icosahedron (20 faces) or octahedron (8) with the area of the sphere of this radius.
+
+    From some sides it looks larger or smaller than the sphere: by up to 4 % and 18 %.
+    """
+    golden = (1 + np.sqrt(5)) / 2
+    some = {20: [(0, s, t * golden) for s in (-1, 1) for t in (-1, 1)], 8: [(0, 0, -1), (0, 0, 1)]}[faces]
+    corners = np.concatenate([np.roll(np.array(some, np.float64), turn, axis=1) for turn in range(3)])
+    distance = np.linalg.norm(corners[:, None] - corners[None], axis=-1)
+    near = np.isclose(distance, distance[distance > 0].min())
+    triangles = corners[[(i, j, k) for i, j, k in combinations(range(len(corners)), 3)
+                         if near[i, j] and near[j, k] and near[i, k]]]
+    inward = np.einsum("nc,nc->n", normals(triangles), triangles.mean(axis=1)) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return triangles * (radius * np.sqrt(4 * np.pi / area(triangles)))
+
+
+def shade(half_angle: float, radius: float, sides: int) -> np.ndarray:
+    """Lampshade around a ball of this radius at the origin: a tube closed behind, open in front along -Z.
+
+    Its rim lies on the cone of `half_angle` unless the tube would become too long (narrow cones) or too wide.
+    """
+    slope = np.tan(min(half_angle, SHADE_MAX_ANGLE))
+    outer = radius * np.clip(4 * slope, 1.3, 4)
+    depth, top = min(outer / slope, 8 * radius), 1.5 * radius
+    angle = np.arange(sides) * 2 * np.pi / sides
+    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1) * outer / np.cos(np.pi / sides)
+    front, back = circle - [0, 0, depth], circle + [0, 0, top]
+    front_next, back_next = np.roll(front, -1, axis=0), np.roll(back, -1, axis=0)
+    middle = np.broadcast_to([0.0, 0.0, top], back.shape)
+    return np.concatenate([np.stack([front, front_next, back_next], axis=1), np.stack([front, back_next, back], axis=1),
+                           np.stack([middle, back, back_next], axis=1)])
+
+
+def area(triangles: np.ndarray) -> float:
+    return float(np.linalg.norm(area_vectors(triangles), axis=1).sum())
+
+
+def normals(triangles: np.ndarray) -> np.ndarray:
+    """(n, 3) unit face normals."""
+    vectors = area_vectors(triangles)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Suns in a sky or an HDRI as lights of their own: networks that see tokens alone then know where shadows fall."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....model.clusters import clusters
+from ....model.geometry import latlong_directions
+
+MAX_SUNS = 4
+TRIES = 8                       # bright places that are looked at
+CORE = math.radians(5)          # radius of the area that a sun lies in
+CENTRINGS = 3                   # from its brightest texel to its middle
+RING = math.radians(8)          # outer radius of what is around it
+CONTRAST = 8                    # times as bright as most of the ring
+SHARE = 0.1                     # of the irradiance of a surface that faces it, beside all else
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Light from far away, the same wherever it falls."""
+
+    toward: np.ndarray      # (3,) unit, world
+    irradiance: np.ndarray  # (3,) of a surface that faces it
+    angle: float            # radians, its diameter
+
+
+def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
+    """A (H, W, 3) panorama without its suns, and these; irradiance is that of the whole.
+
+    A sun is a small place, much brighter than what is around it, that gives a good part of the light. What is left in
+    its place is as bright as its surroundings.
+    """
+    height, width, _ = environment.shape
+    towards = latlong_directions(np.arange(height), height, width).astype(np.float64)
+    edges = np.cos(np.pi * np.arange(height + 1) / height)
+    solid_angle = np.broadcast_to(((edges[:-1] - edges[1:]) * 2 * math.pi / width)[:, None], (height, width))
+    left, suns, unseen = environment.copy(), [], np.ones((height, width), bool)
+    for _ in range(TRIES):
+        brightness = left.mean(axis=-1) * unseen
+        if not brightness.any():
+            break
+        middle = towards[np.unravel_index(brightness.argmax(), brightness.shape)]
+        for _ in range(CENTRINGS):
+            core = towards @ middle > math.cos(CORE)
+            middle = _unit((brightness * solid_angle)[core] @ towards[core])
+        cosine = towards @ middle
+        core, ring = cosine > math.cos(CORE), (cosine <= math.cos(CORE)) & (cosine > math.cos(RING))
+        if not ring.any():  # light that is too faint to have a middle
+            break
+        unseen &= ~core
+        around = np.median(left[ring], axis=0)
+        excess = np.maximum(left[core] - around, 0) * solid_angle[core, None]
+        sun = _sun(excess, towards[core], solid_angle[core])
+        if sun is None or not _stands_out(sun, left, ring, solid_angle * np.maximum(towards @ sun.toward, 0)):
+            continue
+        left[core] = np.minimum(left[core], around)
+        suns.append(sun)
+        if len(suns) == MAX_SUNS:
+            break
+    return left, suns
+
+
+def fewer_suns(suns: list[Sun], most: int) -> list[Sun]:
+    """At most so many, each for some from about the same direction, with the light of all on what faces all of them."""
+    toward = np.array([sun.toward for sun in suns])
+    light = np.array([sun.irradiance for sun in suns])
+    power = light.mean(axis=1)
+    merged = []
+    for rows in clusters(toward, power, [np.arange(len(suns))], most):
+        middle = _unit(power[rows] @ toward[rows])
+        merged.append(Sun(middle, (toward[rows] @ middle) @ light[rows], max(suns[i].angle for i in rows)))
+    return merged
+
+
+def _sun(light: np.ndarray, towards: np.ndarray, solid_angle: np.ndarray) -> Sun | None:
+    """The disc that gives the same light as texels: (n, 3) radiance times solid angle."""
+    power = light.mean(axis=1)
+    if not power.any():
+        return None
+    middle = _unit(power @ towards)
+    size = power.sum() ** 2 / (power ** 2 / solid_angle).sum()  # of a disc: its solid angle
+    return Sun(middle, (towards @ middle) @ light, 2 * math.acos(1 - min(size / (2 * math.pi), 1)))
+
+
+def _stands_out(sun: Sun, panorama: np.ndarray, ring: np.ndarray, facing: np.ndarray) -> bool:
+    """facing: (H, W) solid angles as a surface that faces the sun sees them."""
+    irradiance = sun.irradiance.mean()
+    radiance = irradiance / (math.pi * math.sin(sun.angle / 2) ** 2)
+    around = np.quantile(panorama[ring].mean(axis=-1), 0.9)
+    everything = (panorama.mean(axis=-1) * facing).sum()
+    return radiance > CONTRAST * around and irradiance > SHARE * everything
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / max(np.linalg.norm(vector), 1e-30)

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A volume that fills the world: a box of it around what the camera looks at, and no light from beyond."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..collected import Collected
+from ..lamps.suns import Sun
+from ..place import Place
+from ..shading.volume import has_volume, volume_coefficients, volume_points
+from .medium import Box
+from .shaded import shaded_medium
+
+MARGIN = 0.01   # of the box's longest side, around it
+NOWHERE = np.zeros((2, 3), np.float32)
+
+
+def add_fog(found: Collected, world, focus: np.ndarray, eye: np.ndarray | None, report) -> np.ndarray:
+    """Adds the fog between an eye (3,) and a box (2, 3), and in it; returns (3,) the share of light from infinitely far
+    that comes through all the rest, of each colour: 1 or 0."""
+    if not has_volume(world):
+        return np.ones(3)
+    corners = np.concatenate([focus, focus if eye is None else [eye]])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = MARGIN * max(float((high - low).max()), 1e-6)
+    box = Box(np.eye(3), ((low + high) / 2).astype(np.float64), (high - low + 2 * margin).astype(np.float64))
+
+    def coefficients(points):
+        return volume_coefficients(world, report, volume_points(points, NOWHERE, Place()))
+
+    medium = shaded_medium(world.name, box, coefficients, report)
+    extinction = medium.scattering + medium.absorption
+    if not extinction.any():
+        return np.ones(3)
+    found.media.append(medium)
+    report.approximated(world.name, "its volume fills a box of " + " x ".join(f"{side:.3g}" for side in box.size)
+                        + " m around what the camera looks at; as in Cycles, no light of the world or of suns comes "
+                          "through it")
+    return (extinction == 0).astype(np.float64)
+
+
+def through_fog(environment: np.ndarray | None, suns: list[Sun], clear: np.ndarray) -> tuple:
+    """What is left of a panorama and of suns."""
+    if not clear.any():
+        return None, []
+    return (environment if environment is None else (environment * clear).astype(np.float32),
+            [replace(sun, irradiance=sun.irradiance * clear) for sun in suns])

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Volume objects and meshes with a volume shader as occupied cells (docs/scene-input.md 5, mostly 5.3-5.6)."""
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from ....model import progress
+from ....model.geometry import euler_angles
+from ....model.scene import CELLS, VOXELS, Volumes
+
+MAX_CELLS = 1024          # what the published networks were trained with (docs/scene-input.md 2.4)
+# A cell is dropped whose densest voxel is not above this fraction of the box's maximum, and whose optical depth is not
+# above this either, unless there is no room for such cells.
+OCCUPIED, CLEAR = 0.02, 0.004
+FINE_MEDIA = 16, 128      # of the largest begin with CELLS per axis, with half as many; all others with a quarter
+
+
+@dataclass
+class Box:
+    """A box of the world."""
+
+    rotation: np.ndarray    # (3, 3) f64, box axes to world, right-handed
+    center: np.ndarray      # (3,) f64, world
+    size: np.ndarray        # (3,) f64, world side lengths
+
+    def corners(self) -> np.ndarray:
+        """(8, 3) world, the last axis fastest."""
+        local = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * self.size
+        return local @ self.rotation.T + self.center
+
+    def holds(self, point: np.ndarray) -> bool:
+        """True if a world point (3,) is inside."""
+        return bool((np.abs((point - self.center) @ self.rotation) < self.size / 2).all())
+
+
+@dataclass
+class Medium:
+    """One participating medium: a density inside of a box."""
+
+    name: str
+    box: Box
+    scattering: np.ndarray  # (3,) f64, coefficient per world unit at density 1
+    absorption: np.ndarray  # (3,) f64
+    density: Callable[[int], np.ndarray]  # r -> (r, r, r) density of the box's voxels, [x, y, z] along the box axes
+    finest: int = CELLS     # cells per axis that show all there is to see
+    _known: np.ndarray | None = field(default=None, repr=False)
+
+    def voxels(self, resolution: int) -> np.ndarray:
+        """`density`; where it is known twice as finely, the means of that."""
+        if self._known is not None and len(self._known) == 2 * resolution:
+            self._known = self._known.reshape(resolution, 2, resolution, 2, resolution, 2).mean(axis=(1, 3, 5))
+        else:
+            self._known = self.density(resolution)
+        return self._known
+
+
+def voxel_centres(box: Box, resolution: int) -> np.ndarray:
+    """(r, r, r, 3) world, [x, y, z]."""
+    axis = (np.arange(resolution) + 0.5) / resolution - 0.5
+    local = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1) * box.size
+    return local @ box.rotation.T + box.center
+
+
+def box_around(matrix: np.ndarray, corners: np.ndarray) -> Box:
+    """The box along the axes of a (4, 4) object matrix.
+
+    corners: (k, 3) points of the object, in its own frame, that the box must hold. Mirrored and sheared matrices get
+    a right-handed, orthogonal box all the same.
+    """
+    rotation, upper = np.linalg.qr(matrix[:3, :3].astype(np.float64))
+    rotation = rotation * np.where(np.diag(upper) < 0, -1.0, 1.0)
+    if np.linalg.det(rotation) < 0:
+        rotation[:, 2] *= -1
+    along = (corners @ matrix[:3, :3].T + matrix[:3, 3]) @ rotation
+    low, high = along.min(axis=0), along.max(axis=0)
+    return Box(rotation, rotation @ ((low + high) / 2), high - low)
+
+
+def cells(media: list[Medium], report) -> Volumes | None:
+    """All occupied cells, at most `MAX_CELLS`; None if there are none.
+
+    Where they do not fit thin cells are dropped first, and then boxes are drawn with fewer, larger cells (the finest
+    first), which the report says.
+    """
+    per_axis = [CELLS] * len(media)
+    for rank, i in enumerate(np.argsort([-np.prod(medium.box.size) for medium in media], kind="stable")):
+        per_axis[i] = min(CELLS >> sum(rank >= most for most in FINE_MEDIA), media[i].finest)
+    clear, parts = CLEAR, []
+    for i, medium in enumerate(media):
+        with progress.part(0.7 * i / len(media), 0.7 * (i + 1) / len(media)):
+            parts.append(_occupied(medium, per_axis[i], clear))
+    if sum(map(len, parts)) > MAX_CELLS:
+        clear = np.inf
+        parts = [_denser(part) for part in parts]
+    too_many = surplus = sum(map(len, parts)) - MAX_CELLS
+    finest_first = [(float(np.prod(medium.box.size) * (CELLS / per_axis[i]) ** 3), i)
+                    for i, medium in enumerate(media)]
+    heapq.heapify(finest_first)
+    with progress.part(0.7, 1.0):
+        while surplus > 0 and finest_first:
+            volume, i = heapq.heappop(finest_first)
+            per_axis[i] //= 2
+            done = max(1 - surplus / too_many, 0)
+            with progress.part(done, done):
+                before, parts[i] = len(parts[i]), _occupied(media[i], per_axis[i], clear)
+            surplus += len(parts[i]) - before
+            if per_axis[i] > 1:
+                heapq.heappush(finest_first, (volume * 8, i))
+    room = MAX_CELLS
+    for i, medium in enumerate(media):
+        if len(parts[i]) > room:
+            report.skipped(medium.name, f"the scene has more than {MAX_CELLS} volume cells")
+            parts[i] = _occupied(medium, 0, clear)
+        elif len(parts[i]) == 0:
+            report.skipped(medium.name, "the volume is empty")
+        elif per_axis[i] < medium.finest:
+            report.approximated(medium.name, f"drawn with {per_axis[i]} cells per axis instead of {medium.finest}")
+        room -= len(parts[i])
+    return Volumes.concatenate(parts) if any(map(len, parts)) else None
+
+
+def _occupied(medium: Medium, per_axis: int, clear: float) -> Volumes:
+    """The cells of one medium on a `per_axis`^3 grid; `clear`: as CLEAR.
+
+    The network derives the size of a cell from its box: `CELLS` of them per axis. A coarser grid is therefore the
+    middle of a proportionally larger box.
+    """
+    progress.report()
+    n, box = per_axis, medium.box
+    density = medium.voxels(n * VOXELS) if n else np.zeros((0, 0, 0))
+    peak = float(density.max(initial=0))
+    blocks = (density / (peak or 1)).reshape(n, VOXELS, n, VOXELS, n, VOXELS).transpose(0, 2, 4, 5, 3, 1)
+    extinction = peak * (medium.scattering + medium.absorption).max()
+    least = min(OCCUPIED, clear / max(extinction * box.size.max() / max(n, 1), 1e-30))
+    kept = blocks.max(axis=(3, 4, 5), initial=0) > least
+    position = voxel_centres(box, n)[kept] if n else np.zeros((0, 3))
+    count = len(position)
+    scale = box.size * CELLS / max(n, 1)
+    # Coefficients belong to a box whose optical depth does not change with its size (docs/scene-input.md 5.4).
+    unit = peak * np.sqrt(np.mean(np.square(scale)))
+    rows = (euler_angles(box.rotation), scale, medium.scattering * unit, medium.absorption * unit)
+    return Volumes(blocks[kept].reshape(count, VOXELS ** 3).astype(np.float32), position.astype(np.float32),
+                   *(np.tile(row, (count, 1)).astype(np.float32) for row in rows))
+
+
+def _denser(cells: Volumes) -> Volumes:
+    """Those above OCCUPIED."""
+    kept = cells.density.max(axis=1, initial=0) > OCCUPIED
+    return Volumes(*(getattr(cells, f.name)[kept] for f in fields(cells)))

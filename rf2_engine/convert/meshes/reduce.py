@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fewer triangles for meshes that do not fit the token budget, by QSlim (docs/scene-input.md 2.3)."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ....model import progress
+from ....model.errors import SceneError
+from ....model.geometry import barycentric
+from ..camera.apparent_size import Lens
+from . import mesh as meshes
+from .mesh import TriangleMesh
+from .nearest import Surface
+from .pieces import thinned
+from .qslim import reduced
+
+COARSEST = 8            # no mesh is simplified further, unless it has fewer triangles to begin with
+KEPT_WHOLE = 64         # a mesh this small keeps all its triangles as long as the budget allows
+SEAMS = 0.1             # of the edges at most are kept for where UVs are cut
+
+
+def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> TriangleMesh:
+    """At most `target` triangles of about the same shape, as judged through `lens`, or in the object's own frame.
+
+    Normals, UVs, colours and material slots come from the nearest original triangle.
+    Raises SceneError if the simplifier is not installed.
+    """
+    if len(mesh) <= target:
+        return mesh
+    try:
+        import fast_simplification  # noqa: F401
+    except ImportError as error:
+        raise SceneError("The scene has more triangles than the Triangle Budget, and the package that reduces them, "
+                         "fast-simplification, is missing: use Render Properties > RenderFormer-V2 > Install Packages, "
+                         "or raise the budget") from error
+    progress.report(0.0)
+    welded = _welded(mesh.corners)
+    some = thinned(mesh, *welded, target, lens)
+    if some is not mesh:
+        mesh, welded = some, _welded(some.corners)
+        if len(mesh) <= target:
+            return mesh
+    with progress.part(0.05, 0.15):
+        points, faces, owner = _with_fins(*welded, mesh)
+    with progress.part(0.15, 0.3):
+        surface = Surface(points, faces)
+    progress.report(0.3)
+    as_seen = points if lens is None else lens.enter(points)
+    with progress.part(0.35, 0.6):
+        corners = reduced(as_seen, faces, target)
+    progress.report(0.6)
+    if lens is not None:
+        corners = lens.leave(corners)
+    corners = corners.reshape(-1, 3, 3).astype(np.float32)
+    corners = corners[meshes.within_reach(corners)]
+    corners = corners[meshes.has_area(corners)]
+    with progress.part(0.6, 0.95):
+        progress.report(0.0)
+        nearest = _nearest(corners, surface)
+    progress.report(0.95)
+    centre, face = nearest[:, 3], meshes.face_normals(corners)
+    there = meshes.face_normals(points[faces[centre]])
+    fin = (centre >= len(mesh)) & (np.abs((there * face).sum(axis=1)) > 0.7)
+    # Separate pieces are never merged: if that leaves too many triangles, the largest are kept.
+    kept = np.argsort(np.where(fin, 0, -meshes.areas(corners)), kind="stable")[:min(target, np.count_nonzero(~fin))]
+    if len(kept) == 0:
+        return mesh.take(np.argsort(-meshes.areas(mesh.corners), kind="stable")[:target])
+    kept.sort()
+    return _dressed(corners[kept], mesh, owner[nearest[kept]])
+
+
+def _welded(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shared (v, 3) f32 points and (n, 3) i32 faces; corners are one point if their coordinates are equal."""
+    flat, key = corners.reshape(-1, 3).astype(np.float32), meshes.corner_keys(corners).ravel()
+    order = np.argsort(key)
+    begins = np.insert(np.diff(key[order]) != 0, 0, True)
+    faces = np.empty(len(key), np.int32)
+    faces[order] = np.cumsum(begins) - 1
+    return flat[order[begins]], faces.reshape(-1, 3)
+
+
+def _with_fins(points: np.ndarray, faces: np.ndarray, mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points and faces with an upright triangle on every edge where the mesh or a material ends or UVs are cut; the
+    face of each.
+
+    QSlim alone sees no error in cutting the corners off a flat wall; fins keep such edges in place.
+    """
+    progress.report(0.0)
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    turned = edges[:, 0] > edges[:, 1]
+    low, high = np.minimum(*edges.T).astype(np.int64), np.maximum(*edges.T)
+    key = (low * len(points) + high) * (int(mesh.slot.max()) + 1) + np.repeat(mesh.slot, 3)
+    progress.report(0.3)
+    ends = _single(key)
+    for i, layer in enumerate(mesh.uv.values()):
+        progress.report(0.5 + 0.4 * i / len(mesh.uv))
+        cut = _with_uv(key, layer, turned)
+        progress.report(0.5 + 0.4 * (i + 0.5) / len(mesh.uv))
+        seams = _single(cut)
+        if len(seams) < SEAMS * len(edges):  # else there is an island for every few triangles
+            ends = np.union1d(ends, seams)
+    progress.report(0.9)
+    start, end = points[edges[ends]].transpose(1, 0, 2)
+    height = meshes.lengths(end - start)[:, None]
+    tips = (start + end) / 2 + height * meshes.face_normals(points[faces[ends // 3]])
+    fins = np.column_stack([edges[ends, ::-1], len(points) + np.arange(len(ends))])
+    return (np.concatenate([points, tips]).astype(np.float64), np.concatenate([faces, fins]).astype(np.int32),
+            np.concatenate([np.arange(len(faces)), ends // 3]))
+
+
+def _single(key: np.ndarray) -> np.ndarray:
+    """Indices of what occurs once among (n,) i64."""
+    ordered = np.sort(key)  # which takes a sixth of what argsort does
+    begins = np.append(np.insert(ordered[1:] != ordered[:-1], 0, True), True)
+    once = ordered[begins[:-1] & begins[1:]]
+    if len(once) == 0:
+        return np.zeros(0, np.int64)
+    likely = np.zeros(1 << 16, bool)
+    likely[_scattered(once)] = True
+    found = np.flatnonzero(likely[_scattered(key)])
+    return found[once[np.searchsorted(once, key[found]).clip(max=len(once) - 1)] == key[found]]
+
+
+def _scattered(key: np.ndarray) -> np.ndarray:
+    """(n,) u64 below 2^16, alike for equal keys (Knuth's multiplicative hashing)."""
+    return key.view(np.uint64) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(48)
+
+
+def _with_uv(key: np.ndarray, layer: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    """Keys (3 n,) of edges that differ where the UVs (n, 3, 2) at their ends do."""
+    uv = np.round(np.nan_to_num(layer) * 65536).astype(np.int64) @ (1, 0x9E3779B1)
+    ends = np.stack([uv, np.roll(uv, -1, axis=1)], axis=-1).reshape(-1, 2)
+    ends = np.where(turned[:, None], ends[:, ::-1], ends)
+    return key * 0x2545F4914F6CDD1D + ends @ (0x1D8E4E27C47D124F, 0x369DEA0F31A53F85)
+
+
+def _nearest(corners: np.ndarray, surface: Surface) -> np.ndarray:
+    """(m, 4) i64: the triangle of `surface` nearest to the three corners and the centre of each of (m, 3, 3)."""
+    centre = corners.mean(axis=1, keepdims=True)
+    # Corners are looked up a little inside their triangle: at a crease or seam they belong to its side.
+    places = np.concatenate([0.95 * corners + 0.05 * centre, centre], axis=1)
+    return surface.nearest(places.reshape(-1, 3).astype(np.float64)).reshape(-1, 4)
+
+
+def _dressed(corners: np.ndarray, source: TriangleMesh, nearest: np.ndarray) -> TriangleMesh:
+    """New (m, 3, 3) corners with the normals, UVs, colours and slots of the surface they approximate.
+
+    nearest: (m, 4) triangles of `source` at the corners and the centre.
+    """
+    at_corner, at_centre = nearest[:, :3], nearest[:, 3]
+    weights = np.clip(barycentric(source.corners[at_corner], corners), -2, 3)  # a sliver would throw it far off
+    clamped = np.clip(weights, 0, None)
+    clamped /= clamped.sum(axis=-1, keepdims=True)
+    normals = np.einsum("mck,mckx->mcx", clamped, source.normals[at_corner])
+    face = meshes.face_normals(corners)[:, None]
+    normals = np.where((normals * face).sum(axis=-1, keepdims=True) > 0, normals, face)
+    extrapolated = barycentric(source.corners[at_centre][:, None], corners)
+    uv = {}
+    for name, layer in source.uv.items():
+        per_corner = np.einsum("mck,mckx->mcx", weights, layer[at_corner])
+        from_centre = np.einsum("mck,mkx->mcx", extrapolated, layer[at_centre])
+        torn = _torn(per_corner, corners, layer[at_centre], source.corners[at_centre])
+        uv[name] = np.where(torn[:, None, None], from_centre, per_corner).astype(np.float32)
+    named = {name: np.einsum("mck,mckx->mcx", clamped, layer[at_corner]).astype(np.float32)
+              for name, layer in source.attributes.items()}
+    return replace(source, corners=corners, normals=meshes.unit_or(normals, face), uv=uv, attributes=named,
+                   slot=source.slot[at_centre])
+
+
+def _torn(uv: np.ndarray, corners: np.ndarray, reference_uv: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """(m,) bool: the corners lie on different UV islands, so far apart are they for the size of the triangle."""
+    flat = np.concatenate([reference_uv, np.zeros_like(reference_uv[..., :1])], axis=-1)
+    density = np.sqrt(meshes.areas(flat) / np.maximum(meshes.areas(reference), 1e-300))
+    spread = np.linalg.norm(uv - np.roll(uv, 1, axis=1), axis=2).max(axis=1)
+    return spread > 4 * density * meshes.longest_edges(corners)

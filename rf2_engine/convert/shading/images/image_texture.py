@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Image Texture and Environment Texture."""
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from .....model.geometry import latlong_uv
+from ..coordinates import active_uv
+from ..node_call import NodeCall
+from ..normal_map import UP
+from .image import MISSING
+from .image_files import FIRST_TILE, TILES_IN_A_ROW
+from .projection import box_weights, on_ball, on_box, on_tube
+from .pyramid import sample
+
+
+def image_texture(n: NodeCall):
+    node, vector = n.node, n.linked("Vector")
+    if node.image is not None and node.image.source == "MOVIE":
+        n.left_to_cycles("a movie cannot be read, so it is magenta: render it to a sequence of pictures")
+    if vector is None:
+        vector = active_uv(n) if n.points.direction is None else n.points.direction
+    if node.projection == "BOX" and n.points.corners is not None:
+        normal = n.points.normal
+        weights = box_weights(normal, node.projection_blend)
+        sides = zip(on_box(*np.broadcast_arrays(vector, normal)), np.split(weights, 3, axis=-1), strict=True)
+        found = sum(_looked_up(n, uv) * weight for uv, weight in sides)
+    else:
+        found = _looked_up(n, {"SPHERE": on_ball, "TUBE": on_tube}.get(node.projection, lambda uv: uv)(vector))
+    return found[..., 3:] if n.output.name == "Alpha" else found[..., :3]
+
+
+def _looked_up(n: NodeCall, uv: np.ndarray) -> np.ndarray:
+    """(..., 4) at (..., 2+)."""
+    node = n.node
+    look = partial(n.images.pyramid, node.image, n.evaluator.owner, user=node.image_user,
+                   straight=node.outputs["Alpha"].is_linked)  # straight colours are only for those who ask for alpha
+    if node.image is None or node.image.source != "TILED":
+        return _prefiltered(look(), uv, node)
+    column, row = np.moveaxis(np.floor(np.nan_to_num(uv[..., :2])), -1, 0)
+    in_rows = (column >= 0) & (column < TILES_IN_A_ROW) & (row >= 0)
+    tile, out = np.where(in_rows, FIRST_TILE + column + TILES_IN_A_ROW * row, FIRST_TILE), MISSING
+    for number in np.intersect1d(tile, [each.number for each in node.image.tiles]).astype(int).tolist():
+        origin = divmod(number - FIRST_TILE, TILES_IN_A_ROW)[::-1]
+        found = _prefiltered(look(tile=number), uv[..., :2] - np.float32(origin), node)
+        out = np.where((tile == number)[..., None], found, out)
+    return np.broadcast_to(out, uv.shape[:-1] + (4,))
+
+
+def _prefiltered(pyramid, uv: np.ndarray, node) -> np.ndarray:
+    """Each triangle (first axis of a (m, 32, 32, 2+) uv) reads the level whose texels match its own grid step."""
+    if uv.ndim != 4:
+        return pyramid.at(uv, 0, node.extension, node.interpolation)
+    level, out = _levels(uv, pyramid.shape), np.empty(uv.shape[:3] + (4,), np.float32)
+    for index in np.unique(level):
+        chosen = level == index
+        out[chosen] = pyramid.at(uv[chosen], index, node.extension, node.interpolation)
+    return out
+
+
+def _levels(uv: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """(m,)."""
+    size = np.float32(shape[::-1])
+    steps = np.stack([uv[:, 0, 1] - uv[:, 0, 0], uv[:, 1, 0] - uv[:, 0, 0]], axis=1)[..., :2] * size
+    texels = np.linalg.norm(steps, axis=-1).max(axis=1)
+    return np.clip(np.round(np.log2(np.maximum(np.nan_to_num(texels), 1))), 0, 15).astype(int)
+
+
+def environment_texture(n: NodeCall):
+    """Latitude-longitude or mirror-ball lookup of a direction (docs/scene-input.md 7.1)."""
+    direction, level = n.linked("Vector"), 0
+    direction = n.points.direction if direction is None else direction
+    if direction is None:
+        n.approximated("an environment texture on a surface needs directions, its average is used")
+        direction, level = UP, 16
+    pixels = n.images.pyramid(n.node.image, n.evaluator.owner, user=n.node.image_user).level(level)
+    direction = direction / np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-12)
+    if n.node.projection == "MIRROR_BALL":
+        x, y, z = np.moveaxis(direction, -1, 0)
+        length = np.sqrt(np.maximum(x * x + (y - 1) ** 2 + z * z, 1e-12))
+        uv = np.stack([0.5 * (x / length + 1), 0.5 * (z / length + 1)], axis=-1)
+    else:
+        uv = latlong_uv(direction)
+    return sample(pixels, uv, "REPEAT")[..., :3]  # Cycles repeats it across the poles too
+
+
+FUNCTIONS = {"ShaderNodeTexImage": image_texture, "ShaderNodeTexEnvironment": environment_texture}

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles in a Blender of its own, in the background, for when it cannot be run inside our engine.
+
+It renders a temporary copy of the scene: the user's file, preferences and online access are not touched.
+"""
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+import mathutils
+
+from ...model import progress
+from ...model.errors import SceneError
+from .. import exr, main_thread
+from .. import passes as pass_table
+from . import progress as cycles_progress
+
+INTERVAL = 0.1  # seconds between two looks at the Esc key
+WORKER = Path(__file__).with_name("background_worker.py")
+COLLECTIONS = {"SCENE": "scenes", "OBJECT": "objects", "WORLD": "worlds", "CAMERA": "cameras",
+               "NODETREE": "node_groups"}
+
+
+@dataclass
+class Job:
+    """What to render. It is made before Cycles is tried inside Blender, which may free the evaluated scene."""
+
+    scene: str
+    layer: str
+    frame: int
+    subframe: float
+    passes: list[tuple[str, str]]                               # Blender's name, path of the setting that asks for it
+    changes: list[tuple[str, str, bool, str, object]] = field(default_factory=list)  # see `changed`
+    compute_device_type: str = "NONE"
+    devices: list[str] = field(default_factory=list)            # Cycles' names of those that are switched on
+
+    @classmethod
+    def of(cls, depsgraph: bpy.types.Depsgraph, layer: str, wanted: list[pass_table.Pass], changes: list) -> Job:
+        scene = depsgraph.scene_eval
+        job = cls(scene.original.name, layer, scene.frame_current, scene.frame_subframe,
+                  [(p.blender_name, p.setting) for p in wanted], list(changes))
+        if cycles := bpy.context.preferences.addons.get("cycles"):
+            job.compute_device_type = cycles.preferences.compute_device_type
+            job.devices = [device.id for device in cycles.preferences.devices if device.use]
+        return job
+
+
+def changed(data: bpy.types.ID, path: str, value: object) -> tuple[str, str, bool, str, object]:
+    """A setting of evaluated data: collection of bpy.data, name, whether it is linked, path, value as JSON has it."""
+    original = data.original
+    if isinstance(value, mathutils.Matrix):
+        value = [list(row) for row in value]
+    elif not isinstance(value, (str, int, float)):
+        value = list(value)
+    return COLLECTIONS[original.id_type], original.name, original.library is not None, path, value
+
+
+def run(engine: bpy.types.RenderEngine, job: Job, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+    """{key: (H, W, C) f32} of the `wanted` passes, row 0 on top, of the render border.
+
+    Raises RenderCancelled after Esc, and then ends that Blender; SceneError when it cannot be started or fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="renderformer-v2-") as folder:
+        answer = Path(folder) / "passes.exr"
+        _wait(started(WORKER, *written(folder, bpy.data.scenes[job.scene], vars(job)), str(answer)))
+        try:
+            file = exr.read(answer)
+        except (OSError, ValueError) as error:
+            raise SceneError(f"the background Blender rendered nothing that can be read: {error}") from error
+    _stamp_cryptomatte(engine, file.metadata)
+    return {p.key: _pixels(file.passes[job.layer, p.blender_name], p.channels)
+            for p in wanted if (job.layer, p.blender_name) in file.passes}
+
+
+def written(folder: str, scene: bpy.types.Scene, job: dict) -> tuple[str, str]:
+    """Paths, in this folder, of a copy of the scene and of the job as JSON."""
+    copy, request = (Path(folder) / name for name in ("scene.blend", "job.json"))
+    main_thread.call(lambda: bpy.data.libraries.write(str(copy), {scene}, path_remap="ABSOLUTE"))
+    request.write_text(json.dumps(job))
+    return str(copy), str(request)
+
+
+def started(worker: Path, *arguments: str, stdin: int = subprocess.DEVNULL) -> subprocess.Popen:
+    """A Blender that runs a program beside this file, with its words in `stdout`. Raises SceneError."""
+    try:
+        return subprocess.Popen(_command(str(worker), *arguments), stdin=stdin, stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, encoding="utf-8", errors="replace",
+                                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0))
+    except (OSError, ValueError) as error:
+        raise SceneError(f"a background Blender cannot be started ({error}): install Blender from blender.org, and "
+                         "render there") from error
+
+
+def _command(worker: str, *arguments: str) -> list[str]:
+    """The bpy module is no program, but the Python that has imported it can do so once more."""
+    if bpy.app.binary_path:
+        return [bpy.app.binary_path, "--background", "--factory-startup", "--offline-mode", "--disable-autoexec",
+                "--python-exit-code", "1", "--python", worker, "--", *arguments]
+    return [sys.executable, worker, "--", *arguments]
+
+
+def _wait(process: subprocess.Popen) -> None:
+    """Until it has ended; progress is Cycles' own."""
+    lines = [""]
+    reader = threading.Thread(target=lambda: lines.extend(process.stdout), daemon=True)
+    reader.start()
+    try:
+        while reader.is_alive():
+            reader.join(INTERVAL)
+            status = next((line for line in reversed(lines[-20:]) if "Sample" in line), "").strip()
+            progress.report(cycles_progress.fraction(status), f"Background Blender {status[status.find('Sample'):]}"
+                            if status else "Starting a background Blender")
+        code = process.wait()
+    finally:
+        process.kill()
+        process.wait()
+        reader.join()
+        process.stdout.close()
+    if code:
+        print("".join(lines))
+        last = next((line.strip() for line in reversed(lines) if line.strip()), f"it ended with code {code}")
+        raise SceneError(f"the background Blender failed: {last}. See the console; Cycles has to work in this Blender, "
+                         "so install it anew from blender.org")
+
+
+def _pixels(channels: dict[str, np.ndarray], order: str) -> np.ndarray:
+    by_name = {name.lower(): pixels for name, pixels in channels.items()}
+    found = [by_name[name] for name in order.lower() if name in by_name]
+    if len(found) != len(order):  # a value is called V in some versions and X in others
+        found = list(channels.values())
+    return np.stack(found, -1).astype(np.float32)
+
+
+def _stamp_cryptomatte(engine: bpy.types.RenderEngine, metadata: dict[str, str]) -> None:
+    for key, value in metadata.items():
+        if key.startswith("cryptomatte/"):
+            engine.get_result().stamp_data_add_field(key, value)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Nodes that only Cycles can evaluate, baked by one in a Blender of its own, on a temporary copy of the scene.
+
+The copy is written and that Blender started when the first such node is met, and ended with the conversion.
+"""
+from __future__ import annotations
+
+import json
+import queue
+import subprocess
+import tempfile
+import threading
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...model import progress
+from ...model.errors import RenderCancelled, SceneError
+from ...model.scene import TILE_SIZE
+from . import background as background_cycles
+
+INTERVAL = 0.1  # seconds between two looks at the Esc key
+WORKER = Path(__file__).with_name("bake_worker.py")
+SAMPLES = 4     # of each texel
+NOISY = {"ShaderNodeAmbientOcclusion": 16, "ShaderNodeBevel": 16}  # those that cast rays at random
+SIDE = 16       # texels along the edges of a triangle
+
+
+class Baker:
+    """Bakes while it is open as a context; asks for nothing before `bake` is called."""
+
+    def __init__(self, depsgraph: bpy.types.Depsgraph):
+        job = background_cycles.Job.of(depsgraph, depsgraph.view_layer_eval.name, [], [])
+        self._scene = depsgraph.scene_eval.original
+        self._settings = {**{name: getattr(job, name) for name in (
+            "scene", "layer", "frame", "subframe", "compute_device_type", "devices")},
+            "device": depsgraph.scene_eval.cycles.device}
+        self._folder, self._process, self._broken = None, None, ""
+        self._lines: queue.Queue[str | None] = queue.Queue()
+
+    def __enter__(self) -> Baker:
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self._process:
+            self._process.kill()
+            self._process.wait()
+            for stream in (self._process.stdin, self._process.stdout):
+                stream.close()
+        if self._folder:
+            self._folder.cleanup()
+
+    def bake(self, n) -> np.ndarray:
+        """(m, 32, 32, 1 or 3) f32 of the output that a NodeCall asks for, on the triangles of its points.
+
+        Raises RuntimeError with the reason when it cannot be baked, RenderCancelled after Esc.
+        """
+        if self._broken:
+            raise RuntimeError(self._broken)
+        what = f"{n.node.name} of {n.evaluator.owner}"
+        try:
+            with progress.part(0, 1, f"Baking {what}"):
+                found = self._baked(n)
+        except RenderCancelled:
+            raise
+        except (OSError, ValueError, RuntimeError, SceneError) as error:
+            self._broken = f"{what} could not be baked: {error}"
+            raise RuntimeError(self._broken) from error
+        if np.isnan(found).all():
+            raise RuntimeError("Cycles found nothing to bake where its triangles are")
+        values = _resized(_filled(found))
+        return values[..., :1] if n.output.type in ("VALUE", "INT", "BOOLEAN") else values
+
+    def _baked(self, n) -> np.ndarray:
+        if self._process is None:
+            self._start()
+        corners, answer = (str(Path(self._folder.name) / file) for file in ("corners.npy", "answer.npy"))
+        np.save(corners, n.points.corners)
+        place = n.points.place
+        what = {"object_name": place.name, "matrix": place.matrix.tolist(), "material_name": n.evaluator.owner,
+                "groups": [group.name for group in n.frames], "node_name": n.node.name,
+                "output": list(n.node.outputs).index(n.output), "triangles": corners, "side": SIDE,
+                "samples": NOISY.get(n.kind, SAMPLES)}
+        self._process.stdin.write(json.dumps({"what": what, "answer": answer}) + "\n")
+        self._process.stdin.flush()
+        self._wait_for("baked")
+        return np.load(answer)
+
+    def _start(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="renderformer-v2-")
+        files = background_cycles.written(self._folder.name, self._scene, self._settings)
+        self._process = background_cycles.started(WORKER, *files, stdin=subprocess.PIPE)
+        threading.Thread(target=self._read, daemon=True).start()
+        self._wait_for("ready")
+
+    def _read(self) -> None:
+        for line in self._process.stdout:
+            self._lines.put(line.strip())
+        self._lines.put(None)
+
+    def _wait_for(self, word: str) -> None:
+        said = ["nothing was said"]
+        while True:
+            progress.report()
+            try:
+                line = self._lines.get(timeout=INTERVAL)
+            except queue.Empty:
+                continue
+            if line == word:
+                return
+            if line is None:
+                print("\n".join(said))
+                raise RuntimeError(f"the background Blender ended: {said[-1]}")
+            said += [line] if line else []
+
+
+class Promise:
+    """In place of a Baker where nothing is rendered."""
+
+    def bake(self, n):
+        raise RuntimeError("only a render bakes it")
+
+
+def _filled(tiles: np.ndarray) -> np.ndarray:
+    """(m, s, s, c) without NaN: mirrored beyond the triangle, else the mean of the triangle, or of all."""
+    tiles = np.where(np.isnan(tiles), tiles[:, ::-1, ::-1].transpose(0, 2, 1, 3), tiles)
+    known = ~np.isnan(tiles)
+    count = known.sum(axis=(1, 2), keepdims=True)
+    total = np.where(known, tiles, 0).sum(axis=(1, 2), keepdims=True)
+    mean = np.where(count > 0, total / np.maximum(count, 1), total.sum(axis=0) / count.sum(axis=0))
+    return np.where(known, tiles, mean).astype(np.float32)
+
+
+def _resized(tiles: np.ndarray) -> np.ndarray:
+    """(m, s, s, c) -> (m, 32, 32, c), linearly between the middles of texels."""
+    at = np.clip((np.arange(TILE_SIZE) + 0.5) * tiles.shape[1] / TILE_SIZE - 0.5, 0, tiles.shape[1] - 1)
+    low = np.minimum(at.astype(int), tiles.shape[1] - 2)
+    part = np.float32(at - low)
+    for axis in (1, 2):
+        shape = [-1 if i == axis else 1 for i in range(4)]
+        weight = part.reshape(shape)
+        tiles = tiles.take(low, axis=axis) * (1 - weight) + tiles.take(low + 1, axis=axis) * weight
+    return tiles

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One run of Cycles inside our own engine: a session, settings for its time, and the passes that it wrote."""
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from ...model.errors import RenderCancelled, SceneError
+from .. import passes as pass_table
+from ..convert.report import Report
+from ..frame import failure
+from . import background as background_cycles
+
+
+@contextmanager
+def scene_kept(engine: bpy.types.RenderEngine, wanted: bool):
+    """Inside, if `wanted`, the evaluated scene survives Cycles, which can then run twice in one `engine.render`.
+
+    Cycles asks Blender to free it as soon as it has its own copy. Blender does not where Persistent Data is on, nor for
+    an engine with a GPU context; that flag is looked at afresh each time, and we need no context.
+    """
+    engine.bl_use_gpu_context, engine.emptied = wanted, False
+    try:
+        yield
+    finally:
+        engine.bl_use_gpu_context = False
+
+
+# What Python raises when Cycles' functions are not there, have other parameters or fail.
+INTERNAL = (ImportError, AttributeError, TypeError, RuntimeError, SystemError)
+
+
+def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
+    """Evaluate again what the last run has left of the objects, if need be, inside `scene_kept`.
+
+    Where nobody looks at the scene meanwhile Cycles throws away what modifiers made of objects, and a second run would
+    show them without their modifiers.
+    """
+    if engine.emptied:
+        engine.emptied = False
+        for evaluated in depsgraph.objects:
+            evaluated.original.update_tag(refresh={"DATA"})
+        scene = depsgraph.scene_eval
+        # A mere update would leave what is copied anew as the originals are: at the frame before an animation.
+        engine.frame_set(scene.frame_current, scene.frame_subframe)
+
+
+def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
+        wanted: list[pass_table.Pass], changes: list, report: Report) -> dict[str, np.ndarray]:
+    """Render the view layer of `depsgraph`, called `layer`, with its settings as they are.
+
+    Returns {key: (H, W, C) f32} of the `wanted` passes, row 0 on top; the result of `engine` must have them. Where
+    Cycles cannot be run inside Blender a Blender in the background renders, with the `changes` that `overrides` gave
+    to the settings, and the report says so.
+    Raises RenderCancelled after Esc, SceneError when Cycles stops with an error.
+    """
+    job = background_cycles.Job.of(depsgraph, layer, wanted, changes)
+    try:
+        found = inside(engine, depsgraph, layer, wanted)
+    except INTERNAL as error:
+        if failure.is_out_of_memory(error):
+            raise
+        found = _run_outside(engine, job, wanted, error, report)
+    if engine.test_break():
+        raise RenderCancelled()
+    missing = [p.blender_name for p in wanted if p.key not in found]
+    if missing:
+        raise SceneError(f"Cycles stopped without the passes {', '.join(missing)}: see its message in the console")
+    return found
+
+
+def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
+           wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+    """As `run`, but where that fails any of INTERNAL comes out, and passes may be missing."""
+    emptied = _empties(engine, depsgraph)
+    with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
+        cycles_engine.reset(engine, bpy.data, depsgraph)
+        cycles_engine.render(engine, depsgraph)
+        cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
+        if engine.test_break():
+            raise RenderCancelled()
+        found = _read(engine.get_result(), layer, wanted)
+    engine.emptied = emptied
+    return found
+
+
+def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[str, np.ndarray]:
+    reason = str(why).splitlines()[0] if str(why) else type(why).__name__
+    try:
+        found = background_cycles.run(engine, job, wanted)
+    except SceneError as error:
+        raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), and {error}") from why
+    report.approximated("Cycles", f"it cannot be run inside this Blender ({reason}), so a Blender in the background "
+                                  "rendered a copy of the scene: expect a few seconds more, and no simulation that is "
+                                  "not baked")
+    return found
+
+
+@contextmanager
+def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
+    """A function that sets properties of evaluated data, given by dotted path; they are put back in the end.
+
+    The user's scene never sees it: it is the evaluated copy that Cycles reads. `changes` of that function lists what
+    was set, as background_cycles.changed gives it.
+    """
+    renew(engine, depsgraph)  # now, for it undoes whatever is set
+    saved, changes, survives = [], [], _survives(engine, depsgraph)
+
+    def override(data: bpy.types.ID, settings: dict[str, object]) -> None:
+        for path, value in settings.items():
+            owner, name = _owner(data, path)
+            if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
+                before = getattr(owner, name)
+                saved.append((data, path, _copied(before)))
+                setattr(owner, name, value)
+                changes.append(background_cycles.changed(data, path, value))
+    override.changes = changes
+    try:
+        yield override
+    finally:
+        if survives:
+            for data, path, value in reversed(saved):
+                owner, name = _owner(data, path)  # motion blur evaluates the scene anew, which moves what is in it
+                setattr(owner, name, value)
+
+
+def _survives(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether the evaluated scene will be there after a run: to touch one that has gone crashes."""
+    return engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
+
+
+def _copied(value):
+    if isinstance(value, bpy.types.bpy_prop_array):
+        return tuple(value)
+    return value.copy() if hasattr(value, "copy") else value
+
+
+def _owner(data: bpy.types.ID, path: str) -> tuple[bpy.types.bpy_struct, str]:
+    parent, _, name = path.rpartition(".")
+    return data.path_resolve(parent) if parent else data, name
+
+
+@contextmanager
+def _expecting_ours(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str):
+    """Inside, those of our own passes that Cycles does not know are AOVs of the evaluated view layer.
+
+    No shader writes to them. Without them Cycles prints an error for each, once per run.
+    """
+    survives, aovs = _survives(engine, depsgraph), depsgraph.view_layer_eval.aovs
+    added = [p.name for p in engine.get_result().layers[layer].passes
+             if p.name in pass_table.REFERENCE_NAMES and p.name not in aovs]
+    for name in added:
+        aovs.add().name = name
+    try:
+        yield
+    finally:
+        if survives:
+            aovs = depsgraph.view_layer_eval.aovs  # motion blur evaluates the scene anew
+            for name in added:
+                if name in aovs:
+                    aovs.remove(aovs[name])
+
+
+@contextmanager
+def _session(engine: bpy.types.RenderEngine):
+    """Cycles' own functions, with a session of `engine` inside."""
+    import cycles.engine as cycles_engine
+    engine.session = None
+    cycles_engine.create(engine, bpy.data)
+    try:
+        yield cycles_engine
+    finally:
+        cycles_engine.free(engine)
+        engine.session = None
+
+
+def _empties(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether a run leaves objects without what modifiers made of them, in a scene that is kept."""
+    settings = depsgraph.scene_eval.render
+    unwatched = bpy.app.background or settings.use_lock_interface
+    return engine.bl_use_gpu_context and unwatched and not settings.use_persistent_data
+
+
+def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+    height, width = result.resolution_y, result.resolution_x
+    keys = {p.blender_name: p.key for p in wanted}
+    found = {}
+    for p in result.layers[layer].passes:
+        if p.name in keys and keys[p.name] not in found:
+            pixels = np.empty(height * width * p.channels, np.float32)
+            p.rect.foreach_get(pixels)
+            found[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
+    return found

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles run inside our own engine: the passes of a final render, with exact first hits for any material graph.
+
+Cycles computes the passes that our render result has and honours render border, resolution percentage, view layer,
+overrides and Esc by itself. It frees the evaluated scene when it ends (unless Persistent Data is on, or inside
+cycles_run.scene_kept), so everything else must be taken from the depsgraph before `render_passes`.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum, auto
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+import addon_utils
+
+from ...model.errors import SceneError
+from .. import compat
+from .. import passes as pass_table
+from ..convert.report import Report
+from ..convert.visibility import catching_hosts, shadow_catchers
+from .run import overrides, run
+
+ALWAYS = {
+    "cycles.film_exposure": 1.0,
+    "cycles.use_adaptive_sampling": False,
+    "cycles.use_sample_subset": False,
+    "cycles.use_layer_samples": "IGNORE",
+    "cycles.time_limit": 0.0,
+    "cycles.tile_size": 8192,  # Cycles' largest: smaller tiles take the detour over a file on disk
+}
+FIRST_HITS_ONLY = {
+    "cycles.device": "CPU",  # a few samples do not pay for loading GPU kernels
+    "cycles.max_bounces": 0,
+    "cycles.use_guiding": False,
+    "cycles.use_fast_gi": False,
+    "cycles.use_light_tree": False,  # a sixth of the time, for light that nobody looks at
+}
+# Light that is cheap and exact to trace: direct light with shadows, and what smooth mirrors and glass show. All that
+# has bounced diffusely or in a volume is the network's work.
+_TRACED = {
+    "cycles.diffuse_bounces": 0,
+    "cycles.volume_bounces": 0,
+    "cycles.caustics_reflective": False,
+    "cycles.caustics_refractive": False,
+    "cycles.use_fast_gi": False,
+    "cycles.use_guiding": False,
+}
+_DENOISED = {
+    "cycles.use_denoising": True,
+    "cycles.denoiser": "OPENIMAGEDENOISE",
+    "cycles.denoising_input_passes": "RGB_ALBEDO_NORMAL",
+    "cycles.denoising_prefilter": "FAST",  # glass and rough mirrors leave noise in the guiding passes
+    "cycles.denoising_quality": "BALANCED",
+}
+# Only camera rays see anything: none is cast towards a light, and what costs a third of the time is left out.
+_UNLIT = {f"visible_{ray}": False for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")}
+_WORLD_UNLIT = {f"cycles_visibility.{ray}": False for ray in ("diffuse", "glossy", "transmission", "scatter")}
+
+
+def require() -> None:
+    """Raises SceneError when Cycles is switched off."""
+    if not addon_utils.check("cycles")[1]:
+        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on for first hits: "
+                         "enable 'Cycles Render Engine' in Preferences > Add-ons")
+
+
+class Light(Enum):
+    """What a session computes beside the first hits."""
+
+    NONE = auto()
+    TRACED = auto()  # no diffuse and no volume bounce, denoised
+    ALL = auto()     # the scene's own bounces
+
+
+class Catchers(Enum):
+    """What shadow catchers are in a session."""
+
+    SHOWN = auto()  # objects like any other
+    CUT = auto()    # holes in the film
+    CATCH = auto()  # what they are for
+
+
+class Look(NamedTuple):
+    """How a session looks: by default through a pinhole where the camera is, at one moment, on a transparent film.
+
+    Cycles then gives coverage as alpha, while the Environment pass still holds the world seen directly (measured: Env =
+    world * (1 - alpha) in both film modes), so an opaque film is combined + environment.
+    """
+
+    lens: bool = False     # with the depth of field of the scene
+    shutter: bool = False  # with its motion blur
+    glass: bool = False    # the film is transparent behind glass too
+    opaque: bool = False   # the film is opaque: alpha is 1, but for holdouts
+    catchers: Catchers = Catchers.SHOWN
+    place: Callable[[Callable], None] | None = None  # moves the camera: given the function of cycles_run.overrides
+
+
+PINHOLE = Look()
+
+
+def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
+                  look: Look = PINHOLE, denoise: bool = False, hazy: bool = False,
+                  threads: int = 0, report: Report | None = None) -> dict[str, np.ndarray]:
+    """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render.
+
+    `engine` is the RenderEngine inside whose `render` this is called; the camera of Light.ALL is the scene's, whatever
+    `look` says; `threads` 0 leaves them to Blender's setting;
+    `hazy` says that smoke or fog leaves noise in the first hits, which the denoiser then must not take for texture.
+    With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
+    holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
+    seen directly, denoised where Blender can, "noise" (H, W, 3), what the denoiser took away, if the view layer wants
+    the noisy picture, and all light passes (never denoised) if the view layer asks for one; where shadow catchers catch
+    also "combined", as with Light.ALL.
+    With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
+    if `denoise`) and all light passes.
+
+    Returns {key of passes.PASSES: (H, W, C) f32}, row 0 on top, for the render border only; plus "alpha" (H, W, 1),
+    coverage. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
+    "environment" for an opaque film. "depth" and "position" belong to the pixel centre (Cycles writes them for its
+    first sample alone, which it puts there): 1e10 and 0 where that ray hits nothing. "normal" and the colours are sums
+    over the samples that hit something, divided by all samples.
+
+    Raises RenderCancelled after Esc, SceneError when Cycles is switched off or stops with an error.
+    """
+    require()
+    view_layer = depsgraph.view_layer_eval
+    clean = light is Light.TRACED and compat.has_openimagedenoise()
+    lobes = light is Light.ALL or light is Light.TRACED and pass_table.asked_light(view_layer, pass_table.LIGHTING)
+    layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, lobes)
+    if not clean:
+        wanted = [p for p in wanted if p != pass_table.NOISY]
+    for p in wanted:  # those that were registered are there already, and stay as they are
+        engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
+
+    settings = ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise,
+                          "render.film_transparent": not look.opaque, "cycles.film_transparent_glass": look.glass}
+    if threads:
+        settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
+    with overrides(engine, depsgraph) as override:
+        override(depsgraph.scene_eval, settings)
+        if light is not Light.ALL:
+            _set_camera(depsgraph, look, override)
+            _set_catchers(depsgraph, look.catchers, override)
+        if light is Light.NONE:
+            _leave_out_light(depsgraph, override, occluding=view_layer.use_pass_ambient_occlusion)
+        elif light is Light.TRACED:
+            override(depsgraph.scene_eval, _TRACED | (_DENOISED if clean else {}))
+            if hazy:
+                override(depsgraph.scene_eval, {"cycles.denoising_prefilter": "ACCURATE"})
+        found = run(engine, depsgraph, layer_name, wanted, override.changes, report or Report())
+
+    combined = found["combined"]
+    found["alpha"] = combined[..., 3:].copy()
+    if light is Light.TRACED:
+        found["traced"] = (combined[..., :3] - found["emission"]).clip(0)
+    if pass_table.NOISY.key in found:
+        found["noise"] = found.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
+    if light is not Light.ALL and look.catchers is not Catchers.CATCH:
+        del found["combined"]
+    return found
+
+
+def _set_camera(depsgraph: bpy.types.Depsgraph, look: Look, override) -> None:
+    scene, layer = depsgraph.scene_eval, bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
+    override(scene, {"cycles.rolling_shutter_type": "NONE"})
+    if not look.shutter:
+        override(scene, {f'view_layers["{layer}"].use_motion_blur': False})
+    if not look.lens and scene.camera and scene.camera.type == "CAMERA":
+        override(scene.camera.data, {"dof.use_dof": False})
+    if look.place is not None:
+        look.place(override)
+
+
+def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override) -> None:
+    if catchers is Catchers.CATCH:  # Cycles leaves them out of Combined where they have a pass of their own
+        layer = bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
+        override(depsgraph.scene_eval, {f'view_layers["{layer}"].cycles.use_pass_shadow_catcher': False})
+        return
+    if catchers is Catchers.CUT:
+        for host in catching_hosts(depsgraph):
+            override(host, {"is_holdout": True})
+    for evaluated in shadow_catchers(depsgraph):
+        override(evaluated, {"is_shadow_catcher": False})
+
+
+def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) -> None:
+    """`occluding`: ambient occlusion is wanted, whose rays are shadow rays."""
+    override(depsgraph.scene_eval, FIRST_HITS_ONLY)
+    if world := compat.world(depsgraph):
+        override(world, _WORLD_UNLIT)
+    for evaluated in _objects(depsgraph):
+        override(evaluated, _UNLIT | ({"visible_shadow": evaluated.visible_shadow} if occluding else {}))
+
+
+def hide_all(depsgraph: bpy.types.Depsgraph, override) -> None:
+    """No ray meets any object, and Cycles does not even read them."""
+    for evaluated in _objects(depsgraph):
+        override(evaluated, _UNLIT | {"visible_camera": False})
+
+
+def _objects(depsgraph: bpy.types.Depsgraph) -> list[bpy.types.Object]:
+    """All evaluated ones, those too that show only as instances of others."""
+    return [data for data in depsgraph.ids if isinstance(data, bpy.types.Object)]

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The loaded network and the last scene after stage 1, kept between renders, for Blender makes an engine a frame."""
+from __future__ import annotations
+
+import gc
+import hashlib
+import importlib
+from concurrent.futures import Future
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from ...model import background
+from ...model.errors import CheckpointError
+from ...model.presets import weights_folder
+from ...model.progress import part
+from ...model.scene import RenderScene
+from ..setup import importing
+
+SUFFIXES = (".safetensors", ".json", ".yaml", ".yml")  # of weights and what describes them
+
+_cached: dict[tuple, object] = {}   # at most one model.renderer.Renderer: networks are large
+_encoded: dict[tuple, object] = {}  # at most one model.renderer.EncodedScene
+
+
+def begin_import() -> Future:
+    """Import PyTorch and the network's code, about 2 s the first time, while the scene is prepared."""
+    def load():
+        importing.import_packages()
+        return importlib.import_module("...model.renderer", __package__)
+
+    return background.begin(load)
+
+
+def renderer(weights: str, device: str, precision: str):
+    """The model.renderer.Renderer for these settings, loaded at the first call and when its files have changed.
+
+    Raises CheckpointError when the weights, the device or the precision cannot be used.
+    """
+    key = (weights, device, precision, _state_of_files(weights_folder(weights)))
+    if key not in _cached:
+        with part(0.0, 1.0, "Loading PyTorch"):
+            network = background.finish(begin_import())
+        free()
+        try:
+            _cached[key] = network.Renderer(weights, device=device, precision=precision)
+        except ValueError as error:
+            raise CheckpointError(str(error)) from error
+    return _cached[key]
+
+
+def encoded(network, scene: RenderScene, picture_size: int):
+    """The model.renderer.EncodedScene of `scene` by that renderer, or what is kept of it when nothing has changed."""
+    key = (id(network), fingerprint(scene), network.pipeline.variant(picture_size))
+    if key not in _encoded:
+        _encoded.clear()
+        _encoded[key] = network.encode(scene, picture_size)
+    return _encoded[key]
+
+
+def is_loaded() -> bool:
+    return bool(_cached)
+
+
+def free() -> None:
+    """Give the network's memory back, on the GPU too."""
+    if not _cached:
+        return  # and PyTorch may be half imported
+    _cached.clear()
+    _encoded.clear()
+    gc.collect()
+    import torch
+    if torch.cuda.is_available():
+        torch.cuda.empty_cache()
+
+
+def fingerprint(scene: RenderScene) -> bytes:
+    """Changes whenever the content of the scene does."""
+    digest = hashlib.blake2b(digest_size=16)
+    _update(digest, scene)
+    return digest.digest()
+
+
+def _update(digest, group) -> None:
+    for f in fields(group):
+        value = getattr(group, f.name)
+        if isinstance(value, np.ndarray):
+            digest.update(f"{f.name}{value.shape}{value.dtype}".encode())
+            digest.update(np.ascontiguousarray(value))
+        elif value is not None:
+            _update(digest, value)
+
+
+def _state_of_files(folder: Path) -> tuple:
+    """Names, sizes and times of the weights; what cannot be read is for the loader to explain."""
+    try:
+        files = sorted(path for pattern in ("*", "*/*") for path in folder.glob(pattern) if path.suffix in SUFFIXES)
+        return tuple((str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in files)
+    except OSError:
+        return ()

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From the network's radiance to Blender's render result."""
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ...model import lobes as model_lobes
+from ...model.lobes import Lobes
+from ...model.scene import Guides
+from .. import passes as pass_table
+
+SHINING = ("emission", "environment")  # first-hit passes in units of light
+ERROR_CHECKER = 16  # pixels
+ERROR_COLORS = np.array([[0.6, 0.0, 0.4, 1.0], [0.05, 0.0, 0.04, 1.0]], np.float32)
+
+
+class Catch(NamedTuple):
+    """What shadow catchers show."""
+
+    picture: np.ndarray  # (H, W, 4) Combined of a session in which they catch, premultiplied
+    others: np.ndarray   # (H, W) coverage by everything else, as seen with them
+
+
+def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, catch: Catch | None,
+              exposure: float) -> np.ndarray:
+    """(H, W, 4) f32 Combined, premultiplied: surfaces and volumes + emitters seen directly + the world behind them.
+
+    opacity (H, W): alpha of an opaque film, 1 but where holdouts are; None of a transparent one.
+    """
+    color = radiance + guides.emission
+    alpha = guides.alpha
+    if opacity is not None:
+        color, alpha = color + guides.environment, opacity
+    picture = np.dstack([color, alpha])
+    if catch is not None:
+        share = 1 - catch.others / guides.alpha.clip(1e-6)  # of what covers the pixel, that catchers are
+        picture += share.clip(0, 1)[..., None] * (catch.picture - picture)
+    return (picture * (exposure, exposure, exposure, 1)).astype(np.float32)
+
+
+def noisy(combined: np.ndarray, found: dict[str, np.ndarray], exposure: float) -> np.ndarray:
+    """(H, W, 4) the picture with the noise that the denoiser took from what Cycles `found`."""
+    noise = found.get("noise", np.zeros_like(combined[..., :3]))
+    return combined + np.pad(noise * exposure, ((0, 0), (0, 0), (0, 1)))
+
+
+def first_hits(found: dict[str, np.ndarray], exposure: float) -> dict[str, np.ndarray]:
+    """What Cycles `found` of the first hits as passes of the picture: Cycles, too, exposes what shines, and no more."""
+    return {key: pixels * exposure if key in SHINING else pixels for key, pixels in found.items()
+            if key not in pass_table.LIGHTING}
+
+
+def light_passes(guides: Guides, lobes: Lobes, found: dict[str, np.ndarray], volumes: bool,
+                 exposure: float) -> dict[str, np.ndarray]:
+    """The light passes of the picture; `found` is what the session of Cycles gave, its noisy light included."""
+    sampled = {key: pixels for key, pixels in found.items() if key in pass_table.LIGHTING}
+    passes = model_lobes.light_passes(guides, lobes, sampled, volumes)
+    return {key: light * exposure for key, light in passes.items()}
+
+
+def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray]) -> None:
+    """Hand {passes.key_of its name: (H, W, C), row 0 on top} of one view layer to Blender."""
+    result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer)
+    for p in result.layers[0].passes:
+        if (key := pass_table.key_of(p.name)) in passes:
+            p.rect.foreach_set(np.ascontiguousarray(passes[key][::-1], np.float32).ravel())
+    engine.end_result(result)
+
+
+@contextmanager
+def unless_stopped(engine: bpy.types.RenderEngine, layer: str):
+    """A dict of passes (as in `write`) to be filled inside; they alone are left when that ends without a picture.
+
+    Combined is then empty: whatever Cycles or `write` showed in it meanwhile is taken back.
+    """
+    passes: dict[str, np.ndarray] = {}
+    try:
+        yield passes
+    except BaseException:
+        write(engine, layer, passes)
+        raise
+
+
+def write_error(engine: bpy.types.RenderEngine, layer: str) -> None:
+    """A magenta checkerboard: nobody takes it for a picture, and nobody waits for one in a black frame."""
+    result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer)
+    y, x = np.indices((result.resolution_y, result.resolution_x)) // ERROR_CHECKER
+    for p in result.layers[0].passes:
+        if p.name == "Combined":
+            p.rect.foreach_set(ERROR_COLORS[(x + y) % 2].ravel())
+    engine.end_result(result)

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a render will be made of, how long it will take and what it will lack: the scene converted, nothing rendered.
+
+Python gets no depsgraph of a render without rendering, so it is the viewport's that is converted; where a render will
+show something else is said. Nothing can be cancelled while Blender waits for an operator, so this is short.
+"""
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...model import presets, progress
+from ...model.errors import RenderCancelled
+from ..convert.camera.camera import convert_camera
+from ..convert.report import Remark, Report
+from ..convert.scene import convert
+from ..cycles.bake import Promise
+from ..cycles.world import ExpectedWorld, is_possible
+from ..progress import costs, memory
+from ..registering import handlers
+from ..settings import FrameSettings
+from . import checks, failure, model_cache, rectangle
+from .limits import report_limits
+from .optics import Optics
+
+LONGEST = 10.0  # seconds
+SOME = 3        # names in a sentence
+
+
+@dataclass(frozen=True)
+class Preflight:
+    """Of one view layer. With an `error` the rest is empty but for what was found before it."""
+
+    layer: str
+    layers: int = 1                # that a frame renders
+    error: str = ""
+    size: tuple[int, int] = (0, 0)
+    triangles: int = 0
+    tokens: int = 0
+    seconds: float | None = None   # of all view layers; None: never measured with these settings
+    memory: float | None = None    # MiB that Blender will hold; None likewise
+    remarks: list[Remark] = field(default_factory=list)
+
+    @property
+    def lines(self) -> list[str]:
+        """A sentence each, without the remarks."""
+        if self.error:
+            return [self.error]
+        width, height = self.size
+        several = f"View layer {self.layer}, one of {self.layers}" if self.layers > 1 else "A render"
+        time = memory = "unknown until a picture was rendered with these settings"
+        if self.seconds is not None:
+            time = f"about {_clock(self.seconds)}, judged by renders on this computer"
+        if self.memory is not None:
+            memory = f"Blender will hold about {self.memory / 1024:.1f} GB"
+        return [f"{several}: {width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens",
+                f"Time: {time}", f"Memory: {memory}"]
+
+
+def _clock(seconds: float) -> str:
+    return f"{seconds:.1f} s" if seconds < 10 else f"{round(seconds) // 60}:{round(seconds) % 60:02} min"
+
+
+last: dict[str, Preflight] = {}  # by scene
+
+
+def as_text(scene: bpy.types.Scene) -> str:
+    found = last.get(scene.name)
+    return "" if found is None else "\n".join([*found.lines, *map(str, found.remarks)])
+
+
+def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Preflight:
+    """Look at the view layer of a depsgraph; whatever goes wrong is in the answer, as the render would say it."""
+    begin, report, layer = time.perf_counter(), Report(), depsgraph.view_layer_eval.name
+
+    def in_time(text: str, fraction: float) -> None:
+        if time.perf_counter() - begin > LONGEST:
+            raise RenderCancelled()
+        listener(text, fraction)
+
+    try:
+        with progress.reporting(in_time):
+            return _look(depsgraph, layer, report, begin)
+    except RenderCancelled:
+        return Preflight(layer, error=f"This scene takes longer than {LONGEST:.0f} s to convert: only a render knows "
+                                      "all of it. Found so far:", remarks=report.entries)
+    except Exception as error:
+        return Preflight(layer, error=failure.message(error), remarks=report.entries)
+
+
+def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: float) -> Preflight:
+    scene = depsgraph.scene_eval
+    settings, blenders = FrameSettings.of(scene, depsgraph.view_layer_eval), scene.render
+    checks.check(depsgraph, settings, report)
+    report_limits(depsgraph, report)
+    optics = Optics.of(depsgraph).possible(settings.light, depsgraph, report)
+    width, height = rectangle.size(blenders)
+    border = rectangle.border(width, height, blenders)
+    view = convert_camera(depsgraph, width, height, border, report)
+    found = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
+                    max_edge=settings.max_edge, report=report,
+                    by_cycles=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None,
+                    baker=Promise() if settings.bake_unknown else None)
+    _report_differences(depsgraph, report)
+    work, layers = checks.work(width, height, border, settings, optics), checks.layers(scene)
+    work |= {"Converting the scene": optics.scenes - 1, "Network, scene": len(found) * optics.shutter}
+    loaded = model_cache.is_loaded()
+    converting, stages = time.perf_counter() - begin, costs.measured_seconds(work, settings.setup)
+    added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(found))
+    lights, cells = int(found.is_light.sum()), len(found.volumes or ())
+    config = presets.rf2_small() if settings.guided else presets.rf2_200m()
+    return Preflight(layer, layers, size=(view.width, view.height), triangles=len(found),
+                     tokens=config.sequence_length(lights, len(found) - lights + cells),
+                     seconds=None if stages is None else layers * (converting + stages),
+                     memory=None if added is None else memory.held()[0] + added, remarks=report.entries)
+
+
+def _report_differences(depsgraph: bpy.types.Depsgraph, report: Report) -> None:
+    """Say what a render shows otherwise than the viewport, whose depsgraph this is."""
+    hidden, other = [], []
+    for obj in depsgraph.view_layer.objects:
+        if obj.hide_render:
+            continue
+        if not obj.visible_get(view_layer=depsgraph.view_layer):
+            hidden.append(obj.name)
+        elif any(_differs(modifier) for modifier in obj.modifiers):
+            other.append(obj.name)
+    for names, what in (hidden, "hidden in the viewport and not counted, but rendered"), (other, "rendered with other "
+                        "modifiers, or other levels of them, than in the viewport"):
+        if names:
+            report.approximated("Preflight", f"{', '.join(names[:SOME])}{' ...' if len(names) > SOME else ''}: {what}")
+
+
+def _differs(modifier: bpy.types.Modifier) -> bool:
+    levels = modifier.show_render and getattr(modifier, "levels", 0) != getattr(modifier, "render_levels", 0)
+    return modifier.show_viewport != modifier.show_render or levels
+
+
+@persistent
+def _forget(*_) -> None:
+    last.clear()
+
+
+register, _remove_handlers = handlers(("load_post", _forget))
+
+
+def unregister() -> None:
+    _forget()
+    _remove_handlers()

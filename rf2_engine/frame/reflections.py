@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The part of the network's `Guides` that says what mirrors and glass show, by rays through the token triangles."""
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ...model.camera import view_rays_at
+from ...model.geometry import corner_weights
+from ...model.guided.specular import facing, follow, reflected, refracted, surface
+from ...model.progress import report
+from ...model.scene import IOR, Guides, RenderScene, View
+from ..casting import cast, tree_of
+
+LEAST_COLOR = {"reflected": 0.08, "refracted": 0.05}  # of a lobe whose pixels are looked at: more than plastic's gloss
+RAYS = 1 << 18   # of a lobe, at most: about a second for one surface on the way
+CHUNK = 1 << 14  # rays between two looks at the Esc key
+ENDS = {"position": np.float32, "normal": np.float16, "color": np.float16}
+
+
+def with_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
+    """Guides with the surfaces that smooth reflections and refractions end at, in world units as they are.
+
+    Of a large picture only every second, third... pixel along either side is looked at.
+    """
+    colors = {"reflected": guides.glossy_color, "refracted": guides.transmission_color}
+    shown = {name: (color.max(-1) > LEAST_COLOR[name]) & (guides.hit_triangle >= 0) for name, color in colors.items()}
+    tree = tree_of(scene.triangles) if any(pixels.any() for pixels in shown.values()) else None
+    found = {}
+    for name, pixels in shown.items():
+        if not pixels.any():
+            continue
+        step = max(math.ceil(math.sqrt(pixels.sum() / RAYS)), 1)
+        rows, columns = (step * index for index in np.nonzero(pixels[::step, ::step]))
+        arrays = {kind: np.zeros((*pixels.shape, 3), dtype) for kind, dtype in ENDS.items()}
+        for first in range(0, len(rows), CHUNK):
+            report(first / len(rows), "Looking into mirrors and glass")
+            place = rows[first:first + CHUNK], columns[first:first + CHUNK]
+            ends = follow(scene, lambda *rays: cast(tree, *rays), *_leaving(name, guides, scene, view, *place))
+            for kind, array in arrays.items():
+                array[place] = getattr(ends, kind)
+        for kind, array in arrays.items():
+            spread = array[::step, ::step].repeat(step, 0).repeat(step, 1)[:pixels.shape[0], :pixels.shape[1]]
+            found[f"{name}_{kind}"] = np.where(pixels[..., None], spread, 0)
+    return replace(guides, **found)
+
+
+def hit_points(scene: RenderScene, guides: Guides, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(S, 3) places of pixels on the token triangles: from beside simplified ones a path would pass them once more."""
+    weights = corner_weights(guides.hit_barycentric[rows, columns])
+    return np.einsum("sk,skc->sc", weights, scene.triangles[guides.hit_triangle[rows, columns]])
+
+
+def _leaving(name: str, guides: Guides, scene: RenderScene, view: View, rows: np.ndarray,
+             columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """World points (S, 3), unit directions (S, 3) of what is reflected or refracted at pixels, and the eye (3,)."""
+    eye, rays = view_rays_at(view, columns + 0.5, rows + 0.5)
+    position, normal = hit_points(scene, guides, rows, columns), facing(guides.normal[rows, columns], rays)
+    if name == "reflected":
+        away = reflected(rays, normal)
+    else:
+        _, inside, texel = surface(scene, guides.hit_triangle[rows, columns], position, rays)
+        away = refracted(rays, normal, texel[:, IOR], inside)
+    return position, away, eye

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The moments at which the shutter is open, and the scene at each of them."""
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from ..cycles import run as cycles_run
+
+CURVE_STEPS = 256
+
+
+def moments(scene: bpy.types.Scene, count: int) -> np.ndarray:
+    """(count,) frames at which each of so many equal shares of the light of an exposure is half done."""
+    settings = scene.render
+    curve = settings.motion_blur_shutter_curve
+    curve.initialize()
+    time = (np.arange(CURVE_STEPS) + 0.5) / CURVE_STEPS
+    light = np.cumsum([max(curve.evaluate(curve.curves[0], x), 0.0) for x in time.tolist()])
+    if light[-1] > 0:
+        time = np.interp((np.arange(count) + 0.5) / count, (light - light[0] / 2) / light[-1], time)
+    else:
+        time = (np.arange(count) + 0.5) / count
+    opens = {"START": 0.0, "CENTER": 0.5, "END": 1.0}[settings.motion_blur_position]
+    return scene.frame_current_final + settings.motion_blur_shutter * (time - opens)
+
+
+@contextmanager
+def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
+    """A function that evaluates the scene at a frame; in the end it is back at its own. Inside cycles_run.scene_kept.
+
+    It returns what is not as it was: {"camera", "scene"}, one of them or nothing.
+    """
+    scene = depsgraph.scene_eval
+    now = shown = scene.frame_current_final
+
+    def move_to(frame: float) -> set[str]:
+        nonlocal shown
+        if frame == shown:
+            cycles_run.renew(engine, depsgraph)
+            return set()
+        shown = frame
+        whole = int(np.floor(frame))
+        engine.frame_set(whole, frame - whole)
+        changed = {"camera" if _is_camera(update.id, scene) else "scene" for update in depsgraph.updates}
+        cycles_run.renew(engine, depsgraph)
+        return changed
+    try:
+        yield move_to
+    finally:
+        move_to(now)
+
+
+def _is_camera(data: bpy.types.ID, scene: bpy.types.Scene) -> bool:
+    """Whether a change of this data-block changes nothing but the camera."""
+    if isinstance(data, bpy.types.Object):
+        return data == scene.camera or data.type == "EMPTY" and data.instance_type == "NONE"
+    return isinstance(data, (bpy.types.Camera, bpy.types.Action, bpy.types.Scene))

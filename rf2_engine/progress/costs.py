@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the stages of a render cost on this machine when they last ran, kept between sessions of Blender.
+
+Costs belong to a setup: whatever of the settings, beside the amount of work, decides how long a stage takes.
+"""
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..registering import handlers
+from ..setup import packages
+
+# Seconds for a unit of a stage's work, by the stage's key: of a processor with two cores, until they are measured.
+_first_guess = {
+    "Converting the scene": 1.0,        # the scene
+    "First hits": 2.5e-6,               # a sample of a pixel
+    "Loading the network": 3.0,         # once
+    "Network, scene": 3e-4,             # a triangle
+    "Network, view": 2e-5,              # a pixel
+    "Network, edges": 2e-6,             # a pixel
+    "Cycles Reference": 4e-6,           # a sample of a pixel
+}
+LEAST_LEARNED = 0.5   # of what was known: a stage that found its work done already says little about the next time
+MOST_SETUPS = 20      # the latest
+
+_measured: dict[str, dict[str, float]] = {}      # seconds for a unit by setup and key
+_memory: dict[str, list[float]] = {}             # by setup: MiB that a render added, its pixels and its triangles
+
+
+def seconds(key: str, work: float, setup: str = "") -> float:
+    """What so many units of a stage's work are expected to take: in that setup, or else as far as anything is known."""
+    measured = _measured.get(setup, {})
+    if key in measured:
+        return measured[key] * work
+    others = [costs[key] for costs in _measured.values() if key in costs]
+    return (others[-1] if others else _first_guess.get(key, 0.0)) * work
+
+
+def measured_seconds(work: dict[str, float], setup: str) -> float | None:
+    """Of all these stages together; None unless each was measured in that setup on this machine."""
+    if any(units and key not in _measured.get(setup, {}) for key, units in work.items()):
+        return None
+    return sum(seconds(key, units, setup) for key, units in work.items())
+
+
+def learn(key: str, work: float, took: float, setup: str = "") -> None:
+    """Remember that so many units of a stage's work took so many seconds."""
+    if work:
+        costs = _latest(_measured, setup, {})
+        costs[key] = max(took / work, LEAST_LEARNED * costs.get(key, 0.0))
+
+
+def learn_memory(setup: str, loaded: bool, added: float, pixels: int, triangles: int) -> None:
+    """Remember that a render of that size, with the network `loaded` before it or not, made Blender hold more MiB."""
+    _latest(_memory, _memory_key(setup, loaded), [])[:] = added, pixels, triangles
+
+
+def measured_memory(setup: str, loaded: bool, pixels: int, triangles: int) -> float | None:
+    """MiB that a render will add, growing with the picture or the scene, whichever grows more; None if unknown."""
+    found = _memory.get(_memory_key(setup, loaded)) or _memory.get(setup)  # with a network to be loaded it is more
+    if not found:
+        return None
+    added, before_pixels, before_triangles = found
+    return added * max(1.0, pixels / max(before_pixels, 1), triangles / max(before_triangles, 1))
+
+
+def _memory_key(setup: str, loaded: bool) -> str:
+    return f"{setup} loaded" if loaded else setup
+
+
+def _latest(costs: dict, setup: str, empty):
+    """The entry of a setup, moved to the end; the oldest of too many is dropped."""
+    costs[setup] = costs.pop(setup, empty)
+    if len(costs) > MOST_SETUPS:
+        del costs[next(iter(costs))]
+    return costs[setup]
+
+
+def _file() -> Path | None:
+    if not packages.is_extension():
+        return None  # Blender has no folder for us
+    return Path(bpy.utils.extension_path_user(packages.EXTENSION, create=True)) / "costs.json"
+
+
+@persistent
+def save(*_) -> None:
+    """Losing this is no more than guessing again."""
+    try:
+        if file := _file():
+            new = file.with_suffix(".new")
+            new.write_text(json.dumps({"seconds": _measured, "memory": _memory}))
+            os.replace(new, file)
+    except OSError:
+        pass
+
+
+def load() -> None:
+    try:
+        found = json.loads(_file().read_text())
+        seconds = {setup: {key: float(cost) for key, cost in row.items()} for setup, row in found["seconds"].items()}
+        memory = {setup: [float(x) for x in row] for setup, row in found["memory"].items() if len(row) == 3}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return  # never saved, or by something else
+    _measured.update(seconds)
+    _memory.update(memory)
+
+
+_add_handlers, unregister = handlers(("render_complete", save))
+
+
+def register() -> None:
+    load()
+    _add_handlers()

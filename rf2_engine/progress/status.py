@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user sees while a frame renders: stage, time left, memory, progress bar; and what stops it: Esc."""
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import contextmanager
+
+import bpy
+
+from ...model import progress
+from ...model.errors import RenderCancelled
+from ..cycles import progress as cycles_progress
+from ..frame import running
+from . import costs, estimate, memory, status_line
+
+REDRAW_INTERVAL = 0.1  # seconds; in background mode every status is a line of output
+HOLD_INTERVAL = 0.02   # seconds between two looks at a bar that somebody else moves too
+PRINT_INTERVAL = 2.0   # seconds between two lines of output about Cycles, in background mode
+
+
+class Status:
+    """The listener of one view layer's progress, and the seconds of its stages."""
+
+    def __init__(self, engine: bpy.types.RenderEngine) -> None:
+        self.engine = engine
+        self.seconds: dict[str, float] = {}
+        self.sample = ""  # "Sample 3 of 16", or nothing
+        self._layer = ""
+        self._work: dict[str, float] = {}
+        self._setup = ""
+        self._shown = ("", 0.0)
+        self._has_line = False  # which says how much time is left
+        self._at_first = memory.held()
+        self._most = self._at_first[0]
+
+    def expect(self, layer: str, layers: int, work: dict[str, float], setup: str) -> None:
+        """Say what this view layer's stages have to do, by the keys of `stage`, and how many layers the frame has.
+
+        setup: what their costs belong to (costs.py).
+        """
+        self._work, self._setup = work, setup
+        self._layer = layer if layers > 1 else ""
+        estimate.frame.begin_layer(layers, work, setup)
+
+    @contextmanager
+    def stage(self, name: str, part: str = "", share: float = 1.0):
+        """Time what runs inside under `name`; a stage in several parts has a key for each, "name, part".
+
+        One that is entered several times says what share of its work is done each time.
+        """
+        key = f"{name}, {part}" if part else name
+        with progress.part(0.0, 1.0, name):
+            estimate.frame.begin_stage(key, share)
+            progress.report(0.0)
+            begin = time.perf_counter()
+            yield
+            took = time.perf_counter() - begin
+            self.seconds[name] = self.seconds.get(name, 0.0) + took
+            costs.learn(key, share * self._work.get(key, 0.0), took, self._setup)
+            progress.report(1.0)
+
+    def skip(self, key: str, share: float) -> None:
+        """This share of a stage need not be done."""
+        estimate.frame.begin_stage(key, share)
+
+    @contextmanager
+    def during_cycles(self, words: str, share: float = 1.0, time_limit: float = 0.0,
+                      window: bool = not bpy.app.background):
+        """Inside, while Cycles runs, a line says how far it is, and the bar goes on at our pace.
+
+        `words` get Cycles' percentage; its run is this `share` of the stage; `time_limit` is its own, in seconds.
+        Cycles moves the bar too, from 0 to 1, and sets Blender's text, which two threads must not do at the same time.
+        """
+        done, begin = threading.Event(), time.perf_counter()
+        first = _line(words, 0.0, estimate.frame.remaining(0.0))
+        self.engine.update_stats("", first)
+        text = cycles_progress.EngineText(self.engine, first)
+        self._has_line = window
+        if window:
+            status_line.show(first)
+
+        def follow() -> None:
+            fraction, said = 0.0, begin
+            while not done.wait(HOLD_INTERVAL):
+                now = time.perf_counter()
+                fraction = max(fraction, cycles_progress.fraction(text.read(), now - begin, time_limit))
+                line = _line(words, fraction, estimate.frame.remaining(share * fraction, even=True))
+                if window:
+                    self.engine.update_progress(estimate.frame.bar)
+                    status_line.show(line)
+                elif now - said > PRINT_INTERVAL:
+                    said = now
+                    print(f"RenderFormer-V2: {line}", flush=True)
+
+        follower = threading.Thread(target=follow, daemon=True)
+        follower.start()
+        try:
+            yield
+        finally:
+            done.set()
+            follower.join()
+            self._has_line = False
+            status_line.show("")
+
+    def __call__(self, text: str, fraction: float) -> None:
+        """Raises RenderCancelled after Esc, or when the add-on is being disabled."""
+        if self.esc_pressed() or running.is_stopping():
+            raise RenderCancelled()
+        now = time.perf_counter()
+        if text != self._shown[0] or now - self._shown[1] > REDRAW_INTERVAL:
+            self._shown = text, now
+            left = estimate.frame.remaining(min(max(fraction, 0.0), 1.0))
+            used, peak = memory.held()
+            self._most = max(self._most, used)
+            self.engine.update_memory_stats(memory_used=used, memory_peak=peak)
+            words = ("" if self._has_line else f"Remaining {_time(left)}", self.sample, text)
+            self.engine.update_stats(self._layer, " | ".join(filter(None, words)))
+            self.engine.update_progress(estimate.frame.bar)
+
+    @property
+    def memory_added(self) -> float:
+        """MiB that this process has held beyond what it held at first."""
+        _, peak = memory.held()
+        most = peak if peak > self._at_first[1] else self._most
+        return max(most - self._at_first[0], 0.0)
+
+    def esc_pressed(self) -> bool:
+        return self.engine.test_break()
+
+
+def _line(words: str, fraction: float, left: float) -> str:
+    return f"{words.format(f'{int(100 * fraction)} %')}, {_time(left)} left"
+
+
+def _time(seconds: float) -> str:
+    return f"{round(seconds) // 60}:{round(seconds) % 60:02}"

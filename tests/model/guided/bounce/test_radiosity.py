@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bounced light in closed form: what is known about it without a renderer."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.guided.bounce import patches, probes
+from renderformer_v2.model.guided.bounce.probes import gathered
+from renderformer_v2.model.guided.bounce.radiosity import Radiosity
+from renderformer_v2.model.guided.prior.light_prior import LightPrior
+from renderformer_v2.model.scene import RenderScene, constant_tile
+from tests.model.samples import flat, floor_scene, walls
+
+MANY = 50  # times the rays of a point
+RATIO = 0.5 / 0.3  # of half the side of `roof` to its height
+COVERED = 4 / (2 * np.pi) * 2 * RATIO / np.sqrt(1 + RATIO**2) * np.arctan(RATIO / np.sqrt(1 + RATIO**2))  # by it
+UP = torch.tensor([[0.0, 0.0, 1.0]])
+
+
+def built(scene: RenderScene) -> Radiosity:
+    return Radiosity(scene, LightPrior(scene))
+
+
+def parts(bounce: Radiosity, points, normals) -> tuple[torch.Tensor, torch.Tensor]:
+    """(P, 3) all and that which has bounced before, without the noise of a point's few rays."""
+    points, normals = torch.as_tensor(points), torch.as_tensor(normals).expand(len(points), 3)
+    return bounce(points.repeat(MANY, 1), normals.repeat(MANY, 1)).view(MANY, -1, 6).mean(0).split(3, dim=-1)
+
+
+def arriving(bounce: Radiosity, points, normals) -> torch.Tensor:
+    return parts(bounce, points, normals)[0]
+
+
+def test_a_point_that_faces_a_bright_plane_gathers_its_radiance():
+    bounce = built(floor_scene(side=2))
+    bounce.leaving = torch.ones_like(bounce.leaving)
+    near, far = (arriving(bounce, [[0.05, 0.03, z]], -UP)[0, 0].item() for z in (0.2, 3.0))
+    # A square of side 2 at distance z: its form factor by the formula for parallel differential areas.
+    for z, found, error in ((0.2, near, 0.02), (3.0, far, 0.1)):
+        x = 1 / z
+        expected = 4 / (2 * np.pi) * 2 * x / np.sqrt(1 + x * x) * np.arctan(x / np.sqrt(1 + x * x))
+        assert found == pytest.approx(expected, rel=error)
+    assert built(floor_scene())(torch.tensor([[0.0, 0.0, 0.5]]), UP).abs().max() == 0  # nothing above but the lamp
+
+
+def test_a_coloured_wall_bleeds_onto_what_is_near_it():
+    bounce = built(walls((0.8, 0.05, 0.05)))
+    near, far = arriving(bounce, [[-0.8, 0.0, 0.0], [0.9, 0.0, 0.0]], UP)
+    assert near[0] > 3 * near[1] > 0 and near[0] > 2 * far[0] > 0
+
+
+def test_light_that_has_bounced_before_is_known_apart():
+    """Over the floor alone there is none; between floor and wall it is what the other sends back, and of its colour."""
+    at, towards = [[-0.8, 0.0, 0.3]], -UP
+    once, again = parts(built(floor_scene(side=6)), at, towards)
+    assert once.min() > 0 and again.abs().max() < 1e-3 * once.min()
+    total, again = parts(built(walls((0.8, 0.05, 0.05))), at, towards)
+    red, green, _ = again[0]
+    assert 0 < green < red / 3 and red < 0.5 * total[0, 0]
+
+
+def test_no_more_than_a_whole_hemisphere_arrives():
+    bounce = built(walls((0.8, 0.8, 0.8)))
+    bounce.leaving = torch.ones_like(bounce.leaving)
+    points = torch.rand(200, 3, generator=torch.Generator().manual_seed(0)) * 2 - 1
+    normals = torch.nn.functional.normalize(torch.randn(200, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
+    assert bounce(points, normals).max() <= 1 + 1e-5
+
+
+def test_merged_patches_give_nearly_the_same_light(monkeypatch):
+    """Coarse walls beside a thin plate of many small triangles that face up and down."""
+    fine = floor_scene(side=24).triangles[:-1] * 0.3 + np.float32((0.5, 0, 0.5))
+    plate = flat(np.concatenate([fine, fine[:, ::-1] - np.float32((0, 0, 0.01))]), (0.2, 0.6, 0.8))
+    scene = walls((0.8, 0.05, 0.05)).appended(plate)
+    points = torch.tensor([[0.3, 0.2, 0.0], [-0.5, 0.5, 0.0], [0.8, -0.6, 0.0]])
+    exact = arriving(built(scene), points, UP)
+    monkeypatch.setattr(patches, "PATCHES", 512)
+    few = built(scene)
+    assert 256 < len(few.normal) <= 512 < len(scene)
+    torch.testing.assert_close(arriving(few, points, UP), exact, rtol=0.1, atol=1e-3)
+
+
+def test_patches_of_the_rest_stay_when_something_moves(monkeypatch):
+    """However many triangles come and go: light would flicker."""
+    monkeypatch.setattr(patches, "PATCHES", 512)
+    fine = floor_scene(side=24).triangles[:-1] * 0.1 + np.float32((0.5, 0, 0.3))
+    found = []
+    for plate in fine, fine[7:] + np.float32((0.01, 0, 0.02)):
+        made = patches.patches(walls((0.8, 0.05, 0.05)).appended(flat(plate, (0, 0, 0))))
+        found.append(made.center[made.albedo[:, 0] > 0.5])
+    assert 100 < len(found[0]) and torch.equal(*found)
+
+
+@pytest.mark.parametrize("side", [2, 40])
+def test_a_ground_to_the_horizon_lights_what_stands_on_it_as_an_endless_one(side):
+    """Coarse, so that it is split, and fine, so that it is merged: a wall sees it in half of its hemisphere."""
+    ground = floor_scene(side).triangles[:-1] * np.float32((2000, 2000, 0)) - np.float32((0, 0, 0.2))
+    bounce = built(flat(ground, (0.5, 0.5, 0.5)))
+    bounce.leaving = torch.ones_like(bounce.leaving)
+    wall = torch.tensor([[0.0, -1.0, 0.0]])
+    for height in (-0.1, 0.0, 0.3):
+        assert arriving(bounce, [[0.1, 0.2, height]], wall)[0, 0].item() == pytest.approx(0.5, abs=0.06)
+
+
+def roof(color, **material) -> RenderScene:
+    """A plate above the floor's middle."""
+    corners = np.float32([[[-1, -1, 0], [1, 1, 0], [1, -1, 0]], [[-1, -1, 0], [-1, 1, 0], [1, 1, 0]]])
+    return replace(flat(corners * 0.5 + np.float32((0, 0, 0.3)), color), tiles=constant_tile(color, **material)[None])
+
+
+def test_what_stands_in_between_keeps_light_away():
+    """A black plate between the floor's middle and a bright ceiling."""
+    ceiling = flat(floor_scene(side=6).triangles[:-1] * np.float32((1, 1, 0)) + np.float32((0, 0, 0.55)), (0.8,) * 3)
+    light = []
+    for scene in (ceiling, ceiling.appended(roof((0.0, 0.0, 0.0)))):
+        bounce = built(scene)
+        bright = patches.patches(scene).center[:, 2] > 0.5
+        bounce.leaving = bright.float().repeat(2)[:, None].expand(-1, 6)
+        light.append(arriving(bounce, [[0.0, 0.0, 0.0], [0.0, 0.0, 0.45]], UP)[:, 0])
+    assert light[1][0] < 0.4 * light[0][0] and light[1][1] > 0.9
+
+
+@pytest.mark.parametrize("ior, share", [(1.5, 0.64), (1.0, 0.0)])
+def test_sky_seen_through_coloured_glass_lights_what_is_behind_and_through_holes_it_does_already(ior, share):
+    """Two surfaces of glass are passed; an ior of 1 lets light pass straight, which the light prior knows."""
+    scene = roof((0.8, 0.8, 0.8), transmission=1.0, ior=ior, roughness=0.0)
+    scene.environment = np.full((256, 512, 3), 2.0, np.float32)
+    bounce, prior = built(scene), LightPrior(scene)
+    found = arriving(bounce, [[0.0, 0.0, 0.0]], UP)[0, 0].item()
+    assert found == pytest.approx(2 * share * COVERED, abs=0.12)
+    assert prior.arriving(torch.zeros(1, 3), UP)[0, 0].item() == pytest.approx(1 if ior == 1 else 1 - COVERED, abs=0.12)
+
+
+def test_a_lamp_shines_through_coloured_glass_on_what_it_would_shade():
+    scene = floor_scene().appended(roof((0.9, 0.5, 0.0), transmission=1.0, ior=1.5, roughness=0.0))
+    found = arriving(built(scene), [[0.0, 0.0, 0.0]], UP)[0]
+    on_the_glass = LightPrior(floor_scene())(torch.tensor([[0.0, 0.0, 0.3]]), UP, UP, torch.ones(1))[0, :3]
+    expected = 0.9 * torch.tensor([0.81, 0.25, 0.0]) * on_the_glass * COVERED
+    torch.testing.assert_close(found, expected, rtol=0.1, atol=1e-4)
+
+
+def test_pixels_between_probes_get_smooth_light_and_edges_stay(monkeypatch):
+    """Left half a floor, right half a wall far behind: no light runs from one to the other."""
+    position = torch.zeros(16, 32, 3)
+    position[..., 0] = torch.linspace(-1, 1, 32)
+    position[:, 16:, 2] = 5.0
+    normal = UP.expand(16, 32, 3)
+    covered = torch.ones(16, 32, 1, dtype=torch.bool)
+    covered[:3] = False
+    light = gathered(lambda x, n, _: (x[:, 2:] > 1).float().expand(-1, 3) + 1, position, normal, covered)
+    assert light[:3].abs().max() == 0
+    torch.testing.assert_close(light[3:, :16], torch.ones(13, 16, 3))
+    torch.testing.assert_close(light[3:, 16:], torch.full((13, 16, 3), 2.0))
+    flat_x = position * torch.tensor([1.0, 1, 0])
+    ramp = gathered(lambda x, n, _: x[:, :1].expand(-1, 3), flat_x, normal, covered | True)
+    inner = slice(probes.GRID, -probes.GRID)
+    torch.testing.assert_close(ramp[:, inner, 0], position[:, inner, 0], atol=1e-5, rtol=0)
+
+
+def test_a_scene_of_lights_alone_gathers_nothing():
+    scene = floor_scene()
+    lights = scene.is_light
+    alone = replace(scene, **{name: getattr(scene, name)[lights] for name in
+                              ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")})
+    radiosity = Radiosity(alone, LightPrior(alone))
+    points = torch.zeros(3, 3)
+    assert (radiosity(points, torch.eye(3)) == 0).all() and radiosity(points[:0], points[:0]).shape == (0, 6)

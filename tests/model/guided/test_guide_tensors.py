@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.guided import guide_tensors as guides_module
+from renderformer_v2.model.guided.bounce.radiosity import Radiosity
+from renderformer_v2.model.guided.decoding import BEHIND, BOUNCED, OUTPUTS, REFRACTED, decode_image, decode_light
+from renderformer_v2.model.guided.guidance import Guidance
+from renderformer_v2.model.guided.guide_tensors import FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
+from renderformer_v2.model.guided.prior.light_prior import LightPrior
+from renderformer_v2.model.presets import rf2_small
+from renderformer_v2.model.scene import ROUGHNESS
+from tests.model.samples import floor_scene, floor_view, walls
+
+PATCH = rf2_small().patch_size
+
+
+def tensors(width=64, height=64, hinted=False):
+    scene = floor_scene()
+    view, guides = floor_view(width, height)
+    guides.traced = guides.diffuse_color * 0.5
+    prior = LightPrior(scene)
+    if not hinted:
+        guides.traced = None
+    return guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
+
+
+def dark_outputs():
+    """Of a decoder that sees no light, and does not change what there is."""
+    outputs = torch.full((1, len(OUTPUTS), 64, 64), -30.0)
+    outputs[:, OUTPUTS["gain"]] = 0
+    return outputs
+
+
+def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
+    guides = tensors(128, 64)
+    positions = guides.positions.view(8, 16, 3)
+    assert guides.features.shape == (1, len(FEATURES), 64, 128)
+    torch.testing.assert_close(positions[4, 8, 2], torch.tensor(0.0), atol=1e-5, rtol=0)
+    camera = torch.tensor([0.0, 0.0, 3.0])
+    drawn_in = positions[0, 0].norm()
+    unseen = positions[0, 0] / drawn_in / (2 - drawn_in)
+    torch.testing.assert_close((unseen - camera).norm(), torch.tensor(UNSEEN_DISTANCE))
+
+
+def test_far_bundles_are_drawn_in():
+    scene = floor_scene()
+    view, guides = floor_view(64, 64)
+    guides.position = guides.position + np.float32((0, 500, 0)) * (guides.alpha[..., None] > 0)
+    prior = LightPrior(scene)
+    far = guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
+    assert 1.9 < far.positions.norm(dim=-1).max() <= 2
+    assert far.features[:, FEATURES["offset"]].abs().max() < 1
+
+
+def test_the_prior_is_the_only_light_of_an_undecided_decoder():
+    guides, outputs = tensors(), dark_outputs()
+    assert decode_light(outputs, guides)["image"].amax() < 1e-5
+    outputs[:, OUTPUTS["visibility"]] = 30
+    image = decode_light(outputs, guides)["image"]
+    torch.testing.assert_close(image, 1.2 * (guides.prior * guides.colors).sum(1), atol=1e-5, rtol=1e-4)
+    assert image.amax() > 0.01
+
+
+def test_traced_light_stands_for_all_direct_light():
+    guides, dark = tensors(hinted=True), dark_outputs()
+    dark[:, OUTPUTS["traced"]] = 0
+    image = decode_light(dark, guides)["image"]
+    torch.testing.assert_close(image, guides.traced, atol=1e-5, rtol=1e-4)
+    assert image.amax() > 0.1 and guides.features[:, FEATURES["hinted"]].min() == 1
+
+
+@pytest.mark.parametrize(("raw", "factor"), [(30.0, 4.0), (-30.0, 0.25)])
+def test_traced_light_is_corrected_within_bounds(raw, factor):
+    guides, outputs = tensors(hinted=True), dark_outputs()
+    outputs[:, OUTPUTS["traced"]] = raw
+    light = decode_light(outputs, guides)
+    torch.testing.assert_close(light["traced"], factor * guides.traced, atol=1e-5, rtol=1e-4)
+    torch.testing.assert_close(light["image"], light["traced"], atol=1e-5, rtol=1e-4)
+
+
+def test_an_undecided_decoder_adds_a_share_of_the_radiosity():
+    guides = tensors(hinted=True)
+    guides.bounced = guides.bounced + 0.5
+    guides.behind, guides.refracted = guides.behind + 0.3, guides.refracted + 0.7
+    guides.colors = guides.colors + 0.2 * (guides.colors > 0)
+    guides.colors[:, 2] += 0.5
+    for rough in (0.0, 1.0):
+        guides.features[:, FEATURES["roughness"]] = rough
+        image = decode_light(torch.zeros(1, len(OUTPUTS), 64, 64), guides)["image"]
+        transmitted = BEHIND * guides.behind if rough else REFRACTED * guides.refracted
+        expected = (guides.traced + BOUNCED * guides.bounced * guides.colors[:, 0]
+                    + transmitted * guides.colors[:, 2])
+        torch.testing.assert_close(image, expected, atol=2e-2, rtol=0)
+
+
+def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
+    scene = floor_scene()
+    view, guides = floor_view(64, 64)
+    assert (tensors().behind == 0).all()
+    guides.transmission_color = guides.diffuse_color
+    guides.position = guides.position + np.float32((0, 0, 0.5)) * (guides.alpha[..., None] > 0)  # glass above the floor
+    prior = LightPrior(scene)
+    found = guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
+    assert found.behind[0, :, 32, 32].min() > 0.01 > 10 * found.bounced[0, :, 32, 32].max()
+
+
+def test_a_rough_surface_shows_no_image_but_the_mean_of_light_that_has_bounced_before():
+    scene, (view, guides) = walls((0.8, 0.8, 0.8)), floor_view(64, 64)
+    ends = {"reflected_position": guides.position, "reflected_normal": guides.normal,
+            "reflected_color": np.full_like(guides.position, 0.5)}
+    prior = LightPrior(scene)
+    radiosity, shown = Radiosity(scene, prior), []
+    for roughness in (0.1, 0.9):
+        scene.tiles[:, ROUGHNESS] = roughness
+        found = guide_tensors(scene, view, replace(guides, **ends), prior, radiosity, PATCH)
+        seen = found.features[0, FEATURES.index("alpha")] > 0
+        shown.append(found.reflected[0, :, seen])
+    image = 0.5 * found.bounced[0, :, seen]
+    torch.testing.assert_close(shown[0], image)
+    assert 0 < shown[1].mean() < 0.5 * image.mean()
+
+
+def test_no_light_where_nothing_is_hit():
+    guides = tensors(128, 64)
+    image = decode_light(torch.full((1, len(OUTPUTS), 64, 128), 3.0), guides)["image"]
+    empty = guides.features[:, FEATURES.index("alpha")] == 0
+    assert empty.any() and (~empty).any()
+    assert image.permute(1, 0, 2, 3)[:, empty].abs().amax() == 0
+
+
+def test_roughness_comes_from_the_texel_that_is_hit():
+    scene, (_, guides) = floor_scene(), floor_view()
+    scene.tiles[0, 4, :, :16] = 0.25  # columns below 16: weight of corner 0 below one half
+    roughness = hit_roughness(scene, guides)
+    assert roughness[32, 32] == 0.25
+    guides.hit_barycentric[...] = (0.8, 0.1)
+    np.testing.assert_allclose(hit_roughness(scene, guides)[32, 32], 0.6, atol=1e-3)
+
+
+@torch.no_grad()
+def test_bands_of_a_large_picture_change_nothing(monkeypatch):
+    whole, encoder = tensors(128, 64), Guidance(replace(rf2_small(), latent_dim=12))
+    tokens = encoder.bundles(whole.features)
+    monkeypatch.setattr(guides_module, "BAND_PIXELS", 24 * 128)
+    guides = tensors(128, 64)
+    for name in vars(whole):
+        torch.testing.assert_close(getattr(guides, name), getattr(whole, name))
+    raw = torch.randn(1, len(OUTPUTS), 64, 128, generator=torch.Generator().manual_seed(0))
+    image = decode_light(raw, guides)["image"]
+    torch.testing.assert_close(encoder.bundles(guides.features), tokens)
+    assert torch.equal(decode_image(raw, guides), image)

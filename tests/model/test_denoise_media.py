@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First hits behind smoke and fog are means over neighbouring pixels; everything else stays as it was."""
+import numpy as np
+import pytest
+
+from renderformer_v2.model.denoise_media import COLORS, crossed, smoothed
+from renderformer_v2.model.scene import Volumes
+from tests.model.samples import floor_view
+
+SIZE = 64
+SMOOTHED = (*COLORS, "alpha")
+
+
+@pytest.fixture
+def noisy():
+    """View and guides of a floor at z = 0 seen from z = 3, whose coverage and colours are 0 or 1 by chance."""
+    view, guides = floor_view(SIZE, SIZE)
+    reached = np.random.default_rng(5).uniform(size=(SIZE, SIZE)) < 0.5
+    for name in SMOOTHED:
+        values = getattr(guides, name)
+        setattr(guides, name, np.float32(reached if values.ndim == 2 else np.repeat(reached[..., None], 3, axis=-1)))
+    guides.environment = np.float32(1 - guides.alpha)[..., None] * np.float32((1, 2, 3))
+    return view, guides
+
+
+def fog(center, side: float, angle: float = 0.0) -> Volumes:
+    one = np.ones((1, 3), np.float32)
+    return Volumes(np.ones((1, 64), np.float32), np.float32([center]), np.float32([(0, 0, angle)]), one * 8 * side,
+                   one, one)
+
+
+def test_only_rays_that_cross_the_medium_are_smoothed(noisy):
+    view, guides = noisy
+    volumes = fog((0.3, 0, 1.0), 0.5)
+    inside = crossed(guides, volumes, view)
+    assert 0.02 < inside.mean() < 0.7
+    assert inside[:, SIZE // 2:].sum() > 4 * inside[:, :SIZE // 2].sum()  # it stands to the right
+    after = smoothed(guides, volumes, view)
+    for name in SMOOTHED:
+        before, now = getattr(guides, name), getattr(after, name)
+        np.testing.assert_array_equal(now[~inside], before[~inside])
+        assert now[inside].std() < 0.3 * before[inside].std()
+        assert now[inside].mean() == pytest.approx(before[inside].mean(), abs=0.03)
+
+
+def test_a_turned_box_is_crossed_where_it_is(noisy):
+    view, guides = noisy
+    straight, turned = (crossed(guides, fog((0, 0, 1.0), 0.8, angle), view) for angle in (0.0, np.pi / 4))
+    assert turned[SIZE // 2].sum() > 1.2 * straight[SIZE // 2].sum()
+
+
+def test_a_medium_behind_the_floor_changes_nothing(noisy):
+    view, guides = noisy
+    hit = guides.hit_triangle >= 0
+    inside = crossed(guides, fog((0, 0, -1.0), 0.5), view)
+    assert hit.any() and not inside[hit].any()
+
+
+def test_the_world_behind_a_medium_keeps_its_colour(noisy):
+    view, guides = noisy
+    after = smoothed(guides, fog((0, 0, 1.0), 2.0), view)
+    np.testing.assert_allclose(after.environment, (1 - after.alpha)[..., None] * np.float32((1, 2, 3)), atol=0.02)
+
+
+def test_without_media_the_guides_are_the_same_object(noisy):
+    view, guides = noisy
+    assert smoothed(guides, None, view) is guides

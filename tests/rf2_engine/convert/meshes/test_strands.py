@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hair and point clouds have tokens where Cycles sees them, of about the same extent, cover and colour."""
+import bpy
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import cast_guides
+
+SIZE = 64
+
+
+def hair(material):
+    """600 upright strands of 2 m on a square of 2 m around (0, 0, -1)."""
+    curves = bpy.data.hair_curves.new("Hair")
+    curves.add_curves([3] * 600)
+    place = np.random.default_rng(0).uniform(-1, 1, (600, 1, 3)).repeat(3, axis=1)
+    place[:, :, 2] = (-1, 0, 1)
+    curves.points.foreach_set("position", place.astype(np.float32).ravel())
+    curves.points.foreach_set("radius", np.full(1800, 0.004, np.float32))
+    return curves
+
+
+def cloud(material):
+    """600 balls in a cube of 2 m, by geometry nodes."""
+    tree = bpy.data.node_groups.new("points", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    points, dress = tree.nodes.new("GeometryNodePoints"), tree.nodes.new("GeometryNodeSetMaterial")
+    place = tree.nodes.new("FunctionNodeRandomValue")
+    place.data_type = "FLOAT_VECTOR"
+    place.inputs["Min"].default_value = (-1, -1, -1)
+    points.inputs["Count"].default_value, points.inputs["Radius"].default_value = 600, 0.03
+    dress.inputs["Material"].default_value = material
+    tree.links.new(place.outputs[0], points.inputs["Position"])
+    tree.links.new(points.outputs[0], dress.inputs["Geometry"])
+    tree.links.new(dress.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    return tree
+
+
+def grown(material):
+    bpy.ops.mesh.primitive_plane_add(size=2, location=(0, 0, -1))
+    obj = bpy.context.object
+    obj.data.materials.append(material)
+    settings = obj.modifiers.new("hair", "PARTICLE_SYSTEM").particle_system.settings
+    settings.type, settings.count, settings.hair_length = "HAIR", 600, 2
+    settings.root_radius = settings.tip_radius = 0.8
+    obj.show_instancer_for_render = False
+    return obj
+
+
+def add(kind, material):
+    made = kind(material)
+    if kind is grown:
+        return made
+    if kind is hair:
+        made.materials.append(material)
+        obj = bpy.data.objects.new("Hair", made)
+    else:
+        obj = bpy.data.objects.new("Cloud", bpy.data.meshes.new("Cloud"))
+        obj.modifiers.new("points", "NODES").node_group = made
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+@pytest.mark.parametrize("kind", [hair, cloud, grown])
+def test_tokens_cover_what_cycles_sees(scene, converted, add_material, report, kind):
+    obj = add(kind, add_material("green", (0.1, 0.7, 0.2)))
+    obj.location.x += 0.3
+    result = converted()
+    assert 200 < len(result) <= 1100
+    low, high = result.triangles.min(axis=(0, 1)), result.triangles.max(axis=(0, 1))
+    np.testing.assert_allclose([low, high], [(-0.7, -1, -1), (1.3, 1, 1)], atol=0.25)
+    np.testing.assert_allclose(result.tiles[result.tile_index][:, BASE_COLOR, 0, 0], np.tile((0.1, 0.7, 0.2),
+                               (len(result), 1)), atol=1e-3)
+    guides = cast_guides(result, convert_camera(bpy.context.evaluated_depsgraph_get(), SIZE, SIZE, None))
+    assert guides.alpha.mean() == pytest.approx(seen_by_cycles(scene), rel=0.35)
+    assert [kind for kind, name, _ in report.entries if name == obj.name] == ["approximated"]
+
+
+def seen_by_cycles(scene) -> float:
+    """Mean coverage of the picture."""
+    scene.render.engine, scene.cycles.samples, scene.render.film_transparent = "CYCLES", 4, True
+    scene.cycles.max_bounces, scene.cycles.use_denoising = 0, False
+    scene.render.resolution_x = scene.render.resolution_y = SIZE
+    scene.render.image_settings.file_format = "PNG"
+    scene.render.filepath = bpy.app.tempdir + "seen.png"
+    bpy.ops.render.render(write_still=True)
+    return float(np.array(bpy.data.images.load(scene.render.filepath).pixels).reshape(-1, 4)[:, 3].mean())

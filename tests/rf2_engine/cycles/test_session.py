@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Traced hints: shadows and mirrors are there, bounced light is not, and the published network never sees them."""
+import bpy
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine import compat
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.session import Light
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import layer
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import make_guides
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
+
+from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12
+
+RED = (0.8, 0.02, 0.02)
+
+
+def light(scene, rotation):
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.rotation_euler = 4, rotation
+    scene.collection.objects.link(sun)
+
+
+@pytest.fixture
+def guides(monkeypatch):
+    """The guides of the last F12."""
+    seen = []
+
+    def spy(passes, converted, view):
+        seen.append(make_guides(passes, converted, view))
+        return seen[-1]
+
+    monkeypatch.setattr(layer, "make_guides", spy)
+    return seen
+
+
+@pytest.fixture
+def shadowed(scene):
+    """A wall behind the scene with a cube in front of it, lit from the camera's left; the world is black."""
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0
+    mesh_object(scene, "Wall", [(-6, 3, -4), (6, 3, -4), (6, 3, 4), (-6, 3, 4)], [(0, 1, 2, 3)])
+    cube(scene, location=(-1, 0, 0))
+    light(scene, (1.5707963, 0, -0.6))
+    scene.renderformer_v2.guide_samples = 8
+    return scene
+
+
+def test_a_cast_shadow_is_in_the_picture_and_gone_without_hints(shadowed, tmp_path, guides):
+    hinted = press_f12(shadowed, tmp_path)["ViewLayer.Combined"][..., :3].mean(-1)
+    traced = guides[-1].traced.mean(-1)
+    wall = guides[-1].position[..., 1] > 2.9
+    shadow = wall & (traced < 0.05 * traced[wall].max())
+    lit = wall & (traced > 0.7 * traced[wall].max())
+    assert shadow.sum() > 30 and lit.sum() > 100
+    assert hinted[shadow].mean() < 0.4 * hinted[lit].mean()
+    shadowed.renderformer_v2.light = "NETWORK"
+    press_f12(shadowed, tmp_path)
+    assert guides[-1].traced is None
+
+
+def test_what_is_traced_has_not_bounced_diffusely(scene, tmp_path, guides):
+    """A floor in the dark beside a wall in the sun: Cycles lights it by one bounce, the hints do not."""
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0
+    mesh_object(scene, "Wall", [(-3, 2, -1), (3, 2, -1), (3, 2, 3), (-3, 2, 3)], [(0, 1, 2, 3)], material("Red", RED))
+    matt = material("Matt")
+    matt.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0
+    mesh_object(scene, "Floor", [(-3, -3, -1), (3, -3, -1), (3, 2, -1), (-3, 2, -1)], [(0, 1, 2, 3)], matt)
+    light(scene, (1.5707963, 0, 0))  # along the floor
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    floor = (guides[-1].normal[..., 2] > 0.9) & (guides[-1].alpha > 0.9)
+    assert floor.any() and guides[-1].traced[floor].max() < 0.02  # the sun has a width
+    red, green, _ = picture[floor][:, :3].mean(0)
+    assert red > 2 * green and red > 5 * guides[-1].traced[floor].mean()  # its prior knows that light
+
+
+def test_a_mirror_shows_its_neighbour(scene, tmp_path, guides):
+    mirror = material("Mirror")
+    shader = mirror.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Metallic"].default_value, shader.inputs["Roughness"].default_value = 1, 0
+    mesh_object(scene, "Mirror", [(-3, 2, -3), (3, 2, -3), (3, 2, 3), (-3, 2, 3)], [(0, 1, 2, 3)], mirror)
+    cube(scene, location=(0, -9, 0), of=material("Red", RED))  # behind the camera
+    light(scene, (-1.3, 0, 0))
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    reflected = picture[15:22, 20:30, :3].mean((0, 1))
+    around = picture[:4, :4, :3].mean((0, 1))
+    assert reflected[0] > 3 * reflected[1] and abs(around[0] - around[1]) < 0.2 * around[0]
+
+
+def test_glass_shows_what_is_behind_it(scene, tmp_path):
+    glass = material("Glass", (1, 1, 1))
+    shader = glass.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Transmission Weight"].default_value, shader.inputs["Roughness"].default_value = 1, 0
+    mesh_object(scene, "Pane", [(-0.8, -1, -0.8), (0.8, -1, -0.8), (0.8, -1, 0.8), (-0.8, -1, 0.8)], [(0, 1, 2, 3)],
+                glass)
+    mesh_object(scene, "Wall", [(-6, 4, -6), (6, 4, -6), (6, 4, 6), (-6, 4, 6)], [(0, 1, 2, 3)], material("Red", RED))
+    light(scene, (1.3, 0, 0))
+    picture = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    behind, beside = picture[16:21, 22:28, :3].mean((0, 1)), picture[:4, :4, :3].mean((0, 1))
+    assert behind[0] > 4 * behind[1] and behind[0] > 0.5 * beside[0]
+
+
+def test_the_published_network_is_never_guided(scene, tmp_path):
+    bundle = tmp_path / "renderformer-v2"
+    bundle.mkdir()
+    (bundle / "model_index.json").write_text("{}")
+    settings = scene.renderformer_v2
+    settings.light, settings.weights_source = "TRACED", "BUNDLED"
+    assert FrameSettings.of(scene).light is Light.TRACED
+    settings.weights_source, settings.weights_folder = "FOLDER", str(bundle)
+    assert FrameSettings.of(scene).light is Light.NONE
+    settings.weights_source, settings.light = "BUNDLED", "NETWORK"
+    assert FrameSettings.of(scene).light is Light.NONE
+
+
+def test_a_blender_without_a_denoiser_says_so_and_traces_all_the_same(shadowed, tmp_path, guides, monkeypatch):
+    shadowed.renderformer_v2.guide_samples = 2
+    press_f12(shadowed, tmp_path)
+    monkeypatch.setattr(compat, "has_openimagedenoise", lambda: False)
+    press_f12(shadowed, tmp_path)
+    denoised, noisy = (g.traced[5:-5, 5:-5] for g in guides)
+    assert noisy.mean() == pytest.approx(denoised.mean(), rel=0.1)
+    assert not np.array_equal(noisy, denoised)
+    assert any("OpenImageDenoise" in line for line in last_render.last_frame[-1].report)
+
+
+def test_traced_light_leaves_the_scene_as_it_was(scene, tmp_path):
+    scene.render.use_persistent_data = True
+    scene.cycles.diffuse_bounces, scene.cycles.use_denoising = 3, False
+    cube(scene)
+    before = {name: getattr(scene.cycles, name) for name in ("diffuse_bounces", "use_denoising", "denoiser", "seed")}
+    first = press_f12(scene, tmp_path)["ViewLayer.Combined"]
+    assert {name: getattr(scene.cycles, name) for name in before} == before
+    scene.render.engine = "CYCLES"
+    bpy.ops.render.render(scene=scene.name)  # with the bounces of the scene, not ours
+    scene.render.engine = "RENDERFORMER_V2"
+    np.testing.assert_allclose(press_f12(scene, tmp_path)["ViewLayer.Combined"], first, atol=0.02)
+
+
+def test_fog_is_as_bright_and_as_smooth_as_that_of_cycles(scene, tmp_path):
+    fog = material("Fog")
+    tree = fog.node_tree
+    tree.nodes.remove(tree.nodes["Principled BSDF"])
+    medium = tree.nodes.new("ShaderNodeVolumePrincipled")
+    tree.links.new(medium.outputs["Volume"], tree.nodes["Material Output"].inputs["Volume"])
+    cube(scene, of=fog)
+    mesh_object(scene, "Wall", [(-6, 3, -4), (6, 3, -4), (6, 3, 4), (-6, 3, 4)], [(0, 1, 2, 3)])
+    light(scene, (0.9, 0.3, 0))
+    scene.renderformer_v2.guide_samples = 8
+    reference = scene.renderformer_v2.reference
+    reference.use, reference.samples = True, 128
+    passes = press_f12(scene, tmp_path)
+    ours, cycles = (passes[f"ViewLayer.{name}"][12:25, 19:31, :3].mean(-1) for name in ("Combined", "Cycles Reference"))
+    assert ours.mean() == pytest.approx(cycles.mean(), rel=0.15)
+    grain = [np.abs(np.diff(picture, 2, axis=1)).mean() / picture.mean() for picture in (ours, cycles)]
+    assert grain[0] < 2 * grain[1] + 0.01

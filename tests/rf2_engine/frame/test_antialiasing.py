@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Edges of a picture of few samples are nearer to those of many than Cycles' own are with as few."""
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine import passes
+
+from tests.rf2_engine.f12 import press_f12
+from tests.rf2_engine.still_life import tick, with_cycles
+
+MANY = 256
+SEEN = ("emission", "environment")
+
+
+@pytest.fixture
+def scene(still_life):
+    still_life.render.resolution_x, still_life.render.resolution_y = 160, 120
+    still_life.render.film_transparent = True
+    still_life.objects["Floor"].hide_render = True
+    still_life.renderformer_v2.guide_samples = still_life.cycles.samples = 8
+    tick(still_life.view_layers[0], SEEN)
+    return still_life
+
+
+def seen(found):
+    """Alpha, and what is seen directly of emitters and world (H, W, 3) each."""
+    names = {p.key: p.blender_name for p in passes.PASSES}
+    return {"alpha": found["ViewLayer.Combined"][..., 3:]} | {key: found[f"ViewLayer.{names[key]}"] for key in SEEN}
+
+
+def test_coverage_is_nearer_to_that_of_many_samples(scene, tmp_path):
+    ours, few = seen(press_f12(scene, tmp_path)), seen(with_cycles(scene, tmp_path))
+    scene.cycles.samples = MANY
+    many = seen(with_cycles(scene, tmp_path))
+    for key, truth in many.items():
+        mine, theirs = (np.square(found[key] - truth).mean() for found in (ours, few))
+        assert theirs > 0 and mine < 0.9 * theirs, key
+
+
+def test_the_network_alone_leaves_edges_as_cycles_has_them(scene, tmp_path):
+    scene.renderformer_v2.light = "NETWORK"
+    ours, few = seen(press_f12(scene, tmp_path)), seen(with_cycles(scene, tmp_path))
+    for key, expected in few.items():
+        np.testing.assert_allclose(ours[key], expected, atol=1e-4, err_msg=key)

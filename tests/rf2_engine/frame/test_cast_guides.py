@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First hits without Cycles agree with those that Cycles gives."""
+import bpy
+import numpy as np
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import layer
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import cast_guides, make_guides
+
+from tests.rf2_engine.f12 import cube, material, sun
+
+
+def test_rays_through_the_tokens_find_what_cycles_finds(scene, monkeypatch):
+    seen = {}
+
+    def spy(passes, converted, view):
+        seen.update(scene=converted, view=view, guides=make_guides(passes, converted, view))
+        return seen["guides"]
+
+    monkeypatch.setattr(layer, "make_guides", spy)
+    cube(scene, of=material("Red", (0.8, 0.1, 0.1)))
+    sun(scene)
+    bpy.ops.render.render(scene=scene.name)
+    cycles, cast = seen["guides"], cast_guides(seen["scene"], seen["view"])
+
+    covered = (cycles.alpha > 0.5) & (cast.alpha > 0.5)
+    assert covered.any() and ((cycles.alpha > 0.5) == (cast.alpha > 0.5)).mean() > 0.97  # one sample at silhouettes
+    # A tile's diffuse colour is that of the surface, Cycles' leaves out what the coat of the dielectric reflects.
+    for name, tolerance in (("position", 1e-3), ("normal", 1e-3), ("depth", 1e-3), ("diffuse_color", 0.05)):
+        difference = np.abs(getattr(cycles, name) - getattr(cast, name))[covered]
+        assert np.median(difference) < tolerance and difference.mean() < 10 * tolerance, name
+    empty = (cycles.alpha < 0.01) & (cast.alpha == 0)
+    np.testing.assert_allclose(cast.environment[empty], cycles.environment[empty], atol=1e-3)
+    assert (cast.hit_triangle[covered] == cycles.hit_triangle[covered]).mean() > 0.97
+
+
+def test_a_lamp_is_not_seen_and_an_empty_scene_is_empty(scene, monkeypatch):
+    seen = {}
+    monkeypatch.setattr(layer, "make_guides", lambda passes, converted, view: seen.update(
+        scene=converted, view=view) or make_guides(passes, converted, view))
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
+    lamp.location, lamp.rotation_euler = (0, -2, 0), (1.5707963, 0, 3.1415927)
+    lamp.data.size = 5
+    scene.collection.objects.link(lamp)
+    bpy.ops.render.render(scene=scene.name)
+    assert seen["scene"].is_light.any()
+    guides = cast_guides(seen["scene"], seen["view"])
+    assert not guides.alpha.any() and (guides.hit_triangle == -1).all() and guides.environment.min() > 0

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the film is behind glass: transparent where Cycles has it so."""
+import bpy
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session as cycles_session
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+
+from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
+from tests.rf2_engine.still_life import with_cycles
+
+
+@pytest.fixture
+def behind_glass(scene):
+    """A pane of glass over half of a cube, before nothing, on a transparent film."""
+    cube(scene)
+    sun(scene)
+    glass = material("Glass")
+    inputs = glass.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Transmission Weight"].default_value, inputs["Roughness"].default_value = 1, 0
+    mesh_object(scene, "Pane", [(0.2, -3, -2), (3, -3, -2), (3, -3, 2), (0.2, -3, 2)], [(0, 1, 2, 3)], glass)
+    scene.render.film_transparent = scene.cycles.film_transparent_glass = True
+    scene.renderformer_v2.guide_samples = scene.cycles.samples = 8
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+    return scene
+
+
+def test_transparent_glass_is_that_of_cycles(behind_glass, tmp_path):
+    ours = press_f12(behind_glass, tmp_path)["ViewLayer.Combined"]
+    cycles = with_cycles(behind_glass, tmp_path)["ViewLayer.Combined"]
+    assert np.abs(ours - cycles)[..., 3].mean() < 0.01
+    bare = (cycles[..., 3] < 0.2) & (np.arange(50) > 30)  # behind the pane there is nothing
+    assert bare.sum() > 40 and np.abs(ours - cycles)[bare, :3].mean() < 0.05
+
+
+@pytest.mark.parametrize("change", ["no glass", "network alone"])
+def test_transparent_glass_costs_a_second_run_of_cycles_only_where_it_acts(behind_glass, tmp_path, monkeypatch, change):
+    runs = []
+
+    def render_passes(*arguments, real=cycles_session.render_passes, **options):
+        runs.append(options)
+        return real(*arguments, **options)
+    monkeypatch.setattr(cycles_session, "render_passes", render_passes)
+    if change == "no glass":
+        bpy.data.objects.remove(bpy.data.objects["Pane"])
+    else:
+        behind_glass.renderformer_v2.light = "NETWORK"
+    press_f12(behind_glass, tmp_path)
+    assert len(runs) == 1
+    assert any("behind glass" in line for line in last_render.last_frame[0].report) == (change == "network alone")

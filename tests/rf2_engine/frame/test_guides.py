@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The triangles that pixels are said to see, against every triangle tried for every pixel."""
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.model.camera import square_view, view_rays
+from bl_ext.user_default.renderformer_v2.model.scene import RenderScene, constant_tile
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import make_guides
+
+SIZE, NOTHING = 96, 1e10
+
+
+def scattered_scene(count: int, light: bool) -> RenderScene:
+    """Random parallelograms of two triangles in [-1, 1]^3; with `light` the first triangle is one no camera sees."""
+    rng = np.random.default_rng(3)
+    a, b, c = np.moveaxis(rng.uniform(-1, 1, (count // 2, 1, 3)) + rng.normal(size=(count // 2, 3, 3)) * 0.15, 1, 0)
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, a, a + b - c], axis=1)])
+    if light:
+        triangles[0] = [(-2, -2, 1.5), (2, -2, 1.5), (0, 3, 1.5)]  # in front of everything
+    emission = np.zeros((count, 3), np.float32)
+    emission[0] = 5.0 * light
+    normals = np.tile(np.float32((0, 0, 1)), (count, 3, 1))
+    return RenderScene(triangles.astype(np.float32), normals, emission, emission * 0, np.zeros((count, 2), np.float32),
+                       np.zeros(count, np.int32), constant_tile((0.8, 0.8, 0.8), roughness=0.5, ior=1.5)[None])
+
+
+def first_hits(triangles: np.ndarray, origin: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Index (S,), -1 if none, and distance (S,) of the nearest of `triangles` (N, 3, 3) along `rays` (S, 3)."""
+    corner, edges = triangles[:, 0], triangles[:, 1:] - triangles[:, :1]
+    columns = np.stack([np.broadcast_to(edges[:, 0], (len(rays), *corner.shape)),
+                        np.broadcast_to(edges[:, 1], (len(rays), *corner.shape)),
+                        np.broadcast_to(-rays[:, None], (len(rays), *corner.shape))], axis=-1)
+    u, v, distance = np.moveaxis(np.linalg.solve(columns, (origin - corner)[None, ..., None])[..., 0], -1, 0)
+    distance = np.where((u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0), distance, NOTHING)
+    return np.where(distance.min(1) < NOTHING, distance.argmin(1), -1), distance.min(1)
+
+
+@pytest.mark.parametrize("light", [False, True])
+def test_pixels_belong_to_the_triangles_they_see(light):
+    scene = scattered_scene(120, light)
+    camera = np.eye(4, dtype=np.float32)
+    camera[:3, 3] = 0.1, -0.2, 3.0
+    view = square_view(camera, 45, SIZE)
+    origin, rays = view_rays(view)
+    seen = scene.triangles[1:] if light else scene.triangles
+    triangle, distance = first_hits(seen.astype(np.float64), origin, rays.reshape(-1, 3).astype(np.float64))
+    hit = (triangle >= 0).reshape(SIZE, SIZE)
+    triangle = np.where(triangle >= 0, triangle + light, -1).reshape(SIZE, SIZE)
+    assert 0.2 < hit.mean() < 0.9 and len(np.unique(triangle)) > 60
+    distance = distance.reshape(SIZE, SIZE, 1)
+    zero = np.zeros((SIZE, SIZE, 3), np.float32)
+    passes = {name: zero for name in ("normal", "diffuse_color", "glossy_color", "transmission_color", "emission",
+                                      "environment")}
+    position = np.where(hit[..., None], origin + rays * distance, 0).astype(np.float32)
+    guides = make_guides(passes | {"alpha": hit[..., None] * np.float32(1), "depth": distance.astype(np.float32),
+                                   "position": position}, scene, view)
+
+    assert (guides.hit_triangle[~hit] == -1).all()
+    assert (guides.hit_triangle == triangle)[hit].mean() > 0.995  # the rest lies on an edge that two triangles share
+    weights = np.concatenate([guides.hit_barycentric, 1 - guides.hit_barycentric.sum(-1, keepdims=True)], axis=-1)
+    on_triangle = (scene.triangles[guides.hit_triangle] * weights[..., None]).sum(axis=-2)
+    np.testing.assert_allclose(on_triangle[hit], position[hit], atol=2e-3)

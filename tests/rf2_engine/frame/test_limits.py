@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Cycles obeys and this engine does not is a line of the report; what makes no difference is none."""
+import bpy
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.limits import report_limits
+
+from tests.rf2_engine.f12 import cube, sun
+
+
+@pytest.fixture
+def lines(scene):
+    """Function that gives the report of a cube in the sun."""
+    cube(scene)
+    sun(scene)
+
+    def of_now() -> list[str]:
+        report = Report()
+        for each in (scene, bpy.data.lights["Sun"]):
+            each.update_tag()  # a render evaluates everything
+        report_limits(bpy.context.evaluated_depsgraph_get(), report)
+        return report.lines()
+    return of_now
+
+
+def simplify(scene):
+    scene.render.use_simplify = scene.cycles.use_camera_cull = True
+
+
+def dice(scene):
+    modifier = scene.objects["Cube"].modifiers.new("Fine", "SUBSURF")
+    if hasattr(modifier, "use_adaptive_subdivision"):
+        modifier.use_adaptive_subdivision = True
+    else:
+        scene.cycles.feature_set, scene.objects["Cube"].cycles.use_adaptive_subdivision = "EXPERIMENTAL", True
+
+
+@pytest.mark.parametrize("change, name, words", [
+    (lambda scene: setattr(scene.cycles, "diffuse_bounces", 0), "Scene", "Light Paths"),
+    (lambda scene: setattr(scene.cycles, "max_bounces", 1), "Scene", "Light Paths"),
+    (lambda scene: setattr(scene.cycles, "use_fast_gi", True), "Scene", "Fast GI"),
+    (simplify, "Scene", "culling"),
+    (lambda scene: scene.view_layers[0].lightgroups.add(name="Key"), "ViewLayer", "Combined_Key"),
+    (lambda scene: setattr(scene.view_layers[0].cycles, "use_pass_shadow_catcher", True), "ViewLayer", "Catcher,"),
+    (lambda scene: setattr(scene.objects["Sun"].data.cycles, "max_bounces", 0), "Sun", "Max Bounces"),
+    (dice, "Cube", "Adaptive Subdivision"),
+])
+def test_a_setting_without_effect_is_said(scene, lines, change, name, words):
+    assert not lines()
+    change(scene)
+    (line,) = lines()
+    assert f" {name}: " in line and words in line
+
+
+def test_ordinary_subdivision_needs_no_line(scene, lines):
+    scene.objects["Cube"].modifiers.new("Smooth", "SUBSURF")
+    scene.cycles.diffuse_bounces = 12
+    assert not lines()

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Preflight: what a render will be made of, told before it, and nothing of the user's touched."""
+import bpy
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import preflight
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import preflight as panel_module
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import costs, last_render
+
+from tests.rf2_engine.f12 import cube, mesh_object, press_f12, sun
+from tests.rf2_engine.layout import Layout
+
+
+@pytest.fixture(autouse=True)
+def nothing_learned(scene, monkeypatch):  # after the add-on has read what it knows
+    monkeypatch.setattr(costs, "_measured", {})
+    monkeypatch.setattr(costs, "_memory", {})
+
+
+def look(scene) -> preflight.Preflight:
+    bpy.context.window.scene = scene
+    assert bpy.ops.renderformer_v2.preflight() == {"FINISHED"}
+    return preflight.last[scene.name]
+
+
+def drawn() -> Layout:
+    panel = type("Panel", (), {"layout": Layout()})()
+    panel_module.RENDERFORMER_PT_preflight.draw_header_preset(panel, bpy.context)
+    panel_module.RENDERFORMER_PT_preflight.draw(panel, bpy.context)
+    return panel.layout
+
+
+def test_it_tells_what_the_render_then_tells(scene, tmp_path):
+    sun(scene)
+    cube(scene)
+    cube(scene, "Catcher", location=(2, 0, 0)).is_shadow_catcher = True
+    mesh_object(scene, "Broken", [(0, 0, 0), (1, 0, float("nan")), (0, 1, 0)], [(0, 1, 2)])
+    scene.render.resolution_percentage = 200
+    before = look(scene)
+    assert before.seconds is None and before.memory is None and "unknown" in " ".join(before.lines)
+    press_f12(scene, tmp_path)
+    (rendered,) = last_render.last_frame
+    assert (before.size, before.triangles, before.tokens) == (rendered.size, rendered.triangles, rendered.tokens)
+    assert before.remarks == rendered.remarks
+    after = look(scene)
+    assert 0 < after.seconds < 20 * rendered.picture_seconds and after.memory > 100
+    layout = drawn()
+    assert layout.texts[:2] == [str(sum(remark.kind == kind for remark in before.remarks))
+                                for kind in ("approximated", "refused")]
+    assert any("Catcher" in getattr(o, "name", "") for o in layout.operators)
+    assert "tokens" in preflight.as_text(scene) and "Catcher" in preflight.as_text(scene)
+    assert bpy.ops.renderformer_v2.copy_report(source="PREFLIGHT") == {"FINISHED"}
+
+
+def test_all_view_layers_are_counted(scene, tmp_path):
+    cube(scene)
+    press_f12(scene, tmp_path)
+    one = look(scene)
+    scene.view_layers.new("Second")
+    two = look(scene)
+    assert two.layers == 2 and two.seconds > 1.2 * one.seconds and "one of 2" in two.lines[0]
+
+
+def test_a_render_without_the_network_says_nothing_of_its_memory(scene, tmp_path):
+    cube(scene, location=(0, -50, 0))  # behind the camera
+    press_f12(scene, tmp_path)
+    found = look(scene)
+    assert last_render.last_frame[0].tokens == 0 and found.memory is None and found.seconds is None
+
+
+def test_nothing_of_the_user_changes(scene):
+    box, lamp = cube(scene), sun(scene)
+    box.select_set(True)
+    bpy.context.view_layer.objects.active = lamp
+    scene.frame_set(7)
+    bpy.data.images.new("Painted", 4, 4)
+
+    def state():
+        blocks = sorted((block.bl_rna.name, block.name, block.users) for name in dir(bpy.data)
+                        if isinstance(blocks := getattr(bpy.data, name), bpy.types.bpy_prop_collection)
+                        for block in blocks)
+        return (blocks, [each.name for each in bpy.context.selected_objects], bpy.context.view_layer.objects.active,
+                scene.frame_current, bpy.data.is_dirty)
+
+    before = state()
+    look(scene)
+    assert state() == before
+    assert "UNDO" not in panel_module.RENDERFORMER_OT_preflight.bl_options
+
+
+def test_what_renders_hide_is_not_counted_and_what_the_viewport_hides_is_named(scene):
+    cube(scene)
+    alone = look(scene).triangles
+    cube(scene, "Unseen", (2, 0, 0)).hide_render = True
+    inside = bpy.data.collections.new("Inside")
+    scene.collection.children.link(inside)
+    inside.objects.link(behind := cube(scene, "Behind"))
+    scene.collection.objects.unlink(behind)
+    inside.hide_render = True
+    assert look(scene).triangles == alone
+    cube(scene, "Curtain", (2, 0, 0)).hide_viewport = True
+    rough = cube(scene, "Rough", (4, 0, 0)).modifiers.new("Smooth", "SUBSURF")
+    rough.levels, rough.render_levels = 0, 2
+    lines = preflight.as_text(scene) if look(scene) else ""
+    assert "Curtain: hidden in the viewport" in lines and "Rough: rendered with other modifiers" in lines
+    assert "Unseen" not in lines and "Behind" not in lines
+
+
+def test_what_a_render_would_refuse_is_said(scene):
+    cube(scene)
+    scene.camera.data.type = "PANO"
+    found = look(scene)
+    assert "Perspective" in found.error and any("Perspective" in text for text in drawn().texts)
+
+
+def test_it_never_takes_long(scene, monkeypatch):
+    cube(scene)
+    monkeypatch.setattr(preflight, "LONGEST", -1.0)
+    assert "only a render knows" in look(scene).error
+
+
+def test_in_edit_mode_it_asks_to_leave_it(scene):
+    bpy.context.window.scene = scene
+    bpy.context.view_layer.objects.active = cube(scene)
+    bpy.ops.object.mode_set(mode="EDIT")
+    with pytest.raises(RuntimeError, match="poll"):
+        bpy.ops.renderformer_v2.preflight()
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_another_file_forgets_it(scene):
+    look(scene)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert not preflight.last

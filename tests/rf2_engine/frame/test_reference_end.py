@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""When the reference is rendered, when it ends, and what is left of it: our picture always, seconds and samples."""
+import numpy as np
+import OpenEXR
+import pytest
+
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
+from bl_ext.user_default.renderformer_v2.rf2_engine import passes
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import run as cycles_run
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
+
+from tests.rf2_engine.f12 import press_f12
+
+REFERENCE = "ViewLayer.Cycles Reference"
+
+
+def test_without_the_checkbox_cycles_runs_once(lit, tmp_path, monkeypatch):
+    runs = spy(monkeypatch)
+    lit.renderformer_v2.reference.use = False
+    assert REFERENCE not in press_f12(lit, tmp_path)
+    assert len(runs) == 1 and last_render.last_frame[0].reference_samples == 0
+    lit.renderformer_v2.reference.use = True
+    press_f12(lit, tmp_path)
+    assert len(runs) == 3
+
+
+def spy(monkeypatch, instead=None) -> list:
+    """The runs of Cycles to come; `instead` takes the place of what the second one returns."""
+    runs = []
+
+    def read(*arguments, real=cycles_run._read):
+        runs.append(arguments)
+        return instead() if instead and len(runs) == 2 else real(*arguments)
+    monkeypatch.setattr(cycles_run, "_read", read)
+    return runs
+
+
+def test_our_picture_is_on_screen_before_cycles_starts(lit, tmp_path, monkeypatch):
+    shown = []
+
+    def look(status):
+        if status._shown[0].endswith("Cycles Reference") and not shown:
+            shown.append(cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]])["combined"])
+        return False
+    monkeypatch.setattr(Status, "esc_pressed", look)
+    found = press_f12(lit, tmp_path)
+    np.testing.assert_array_equal(shown[0], found["ViewLayer.Combined"])
+
+
+def stop():
+    raise RenderCancelled()
+
+
+def fail():
+    raise MemoryError()
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+@pytest.mark.parametrize("end, reason", [(stop, "stopped"), (fail, "Out of memory")])
+def test_our_picture_stays_when_the_reference_ends_early(lit, tmp_path, monkeypatch, persistent, end, reason):
+    """Cycles has written its own picture over ours by then."""
+    lit.render.use_persistent_data = persistent
+    whole = press_f12(lit, tmp_path)
+    with monkeypatch.context() as broken:
+        spy(broken, instead=end)
+        found = press_f12(lit, tmp_path)
+    np.testing.assert_array_equal(found["ViewLayer.Combined"], whole["ViewLayer.Combined"])
+    assert (found[REFERENCE] == 0).all()
+    (last,) = last_render.last_frame
+    assert any("Cycles Reference" in line and reason in line for line in last.report) and last.reference_samples == 0
+    np.testing.assert_array_equal(press_f12(lit, tmp_path)[REFERENCE], whole[REFERENCE])
+
+
+def test_esc_before_cycles_starts_keeps_our_picture(lit, tmp_path, monkeypatch):
+    whole = press_f12(lit, tmp_path)["ViewLayer.Combined"]
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0].endswith("Cycles Reference"))
+    np.testing.assert_array_equal(press_f12(lit, tmp_path)["ViewLayer.Combined"], whole)
+    assert any("stopped" in line for line in last_render.last_frame[0].report)
+
+
+def test_seconds_and_samples_are_kept_and_in_the_file(lit, tmp_path):
+    press_f12(lit, tmp_path)
+    (last,) = last_render.last_frame
+    assert last.reference_seconds > 0 and last.picture_seconds > 0 and last.reference_samples == 4
+    assert last.picture_seconds + last.reference_seconds == pytest.approx(sum(last.seconds.values()))
+    with OpenEXR.File(str(tmp_path / "picture.exr")) as file:
+        header = dict(file.header())
+    assert header["RenderFormer-V2 seconds"] == f"{last.picture_seconds:.2f}"
+    assert header["Cycles Reference seconds"] == f"{last.reference_seconds:.2f}"
+    assert header["Cycles Reference samples"] == "4"
+
+
+def test_a_time_limit_ends_the_reference(lit, tmp_path):
+    chosen = lit.renderformer_v2.reference
+    chosen.samples, chosen.time_limit = 1 << 20, 0.5
+    lit.cycles.use_adaptive_sampling = False  # a million samples would take minutes
+    assert press_f12(lit, tmp_path)[REFERENCE][15:22, 20:30, :3].min() > 0
+    assert lit.cycles.time_limit == 0 and any("Time Limit" in line for line in last_render.last_frame[0].report)
+    chosen.samples, chosen.time_limit = 1, 1000
+    press_f12(lit, tmp_path)
+    assert not any("Time Limit" in line for line in last_render.last_frame[0].report)

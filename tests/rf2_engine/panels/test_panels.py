@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Everything that acts has its place in the interface; what does not act is left out, or greyed with the reason."""
+import types
+
+import bpy
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import camera, copied
+
+from tests.rf2_engine.f12 import cube, sun
+from tests.rf2_engine.layout import Layout
+
+
+def drawn(scene, panel, **context) -> Layout:
+    context = types.SimpleNamespace(**{
+        "engine": scene.render.engine, "scene": scene, "view_layer": scene.view_layers[0],
+        "camera": scene.camera.data, "object": scene.camera, "light": None, "world": scene.world, "material": None,
+        "preferences": bpy.context.preferences, "region": None} | context)
+    assert panel.poll(context), panel
+    layout = Layout()
+    stand_in = types.SimpleNamespace(layout=layout, split_layout=lambda: layout, bl_space_type="PROPERTIES")
+    for method in ("draw_header", "draw"):
+        if draw := getattr(panel, method, None):
+            draw(stand_in, context)
+    return layout
+
+
+def panels():
+    return {name: getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("RENDERFORMER_")}
+
+
+@pytest.mark.parametrize("panel, expected", [
+    ("RENDERFORMER_PT_settings", {"weights_source", "device", "precision", "light", "token_budget", "max_edge",
+                                  "guide_samples"}),
+    ("RENDERFORMER_PT_film", {"film_exposure", "film_transparent", "film_transparent_glass", "pixel_filter_type",
+                              "filter_width"}),
+    ("RENDERFORMER_PT_depth_of_field", {"lens_samples"}),
+    ("RENDERFORMER_CAMERA_PT_dof", {"use_dof", "focus_object", "focus_distance", "lens_samples"}),
+    ("RENDERFORMER_CAMERA_PT_dof_aperture", {"aperture_fstop", "aperture_blades", "aperture_ratio"}),
+    ("RENDERFORMER_PT_motion_blur", {"use_motion_blur", "shutter_samples", "motion_blur_position",
+                                     "motion_blur_shutter"}),
+    ("RENDERFORMER_PT_performance", {"threads_mode", "threads", "use_persistent_data"}),
+    ("RENDERFORMER_PT_passes_data", {"use_pass_z", "use_pass_mist", "pass_alpha_threshold"}),
+    ("RENDERFORMER_PT_override", {"material_override", "world_override", "samples"}),
+    ("RENDERFORMER_OBJECT_PT_visibility", {"hide_render", "is_shadow_catcher", "is_holdout"}),
+    ("RENDERFORMER_OBJECT_PT_visibility_ray_visibility", {"visible_camera", "visible_diffuse", "visible_shadow"}),
+    ("RENDERFORMER_WORLD_PT_ray_visibility", {"camera", "diffuse", "glossy"}),
+])
+def test_what_acts_can_be_set(scene, panel, expected):
+    assert expected <= drawn(scene, panels()[panel], object=cube(scene)).shown
+
+
+def test_passes_that_cannot_be_given_are_named(scene):
+    light = panels()["RENDERFORMER_PT_passes_light"]
+    assert not drawn(scene, light).texts
+    scene.view_layers[0].lightgroups.add(name="Key")
+    assert "Combined_Key" in " ".join(drawn(scene, light).texts)
+
+
+def test_a_material_has_its_settings(scene):
+    shown = drawn(scene, panels()["RENDERFORMER_PT_material_settings"], material=cube(scene).active_material).shown
+    assert {"pass_index", "displacement_method", "use_transparent_shadow"} <= shown
+
+
+def test_light_linking_and_the_shadow_terminator_have_their_place():
+    for name in ("OBJECT_PT_shading", "OBJECT_PT_shadow_terminator"):
+        assert "RENDERFORMER_V2" in getattr(bpy.types, name).COMPAT_ENGINES, name
+
+
+def test_an_area_lamp_has_its_spread(scene):
+    lamp = bpy.data.lights.new("Area", "AREA")
+    assert {"energy", "shape", "size"} <= drawn(scene, panels()["RENDERFORMER_LIGHT_PT_light"], light=lamp).shown
+    assert "spread" in drawn(scene, panels()["RENDERFORMER_LIGHT_PT_beam_shape"], light=lamp).shown
+    assert panels()["RENDERFORMER_LIGHT_PT_nodes"].bl_label == "Nodes"
+
+
+def test_a_sun_has_no_beam(scene):
+    context = types.SimpleNamespace(engine="RENDERFORMER_V2", light=sun(scene).data)
+    assert not panels()["RENDERFORMER_LIGHT_PT_beam_shape"].poll(context)
+
+
+@pytest.mark.parametrize("panel, switch", [("RENDERFORMER_CAMERA_PT_dof", "lens_samples"),
+                                           ("RENDERFORMER_PT_motion_blur", "shutter_samples")])
+def test_blur_that_is_wanted_and_has_one_sample_says_so(scene, panel, switch):
+    scene.camera.data.dof.use_dof = scene.render.use_motion_blur = True
+    assert "more samples" in " ".join(drawn(scene, panels()[panel]).texts)
+    setattr(scene.renderformer_v2, switch, 8)
+    assert not drawn(scene, panels()[panel]).texts
+
+
+def test_a_panoramic_camera_is_warned_of_beside_its_lens(scene):
+    layout = Layout()
+    context = types.SimpleNamespace(engine="RENDERFORMER_V2", camera=scene.camera.data)
+    camera.draw_lens(types.SimpleNamespace(layout=layout), context)
+    assert not layout.texts
+    scene.camera.data.type = "PANO"
+    camera.draw_lens(types.SimpleNamespace(layout=layout), context)
+    assert "Perspective" in " ".join(layout.texts)
+
+
+def test_stereoscopy_is_shown_only_to_be_switched_off(scene):
+    assert "use_multiview" not in drawn(scene, panels()["RENDERFORMER_PT_settings"]).shown
+    scene.render.use_multiview = True
+    assert "use_multiview" in drawn(scene, panels()["RENDERFORMER_PT_settings"]).shown
+
+
+def test_other_engines_keep_their_panels_to_themselves(scene):
+    context = types.SimpleNamespace(engine="CYCLES", light=sun(scene).data, object=scene.camera, world=scene.world)
+    assert not any(panel.poll(context) for panel in copied.classes)
+    simplify = bpy.types.RENDER_PT_simplify
+    assert "RENDERFORMER_V2" not in simplify.COMPAT_ENGINES and "BLENDER_RENDER" in simplify.COMPAT_ENGINES
