@@ -61,7 +61,7 @@ class Normalization:
 
 
 def _fit(scene: RenderScene) -> tuple[np.ndarray, float]:
-    low, high = scene.focus if scene.focus is not None else _bounds(scene)
+    low, high = scene.box if scene.box is not None else _bounds(scene)
     half = float((high - low).max()) / 2
     scale = HALF_EXTENT / half if half > 1e-9 else 1.0
     return ((low + high) / 2).astype(np.float32), scale

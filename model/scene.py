@@ -157,7 +157,7 @@ class RenderScene:
     volumes: Volumes | None = None
     seen: np.ndarray | None = array("N", dtype=bool, default="none")  # by cameras, lamps are not; None = all
     # Lowest and highest corner of the box that becomes the network's, what a camera looks at; None = all but lights
-    focus: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
+    box: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
 
     def __len__(self) -> int:
         return len(self.triangles)

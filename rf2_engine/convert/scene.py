@@ -8,11 +8,11 @@ from ...model import progress
 from ...model.normalize import Normalization
 from ...model.scene import RenderScene, View
 from .. import compat
-from .camera.apparent_size import sight_of
+from .camera.apparent_size import apparent_size
 from .camera.camera import clip_start
-from .camera.framing import Aim
-from .camera.scene_box import find_focus
-from .camera.visible import look
+from .camera.framing import Framing
+from .camera.scene_box import find_box
+from .camera.visible import visible_points
 from .collect import collect
 from .lamps.lamps import convert_lamps
 from .material import MaterialTiles
@@ -25,13 +25,13 @@ from .world import shown_world, world_light
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda aim: aim, by_cycles=None, baker=None) -> RenderScene:
+            steady=lambda framing: framing, by_cycles=None, baker=None) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
     view: of the whole picture, whose surroundings become the network's box (camera/scene_box.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
-    steady: given the Aim of this picture, that of its shot.
+    steady: given the Framing of this picture, that of its shot.
     by_cycles: as world_light has it. baker: rf2_engine/cycles/bake.py, for nodes that only Cycles can evaluate.
     Raises SceneError when the scene cannot be converted at all.
     """
@@ -42,36 +42,36 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
         environment, suns = world_light(depsgraph, report, by_cycles)
     materials = MaterialTiles(report, depsgraph.scene_eval.frame_current, baker)
     with progress.part(0.05, 0.5):
-        found = collect(depsgraph, materials.images, report)
-    hits, aim = None, Aim(np.float32(found.bounds()), None)
+        collected = collect(depsgraph, materials.images, report)
+    hits, framing = None, Framing(np.float32(collected.bounds()), None)
     if view is not None:
-        hits = look(found, view, clip_start(depsgraph))
-        aim = steady(Aim(find_focus(found, view, hits), sight_of(view, hits)))
-        if aim.sight.view is not view:
-            hits = look(found, aim.sight.view, clip_start(depsgraph))
+        hits = visible_points(collected, view, clip_start(depsgraph))
+        framing = steady(Framing(find_box(collected, view, hits), apparent_size(view, hits)))
+        if framing.apparent.view is not view:
+            hits = visible_points(collected, framing.apparent.view, clip_start(depsgraph))
     progress.report(0.5)
-    (low, high), beyond = aim.box, found.beyond(aim.box)
+    (low, high), beyond = framing.box, collected.beyond(framing.box)
     if beyond:
         report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
                             f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}); farther away, such as parts of "
                             f"{', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}, it sees less")
     eye = None if view is None else view.camera_to_world[:3, 3]
-    clear = add_fog(found, shown_world(depsgraph), aim.box, eye, report)
+    clear = add_fog(collected, shown_world(depsgraph), framing.box, eye, report)
     environment, suns = through_fog(environment, suns, clear)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    lamps = convert_lamps(found.lamps, suns, token_budget // 2, center, radius, clear, report)
+    lamps = convert_lamps(collected.lamps, suns, token_budget // 2, center, radius, clear, report)
     budget = token_budget - sum(map(len, lamps))
-    size = Sizes(max_edge, Normalization.of(RenderScene(focus=aim.box)), aim.sight)
+    size = Sizes(max_edge, Normalization.of(RenderScene(box=framing.box)), framing.apparent)
     with progress.part(0.5, 0.7):
-        wanted = size.wanted(found.parts, budget)
+        wanted = size.wanted(collected.parts, budget)
         progress.report()
-        fit(found, budget, aim, hits, wanted, report)
-    size.subdivide(found.parts, budget)
+        fit(collected, budget, framing, hits, wanted, report)
+    size.subdivide(collected.parts, budget)
     with progress.part(0.7, 0.9):
-        surfaces = dressed(found.parts, materials, report)
+        surfaces = dressed(collected.parts, materials, report)
     scene = surfaces.appended(*lamps)
     with progress.part(0.9, 1.0, "Converting volumes"):
-        scene.volumes = medium.cells(found.media, report)
-    scene.environment, scene.focus = environment, aim.box
+        scene.volumes = medium.cells(collected.media, report)
+    scene.environment, scene.box = environment, framing.box
     scene.validate()
     return scene

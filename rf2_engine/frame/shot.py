@@ -15,13 +15,13 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..convert.camera.framing import Aim
+from ..convert.camera.framing import Framing
 from ..registering import handlers
 
 LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way
 FARTHEST = 1.0      # between their centres, in sides of the kept one
 
-_kept: dict[tuple[str, str, str], Aim] = {}  # by scene, view layer and camera
+_kept: dict[tuple[str, str, str], Framing] = {}  # by scene, view layer and camera
 
 
 def begins_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> int | None:
@@ -35,13 +35,13 @@ def begins_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) ->
     return first if first < scene.frame_current <= scene.frame_end else None
 
 
-def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[Aim], Aim]:
+def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[Framing], Framing]:
     """A function that takes what this frame would be fitted to and gives what its shot is."""
     key = _key(depsgraph)
 
-    def settled(aim: Aim) -> Aim:
-        if key not in _kept or _has_left(_kept[key].box, aim.box):
-            _kept[key] = aim
+    def settled(framing: Framing) -> Framing:
+        if key not in _kept or _has_left(_kept[key].box, framing.box):
+            _kept[key] = framing
         return _kept[key]
 
     return settled

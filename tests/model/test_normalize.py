@@ -42,9 +42,9 @@ def test_range_is_the_trained_one(scene):
 def test_what_the_camera_looks_at_fills_the_range_whatever_else_there_is(scene):
     far = scene.triangles.copy()
     far[5] *= 1000
-    focus = np.float32([(-0.2, 0, 1), (0.2, 0.5, 1.1)])
-    looked_at = replace(scene, triangles=far, focus=focus)
-    np.testing.assert_allclose(Normalization.of(looked_at).scene(looked_at).focus,
+    box = np.float32([(-0.2, 0, 1), (0.2, 0.5, 1.1)])
+    looked_at = replace(scene, triangles=far, box=box)
+    np.testing.assert_allclose(Normalization.of(looked_at).scene(looked_at).box,
                                [(-0.4, -0.5, -0.1), (0.4, 0.5, 0.1)], atol=1e-5)
 
 

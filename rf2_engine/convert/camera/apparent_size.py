@@ -19,7 +19,7 @@ MARGIN = 0.15  # of the picture's width, beyond its edges: still as good as seen
 
 
 @dataclass
-class Sight:
+class ApparentSize:
     """One eye at `near` or farther from everything it sees."""
 
     view: View
@@ -87,25 +87,25 @@ class Sight:
 class Lens:
     """From the frame of an object to a space where lengths are as they look from the camera, and back."""
 
-    def __init__(self, matrix: np.ndarray, sight: Sight):
+    def __init__(self, matrix: np.ndarray, apparent: ApparentSize):
         """matrix: (4, 4) object to world."""
-        self.matrix, self.sight = matrix, sight
+        self.matrix, self.apparent = matrix, apparent
         self.is_flat = abs(np.linalg.det(matrix[:3, :3])) < 1e-9 * np.linalg.norm(matrix[:3, :3]) ** 3
 
     def enter(self, points: np.ndarray) -> np.ndarray:
         """(n, 3) points of the object as seen."""
         if self.is_flat:
             return points
-        return self.sight.drawn_in(points @ self.matrix[:3, :3].T + self.matrix[:3, 3])
+        return self.apparent.drawn_in(points @ self.matrix[:3, :3].T + self.matrix[:3, 3])
 
     def leave(self, points: np.ndarray) -> np.ndarray:
         """The inverse."""
         if self.is_flat:
             return points
-        return (self.sight.drawn_out(points) - self.matrix[:3, 3]) @ np.linalg.inv(self.matrix[:3, :3]).T
+        return (self.apparent.drawn_out(points) - self.matrix[:3, 3]) @ np.linalg.inv(self.matrix[:3, :3]).T
 
 
-def sight_of(view: View, hits: Hits) -> Sight:
+def apparent_size(view: View, hits: Hits) -> ApparentSize:
     """The sight of a view that has seen these `hits`."""
     distance = np.linalg.norm(hits.points - view.camera_to_world[:3, 3], axis=1)
-    return Sight(view, max(float(np.percentile(distance, NEAR)), 1e-6) / 2 if len(hits) else 1.0)
+    return ApparentSize(view, max(float(np.percentile(distance, NEAR)), 1e-6) / 2 if len(hits) else 1.0)

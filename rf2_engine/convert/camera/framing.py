@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..meshes.reduce import COARSEST
-from .apparent_size import Sight
+from .apparent_size import ApparentSize
 
 ROOM = 1.15   # what has to give gives so many times as much: room for others in the frames that follow
 STEADY = 1.3  # a mesh keeps the triangles it had while those it should have are no more than so many times as many
 
 
 @dataclass
-class Aim:
+class Framing:
     box: np.ndarray      # (2, 3) f32, lowest and highest corner of what becomes the network's box
-    sight: Sight | None  # what triangles are allotted by; None: everything is seen alike
+    apparent: ApparentSize | None  # what triangles are allotted by; None: everything is seen alike
     shares: dict[tuple, int] = field(default_factory=dict)  # by mesh: how many triangles it had
 
     def steadied(self, keys: list[tuple], shares: np.ndarray, copies: np.ndarray, budget: int) -> np.ndarray:

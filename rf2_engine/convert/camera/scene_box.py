@@ -17,9 +17,9 @@ NEAR, FAR = 10, 30  # what is so many times as far as this percentile of the dis
 REACH = 1.5         # half of the box, in halves of the picture's longer side at the usual distance
 
 
-def find_focus(found: Collected, view: View, hits: Hits) -> np.ndarray:
+def find_box(collected: Collected, view: View, hits: Hits) -> np.ndarray:
     """(2, 3) f32 lowest and highest corner, world; those of all surfaces and media where the view shows none."""
-    low, high = found.bounds()
+    low, high = collected.bounds()
     points = hits.points
     if len(points):
         eye = view.camera_to_world[:3, 3]

@@ -38,31 +38,31 @@ class Hits:
         return np.linalg.norm(self.points - eye, axis=1)
 
 
-def look(found: Collected, view: View, clip_start: float = 0.0) -> Hits:
+def visible_points(collected: Collected, view: View, clip_start: float = 0.0) -> Hits:
     """What the view sees from `clip_start` on, in world units along its axis.
 
     It sees through what shines, unless there is hardly anything else: a sky dome is no more than a background; and
     through panes that fill most of the picture, far in front of what is behind them.
     """
-    shown = {i for i, part in enumerate(found.parts) if part.is_shown and not part.emits}
-    hits = _cast(found, view, clip_start, shown)
+    shown = {i for i, part in enumerate(collected.parts) if part.is_shown and not part.emits}
+    hits = _cast(collected, view, clip_start, shown)
     if len(hits) < FEW:
-        return _cast(found, view, clip_start, {i for i, part in enumerate(found.parts) if part.is_shown})
-    owner = np.repeat(np.arange(len(found.parts)), [len(part.places) for part in found.parts])
+        return _cast(collected, view, clip_start, {i for i, part in enumerate(collected.parts) if part.is_shown})
+    owner = np.repeat(np.arange(len(collected.parts)), [len(part.places) for part in collected.parts])
     eye, behind = view.camera_to_world[:3, 3], hits
     for _ in range(PANES):
         parts, counts = np.unique(owner[behind.instance[behind.instance >= 0]], return_counts=True)
-        if not len(parts) or counts.max() < len(behind) / 2 or not is_pane(found.parts[parts[counts.argmax()]]):
+        if not len(parts) or counts.max() < len(behind) / 2 or not is_pane(collected.parts[parts[counts.argmax()]]):
             break
         shown -= {parts[counts.argmax()]}
-        behind = _cast(found, view, clip_start, shown)
+        behind = _cast(collected, view, clip_start, shown)
     far = len(behind) >= FEW and np.median(behind.distances(eye)) > BEHIND * np.median(hits.distances(eye))
     return behind if far else hits
 
 
-def _cast(found: Collected, view: View, clip_start: float, shown: set[int]) -> Hits:
+def _cast(collected: Collected, view: View, clip_start: float, shown: set[int]) -> Hits:
     """shown: indices of the parts that there are for these rays."""
-    triangles, owner = _stand_ins(found, view.camera_to_world[:3, 3], shown)
+    triangles, owner = _stand_ins(collected, view.camera_to_world[:3, 3], shown)
     if not len(triangles):
         return Hits(np.zeros((0, 3)), np.zeros(0, np.int64))
     tree = BVHTree.FromPolygons(triangles.reshape(-1, 3).tolist(),
@@ -75,18 +75,18 @@ def _cast(found: Collected, view: View, clip_start: float, shown: set[int]) -> H
     return Hits(np.array([point for point, _ in hits]).reshape(-1, 3), owner[[index for _, index in hits]])
 
 
-def _stand_ins(found: Collected, eye: np.ndarray, visible: set[int]) -> tuple[np.ndarray, np.ndarray]:
+def _stand_ins(collected: Collected, eye: np.ndarray, visible: set[int]) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3, 3) world triangles that look alike from afar, and (n,) whose: of a fine mesh every k-th, enlarged.
 
     Stochastic simplification (Cook et al. 2007). Fog around the eye (3,) is looked through.
     """
-    placed = [medium.box.corners()[BOX] for medium in found.media if not medium.box.holds(eye)]
+    placed = [medium.box.corners()[BOX] for medium in collected.media if not medium.box.holds(eye)]
     owner = [np.full(len(box), -1) for box in placed]
-    shows = [i in visible for i in range(len(found.parts))]
-    instances = sum(len(part.matrices) for part, shown in zip(found.parts, shows, strict=True) if shown)
+    shows = [i in visible for i in range(len(collected.parts))]
+    instances = sum(len(part.matrices) for part, shown in zip(collected.parts, shows, strict=True) if shown)
     share = max(TRIANGLES // max(instances, 1), LEAST)
     before = 0
-    for part, shown in zip(found.parts, shows, strict=True):
+    for part, shown in zip(collected.parts, shows, strict=True):
         copies = len(part.matrices)
         if shown:
             corners = part.mesh.corners

@@ -17,12 +17,12 @@ MARGIN = 0.01   # of the box's longest side, around it
 NOWHERE = np.zeros((2, 3), np.float32)
 
 
-def add_fog(found: Collected, world, focus: np.ndarray, eye: np.ndarray | None, report) -> np.ndarray:
+def add_fog(collected: Collected, world, box: np.ndarray, eye: np.ndarray | None, report) -> np.ndarray:
     """Adds the fog between an eye (3,) and a box (2, 3), and in it; returns (3,) the share of light from infinitely far
     that comes through all the rest, of each colour: 1 or 0."""
     if not has_volume(world):
         return np.ones(3)
-    corners = np.concatenate([focus, focus if eye is None else [eye]])
+    corners = np.concatenate([box, box if eye is None else [eye]])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = MARGIN * max(float((high - low).max()), 1e-6)
     box = Box(np.eye(3), ((low + high) / 2).astype(np.float64), (high - low + 2 * margin).astype(np.float64))
@@ -34,7 +34,7 @@ def add_fog(found: Collected, world, focus: np.ndarray, eye: np.ndarray | None, 
     extinction = medium.scattering + medium.absorption
     if not extinction.any():
         return np.ones(3)
-    found.media.append(medium)
+    collected.media.append(medium)
     report.approximated(world.name, "its volume fills a box of " + " x ".join(f"{side:.3g}" for side in box.size)
                         + " m around what the camera looks at; as in Cycles, no light of the world or of suns comes "
                           "through it")

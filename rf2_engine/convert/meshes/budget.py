@@ -12,8 +12,8 @@ import numpy as np
 
 from ....model import progress
 from ....model.geometry import area_vectors
-from ..camera.apparent_size import Lens, Sight
-from ..camera.framing import Aim
+from ..camera.apparent_size import ApparentSize, Lens
+from ..camera.framing import Framing
 from ..camera.visible import GRID, Hits
 from ..collected import Collected, Part
 from . import pieces, reduce
@@ -28,30 +28,30 @@ SAMPLE = 20_000    # triangles that tell how curved a mesh is
 TEXTURE, FLAT = 1.0, 0.1  # curvature that textures, and the lack of both, are worth
 
 
-def fit(found: Collected, budget: int, aim: Aim, hits: Hits | None, wanted: list[int], report) -> None:
+def fit(collected: Collected, budget: int, framing: Framing, hits: Hits | None, wanted: list[int], report) -> None:
     """Simplify what is too fine; leave out the least visible instances where not even coarse shapes of all fit.
 
     wanted: triangles of each part with those by which it will be subdivided; hits: None where there is no camera, and
     everything is seen alike.
     """
-    parts, sight = found.parts, aim.sight
+    parts, apparent = collected.parts, framing.apparent
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
     if not parts or counts @ copies <= budget:
         return
-    shown = _shares_of_picture(parts, sight, hits)
+    shown = _shares_of_picture(parts, apparent, hits)
     parts, shown, wanted = _levels(*_kept(parts, shown, wanted, budget, report))
-    found.parts = parts
+    collected.parts = parts
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
     detail = np.array([_curvature(part.mesh) + (TEXTURE if part.is_textured else FLAT) for part in parts])
     weights = (np.array([share.max() for share in shown]) * detail) ** (2 / 3)
     shares = share_budget(np.maximum(counts, wanted), copies, weights, budget)
-    shares = aim.steadied(_names(parts), shares, copies, budget)
+    shares = framing.steadied(_names(parts), shares, copies, budget)
     before: dict[str, list[int]] = {}
     for i, (part, share, in_picture) in enumerate(zip(parts, shares, shown, strict=True)):
         if share >= len(part.mesh):
             continue
         area, count = part.mesh.area, len(part.mesh)
-        lens = None if sight is None else Lens(part.matrices[in_picture.argmax()], sight)
+        lens = None if apparent is None else Lens(part.matrices[in_picture.argmax()], apparent)
         with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying meshes, {i + 1} of {len(parts)}"):
             part.mesh = reduce.simplify(part.mesh, int(share), lens)
         part.flux_gain *= area / part.mesh.area
@@ -101,7 +101,7 @@ def _copies(part: Part) -> int:
     return len(part.places)
 
 
-def _shares_of_picture(parts: list[Part], sight: Sight | None, hits: Hits | None) -> list[np.ndarray]:
+def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None, hits: Hits | None) -> list[np.ndarray]:
     """For each part (m,) > 0, how much of the picture each of its instances is worth; 1 is all of it."""
     seen = np.zeros(sum(map(_copies, parts)))
     if hits is not None:
@@ -111,15 +111,15 @@ def _shares_of_picture(parts: list[Part], sight: Sight | None, hits: Hits | None
         mine, seen = seen[:_copies(part)], seen[_copies(part):]
         middle, scale = _middles_and_scales(part)
         area = part.mesh.area * scale ** 2
-        if sight is None:
+        if apparent is None:
             shares.append(area + 1e-30)
             continue
-        away = middle - sight.eye
+        away = middle - apparent.eye
         radius = np.linalg.norm(np.ptp(part.mesh.bounds, axis=0)) / 2 * scale
         distance = np.linalg.norm(away, axis=1)
-        whole = (area / 4 / (distance - radius).clip(sight.near) ** 2 / sight.solid_angle).clip(0, 1)
-        angle = np.arccos((away @ sight.axis / distance.clip(1e-30)).clip(-1, 1))
-        ahead = angle - np.arcsin((radius / distance.clip(1e-30)).clip(0, 1)) < np.arccos(sight.cosine)
+        whole = (area / 4 / (distance - radius).clip(apparent.near) ** 2 / apparent.solid_angle).clip(0, 1)
+        angle = np.arccos((away @ apparent.axis / distance.clip(1e-30)).clip(-1, 1))
+        ahead = angle - np.arcsin((radius / distance.clip(1e-30)).clip(0, 1)) < np.arccos(apparent.cosine)
         missed = ahead & ((whole < 2 / GRID ** 2) | part.emits)  # too small for the rays, or looked through by them
         shares.append(np.maximum(mine, np.where(missed, whole, HIDDEN * whole)) + 1e-12)
     return shares

@@ -9,7 +9,7 @@ import numpy as np
 from ....model import progress
 from ....model.geometry import contracted
 from ....model.normalize import Normalization
-from ..camera.apparent_size import Sight
+from ..camera.apparent_size import ApparentSize
 from ..collected import Part
 from . import mesh as meshes
 from . import subdivide
@@ -20,28 +20,28 @@ TEXTURED = 3.0  # times as large looks a triangle whose material has to fit into
 
 @dataclass
 class Sizes:
-    """max_edge: longest edge wanted, a fraction of the network's box, and of the picture of `sight` if there is one.
+    """max_edge: longest edge wanted, a fraction of the network's box, and of the picture of `apparent` if there is one.
 
     In the box, given by `frame`, space is contracted outside.
     """
 
     max_edge: float
     frame: Normalization
-    sight: Sight | None
+    apparent: ApparentSize | None
 
     def wanted(self, parts: list[Part], budget: int) -> np.ndarray:
         """(k,) how many triangles each part would have if those that look large were divided as finely as wanted."""
         counts = np.array([len(part.mesh) for part in parts], np.int64)
         coarse = [i for i, part in enumerate(parts) if counts[i] * len(part.matrices) <= budget and not part.emits]
-        if self.sight is None or not coarse:
+        if self.apparent is None or not coarse:
             return counts
         batch = np.cumsum(counts[coarse]) // BATCH
         for some in np.split(np.array(coarse), np.flatnonzero(np.diff(batch)) + 1):
             progress.report()
             corners, gain = self._seen([parts[i] for i in some])
             longest, more = meshes.longest_edges(corners), np.zeros(len(corners))
-            large = np.flatnonzero(self.sight.largest(longest) * gain > self.max_edge)
-            looks = self.sight.size(corners[large], longest[large]) * gain[large]
+            large = np.flatnonzero(self.apparent.largest(longest) * gain > self.max_edge)
+            looks = self.apparent.size(corners[large], longest[large]) * gain[large]
             more[large] = np.maximum(np.square(looks / self.max_edge) - 1, 0)
             begin = np.cumsum(counts[some]) - counts[some]
             counts[some] += np.add.reduceat(more, begin).clip(0, budget).astype(np.int64)
@@ -57,12 +57,12 @@ class Sizes:
         corners = np.concatenate([self.frame.points(self._corners(part, _largest(part, self._reach)))
                                   for part in parts])
         looks = None
-        if self.sight is not None:
+        if self.apparent is not None:
             nearest, gain = self._seen(parts)
 
             def looks(weights: np.ndarray, parent: np.ndarray) -> np.ndarray:
                 pieces = weights @ nearest[parent]
-                return self.sight.size(pieces, meshes.longest_edges(pieces)) * gain[parent]
+                return self.apparent.size(pieces, meshes.longest_edges(pieces)) * gain[parent]
         parent, weights = subdivide.subdivide(corners, np.repeat(cost, counts), self.max_edge,
                                               budget - int(counts @ copies), contracted, looks)
         owner = np.repeat(np.arange(len(parts)), counts)[parent]
@@ -89,7 +89,7 @@ class Sizes:
 
     def _distance(self, scale: np.ndarray, middle: np.ndarray) -> np.ndarray:
         """(m,) how large instances look."""
-        return scale / np.linalg.norm(middle - self.sight.eye, axis=1).clip(self.sight.near)
+        return scale / np.linalg.norm(middle - self.apparent.eye, axis=1).clip(self.apparent.near)
 
 
 def _largest(part: Part, size) -> np.ndarray:

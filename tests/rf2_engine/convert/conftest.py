@@ -17,7 +17,7 @@ def report():
 @pytest.fixture
 def converted(scene, report):
     """Function that converts the scene; by default nothing is simplified or subdivided, and no camera looks."""
-    def run(token_budget=1_000_000, max_edge=1e6, seen=False, steady=lambda aim: aim):
+    def run(token_budget=1_000_000, max_edge=1e6, seen=False, steady=lambda framing: framing):
         depsgraph = bpy.context.evaluated_depsgraph_get()
         view = convert_camera(depsgraph, 64, 64, None) if seen else None
         return convert(depsgraph, view, token_budget=token_budget, max_edge=max_edge, report=report, steady=steady)

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.framing import Aim
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.framing import Framing
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import shot
 
 from tests.rf2_engine.f12 import cube, mesh_object, sun
@@ -15,7 +15,7 @@ BOX = np.float32([(-1, -1, 0), (1, 1, 2)])
 @pytest.fixture
 def settled(scene):
     shot._kept.clear()
-    yield lambda box: shot.steady(bpy.context.evaluated_depsgraph_get())(Aim(np.float32(box), None)).box
+    yield lambda box: shot.steady(bpy.context.evaluated_depsgraph_get())(Framing(np.float32(box), None)).box
     shot._kept.clear()
 
 
@@ -56,7 +56,7 @@ def test_every_view_layer_has_its_own(settled, scene):
 def test_triangles_are_allotted_by_the_view_that_came_with_the_box(settled):
     steady = shot.steady(bpy.context.evaluated_depsgraph_get())
     looks = ((BOX, "first"), (1.5 * BOX, "second"), (9 * BOX, "third"))
-    assert [steady(Aim(box, sight)).sight for box, sight in looks] == ["first", "first", "third"]
+    assert [steady(Framing(box, apparent)).apparent for box, apparent in looks] == ["first", "first", "third"]
 
 
 @pytest.fixture
@@ -93,10 +93,10 @@ def rendered(scene, tmp_path, frames):
 
 
 def test_frames_rendered_apart_are_those_of_the_animation(moving, tmp_path):
-    aim, picture = rendered(moving, tmp_path, (1, 2))
+    framing, picture = rendered(moving, tmp_path, (1, 2))
     alone, picture_alone = rendered(moving, tmp_path, (2, 2))
-    np.testing.assert_array_equal(alone.box, aim.box)
-    assert alone.shares == aim.shares and aim.shares
+    np.testing.assert_array_equal(alone.box, framing.box)
+    assert alone.shares == framing.shares and framing.shares
     np.testing.assert_allclose(picture_alone, picture, atol=2 / 255)
 
 

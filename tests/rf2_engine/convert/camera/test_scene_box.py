@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import clip_start, convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.scene_box import find_focus
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.visible import look
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.scene_box import find_box
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.visible import visible_points
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.collect import collect
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.images.image import ImageCache
 from mathutils import Vector
@@ -15,7 +15,7 @@ EYE = (7.36, -6.93, 4.96)  # of Blender's default camera, which looks at a cube 
 
 
 @pytest.fixture
-def focus(scene, report):
+def box(scene, report):
     """Function that gives the box of the default view after a cube was added."""
     bpy.ops.object.camera_add(location=EYE, rotation=np.radians((63.6, 0, 46.7)))
     scene.camera = bpy.context.object
@@ -25,7 +25,7 @@ def focus(scene, report):
     def find():
         depsgraph = bpy.context.evaluated_depsgraph_get()
         found, view = collect(depsgraph, ImageCache(report), report), convert_camera(depsgraph, 192, 108, None)
-        return find_focus(found, view, look(found, view, clip_start(depsgraph)))
+        return find_box(found, view, visible_points(found, view, clip_start(depsgraph)))
     return find
 
 
@@ -59,40 +59,40 @@ SURROUNDINGS = {
 }
 
 
-def test_a_cube_alone_fills_the_box(focus):
-    np.testing.assert_allclose(focus(), [(-1, -1, -1), (1, 1, 1)], atol=1e-5)
+def test_a_cube_alone_fills_the_box(box):
+    np.testing.assert_allclose(box(), [(-1, -1, -1), (1, 1, 1)], atol=1e-5)
 
 
 @pytest.mark.parametrize("surroundings", SURROUNDINGS)
-def test_surroundings_do_not_shrink_what_is_looked_at(focus, surroundings):
+def test_surroundings_do_not_shrink_what_is_looked_at(box, surroundings):
     SURROUNDINGS[surroundings]()
-    assert_is_around_the_cube(focus())
+    assert_is_around_the_cube(box())
 
 
-def test_a_small_object_in_a_shining_dome_is_looked_at(focus, add_material):
+def test_a_small_object_in_a_shining_dome_is_looked_at(box, add_material):
     bpy.data.objects["Cube"].scale = (0.4, 0.4, 0.4)
     dome(500).data.materials.append(add_material("sky", emission=1.0))
-    assert side(focus()) < 5
+    assert side(box()) < 5
 
 
-def test_subdivision_does_not_change_the_box(focus):
+def test_subdivision_does_not_change_the_box(box):
     ground = plane(50)
-    before = focus()
+    before = box()
     modifier = ground.modifiers.new("fine", "SUBSURF")
     modifier.subdivision_type, modifier.levels, modifier.render_levels = "SIMPLE", 6, 6
-    np.testing.assert_allclose(focus(), before, atol=0.05 * side(before))
+    np.testing.assert_allclose(box(), before, atol=0.05 * side(before))
 
 
-def test_a_room_around_the_camera_is_the_box_and_not_the_house(focus):
+def test_a_room_around_the_camera_is_the_box_and_not_the_house(box):
     for x in range(-6, 7):
         bpy.ops.mesh.primitive_cube_add(size=10, location=(10 * x, 40, 0))
     dome(8.0)
-    assert side(focus()) <= 16.1
+    assert side(box()) <= 16.1
 
 
-def test_a_view_of_nothing_takes_all_there_is(focus, scene):
+def test_a_view_of_nothing_takes_all_there_is(box, scene):
     scene.camera.rotation_euler = (np.pi, 0, 0)
-    np.testing.assert_allclose(focus(), [(-1, -1, -1), (1, 1, 1)], atol=1e-5)
+    np.testing.assert_allclose(box(), [(-1, -1, -1), (1, 1, 1)], atol=1e-5)
 
 
 def card(scene, distance: float):
@@ -104,21 +104,21 @@ def card(scene, distance: float):
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.05])
-def test_what_the_camera_clips_is_looked_through(focus, scene, distance):
+def test_what_the_camera_clips_is_looked_through(box, scene, distance):
     card(scene, distance)
-    assert_is_around_the_cube(focus())
+    assert_is_around_the_cube(box())
 
 
-def test_a_surface_through_a_camera_that_clips_nothing_leaves_a_box(focus, scene):
+def test_a_surface_through_a_camera_that_clips_nothing_leaves_a_box(box, scene):
     ground = plane(10, z=EYE[2])
     ground.location, scene.camera.data.clip_start = EYE, 1e-6
     scene.camera.rotation_euler = (np.pi / 2, 0, 0)
-    assert np.isfinite(focus()).all()
+    assert np.isfinite(box()).all()
 
 
-def test_what_is_hidden_from_the_camera_is_looked_through(focus, scene):
+def test_what_is_hidden_from_the_camera_is_looked_through(box, scene):
     card(scene, 0.3).visible_camera = False
-    assert_is_around_the_cube(focus())
+    assert_is_around_the_cube(box())
 
 
 def clear(**inputs):
@@ -130,34 +130,34 @@ def clear(**inputs):
 
 
 @pytest.mark.parametrize("inputs", [{"Transmission_Weight": 1, "Roughness": 0}, {"Alpha": 0.2}])
-def test_panes_close_before_the_camera_are_looked_through(focus, scene, inputs):
+def test_panes_close_before_the_camera_are_looked_through(box, scene, inputs):
     for distance in (0.3, 0.4):
         pane = card(scene, distance)
         pane.data.materials.append(clear(**inputs))
         pane.modifiers.new("thick", "SOLIDIFY").thickness = 0.01
-    assert_is_around_the_cube(focus())
+    assert_is_around_the_cube(box())
 
 
 @pytest.mark.parametrize("inputs", [{}, {"Transmission_Weight": 1, "Roughness": 0.8}, {"Alpha": 0.9}])
-def test_a_card_that_hides_what_is_behind_it_is_looked_at(focus, scene, inputs):
+def test_a_card_that_hides_what_is_behind_it_is_looked_at(box, scene, inputs):
     card(scene, 0.3).data.materials.append(clear(**inputs))
-    assert side(focus()) < 1.1
+    assert side(box()) < 1.1
 
 
-def test_a_glass_vessel_is_looked_at_whatever_is_behind_it(focus, scene):
+def test_a_glass_vessel_is_looked_at_whatever_is_behind_it(box, scene):
     bpy.data.objects["Cube"].hide_render = bpy.data.objects["Cube"].hide_viewport = True
     bpy.ops.mesh.primitive_uv_sphere_add(radius=3)
     bpy.context.object.data.materials.append(clear(Transmission_Weight=1, Roughness=0))
     card(scene, 100.0)
-    low, high = focus()
+    low, high = box()
     assert (low < -1).all() and (high > 1).all() and side([low, high]) < 30
 
 
-def test_fog_around_the_camera_is_looked_through(focus, scene):
+def test_fog_around_the_camera_is_looked_through(box, scene):
     bpy.data.objects["Cube"].scale = (0.3, 0.3, 0.3)
     bpy.ops.mesh.primitive_cube_add(size=1000)
     bpy.context.object.data.materials.append(fog())
-    assert_is_around_the_cube(focus())
+    assert_is_around_the_cube(box())
 
 
 def fog():

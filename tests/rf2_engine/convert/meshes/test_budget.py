@@ -52,8 +52,8 @@ def test_what_stands_still_keeps_its_triangles_while_something_enters_the_pictur
     ball((0.5, 0, 0), 40), ball((1, 5, 0), 40)
     entering, shot, pictures = ball((-6, 0, 0), 40), [], []
 
-    def steady(aim):
-        shot.append(aim)
+    def steady(framing):
+        shot.append(framing)
         return shot[0]
     for x in np.linspace(-4, -1.7, 6):
         entering.location.x = x
