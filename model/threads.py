@@ -7,6 +7,7 @@ on the core that the thread it waits for needs, and work that takes 2 s takes 20
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +21,7 @@ _CHOSEN_BY_USER = (*_SLEEP, "GOMP_SPINCOUNT")
 _GRAIN = 1 << 15  # elements of a tensor that PyTorch does not share between threads
 
 _ours = False
+_alone = threading.local()  # has `yes` on threads whose work is already shared
 
 
 def sleep_while_waiting() -> None:
@@ -69,12 +71,41 @@ def shared(function: Callable, *tensors: Sequence) -> list:
         with torch.inference_mode(inference), torch.no_grad():  # each thread's own, and the former sets the latter
             return function(*row)
 
-    with ThreadPoolExecutor(workers, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+    def begin():
+        torch.set_num_threads(1)
+        _alone.yes = True
+
+    try:
+        return _pooled(one, rows, workers, begin)
+    finally:
+        torch.set_num_threads(workers)  # for threads to come: a new one has as many as the last was given
+
+
+def spread(function: Callable, rows: Sequence[tuple]) -> list:
+    """[function(*row) for row in rows] on as many threads as this one's team has, for functions without PyTorch.
+
+    They gain from it if they let go of Python's lock. What is reported is how many rows are done.
+    """
+    workers = _team_size()
+    if workers == 1 or len(rows) < 2:
+        return [function(*row) for row in _reported(rows)]
+    return _pooled(lambda row: function(*row), rows, workers, lambda: setattr(_alone, "yes", True))
+
+
+def _team_size() -> int:
+    """Of this thread: PyTorch's, without importing it."""
+    if getattr(_alone, "yes", False):
+        return 1
+    torch = sys.modules.get("torch")
+    return torch.get_num_threads() if hasattr(torch, "get_num_threads") else os.cpu_count() or 1
+
+
+def _pooled(function: Callable, rows: Sequence[tuple], workers: int, begin: Callable) -> list:
+    with ThreadPoolExecutor(workers, initializer=begin) as pool:
         try:
-            return [result.result() for result in _reported([pool.submit(one, row) for row in rows])]
+            return [result.result() for result in _reported([pool.submit(function, row) for row in rows])]
         finally:
             pool.shutdown(cancel_futures=True)
-            torch.set_num_threads(workers)  # for threads to come: a new one has as many as the last was given
 
 
 def _reported(items: list) -> Iterator:

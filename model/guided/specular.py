@@ -5,7 +5,7 @@ Whitted 1980, "An improved illumination model for shaded display", with one path
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ PURE = 0.5         # metallic or transmission from which a surface is a mirror o
 LIFTED = 1e-4      # of the longest way so far, that a ray starts off the surface it leaves
 SHARP, BLURRED = 0.2, 0.8  # roughness up to which what is seen is an image, and from which it is a mean of all around
 
-Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 
 
 @dataclass
@@ -41,7 +41,8 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
     """Paths from world points (P, 3) along unit directions (P, 3), none of which starts at a lamp.
 
     eye: (3,) or (P, 3), where what is seen at these points is seen from.
-    cast(origins, directions) gives the nearest triangle (S,) i32, -1 if none, and its distance (S,).
+    cast(origins, directions), such as `Rays.closest`, gives the nearest triangle (S,) i32, -1 if none, its distance
+    (S,), and whatever else.
     """
     ends = Ends(*(np.zeros((len(origin), 3), np.float32) for _ in range(3)))
     path, share = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
@@ -50,7 +51,7 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
     for _ in range(SURFACES):
         if not len(path):
             break
-        triangle, distance = cast(origin, direction)
+        triangle, distance = cast(origin, direction)[:2]
         hit = (triangle >= 0) & ~scene.is_light[triangle]
         path, share, origin, direction, triangle, distance, reach = (
             x[hit] for x in (path, share, origin, direction, triangle, distance, reach))

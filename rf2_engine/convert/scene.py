@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model import progress
+from ...model import progress, rays
 from ...model.normalize import Normalization
 from ...model.scene import RenderScene, View
 from .. import compat
@@ -38,6 +38,9 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     if (space := compat.working_space()) != "Linear Rec.709":
         report.approximated("Working Space", f"{space} is taken for Linear Rec.709: skies and lamps by temperature are "
                                              "off in colour")
+    if not rays.has_embree():
+        report.approximated("Speed", "the package embreex is missing, so rays take ten times as long: Install Packages "
+                                     "in Preferences > Add-ons > RenderFormer-V2 brings it")
     with progress.part(0.0, 0.05, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
         environment, suns = world_light(depsgraph, report, by_cycles)
     materials = MaterialTiles(report, depsgraph.scene_eval.frame_current, baker)

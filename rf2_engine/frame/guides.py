@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from mathutils.bvhtree import BVHTree
-
 from ...model import denoise_media
 from ...model.camera import view_rays, view_rays_at
 from ...model.first_hits import guides_of_hits
 from ...model.geometry import barycentric
-from ...model.progress import report
+from ...model.progress import part
+from ...model.rays import Rays
 from ...model.scene import Guides, RenderScene, View
-from ..casting import cast, tree_of
+from ..convert.meshes.nearest import Surface
 
 # A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what
 # Cycles saw. Decimated meshes and displacement pass; what Cycles' camera does not see (alpha cut-outs, hidden objects)
@@ -25,8 +24,7 @@ UNSEEN_LIGHT_TOLERANCE = 1e-4
 NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothing
 COVERED = 1e-3       # alpha below this is not worth a token's attention
 FILL_RADIUS = 4      # pixels
-CHUNK = 1 << 16      # pixels between two looks at the Esc key: about 0.1 s
-GRID = 4             # pixels
+FINDING = "Finding the triangles that are seen"
 
 
 def cast_guides(scene: RenderScene, view: View) -> Guides:
@@ -34,21 +32,13 @@ def cast_guides(scene: RenderScene, view: View) -> Guides:
 
     For whoever has no passes of Cycles, such as a viewport: no anti-aliasing, and nothing that is not in a token.
     """
-    seen = np.flatnonzero(scene.is_seen)
-    triangle = np.full(view.width * view.height, -1, np.int32)
-    weights = np.zeros((view.width * view.height, 2), np.float32)
+    seen, eye = np.flatnonzero(scene.is_seen), view.camera_to_world[:3, 3]
     rays = view_rays(view)[1]
-    if len(seen):
-        tree, eye, flat = tree_of(scene.triangles[seen]), view.camera_to_world[:3, 3], rays.reshape(-1, 3)
-        for first in range(0, len(flat), CHUNK):
-            report(first / len(flat), "Finding the triangles that are seen")
-            found, distance = cast(tree, eye, flat[first:first + CHUNK])
-            hit = np.flatnonzero(found >= 0)
-            point = eye + distance[hit, None] * flat[first + hit]
-            triangle[first + hit] = seen[found[hit]]
-            weights[first + hit] = _weights(scene.triangles[seen[found[hit]]], point)
+    with part(0.0, 1.0, FINDING):
+        met = Rays(scene.triangles[seen] - eye).closest(np.zeros(3), rays.reshape(-1, 3))
+    triangle = np.append(seen, -1)[met.triangle].astype(np.int32)  # the last row is that of nothing, -1
     return guides_of_hits(scene, view, rays, triangle.reshape(view.height, view.width),
-                          weights.reshape(view.height, view.width, 2))
+                          met.weights.reshape(view.height, view.width, 2))
 
 
 def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -> Guides:
@@ -94,50 +84,32 @@ def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, seen:
                      shines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Token triangle (S,) i32 and weights of its corners 0 and 1 (S, 2) f32 for the S pixels of `seen`.
 
-    Rays are cast through every GRID-th pixel, and where the triangle found there does not hold what is seen.
+    The first on the pixel's ray, be it seen or not; if what Cycles saw is not there, the first that is seen; if it is
+    not there either, the triangle nearest to it.
     """
-    tree = tree_of(scene.triangles)
-    eye, rows, columns = view.camera_to_world[:3, 3], *np.nonzero(seen)
-    on_grid = (rows % GRID == 0) & (columns % GRID == 0)
-    triangles, weights = np.full(seen.shape, -1, np.int32), np.zeros((*seen.shape, 2), np.float32)
-    groups = [(y[first:first + CHUNK], x[first:first + CHUNK])
-              for y, x in ((rows[on_grid], columns[on_grid]), (rows[~on_grid], columns[~on_grid]))
-              for first in range(0, len(y), CHUNK)]
-    for i, (y, x) in enumerate(groups):
-        report(i / len(groups), "Finding the triangles that are seen")
-        point = position[y, x]
-        guess = triangles[y - y % GRID, x - x % GRID]
-        guess, inside = _holding(scene, guess, point, eye)
-        new = np.flatnonzero(guess < 0)
-        rays = view_rays_at(view, x[new] + 0.5, y[new] + 0.5)[1]
-        guess[new], hit = _seen_along(tree, scene, eye, rays, point[new], shines[y[new], x[new]])
-        inside[new] = _weights(scene.triangles[guess[new]], hit)
-        triangles[y, x], weights[y, x] = guess, inside
-    return triangles[seen], weights[seen]
-
-
-def _holding(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
-             eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`triangle` (S,) i32 where it holds `point` (S, 3), else -1; weights of corners 0 and 1 (S, 2) f32 there."""
-    corners = scene.triangles[triangle]
-    weights = _weights(corners, point)
-    third = 1 - weights.sum(1)
-    nearest = np.einsum("sk,skc->sc", np.column_stack([weights, third]), corners)
-    off = np.linalg.norm(nearest - point, axis=1) / np.linalg.norm(point - eye, axis=1)
-    return np.where((triangle >= 0) & (third >= 0) & (off < UNSEEN_LIGHT_TOLERANCE), triangle, -1), weights
-
-
-def _seen_along(tree: BVHTree, scene: RenderScene, eye: np.ndarray, rays: np.ndarray, target: np.ndarray,
-                shines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangle (S,) i32 behind unit rays (S, 3) on which Cycles saw `target` (S, 3), and the point (S, 3) f32 on it."""
-    triangle, distance = cast(tree, eye, rays)
-    point = (eye + distance[:, None] * rays).astype(np.float32)
-    unseen_light = scene.is_light[triangle] & ~shines
-    tolerance = np.where(unseen_light, UNSEEN_LIGHT_TOLERANCE, TOLERANCE) * np.linalg.norm(target - eye, axis=1)
-    other = np.flatnonzero((triangle < 0) | (np.linalg.norm(point - target, axis=1) > tolerance))
-    for i, place in zip(other.tolist(), target[other].tolist()):
-        point[i], _, triangle[i], _ = tree.find_nearest(place)
-    return triangle, point
+    eye, (rows, columns), target = view.camera_to_world[:3, 3], np.nonzero(seen), position[seen]
+    rays = view_rays_at(view, columns + 0.5, rows + 0.5)[1]
+    triangle, weights = np.full(len(target), -1, np.int32), np.zeros((len(target), 2), np.float32)
+    among, left = np.arange(len(scene)), np.arange(len(target))
+    with part(0.0, 0.5, FINDING):
+        for _ in range(2):
+            met = Rays(scene.triangles[among] - eye).closest(np.zeros(3), rays[left])
+            at = met.distance[:, None] * rays[left] + eye
+            found = np.append(among, -1)[met.triangle]
+            unseen_light = scene.is_light[found] & ~shines[seen][left]
+            tolerance = np.where(unseen_light, UNSEEN_LIGHT_TOLERANCE, TOLERANCE)
+            off = np.linalg.norm(at - target[left], axis=1) / np.linalg.norm(target[left] - eye, axis=1)
+            held = (found >= 0) & (off <= tolerance)
+            triangle[left[held]], weights[left[held]] = found[held], met.weights[held]
+            among, left = np.flatnonzero(scene.is_seen), left[~held]
+            if not len(left) or len(among) == len(scene):
+                break
+    if len(left):
+        with part(0.5, 1.0, FINDING):
+            corners = scene.triangles.astype(np.float64)
+            nearest = Surface(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)).nearest(target[left])
+        triangle[left], weights[left] = nearest, _weights(scene.triangles[nearest], target[left])
+    return triangle, weights
 
 
 def _weights(triangles: np.ndarray, point: np.ndarray) -> np.ndarray:

@@ -9,14 +9,15 @@ import numpy as np
 
 from ...model.camera import view_rays_at
 from ...model.geometry import corner_weights
-from ...model.guided.specular import facing, follow, reflected, refracted, surface
-from ...model.progress import report
+from ...model.guided.specular import Ends, facing, follow, reflected, refracted, surface
+from ...model.progress import part
+from ...model.rays import Rays
 from ...model.scene import IOR, Guides, RenderScene, View
-from ..casting import cast, tree_of
+from ...model.threads import spread
 
 LEAST_COLOR = {"reflected": 0.08, "refracted": 0.05}  # of a lobe whose pixels are looked at: more than plastic's gloss
-RAYS = 1 << 18   # of a lobe, at most: about a second for one surface on the way
-CHUNK = 1 << 14  # rays between two looks at the Esc key
+RAYS = 1 << 18   # of a lobe, at most
+CHUNK = 1 << 14  # paths that are followed at once
 ENDS = {"position": np.float32, "normal": np.float16, "color": np.float16}
 
 
@@ -27,23 +28,26 @@ def with_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
     """
     colors = {"reflected": guides.glossy_color, "refracted": guides.transmission_color}
     shown = {name: (color.max(-1) > LEAST_COLOR[name]) & (guides.hit_triangle >= 0) for name, color in colors.items()}
-    tree = tree_of(scene.triangles) if any(pixels.any() for pixels in shown.values()) else None
+    rays = Rays(scene.triangles) if any(pixels.any() for pixels in shown.values()) else None
     found = {}
     for name, pixels in shown.items():
         if not pixels.any():
             continue
         step = max(math.ceil(math.sqrt(pixels.sum() / RAYS)), 1)
         rows, columns = (step * index for index in np.nonzero(pixels[::step, ::step]))
+
+        def ends(rows: np.ndarray, columns: np.ndarray, name: str = name) -> Ends:
+            return follow(scene, rays.closest, *_leaving(name, guides, scene, view, rows, columns))
+
+        places = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
+        with part(0.0, 1.0, "Looking into mirrors and glass"):
+            parts = spread(ends, places)
         arrays = {kind: np.zeros((*pixels.shape, 3), dtype) for kind, dtype in ENDS.items()}
-        for first in range(0, len(rows), CHUNK):
-            report(first / len(rows), "Looking into mirrors and glass")
-            place = rows[first:first + CHUNK], columns[first:first + CHUNK]
-            ends = follow(scene, lambda *rays: cast(tree, *rays), *_leaving(name, guides, scene, view, *place))
-            for kind, array in arrays.items():
-                array[place] = getattr(ends, kind)
         for kind, array in arrays.items():
-            spread = array[::step, ::step].repeat(step, 0).repeat(step, 1)[:pixels.shape[0], :pixels.shape[1]]
-            found[f"{name}_{kind}"] = np.where(pixels[..., None], spread, 0)
+            array[rows, columns] = np.concatenate([getattr(ends_of, kind) for ends_of in parts])
+        for kind, array in arrays.items():
+            filled = array[::step, ::step].repeat(step, 0).repeat(step, 1)[:pixels.shape[0], :pixels.shape[1]]
+            found[f"{name}_{kind}"] = np.where(pixels[..., None], filled, 0)
     return replace(guides, **found)
 
 

@@ -12,7 +12,7 @@ from ...geometry import area_vectors, quartered
 from ...scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene
 from ..prior.blocking import is_solid, passes_light
 
-PATCHES = 2048
+PATCHES = 4096
 NEAR = 0.5           # network units from the origin, half a side of the box that is looked at
 AT_ONCE = 64         # triangles that are split before the largest are looked for again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one

@@ -18,15 +18,16 @@ from ...progress import part
 from ...scene import RenderScene
 from ..prior.blocking import is_solid
 from ..prior.light_prior import LightPrior
+from ..visibility import Visibility
 from .patches import patches
-from .voxels import Voxels
 
 BOUNCES = 3      # between patches, before the last one at the point: together as many as Cycles' diffuse ones
-PATCH_RAYS = 16  # from each side of a patch
-RAYS = 12        # from a point
+PATCH_RAYS = 128  # from each side of a patch
+RAYS = 96        # from a point
 SURFACES = 2     # of glass that a ray looks for lamps at
 PASSED = 0.9     # share of lamps' light that glass lets through besides its colour
 ABOVE = 1e-3     # network units that a point is lifted off its surface
+BEYOND = 1e-4    # network units behind a pane where a ray goes on
 BLUR = 0.3       # roughness that spreads the environment's radiance over what a ray stands for
 GOLDEN = (math.sqrt(5) - 1) / 2
 MIX, SCATTER = [(1298.98, 2695.31), (7823.3, 1833.06), (3771.9, 2461.7)], 43758.5453
@@ -54,11 +55,11 @@ class Radiosity:
         # Where nothing is met, and where emitters are, whose light is no bounced one, is the row behind all patches.
         self.patch = F.pad(found.patch[found.solid], (0, len(shining) + 1), value=len(center)).to(device)
         with part(0.0, 0.1):
-            self.voxels = Voxels(torch.cat([found.corners[found.solid], shining]).to(device))
+            self.surfaces = Visibility(torch.cat([found.corners[found.solid], shining]).numpy())
         self.fog, self.environment, self.panes = prior.fog, prior.environment, None
         if found.glass.any():
             with part(0.1, 0.2):
-                self.panes = Voxels(found.corners[found.glass].to(device))
+                self.panes = Visibility(found.corners[found.glass].numpy())
             self.tint, self.pane = (a[found.glass].to(device) for a in (found.tint, found.patch))
         x, n, albedo = torch.cat([center] * 2), torch.cat([self.normal, -self.normal]), torch.cat([albedo] * 2)
         with part(0.2, 0.4):
@@ -90,16 +91,16 @@ class Radiosity:
         direction = cosine_directions(normal, rays, start).reshape(-1, 3)
         origin = (position + ABOVE * normal)[:, None].expand(-1, rays, -1).reshape(-1, 3)
         with part(0.0, 0.7):
-            triangle, distance = self.voxels(origin, direction)
+            triangle, distance = self.surfaces.nearest(origin, direction)
         patch, count = self.patch[triangle], len(self.normal)
         back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
         side = torch.where(patch < count, patch + count * back, 2 * count)
         passing, through = torch.ones_like(distance), torch.zeros_like(direction)
         if self.fog is not None:
-            passing = self.fog.passing(origin, origin + distance[:, None] * direction)
+            passing = self.fog.passing(origin, origin + distance.nan_to_num(posinf=0)[:, None] * direction)
         if self.panes is not None:
             with part(0.7, 1.0):
-                through = self._through(origin, direction, distance.masked_fill(triangle < 0, math.inf))
+                through = self._through(origin, direction, distance)
         return Surroundings(side.view(-1, rays), passing.view(-1, rays), through.view(-1, rays, 3).mean(1))
 
     def _through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
@@ -111,8 +112,9 @@ class Radiosity:
         ray, gone = torch.arange(len(origin), device=origin.device), torch.zeros_like(direction[:, :1])
         for surface in range(SURFACES):
             with part(surface / SURFACES, (surface + 1) / SURFACES):
-                pane, way = self.panes(origin[ray] + gone * direction[ray], direction[ray])
-            gone = gone + way[:, None]
+                begin = gone + BEYOND
+                pane, way = self.panes.nearest(origin[ray] + begin * direction[ray], direction[ray])
+            gone = begin + way[:, None]
             met = (pane >= 0) & (gone[:, 0] < distance[ray])
             ray, pane, gone = ray[met], pane[met], gone[met]
             towards, tint, row = direction[ray], self.tint[pane]**2, self.pane[pane]  # a body's two surfaces
@@ -133,8 +135,8 @@ def _gathered(around: Surroundings, leaving: Tensor) -> Tensor:
 
 def scattered(position: Tensor) -> Tensor:
     """(P, 2) f32 in [0, 1), as if at random, but the same wherever a point (P, 3) stands among others."""
-    mixed = position.double() @ position.new_tensor(MIX, dtype=torch.float64)
-    return (mixed.sin() * SCATTER % 1).float()
+    mixed = position.cpu().double() @ torch.tensor(MIX, dtype=torch.float64)  # GPUs may know no float64
+    return (mixed.sin() * SCATTER % 1).float().to(position.device)
 
 
 def cosine_directions(normal: Tensor, count: int, start: Tensor) -> Tensor:

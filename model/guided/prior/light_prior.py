@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Unshadowed light of the light tokens and the environment token, in closed form (docs/architecture.md).
+"""Light of the light tokens and the environment token, in closed form (docs/architecture.md).
 
-No ray is traced: shadows, bounces and everything non-local are the transformer's work. An emitter enters by its vector
-form factor, which a sphere of the same solid angle replaces for the horizon and the glossy lobe (Snyder 1996,
-"Area light sources for real-time graphics"; Heitz and Hill 2017, "Real-time line- and disk-light shading").
+An emitter enters by its vector form factor, which a sphere of the same solid angle replaces for the horizon and the
+glossy lobe (Snyder 1996, "Area light sources for real-time graphics"; Heitz and Hill 2017, "Real-time line- and
+disk-light shading"). The lobes are unshadowed; `arriving` has the share of diffuse light that rays towards the lights
+let through.
 """
 from __future__ import annotations
 
@@ -17,21 +18,21 @@ from ...geometry import contracted
 from ...progress import part
 from ...scene import RenderScene
 from ...threads import shared
+from ..visibility import Visibility
 from .blocking import is_solid, passes_light
 from .emitters import gather_emitters
 from .environment_prior import EnvironmentPrior
-from .far import FarBlockers
-from .shadow_maps import DistantShadows, LampShadows
-from .sky import SkyVisibility
+from .sky import ABOVE, SkyVisibility
 from .transmittance import fog_of
 
 DISTANT = 15.0  # network units; an emitter beyond stands for a sun, which looks alike from everywhere
 FOGLESS = 3.0   # network units from the centre: nobody looks for fog beyond
-CHUNK = 8192  # pixels at a time: bounds memory with many lights, and the time between two polls
+BEFORE = 4e-3   # network units before a lamp's middle, where the way to it ends
+CHUNK = 8192    # pixels at a time: bounds memory with many lights, and the time between two polls
 
 
 class LightPrior:
-    """Light arriving at surface points from everything that shines, as if nothing stood between unless told.
+    """Light arriving at surface points from everything that shines, unshadowed or as far as it arrives.
 
     Built from a RenderScene in network units (in any exposure; the result is in the same radiance units).
     """
@@ -44,19 +45,16 @@ class LightPrior:
         self.distant = self.origins.norm(dim=-1) > DISTANT
         self.radiance, self.beam_axis, self.beam_cosine = map(as_tensor, (e.radiance, e.beam_axis, e.beam_cosine))
         self.environment = None if scene.environment is None else EnvironmentPrior(as_tensor(scene.environment))
-        blocking = as_tensor(scene.triangles[is_solid(scene) & ~scene.is_light & ~passes_light(scene, straight=True)])
         self.fog = fog_of(scene.volumes, device)
-        far = FarBlockers(as_tensor(scene.triangles[is_solid(scene) & ~passes_light(scene)]))
-        towards = F.normalize(self.origins[self.distant], dim=-1)
-        with part(0.0, 0.1):
-            arrives = far.unblocked(towards)[:, None] * self.radiance[self.distant]
-            self.radiance = self.radiance.index_put((self.distant,), arrives)
-        with part(0.1, 0.6):
-            self.sky = None if self.environment is None else SkyVisibility(blocking, far, self.environment, self.fog)
-        with part(0.6, 0.9):
-            near = LampShadows(blocking, self.origins[~self.distant])
-        with part(0.9, 1.0):
-            self.shadows = near, DistantShadows(blocking, towards)
+        blocking = is_solid(scene) & ~passes_light(scene, straight=True)
+        with part(0.0, 0.5):
+            self.blockers = Visibility(scene.triangles[blocking & ~scene.is_light])  # a lamp does not shade itself
+        with part(0.5, 1.0):
+            self.sky = None
+            if self.environment is not None:
+                shining = blocking & scene.is_light
+                walls = Visibility(scene.triangles[blocking]) if shining.any() else self.blockers
+                self.sky = SkyVisibility(walls, self.environment, self.fog)
 
     def arriving(self, position: Tensor, normal: Tensor) -> Tensor:
         """Shares of diffuse light that arrive past the scene's triangles and through its volumes.
@@ -70,14 +68,17 @@ class LightPrior:
 
     def _unshaded(self, x: Tensor, n: Tensor) -> Tensor:
         """(P, 3) share of the emitters' diffuse light that arrives."""
-        seen = x.new_ones(len(x), len(self.origins))
-        for which, shadows in zip((~self.distant, self.distant), self.shadows, strict=True):
-            seen[:, which] = shadows(x, n).to(x.dtype)
-        if self.fog is not None:
-            seen *= self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
         direction, sine2, beam = self._beams(x)
         light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
-        return ((light * seen) @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
+        point, emitter = light.nonzero().unbind(1)
+        origin = (x + ABOVE * n)[point]
+        way = self.origins[emitter] - origin
+        far = way.norm(dim=-1)
+        blocked = self.blockers.blocked(origin, way / far.clamp_min(1e-9)[:, None], far - BEFORE)
+        arrives = light.index_put((point, emitter), light[point, emitter] * ~blocked)
+        if self.fog is not None:
+            arrives = arrives * self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
+        return (arrives @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
 
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
                  arriving: Tensor | None = None) -> Tensor:

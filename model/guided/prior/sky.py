@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of the environment's light reaches a surface past the scene's triangles and through its volumes."""
+"""The share of the environment's light that reaches a surface past the scene's triangles and through its volumes."""
 from __future__ import annotations
 
 import math
@@ -7,38 +7,38 @@ import math
 import torch
 from torch import Tensor
 
-from ...progress import part
+from ...threads import shared
+from ..visibility import Visibility
 from .environment_prior import EnvironmentPrior
-from .far import FarBlockers
-from .shadow_maps import DistantShadows
 from .transmittance import Fog
 
 DIRECTIONS = 64
 BLUR = 0.5      # roughness that spreads the environment's radiance over a direction's share of the sphere
+ABOVE = 2e-3    # network units that a ray starts off its surface
 FOGLESS = 2.0   # network units from a point: nobody looks for fog beyond
 CHUNK = 4096    # points at a time
 
 
 class SkyVisibility:
-    """Built from (T, 3, 3) corners of the triangles near, from what is far, and the volumes, that stand in the way."""
+    """Rays that miss: in DIRECTIONS of the whole sphere, weighted by cosine and the environment's radiance."""
 
-    def __init__(self, near: Tensor, far: FarBlockers, environment: EnvironmentPrior, fog: Fog | None = None):
-        self.towards = sphere_directions(DIRECTIONS).to(near.device)
+    def __init__(self, blockers: Visibility, environment: EnvironmentPrior, fog: Fog | None = None):
+        self.towards = sphere_directions(DIRECTIONS).to(environment.harmonics.device)
         self.radiance = environment.filtered(self.towards, torch.full_like(self.towards[:, 0], BLUR))
-        with part(0.0, 0.2):
-            self.unblocked = far.unblocked(self.towards)
-        with part(0.2, 1.0):
-            self.shadows, self.fog = DistantShadows(near, self.towards), fog
+        self.blockers, self.fog = blockers, fog
 
     def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
         """(P, 3) share of the environment's RGB irradiance that arrives at points (P, 3) with unit normals (P, 3)."""
-        parts = [torch.zeros_like(position[:0])]
-        for x, n in zip(position.split(CHUNK), normal.split(CHUNK), strict=True):
-            cosine, seen = (n @ self.towards.T).clamp_min(0), self.shadows(x, n) * self.unblocked
-            if self.fog is not None:
-                seen *= self.fog.passing(x[:, None], x[:, None] + FOGLESS * self.towards)
-            parts.append((cosine * seen) @ self.radiance / (cosine @ self.radiance).clamp_min(1e-12))
-        return torch.cat(parts)
+        return torch.cat(shared(self._share, position.split(CHUNK), normal.split(CHUNK)))
+
+    def _share(self, x: Tensor, n: Tensor) -> Tensor:
+        cosine = (n @ self.towards.T).clamp_min(0)
+        point, direction = cosine.nonzero().unbind(1)
+        blocked = self.blockers.blocked((x + ABOVE * n)[point], self.towards[direction])
+        seen = cosine.index_put((point, direction), cosine[point, direction] * ~blocked)
+        if self.fog is not None:
+            seen *= self.fog.passing(x[:, None], x[:, None] + FOGLESS * self.towards)
+        return seen @ self.radiance / (cosine @ self.radiance).clamp_min(1e-12)
 
 
 def sphere_directions(count: int) -> Tensor:

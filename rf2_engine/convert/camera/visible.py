@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathutils.bvhtree import BVHTree
-
 from ....model.camera import view_rays_at
+from ....model.rays import Rays
 from ....model.scene import View
 from ..collected import Collected
 from .panes import is_pane
@@ -65,14 +64,12 @@ def _cast(collected: Collected, view: View, clip_start: float, shown: set[int]) 
     triangles, owner = _stand_ins(collected, view.camera_to_world[:3, 3], shown)
     if not len(triangles):
         return Hits(np.zeros((0, 3)), np.zeros(0, np.int64))
-    tree = BVHTree.FromPolygons(triangles.reshape(-1, 3).tolist(),
-                                np.arange(3 * len(triangles)).reshape(-1, 3).tolist(), all_triangles=True)
     x, y = np.meshgrid((np.arange(GRID) + 0.5) / GRID * view.width, (np.arange(GRID) + 0.5) / GRID * view.height)
     eye, rays = view_rays_at(view, x.ravel(), y.ravel())
-    starts = eye + rays * clip_start / -(rays @ view.camera_to_world[:3, 2:3])
-    found_at = [tree.ray_cast(start, ray) for start, ray in zip(starts.tolist(), rays.tolist(), strict=True)]
-    hits = [(point, index) for point, _, index, _ in found_at if point is not None]
-    return Hits(np.array([point for point, _ in hits]).reshape(-1, 3), owner[[index for _, index in hits]])
+    starts = rays * clip_start / -(rays @ view.camera_to_world[:3, 2:3])
+    met = Rays(triangles - eye).closest(starts, rays)
+    hit = met.triangle >= 0
+    return Hits(eye + starts[hit] + met.distance[hit, None] * rays[hit], owner[met.triangle[hit]])
 
 
 def _stand_ins(collected: Collected, eye: np.ndarray, visible: set[int]) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....model import progress
-from ...casting import tree_of, uncollected
+from ...bvh import tree_of, uncollected
 from . import mesh as meshes
 from .blocks import blocks, points_of
 

@@ -6,7 +6,6 @@ import torch
 
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
-from renderformer_v2.model.guided.prior.shadow_maps import surface_points
 from renderformer_v2.model.guided.prior.sky import sphere_directions
 from renderformer_v2.model.scene import RenderScene, constant_tile
 from tests.model.samples import floor_scene
@@ -50,15 +49,6 @@ def test_a_plate_keeps_a_lamp_from_what_is_below_it():
     shaded = LightPrior(scene.appended(plate))
     points = torch.tensor([[0.0, 0.0, 0.0], [0.9, 0.9, 0.0], [0.0, 0.0, 1.0]])
     torch.testing.assert_close(shaded.arriving(points, UP.expand(3, 3))[:, 3], torch.tensor([0.0, 1.0, 1.0]))
-
-
-def test_points_on_triangles_are_as_many_as_asked_for_and_lie_on_them():
-    points, rows = surface_points(torch.tensor(SQUARE), area=0.01, limit=10000)
-    assert rows.bincount().tolist() == [200, 200]
-    assert len(points) == 400 and points[:, 2].abs().max() == 0 and points.abs().max() <= 1
-    assert torch.histc(points[:, 0], 4, -1, 1).min() > 80
-    assert len(surface_points(torch.tensor(SQUARE), area=0.01, limit=100)[0]) <= 102
-    assert len(surface_points(torch.zeros(0, 3, 3), area=0.01, limit=100)[0]) == 0
 
 
 def test_directions_are_spread_evenly():

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.casting import cast, tree_of
+from bl_ext.user_default.renderformer_v2.model.rays import Rays
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import mesh as meshes
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import pieces, reduce
 
@@ -85,5 +85,5 @@ def _passing(mesh) -> float:
     """The share of rays from above through the middle of the ball that meet nothing."""
     side = np.linspace(-0.7, 0.7, 60)
     starts = np.stack([*(axis.ravel() for axis in np.meshgrid(side, side)), np.full(3600, 3.0)], axis=1)
-    hit, _ = cast(tree_of(mesh.corners), starts, np.tile((0.0, 0.0, -1.0), (3600, 1)))
+    hit = Rays(mesh.corners).closest(starts, np.tile((0.0, 0.0, -1.0), (3600, 1))).triangle
     return float((hit < 0).mean())

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What rays meet among triangles, by Embree (Wald et al. 2014, "Embree"). See `Rays`.
+
+Whatever asks what stands in the way, or what is seen, asks here. Where Embree cannot be imported, another caster of the
+same two functions takes its place (`stand_in`), such as Blender's own trees.
+"""
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from .threads import spread
+
+CHUNK = 1 << 16  # rays between two looks at the Esc key: about 0.02 s
+
+
+class Hits(NamedTuple):
+    """What P rays meet first."""
+
+    triangle: np.ndarray  # (P,) i32, -1 = nothing
+    distance: np.ndarray  # (P,) f32 in lengths of the direction, infinite = nothing
+    weights: np.ndarray   # (P, 2) f32 of the triangle's corners 0 and 1
+
+
+class Caster(Protocol):
+    """Of the triangles (T, 3, 3) f32 that it was made of, T > 0; arrays are contiguous f32."""
+
+    def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits: ...
+
+    def blocked(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray: ...
+
+
+class Rays:
+    """Rays against triangles (T, 3, 3), in whatever units and frame these are.
+
+    Triangles have no front: they are met from both sides. A ray that starts on a triangle may meet it.
+    """
+
+    def __init__(self, triangles: np.ndarray):
+        self._caster = _made(np.ascontiguousarray(triangles, np.float32)) if len(triangles) else None
+
+    def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
+        """What is met first from points (P, 3), or from one, along directions (P, 3)."""
+        if self._caster is None or not len(direction):
+            count = len(direction)
+            return Hits(np.full(count, -1, np.int32), np.full(count, np.inf, np.float32),
+                        np.zeros((count, 2), np.float32))
+        return Hits(*map(np.concatenate, zip(*spread(self._caster.closest, _chunks(origin, direction)), strict=True)))
+
+    def blocked(self, origin: np.ndarray, direction: np.ndarray,
+                distance: np.ndarray | float = np.inf) -> np.ndarray:
+        """(P,) bool: whether anything is met within a distance (P,), in lengths of the directions."""
+        if self._caster is None or not len(direction):
+            return np.zeros(len(direction), bool)
+        return np.concatenate(spread(self._caster.blocked, _chunks(origin, direction, distance)))
+
+
+class _Embree:
+    def __init__(self, triangles: np.ndarray):
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+        self._scene = EmbreeScene()
+        self._triangles = TriangleMesh(self._scene, triangles)
+        self.closest(*np.zeros((2, 1, 3), np.float32))  # builds its tree, which several threads must not do at once
+
+    def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
+        met = self._scene.run(origin, direction, query="INTERSECT", output=True)
+        triangle = met["primID"]
+        second, third = met["u"], met["v"]
+        return Hits(triangle, np.where(triangle < 0, np.float32(np.inf), met["tfar"]),
+                    np.stack([1 - second - third, second], axis=1))
+
+    def blocked(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
+        return self._scene.run(origin, direction, dists=distance, query="OCCLUDED") >= 0
+
+
+_stand_in: Callable[[np.ndarray], Caster] | None = None
+
+
+def stand_in(caster: Callable[[np.ndarray], Caster] | None) -> None:
+    """From now on this makes the caster of triangles (T, 3, 3) where Embree is absent; None takes it back."""
+    global _stand_in
+    _stand_in = caster
+
+
+@functools.cache
+def has_embree() -> bool:
+    try:
+        import embreex.mesh_construction  # noqa: F401
+        import embreex.rtcore_scene  # noqa: F401
+    except (ImportError, OSError):  # a library of the package's own that does not load, too
+        return False
+    return True
+
+
+def _made(triangles: np.ndarray) -> Caster:
+    if has_embree():
+        return _Embree(triangles)
+    if _stand_in is None:
+        raise ModuleNotFoundError("the Python package embreex is missing: pip install embreex")
+    return _stand_in(triangles)
+
+
+def _chunks(*arrays: np.ndarray | float) -> list[tuple[np.ndarray, ...]]:
+    """Rows of arrays that broadcast against the second, CHUNK at a time, as the casters want them."""
+    direction = arrays[1]
+    shapes = [direction.shape if i < 2 else direction.shape[:1] for i in range(len(arrays))]
+    whole = [np.broadcast_to(np.asarray(a, np.float32), shape) for a, shape in zip(arrays, shapes, strict=True)]
+    return [tuple(np.require(a[first:first + CHUNK], requirements="CW") for a in whole)
+            for first in range(0, len(direction), CHUNK)]
