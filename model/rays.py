@@ -68,10 +68,10 @@ class _Embree:
 
     def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
         met = self._scene.run(origin, direction, query="INTERSECT", output=True)
-        triangle = met["primID"]
-        second, third = met["u"], met["v"]
-        return Hits(triangle, np.where(triangle < 0, np.float32(np.inf), met["tfar"]),
-                    np.stack([1 - second - third, second], axis=1))
+        nothing = met["primID"] < 0
+        weights = np.stack([1 - met["u"] - met["v"], met["u"]], axis=1)
+        weights[nothing] = 0
+        return Hits(met["primID"], np.where(nothing, np.float32(np.inf), met["tfar"]), weights)
 
     def blocked(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
         return self._scene.run(origin, direction, dists=distance, query="OCCLUDED") >= 0

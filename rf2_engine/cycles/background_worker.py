@@ -4,7 +4,7 @@
     blender --background --python background_worker.py -- COPY.blend JOB.json PASSES.exr
     python background_worker.py -- COPY.blend JOB.json PASSES.exr        # with the bpy module
 
-It sees nothing of the add-on but the module beside it.
+It sees nothing of the add-on but the module compat.
 """
 import json
 import os
@@ -17,8 +17,8 @@ import bpy
 
 import mathutils
 
-sys.path.append(str(Path(__file__).parent))
-import compat  # noqa: E402  it lies beside this file
+sys.path.append(str(Path(__file__).parents[1]))
+import compat  # noqa: E402  it lies in the folder above
 
 
 def main() -> None:

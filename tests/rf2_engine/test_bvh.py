@@ -12,7 +12,7 @@ from tests.rf2_engine.f12 import cube, press_f12, sun
 
 def test_blender_and_embree_meet_the_same():
     rng = np.random.default_rng(1)
-    triangles = np.float32(rng.uniform(-1, 1, (200, 1, 3)) + rng.normal(0, 0.1, (200, 3, 3)))
+    triangles = np.float32(rng.uniform(-1, 1, (400, 1, 3)) + rng.normal(0, 0.15, (400, 3, 3)))
     origin, direction = np.float32(rng.uniform(-1, 1, (2000, 3))), np.float32(rng.normal(size=(2000, 3)))
     embree, blender = rays.Rays(triangles).closest(origin, direction), BlenderRays(triangles).closest(origin, direction)
     same = embree.triangle == blender.triangle
