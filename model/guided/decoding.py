@@ -10,22 +10,18 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..fields import COLOR, Channels
+from ..fields import Channels
 from ..progress import report
-from .gain_map import CELL, cell_side
 from .guide_tensors import FEATURES, GuideTensors, band_rows
 
 LOBES = ("diffuse", "glossy", "transmission")
-# RGB of each lobe, what no lobe explains, a factor of the traced light and one of all light
-OUTPUTS = Channels(1, visibility=9, indirect=9, rest=3, traced=3, gain=3)
-MOST = 4.0                 # times, and its inverse at least: these factors
+# RGB of each lobe, what no lobe explains, and a factor of the traced light
+OUTPUTS = Channels(1, visibility=9, indirect=9, rest=3, traced=3)
+MOST = 4.0                 # times, and its inverse at least: this factor
 MAX_VISIBILITY = 1.2       # the prior's glossy lobe is approximate: leave room above 1
 VISIBLE, DARK = 1.5, -6.0  # offsets that start the decoder near "everything visible, nothing indirect"
 # Shares of the radiosity where the decoder starts: on a surface, as seen in mirrors and through glass, behind the glass
 BOUNCED, REFLECTED, REFRACTED, BEHIND = 1.0, 0.85, 0.95, 0.5
-# What the gain map looks at: the features but one that differs from bundle to bundle, and light as a screen shows it
-SEEN = FEATURES.without("offset").joined(
-    image=(3, COLOR), begun=(3, COLOR), arrived=(3, COLOR), lobes=(9, COLOR), gathered=(3, COLOR))
 
 
 def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
@@ -49,10 +45,8 @@ def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
     hinted = guides.features[:, FEATURES["hinted"]]
     traced = guides.traced * factor(raw[:, OUTPUTS["traced"]])
     arriving = hinted * traced + (1 - hinted) * (direct * guides.colors).sum(1)
-    light = {"image": arriving + (indirect * guides.colors).sum(1) + rest, "direct": direct, "indirect": indirect,
-             "rest": rest, "traced": traced}
-    gain = factor(raw[:, OUTPUTS["gain"]])
-    return {key: x * (gain if x.ndim == 4 else gain[:, None]) for key, x in light.items()}
+    return {"image": arriving + (indirect * guides.colors).sum(1) + rest, "direct": direct, "indirect": indirect,
+            "rest": rest, "traced": traced}
 
 
 def factor(raw: Tensor) -> Tensor:
@@ -68,17 +62,6 @@ def _softplus_inverse(y: Tensor) -> Tensor:
 def decode_image(raw: Tensor, guides: GuideTensors) -> Tensor:
     """`image` of `decode_light`, in bands of bounded memory."""
     return decode_bands(raw, guides, ("image",))["image"]
-
-
-def light_cells(raw: Tensor, guides: GuideTensors) -> Tensor:
-    """(V, len(SEEN), H / cell_side, W / cell_side), the means of what the gain map looks at."""
-    side, done = cell_side(*raw.shape[2:]), []
-    for band, known in _bands(raw, guides):
-        light, begun = decode_light(band, known), decode_light(torch.zeros_like(band), known)["image"]
-        lobes = (light["indirect"] * known.colors).flatten(1, 2)
-        seen = shown(torch.cat([light["image"], begun, known.traced, lobes, known.bounced], 1))
-        done.append(F.avg_pool2d(torch.cat([known.features[:, FEATURES["offset"].stop:], seen], 1), side))
-    return torch.cat(done, 2)
 
 
 def shown(radiance: Tensor) -> Tensor:
@@ -98,8 +81,8 @@ def decode_bands(raw: Tensor, guides: GuideTensors, keys: Sequence[str]) -> dict
 
 
 def _bands(raw: Tensor, guides: GuideTensors) -> Iterator[tuple[Tensor, GuideTensors]]:
-    """Rows of the decoder's channels with their guides, whole cells of the gain map."""
-    rows = band_rows(raw, CELL[1])
+    """Rows of the decoder's channels with their guides."""
+    rows = band_rows(raw)
     names = [f.name for f in fields(guides) if f.name != "positions"]
     pictures = (getattr(guides, name).split(rows, dim=-2) for name in names)
     for i, (band, *known) in enumerate(zip(raw.split(rows, dim=-2), *pictures, strict=True)):

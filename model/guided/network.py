@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
 from ..network.config import ModelConfig
 from ..network.decoder import DPTDecoder
@@ -13,9 +12,8 @@ from ..network.memory import chunked
 from ..network.renderformer import RenderFormer
 from ..progress import part
 from .antialiasing import KernelPredictor
-from .decoding import OUTPUTS, SEEN, light_cells
+from .decoding import OUTPUTS
 from .encoders import EnvironmentEncoder, TileEncoder
-from .gain_map import GainMap
 from .guidance import Guidance
 from .guide_tensors import FEATURES
 from .guided_inputs import GuidedInputs, GuidedView
@@ -30,7 +28,6 @@ class GuidedRenderFormer(RenderFormer):
         self.environment_encoder = EnvironmentEncoder(config)
         self.guidance = Guidance(config)
         self.view_transformer.out_dpt = DPTDecoder(config, len(FEATURES), len(OUTPUTS))
-        self.gain_map = GainMap(len(SEEN), config.guidance.gain_map_width, 3)
         self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)  # of finished pictures
 
     def embed_textures(self, tiles: Tensor) -> Tensor:
@@ -60,11 +57,4 @@ class GuidedRenderFormer(RenderFormer):
 
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
         """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
-        with part(0.0, 0.8):
-            raw = self.view_transformer.out_dpt(features, view.guides.features)
-        hinted = view.guides.features[:, FEATURES["hinted"]]
-        if hinted.any():  # what else there is to be seen is too coarse to be judged by
-            with part(0.8, 1.0):
-                gain = self.gain_map(light_cells(raw, view.guides))
-            raw[:, OUTPUTS["gain"]] += hinted * F.interpolate(gain, raw.shape[2:], mode="bilinear")
-        return raw
+        return self.view_transformer.out_dpt(features, view.guides.features)

@@ -42,7 +42,6 @@ class Guidance:
 
     tile_encoder_width: int = 32
     environment_encoder_width: int = 32
-    gain_map_width: int = 48
     kernel_predictor_width: int = 32
 
 

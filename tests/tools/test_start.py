@@ -55,11 +55,12 @@ def test_outputs_that_were_not_there_start_at_zero(folder):
     assert torch.equal(bias[:21], stored[name].float()) and len(bias) > 21 and not bias[21:].any()
 
 
-def test_a_gain_map_that_was_not_there_changes_nothing(folder):
-    changed(folder, lambda state: [state.pop(name) for name in list(state) if name.startswith("gain_map.")])
+def test_a_kernel_predictor_that_was_not_there_is_kept(folder):
+    changed(folder, lambda state: [state.pop(name) for name in list(state) if name.startswith("kernel_predictor.")])
     model = new_network(TINY)
+    before = {name: p.clone() for name, p in model.kernel_predictor.named_parameters()}
     start_from(model, folder)
-    assert not model.gain_map(torch.randn(1, model.gain_map.enter.in_channels, 8, 8)).any()
+    assert before and all(torch.equal(p, before[name]) for name, p in model.kernel_predictor.named_parameters())
 
 
 @pytest.mark.parametrize("change, message", [

@@ -185,16 +185,16 @@ def test_configuration_names_wrong_keys(tmp_path):
 
 def test_parts_of_a_network_are_trained_alone(tmp_path):
     model, path = new_network(TINY), tmp_path / "config.json"
-    path.write_text(changed(parts=["gain_map.", "view_transformer.out_dpt."]))
+    path.write_text(changed(parts=["kernel_predictor.", "view_transformer.out_dpt."]))
     TrainConfig.load(path).train(model)
     trained = {name for name, p in model.named_parameters() if p.requires_grad}
-    assert {name.split(".")[0] for name in trained} == {"gain_map", "view_transformer"} and len(trained) > 20
+    assert {name.split(".")[0] for name in trained} == {"kernel_predictor", "view_transformer"} and len(trained) > 20
     path.write_text(changed())
     TrainConfig.load(path).train(model)
     assert {name for name, p in model.named_parameters() if not p.requires_grad} == {
         "transformer.rope_emb.freqs", "view_transformer.transformer.rope_emb.freqs"}
-    path.write_text(changed(parts=["gain_mapper."]))
-    with pytest.raises(TrainingError, match="gain_mapper"):
+    path.write_text(changed(parts=["kernel_predictors."]))
+    with pytest.raises(TrainingError, match="kernel_predictors"):
         TrainConfig.load(path).train(model)
 
 

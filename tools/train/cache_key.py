@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ("model/camera.py", "model/clusters.py", "model/color.py", "model/environment.py", "model/fields.py",
            "model/geometry.py", "model/guided/**/*.py", "model/network/inputs.py", "model/normalize.py",
            "model/renderer.py", "model/scene.py", "model/tensors.py", "tools/datagen/shards.py",
-           "tools/train/antialiasing.py", "tools/train/gain_map.py", "tools/train/samples.py")
+           "tools/train/antialiasing.py", "tools/train/samples.py")
 
 
 def stored_path(path: Path, cache: Path) -> Path:

@@ -14,13 +14,13 @@ from .errors import TrainingError
 def start_from(model: nn.Module, folder: Path) -> None:
     """Take over the weights in folder/model.safetensors; inputs and outputs that only `model` has start at zero.
 
-    Where there was no gain map or no kernel predictor, `model` keeps its own. Raises TrainingError when another tensor
-    is missing there, or has another shape than fewer inputs or outputs explain.
+    Where there was no kernel predictor, `model` keeps its own. Raises TrainingError when another tensor is missing
+    there, or has another shape than fewer inputs or outputs explain.
     """
     stored = load_file(folder / "model.safetensors")
     with torch.no_grad():
         for name, p in model.named_parameters():
-            if name not in stored and name.startswith(("gain_map.", "kernel_predictor.")):
+            if name not in stored and name.startswith("kernel_predictor."):
                 continue
             if name not in stored:
                 raise TrainingError(f"{folder} has no {name}: it holds another network")

@@ -29,10 +29,8 @@ def tensors(width=64, height=64, hinted=False):
 
 
 def dark_outputs():
-    """Of a decoder that sees no light, and does not change what there is."""
-    outputs = torch.full((1, len(OUTPUTS), 64, 64), -30.0)
-    outputs[:, OUTPUTS["gain"]] = 0
-    return outputs
+    """Of a decoder that sees no light."""
+    return torch.full((1, len(OUTPUTS), 64, 64), -30.0)
 
 
 def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
