@@ -27,8 +27,12 @@ WRONG = ("sort", "argsort", "_unique2", "unique_dim")  # of int64, on some syste
 # Asked for what it is made of, PyTorch looks for kernels of a device that is not there.
 WHOLE = ("scaled_dot_product_attention", "to")
 # Python's methods ask for the device itself, the operators do not.
-DIRECT = {torch.Tensor.__invert__: torch.ops.aten.bitwise_not, torch.Tensor.nonzero: torch.ops.aten.nonzero,
-          torch.Tensor.contiguous: torch.ops.aten.clone}
+DIRECT = {
+    torch.Tensor.__invert__: torch.ops.aten.bitwise_not, torch.Tensor.nonzero: torch.ops.aten.nonzero,
+    torch.Tensor.contiguous: torch.ops.aten.clone, torch.Tensor.copy_: torch.ops.aten.copy_,
+    torch.Tensor.__float__: lambda x: float(x.item()), torch.Tensor.__int__: lambda x: int(x.item()),
+    torch.Tensor.tolist: lambda x: x.cpu().tolist(),
+}
 MADE = (torch.tensor, torch.as_tensor, torch.Tensor.new_tensor)  # from Python's numbers
 
 

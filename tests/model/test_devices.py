@@ -6,6 +6,8 @@ import torch
 
 from renderformer_v2.model import renderer
 from renderformer_v2.model.device_ops import done, done_on
+from renderformer_v2.model.guided import guide_tensors
+from renderformer_v2.model.network import decoder
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, RenderScene, Volumes, constant_tile
 from renderformer_v2.model.threads import shared, team
 from tests.model.pretended_mps import pretended_mps
@@ -15,6 +17,9 @@ from tests.model.samples import flat, floor_scene, floor_view
 @pytest.fixture
 def pictures(monkeypatch):
     """What a function of the device makes on the pretended one and on the CPU."""
+    for module in (decoder, guide_tensors):
+        monkeypatch.setattr(module, "BAND_PIXELS", 1 << 11)  # half of the picture
+
     def both(function) -> list[np.ndarray]:
         monkeypatch.setattr(renderer, "choose_device", torch.device)  # which looks for a real one
         with pretended_mps():
@@ -26,7 +31,7 @@ def pictures(monkeypatch):
 @pytest.fixture
 def scene() -> RenderScene:
     """A floor under a lamp, a sun and a sky, a pane of glass above it, fog, and a wall far away."""
-    floor = floor_scene(side=4)
+    floor = floor_scene(side=18)  # more tokens than are computed at once
     lamp = floor.triangles[-1:]
     pane = flat(np.float32([[(-0.5, -0.5, 0.5), (0.5, -0.5, 0.5), (0, 0.5, 0.6)]]), (0.9, 0.9, 1.0))
     pane.tiles[:] = constant_tile((0.9, 0.9, 1.0), roughness=0.05, ior=1.5, transmission=1.0)
