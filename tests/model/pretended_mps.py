@@ -8,18 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
-from pathlib import Path
 
 import torch
-import torchgen
-import yaml
 from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
 
+from tests.model.mps_operators import is_composite, is_supported
+
 MPS, CPU = torch.device("mps"), torch.device("cpu")
 REFUSED = (torch.float64, torch.complex128)
-EVERYWHERE = ("MPS", "CompositeExplicitAutograd", "CompositeExplicitAutogradNonFunctional", "CompositeImplicitAutograd")
 CROSSING = ("copy_", "_to_copy", "to")         # take tensors of two devices
 INDEXING = (torch.Tensor.__getitem__, torch.Tensor.__setitem__)
 INDEXED = ("index", "index_put", "index_put_")  # take indices of the CPU
@@ -112,7 +109,7 @@ class _Operators(TorchDispatchMode):
         here = [x for x in given if isinstance(x, Pretended)]
         if not here and not arrives:
             return func(*args, **kwargs)
-        if name not in WHOLE and _is_composite(func):
+        if name not in WHOLE and is_composite(func.name()):
             with self:
                 return func.decompose(*args, **kwargs)
         if name not in CROSSING:
@@ -134,9 +131,8 @@ def _moved(x: torch.Tensor, device: torch.device | None, dtype: torch.dtype | No
     held, here = _held(x), isinstance(x, Pretended)
     stays = device is None or (device.type == "mps") == here
     done = held.to(dtype or held.dtype, copy=not stays)
-    if here if stays else not here:
-        return x if done is held else Pretended(done.detach())
-    return done
+    arrived = here if stays else not here
+    return x if done is held else Pretended(done.detach()) if arrived else done
 
 
 def _held(tree):
@@ -164,28 +160,3 @@ def _require_one_device(name: str, tensors: list[torch.Tensor]) -> None:
     tensors = tensors[:1] if name in INDEXED else tensors
     if not all(isinstance(x, Pretended) or not x.dim() for x in tensors):
         raise RuntimeError(f"{name} was given tensors on MPS and on the CPU")
-
-
-def _is_composite(func) -> bool:
-    """Whether other operators are called in its place on every device."""
-    row = _table().get(func.name().removeprefix("aten::").removesuffix(".vec"))
-    return row is not None and not row["kernels"] and row["of"] is None
-
-
-def is_supported(name: str) -> bool:
-    """Whether PyTorch has an operator such as "aten::add.Tensor" for MPS."""
-    row = _table().get(name.removeprefix("aten::").removesuffix(".vec"))
-    if row is None:
-        return True
-    if row["of"] is not None and not row["kernels"] & set(EVERYWHERE):
-        return is_supported(row["of"])
-    return not row["kernels"] or bool(row["kernels"] & set(EVERYWHERE))
-
-
-@cache
-def _table() -> dict[str, dict]:
-    """Of every operator the kinds of its kernels, and the operator whose kernels it uses."""
-    file = Path(torchgen.__file__).parent / "packaged" / "ATen" / "native" / "native_functions.yaml"
-    rows = yaml.load(file.read_text(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    return {row["func"].split("(")[0]: {"of": row.get("structured_delegate"), "kernels": {
-        kind.strip() for kinds in row.get("dispatch", {}) for kind in kinds.split(",")}} for row in rows}
