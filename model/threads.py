@@ -63,7 +63,7 @@ def shared(function: Callable, *tensors: Sequence) -> list:
     """
     import torch
     rows, workers = list(zip(*tensors, strict=True)), torch.get_num_threads()
-    if workers == 1 or len(rows) < 2 or torch.is_grad_enabled() or rows[0][0].is_cuda:
+    if workers == 1 or len(rows) < 2 or torch.is_grad_enabled() or rows[0][0].device.type != "cpu":
         return [function(*row) for row in _reported(rows)]
     inference = torch.is_inference_mode_enabled()
 

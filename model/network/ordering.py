@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import torch
 
+from ..device_ops import done
+
 BITS = 16  # the order depends on it
 
 
@@ -39,4 +41,4 @@ def hilbert_codes(grid: torch.Tensor) -> torch.Tensor:
 
 def hilbert_order(positions: torch.Tensor) -> torch.Tensor:
     """(n, 3) float32 -> (n,) int64 stable order of the points along the curve."""
-    return hilbert_codes(hilbert_grid(positions)).argsort(stable=True)
+    return done("sort", torch.argsort, hilbert_codes(hilbert_grid(positions)), stable=True)

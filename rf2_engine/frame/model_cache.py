@@ -73,6 +73,8 @@ def free() -> None:
     import torch
     if torch.cuda.is_available():
         torch.cuda.empty_cache()
+    if torch.backends.mps.is_available():
+        torch.mps.empty_cache()
 
 
 def fingerprint(scene: RenderScene) -> bytes:

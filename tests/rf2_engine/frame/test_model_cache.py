@@ -51,3 +51,14 @@ def test_freeing_forgets_network_and_scene():
     model_cache.encoded(renderer, small_scene(5), 64)
     model_cache.free()
     assert not model_cache.is_loaded() and not model_cache._encoded
+
+
+@pytest.mark.parametrize("gpu, found", [("cuda", "cuda.is_available"), ("mps", "backends.mps.is_available")])
+def test_freeing_gives_the_memory_of_gpus_back(monkeypatch, gpu, found):
+    given_back = []
+    model_cache.renderer(BUNDLED, "cpu", "fp32")
+    for name in ("cuda.is_available", "backends.mps.is_available"):
+        monkeypatch.setattr(f"torch.{name}", lambda name=name: name == found)
+    monkeypatch.setattr(f"torch.{gpu}.empty_cache", lambda: given_back.append(gpu))
+    model_cache.free()
+    assert given_back == [gpu]
