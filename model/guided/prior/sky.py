@@ -13,7 +13,7 @@ from .environment_prior import EnvironmentPrior
 from .transmittance import Fog
 
 DIRECTIONS = 64
-BLUR = 0.5      # roughness that spreads the environment's radiance over a direction's share of the sphere
+BLUR = 0.35     # roughness that spreads the environment's radiance over a direction's share of the sphere
 ABOVE = 2e-3    # network units that a ray starts off its surface
 FOGLESS = 2.0   # network units from a point: nobody looks for fog beyond
 CHUNK = 4096    # points at a time
