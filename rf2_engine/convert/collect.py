@@ -93,7 +93,7 @@ class _Collection:
         for kind in (False, True):
             chosen = (shows & (emits == kind))[slot]
             if chosen.any():
-                part = replace(mesh) if chosen.all() else mesh.take(chosen)  # most materials do not shine: no second copy
+                part = replace(mesh) if chosen.all() else mesh.take(chosen)  # mostly none shines: no second copy
                 part.slot = slot[chosen]
                 parts.append(Part(name, part.mirrored() if surface.mirrored else part, surface.slots, kind,
                                   surface.is_shown, is_textured=bool(textured[slot[chosen]].any()),
