@@ -22,7 +22,7 @@ from .extension import ROOT
 
 OUTPUT = ROOT / "rf2_engine" / "setup" / "wheels.json"
 INDEX = "https://pypi.org/simple"
-ROOTS = ("torch", "safetensors", "fast-simplification", "huggingface-hub", "pyyaml", "diffusers", "pillow")
+ROOTS = ("torch", "safetensors", "fast-simplification", "embreex", "huggingface-hub", "pyyaml", "diffusers", "pillow")
 LEFT_OUT = {
     "numpy",       # is always Blender's
     "setuptools",  # compiles extensions of PyTorch, of which there are none

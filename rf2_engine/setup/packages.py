@@ -15,7 +15,8 @@ import bpy
 
 from . import distributions, package_install, wheels
 
-PACKAGES = {"torch": "torch", "safetensors": "safetensors", "fast_simplification": "fast-simplification"}
+PACKAGES = {"torch": "torch", "safetensors": "safetensors", "fast_simplification": "fast-simplification",
+            "embreex": "embreex"}
 NETWORK = ("torch", "safetensors")  # no picture without them; the rest is asked for where it is used
 PUBLISHED = {  # to download and read the published weights
     "huggingface_hub": "huggingface-hub", "yaml": "pyyaml", "diffusers": "diffusers", "PIL": "pillow",
@@ -101,10 +102,15 @@ def is_complete(distribution: str) -> bool:
     return any(map(has, wheels.BUILDS))
 
 
+def is_offered(name: str, distribution: str) -> bool:
+    """Whether a package is asked for on this computer: one that is only useful is not where no wheel of it is made."""
+    return name in NETWORK or wheels.is_made(distribution)
+
+
 def missing(packages: dict[str, str] = PACKAGES) -> list[str]:
     """Import names of the packages (PACKAGES or PUBLISHED) that are not to be found, or damaged."""
     return [name for name, distribution in packages.items()
-            if not is_elsewhere(name) and not is_complete(distribution)]
+            if is_offered(name, distribution) and not is_elsewhere(name) and not is_complete(distribution)]
 
 
 def installed() -> list[str]:
@@ -123,7 +129,7 @@ def wanted(names: Iterable[str]) -> list[wheels.Wheel]:
     """Everything that our folder should have for these packages, in the build of the preferences. Raises NoWheel."""
     known, found = PACKAGES | PUBLISHED, {}
     for name in names:
-        if not is_elsewhere(name):
+        if is_offered(name, known[name]) and not is_elsewhere(name):
             found |= {wheel.name: wheel for wheel in wheels.needed(known[name], build())}
     return list(found.values())
 

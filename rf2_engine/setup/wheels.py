@@ -51,6 +51,11 @@ def needed(distribution: str, build: str = "CUDA") -> list[Wheel]:
     return [wheel for wheel in wheels if wheel]
 
 
+def is_made(distribution: str) -> bool:
+    """Whether there is a wheel of a pinned distribution for this computer."""
+    return _wheel(distribution) is not None
+
+
 def _wheel(name: str) -> Wheel | None:
     pin = pins()["wheels"][name]
     files = [file for tag, file in pin["files"].items() if fits(tag)]

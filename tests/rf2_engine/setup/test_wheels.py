@@ -13,6 +13,7 @@ from tools.extension import ROOT
 
 Version = namedtuple("Version", "major minor")
 SYSTEMS = [("linux", "x86_64"), ("linux", "aarch64"), ("darwin", "arm64"), ("win32", "AMD64")]
+WITHOUT_EMBREE = ("linux", "aarch64")
 
 
 @pytest.fixture
@@ -28,7 +29,10 @@ def on(monkeypatch):
 @pytest.mark.parametrize("minor", [11, 13])
 def test_everything_is_there_with_hashes_for_this_system(on, system, machine, minor):
     on(system, machine, minor)
-    for distribution in (packages.PACKAGES | packages.PUBLISHED).values():
+    known = packages.PACKAGES | packages.PUBLISHED
+    offered = {name for name, distribution in known.items() if packages.is_offered(name, distribution)}
+    assert known.keys() - offered == ({"embreex"} if (system, machine) == WITHOUT_EMBREE else set())
+    for distribution in (known[name] for name in offered):
         found = {wheel.name: wheel for wheel in wheels.needed(distribution)}
         assert distribution in found and all(re.fullmatch("[0-9a-f]{64}", value) for wheel in found.values()
                                              for value in wheel.sha256 or [""])
@@ -45,6 +49,15 @@ def test_the_cpu_build_is_another_one_on_linux_only(on, system, machine):
     if system == "linux":
         assert {wheel.name for wheel in cpu if not wheel.sha256} == {"torch"}
         assert wheels.space_needed(cpu) < 1.5e9 < 5e9 < wheels.space_needed(cuda)
+
+
+def test_where_a_useful_package_is_not_made_the_others_are_installed(on, monkeypatch, tmp_path):
+    on(*WITHOUT_EMBREE, 11)
+    monkeypatch.setattr(packages, "is_elsewhere", lambda name: False)
+    monkeypatch.setattr(packages, "folder", lambda create=False: tmp_path)
+    names = packages.missing()
+    assert names == ["torch", "safetensors", "fast_simplification"]
+    assert {"torch", "fast-simplification"} <= {wheel.name for wheel in packages.lacking(packages.PACKAGES)}
 
 
 def test_a_system_without_a_wheel_is_named(on):
