@@ -2,6 +2,7 @@
 """Keeps the tests away from the user's Blender settings, and ends the process although bpy would not.
 
 Tests that need Blender live under tests/rf2_engine and tests/tools; whatever imports bpy first sees these folders.
+With `-n auto` every worker is a process with a Blender, folders and a built extension of its own.
 """
 import os
 import sys
@@ -9,12 +10,23 @@ import tempfile
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
 
+WORKER_MEMORY = 2 << 30  # bytes that one worker may use
+
 _user = tempfile.TemporaryDirectory(prefix="renderformer-v2-tests-")
 for _kind in ("RESOURCES", "CONFIG", "SCRIPTS", "EXTENSIONS", "DATAFILES"):
     os.environ[f"BLENDER_USER_{_kind}"] = os.path.join(_user.name, _kind.lower())
     os.makedirs(os.environ[f"BLENDER_USER_{_kind}"])
 
 _exit_status = 0
+
+
+def pytest_xdist_auto_num_workers(config):
+    """As many as there are cores and memory for, each with its share of the cores."""
+    cores = len(os.sched_getaffinity(0))
+    memory = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    workers = max(1, min(cores, memory // WORKER_MEMORY))
+    os.environ.setdefault("OMP_NUM_THREADS", str(cores // workers))
+    return workers
 
 
 def pytest_sessionfinish(session, exitstatus):

@@ -71,7 +71,7 @@ def drawing(scene, rock):
     (lambda scene, rock: setattr(rock, "location", (NAN, 0, 0)), "refused Rock: its transform"),
     (lamp(shadow_soft_size=HUGE), "refused Lamp: its size"), (lamp(shadow_soft_size=1), ""),
     (lamp(energy=HUGE), "refused Lamp: its"),
-], ids=str)
+])
 def test_every_difference_has_its_line(scene, converted, add_mesh, add_material, report, change, line):
     rock = add_mesh("Rock", materials=[add_material("Stone")])
     change(scene, rock)
