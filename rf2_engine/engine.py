@@ -6,6 +6,7 @@ import bpy
 
 from . import passes, settings, viewport
 from .frame import reference, render
+from .registering import classes
 
 
 class RenderFormerEngine(bpy.types.RenderEngine):
@@ -33,4 +34,4 @@ class RenderFormerEngine(bpy.types.RenderEngine):
         viewport.ask_to_fall_back()
 
 
-register, unregister = bpy.utils.register_classes_factory((RenderFormerEngine,))
+register, unregister = classes(RenderFormerEngine)

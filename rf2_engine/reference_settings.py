@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
+from .registering import classes
+
 
 def _update_sockets(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """The Render Layers node shows the passes of the next render."""
@@ -51,4 +53,4 @@ class FrameReference:
         return cls(chosen.samples, chosen.time_limit, chosen.use_denoising, chosen.use_light_passes)
 
 
-register, unregister = bpy.utils.register_classes_factory((ReferenceSettings,))
+register, unregister = classes(ReferenceSettings)

@@ -1,26 +1,63 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pairs of functions that register things and take them back, as bpy.utils.register_classes_factory makes them."""
+"""Pairs of functions that register things and take them back, and what registers many: all of them or none."""
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
+from functools import partial
 from types import ModuleType
 
 import bpy
 
-Pair = tuple[Callable[[], None], Callable[[], None]]
+Pair = tuple[Callable[[], object], Callable[[], object]]
+
+
+def pairs(*in_order: Pair) -> Pair:
+    """Of pairs, taken back in the reverse order. When one cannot be registered, those before it are taken back."""
+    def register() -> None:
+        done = []
+        try:
+            for do, undo in in_order:
+                do()
+                done.append(undo)
+        except Exception:
+            for undo in reversed(done):
+                try:
+                    undo()
+                except Exception:  # the others are taken back all the same
+                    traceback.print_exc()
+            raise
+
+    def unregister() -> None:
+        for _, undo in reversed(in_order):
+            undo()
+
+    return register, unregister
 
 
 def modules(in_order: tuple[ModuleType, ...]) -> Pair:
-    """Of modules that have such functions, taken back in the reverse order."""
-    def register() -> None:
-        for module in in_order:
-            module.register()
+    """Of modules that have such functions."""
+    return pairs(*((module.register, module.unregister) for module in in_order))
 
-    def unregister() -> None:
-        for module in reversed(in_order):
-            module.unregister()
 
-    return register, unregister
+def classes(*in_order: type) -> Pair:
+    return pairs(*((partial(bpy.utils.register_class, cls), partial(bpy.utils.unregister_class, cls))
+                   for cls in in_order))
+
+
+def pointer(owner: type, name: str, settings: type) -> Pair:
+    """Of a property of all data of one type, such as `scene.renderformer_v2`."""
+    return (lambda: setattr(owner, name, bpy.props.PointerProperty(type=settings, name="RenderFormer-V2")),
+            lambda: delattr(owner, name))
+
+
+def appended(name: str, draw: Callable) -> Pair:
+    """Of a function that draws in the panel, menu or header of Blender with that name, if there is one."""
+    def call(method: str) -> None:
+        if owner := getattr(bpy.types, name, None):
+            getattr(owner, method)(draw)
+
+    return partial(call, "append"), partial(call, "remove")
 
 
 def handlers(*wanted: tuple[str, Callable]) -> Pair:

@@ -4,17 +4,19 @@ from . import compare, engine, panels, reference_settings, settings, viewport
 from .cycles import world as world_session
 from .frame import model_cache, preflight, running, shot
 from .progress import costs, last_render, status_line
+from .registering import modules
 from .setup import package_operators, preferences, weights_operators
 
 MODULES = (running, shot, world_session, costs, last_render, status_line, preflight, reference_settings, settings,
            preferences, engine, package_operators, weights_operators, panels, viewport, compare)
+_register_all, _unregister_all = modules(MODULES)
 
 
 def register() -> None:
+    """All of it, or nothing when it raises."""
     if running.forget_afterwards():
         return  # disabled and enabled again while a render went on: nothing was taken back
-    for module in MODULES:
-        module.register()
+    _register_all()
 
 
 def unregister() -> None:
@@ -26,6 +28,5 @@ def unregister() -> None:
 
 
 def _take_back() -> None:
-    for module in reversed(MODULES):
-        module.unregister()
+    _unregister_all()
     model_cache.free()

@@ -15,6 +15,7 @@ from ..model.published.bundle_files import is_bundle
 from . import passes
 from .cycles import session as cycles_session
 from .reference_settings import FrameReference, ReferenceSettings
+from .registering import classes, pairs, pointer
 from .setup import published_weights
 
 
@@ -200,15 +201,7 @@ def _is_published(weights: str) -> bool:
         return False  # the loader will explain it
 
 
-def register() -> None:
-    bpy.utils.register_class(RenderFormerSettings)
-    bpy.utils.register_class(RenderFormerLayerSettings)
-    bpy.types.ViewLayer.renderformer_v2 = PointerProperty(type=RenderFormerLayerSettings, name="RenderFormer-V2")
-    bpy.types.Scene.renderformer_v2 = PointerProperty(type=RenderFormerSettings, name="RenderFormer-V2")
-
-
-def unregister() -> None:
-    del bpy.types.Scene.renderformer_v2
-    del bpy.types.ViewLayer.renderformer_v2
-    bpy.utils.unregister_class(RenderFormerLayerSettings)
-    bpy.utils.unregister_class(RenderFormerSettings)
+register, unregister = pairs(
+    classes(RenderFormerSettings, RenderFormerLayerSettings),
+    pointer(bpy.types.ViewLayer, "renderformer_v2", RenderFormerLayerSettings),
+    pointer(bpy.types.Scene, "renderformer_v2", RenderFormerSettings))

@@ -11,6 +11,7 @@ import bpy
 from bpy_extras.io_utils import ExportHelper
 
 from ...model import flip
+from ..registering import classes
 from . import comparison, sheet
 from .measuring import Measurement
 
@@ -71,4 +72,4 @@ def numbers(a, b, measured: Measurement) -> dict:
     }
 
 
-register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_OT_compare_export,))
+register, unregister = classes(RENDERFORMER_OT_compare_export)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..registering import classes
 from . import comparison, draw, overlay
 
 REACH = 8  # pixels to either side at an interface scale of 1
@@ -49,4 +50,4 @@ class RENDERFORMER_GGT_split(bpy.types.GizmoGroup):
         self.gizmos.new(RENDERFORMER_GT_split.bl_idname)
 
 
-register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_GT_split, RENDERFORMER_GGT_split))
+register, unregister = classes(RENDERFORMER_GT_split, RENDERFORMER_GGT_split)

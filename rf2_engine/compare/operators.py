@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..registering import classes
 from . import comparison, events
 
 
@@ -68,6 +69,6 @@ class RENDERFORMER_OT_compare_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = bpy.utils.register_classes_factory((
+register, unregister = classes(
     RENDERFORMER_OT_compare, RENDERFORMER_OT_compare_swap, RENDERFORMER_OT_compare_refresh,
-    RENDERFORMER_OT_compare_cancel))
+    RENDERFORMER_OT_compare_cancel)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..registering import appended, classes, pairs
 from ..setup.display import draw_text
 from . import comparison
 
@@ -113,15 +114,6 @@ def _menu(self, context):
         self.layout.menu("RENDERFORMER_MT_compare")
 
 
-_register, _unregister = bpy.utils.register_classes_factory(
-    (RENDERFORMER_PT_compare, RENDERFORMER_PT_compare_metrics, RENDERFORMER_MT_compare))
-
-
-def register() -> None:
-    _register()
-    bpy.types.IMAGE_MT_editor_menus.append(_menu)
-
-
-def unregister() -> None:
-    bpy.types.IMAGE_MT_editor_menus.remove(_menu)
-    _unregister()
+register, unregister = pairs(
+    classes(RENDERFORMER_PT_compare, RENDERFORMER_PT_compare_metrics, RENDERFORMER_MT_compare),
+    appended("IMAGE_MT_editor_menus", _menu))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..registering import classes, pairs, pointer
 from . import comparison, events
 
 
@@ -65,14 +66,5 @@ class CompareSettings(bpy.types.PropertyGroup):
         ("BORDER", "Render Region", "Metrics inside the render region: View > Render Region selects it")))
 
 
-_register, _unregister = bpy.utils.register_classes_factory((Side, CompareSettings))
-
-
-def register() -> None:
-    _register()
-    bpy.types.WindowManager.renderformer_v2_compare = PointerProperty(type=CompareSettings)
-
-
-def unregister() -> None:
-    del bpy.types.WindowManager.renderformer_v2_compare
-    _unregister()
+register, unregister = pairs(
+    classes(Side, CompareSettings), pointer(bpy.types.WindowManager, "renderformer_v2_compare", CompareSettings))

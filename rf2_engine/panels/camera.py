@@ -2,8 +2,7 @@
 """Camera Properties: what is ours below what Blender and Cycles draw."""
 from __future__ import annotations
 
-from bl_ui.properties_data_camera import DATA_PT_lens
-
+from ..registering import appended
 from ..setup.display import draw_text
 from .panel import EnginePanel
 
@@ -22,9 +21,4 @@ def draw_lens_samples(self, context) -> None:
         draw_text(layout, "Everything is in focus until there are more samples", icon="INFO")
 
 
-def register() -> None:
-    DATA_PT_lens.append(draw_lens)
-
-
-def unregister() -> None:
-    DATA_PT_lens.remove(draw_lens)
+register, unregister = appended("DATA_PT_lens", draw_lens)

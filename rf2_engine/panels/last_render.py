@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..progress import last_render
+from ..registering import classes
 from ..setup.display import draw_text
 from .panel import EnginePanel
 from .remarks import draw_badges, draw_copy, draw_remarks
@@ -46,4 +47,4 @@ def _draw_statistics(column, layer: last_render.LayerStatistics, scene: bpy.type
     draw_remarks(column, layer.remarks, scene)
 
 
-register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_report,))
+register, unregister = classes(RENDERFORMER_PT_report)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Material Properties: what Blender's own panels leave out."""
-import bpy
-
+from ..registering import classes
 from .panel import EnginePanel
 
 
@@ -22,4 +21,4 @@ class RENDERFORMER_PT_material_settings(EnginePanel):
         layout.prop(context.material, "use_transparent_shadow")
 
 
-register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_material_settings,))
+register, unregister = classes(RENDERFORMER_PT_material_settings)

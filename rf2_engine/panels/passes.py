@@ -6,6 +6,7 @@ import bpy
 from bl_ui.properties_view_layer import ViewLayerAOVPanelHelper, ViewLayerCryptomattePanelHelper
 
 from .. import passes
+from ..registering import classes
 from ..settings import light_passes
 from ..setup.display import draw_text
 from .panel import EnginePanel
@@ -73,6 +74,6 @@ def _draw(layout: bpy.types.UILayout, view_layer: bpy.types.ViewLayer, rows: dic
             column.prop(holder, name, text=label)
 
 
-register, unregister = bpy.utils.register_classes_factory((
+register, unregister = classes(
     RENDERFORMER_PT_passes, RENDERFORMER_PT_passes_data, RENDERFORMER_PT_passes_light,
-    RENDERFORMER_PT_passes_cryptomatte, RENDERFORMER_PT_passes_aov))
+    RENDERFORMER_PT_passes_cryptomatte, RENDERFORMER_PT_passes_aov)

@@ -6,6 +6,7 @@ import bpy
 
 from ..engine import RenderFormerEngine
 from ..frame import preflight
+from ..registering import classes
 from ..setup.display import draw_text
 from .panel import EnginePanel
 from .remarks import draw_badges, draw_copy, draw_remarks
@@ -58,4 +59,4 @@ class RENDERFORMER_OT_preflight(bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_preflight, RENDERFORMER_OT_preflight))
+register, unregister = classes(RENDERFORMER_PT_preflight, RENDERFORMER_OT_preflight)

@@ -2,11 +2,14 @@
 """Presets of the engine's settings: some come with the add-on, in folders that Blender searches, the user adds more."""
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
+
+from ..registering import classes, pairs
 
 FOLDER = "renderformer_v2"                        # under any folder called presets
 SHIPPED = str(Path(__file__).parents[1])          # holds such a folder
@@ -29,14 +32,6 @@ class RENDERFORMER_OT_add_preset(AddPresetBase, bpy.types.Operator):
     preset_values = [f"settings.{name}" for name in ("token_budget", "max_edge", "light", "guide_samples", "precision")]
 
 
-_register, _unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_presets, RENDERFORMER_OT_add_preset))
-
-
-def register() -> None:
-    _register()
-    bpy.utils.register_preset_path(SHIPPED)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_preset_path(SHIPPED)
-    _unregister()
+register, unregister = pairs(
+    classes(RENDERFORMER_PT_presets, RENDERFORMER_OT_add_preset),
+    (partial(bpy.utils.register_preset_path, SHIPPED), partial(bpy.utils.unregister_preset_path, SHIPPED)))

@@ -2,8 +2,7 @@
 """The panel Cycles Reference, below ours in Render Properties."""
 from __future__ import annotations
 
-import bpy
-
+from ..registering import classes
 from .panel import EnginePanel
 
 
@@ -28,4 +27,4 @@ class RENDERFORMER_PT_reference(EnginePanel):
             column.prop(context.scene.cycles, "device")
 
 
-register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_reference,))
+register, unregister = classes(RENDERFORMER_PT_reference)

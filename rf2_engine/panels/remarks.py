@@ -7,6 +7,7 @@ import bpy
 from ..convert.report import Remark
 from ..frame import preflight
 from ..progress import last_render
+from ..registering import classes
 from ..setup.display import draw_text
 
 ICONS = {"approximated": "INFO", "skipped": "ERROR", "refused": "CANCEL"}
@@ -93,5 +94,4 @@ class RENDERFORMER_OT_copy_report(bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = bpy.utils.register_classes_factory((
-    RENDERFORMER_OT_select_reported, RENDERFORMER_OT_copy_report))
+register, unregister = classes(RENDERFORMER_OT_select_reported, RENDERFORMER_OT_copy_report)

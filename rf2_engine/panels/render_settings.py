@@ -2,9 +2,8 @@
 """Render Properties: the engine's settings, film, blur, performance."""
 from __future__ import annotations
 
-import bpy
-
 from ..frame import model_cache
+from ..registering import classes
 from ..setup import package_panel, packages, published_weights
 from ..setup.display import draw_text
 from .panel import EnginePanel
@@ -114,6 +113,6 @@ class RENDERFORMER_PT_motion_blur(EnginePanel):
         layout.prop(render, "motion_blur_shutter")
 
 
-register, unregister = bpy.utils.register_classes_factory((
+register, unregister = classes(
     RENDERFORMER_PT_settings, RENDERFORMER_PT_film, RENDERFORMER_PT_depth_of_field, RENDERFORMER_PT_motion_blur,
-    RENDERFORMER_PT_performance))
+    RENDERFORMER_PT_performance)

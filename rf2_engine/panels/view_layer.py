@@ -2,8 +2,7 @@
 """View Layer Properties: what the layer shows instead of the scene's own."""
 from __future__ import annotations
 
-import bpy
-
+from ..registering import classes
 from .panel import EnginePanel
 
 
@@ -19,4 +18,4 @@ class RENDERFORMER_PT_override(EnginePanel):
         layout.prop(context.view_layer.renderformer_v2, "samples")
 
 
-register, unregister = bpy.utils.register_classes_factory((RENDERFORMER_PT_override,))
+register, unregister = classes(RENDERFORMER_PT_override)

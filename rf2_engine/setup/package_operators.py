@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..registering import classes
 from . import package_install, package_panel, packages, redraw, wheels
 from .display import amount, draw_text, free_space
 
@@ -118,8 +119,8 @@ class RENDERFORMER_OT_cancel_packages(bpy.types.Operator):
         return {"FINISHED"}
 
 
-_register, _unregister = bpy.utils.register_classes_factory((
-    RENDERFORMER_OT_install_packages, RENDERFORMER_OT_repair_packages, RENDERFORMER_OT_cancel_packages))
+_register, _unregister = classes(
+    RENDERFORMER_OT_install_packages, RENDERFORMER_OT_repair_packages, RENDERFORMER_OT_cancel_packages)
 
 
 def register() -> None:

@@ -7,6 +7,7 @@ import shutil
 import bpy
 
 from ..frame import model_cache
+from ..registering import classes
 from . import packages, preferences, published_weights, redraw, weights_download
 
 
@@ -118,13 +119,9 @@ class RENDERFORMER_OT_free_model(bpy.types.Operator):
         return {"FINISHED"}
 
 
-_register, _unregister = bpy.utils.register_classes_factory((
+register, _unregister = classes(
     RENDERFORMER_OT_download_weights, RENDERFORMER_OT_fetch_weights, RENDERFORMER_OT_cancel_download,
-    RENDERFORMER_OT_remove_weights, RENDERFORMER_OT_free_model))
-
-
-def register() -> None:
-    _register()
+    RENDERFORMER_OT_remove_weights, RENDERFORMER_OT_free_model)
 
 
 def unregister() -> None:
