@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from .measuring import Measurement
 
 
 class RENDERFORMER_OT_compare_export(bpy.types.Operator, ExportHelper):
-    """Write A, B, their difference and the FLIP map as one PNG, and the metrics as JSON beside it"""
+    """Save A, B, their difference and the FLIP map in one PNG file, and the metrics in a JSON file beside it"""
     bl_idname = "renderformer_v2.compare_export"
     bl_label = "Export Comparison"
 
@@ -44,18 +43,36 @@ class RENDERFORMER_OT_compare_export(bpy.types.Operator, ExportHelper):
             return {"CANCELLED"}
         path = Path(bpy.path.abspath(bpy.path.ensure_ext(self.filepath, ".png")))
         try:
-            with tempfile.TemporaryDirectory() as folder:  # first both files whole
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=path.parent, prefix=".") as folder:  # first both files whole
                 made = Path(folder) / path.name
                 sheet.write(made, context.scene, a, b, measured.closeness, measured.box, comparison.settings().gain)
                 made.with_suffix(".json").write_text(json.dumps(numbers(a, b, measured), indent=2) + "\n")
-                path.parent.mkdir(parents=True, exist_ok=True)
-                for suffix in (".json", ".png"):
-                    shutil.copyfile(made.with_suffix(suffix), path.with_suffix(suffix))
+                replace_all({made.with_suffix(suffix): path.with_suffix(suffix) for suffix in (".json", ".png")})
         except (OSError, RuntimeError) as error:
             self.report({"ERROR"}, f"The comparison cannot be written to {path}: {error}")
             return {"CANCELLED"}
         self.report({"INFO"}, f"Wrote {path.name} and {path.with_suffix('.json').name}")
         return {"FINISHED"}
+
+
+def replace_all(places: dict[Path, Path]) -> None:
+    """Move files to new places on the same disk, where files are replaced: all, or none. Raises OSError."""
+    moved = []
+    try:
+        for made, path in places.items():
+            if path.is_dir():
+                raise IsADirectoryError(f"{path} is a folder")
+            kept = made.with_name(f"{made.name}.old")
+            if path.exists():
+                path.replace(kept)
+                moved.append((kept, path))
+            made.replace(path)
+            moved.append((path, made))
+    except OSError:
+        for now, before in reversed(moved):
+            now.replace(before)
+        raise
 
 
 def numbers(a, b, measured: Measurement) -> dict:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import traceback
 
 import bpy
 import numpy as np
@@ -34,7 +35,7 @@ class Box:
 
 
 class Measurement:
-    """Of two pictures; `closeness` is there when it has ended, unless there is an `error` or it was cancelled."""
+    """Of two pictures; when it has ended there is either `closeness` or an `error`, which a cancelled one has too."""
 
     def __init__(self, a: Picture, b: Picture, box: Box):
         self.closeness: metrics.Closeness | None = None
@@ -44,7 +45,10 @@ class Measurement:
         self._thread = threading.Thread(target=self.run, daemon=True)
 
     def start(self) -> None:
-        self._thread.start()
+        try:
+            self._thread.start()
+        except RuntimeError as error:  # the system gives no more threads
+            self.error = f"Measuring could not begin: {error}"
 
     def cancel(self) -> None:
         self._cancelled = True
@@ -52,6 +56,9 @@ class Measurement:
     @property
     def is_running(self) -> bool:
         return self._thread.is_alive()
+
+    def wait(self) -> None:
+        self._thread.join()
 
     def run(self) -> None:
         """Measure in the calling thread."""
@@ -64,6 +71,9 @@ class Measurement:
             self.error = str(error)
         except MemoryError:
             self.error = "Not enough memory to measure: choose a smaller render region"
+        except Exception as error:
+            traceback.print_exc()
+            self.error = f"Measuring failed: {type(error).__name__}: {error}"
 
     def _listen(self, text: str, fraction: float) -> None:
         self.fraction = fraction

@@ -30,8 +30,7 @@ INTERVAL = 0.2  # seconds between two messages
 KEPT = "what has arrived is kept, the next download goes on from there"
 LOGIN = "the answer was not what was asked for: does this network want a login in the browser?"
 IN_THE_WAY = "a file is where a folder should be"
-REASONS = {errno.ENOSPC: f"the disk is full ({KEPT})", errno.ENOENT: "it was removed or renamed",
-           errno.EEXIST: IN_THE_WAY, errno.ENOTDIR: IN_THE_WAY}
+REASONS = {errno.ENOENT: "it was removed or renamed", errno.EEXIST: IN_THE_WAY, errno.ENOTDIR: IN_THE_WAY}
 
 
 @dataclass
@@ -238,8 +237,10 @@ def explained(error: Exception, what: str, request: dict) -> Explained:
                      f"(check the connection; {KEPT})", status)
 
 
-def unusable(target: str, error: OSError) -> Explained:
-    return Explained(f"the folder {target} cannot be used: {REASONS.get(error.errno, error.strerror)}")
+def unusable(target: str, error: OSError, kept: str = KEPT) -> Explained:
+    """`kept` says what remains of a download for which the disk is too full."""
+    reason = f"the disk is full ({kept})" if error.errno == errno.ENOSPC else REASONS.get(error.errno, error.strerror)
+    return Explained(f"the folder {target} cannot be used: {reason}")
 
 
 def main() -> int:

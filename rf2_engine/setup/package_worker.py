@@ -29,7 +29,7 @@ sys.path.append(str(Path(__file__).parent))  # at the end: some of our names are
 import distributions  # noqa: E402
 from distributions import STAGING  # noqa: E402
 from hub_worker import Explained, lock, require_space, unusable  # noqa: E402
-from pip_download import INTERVAL, download  # noqa: E402
+from pip_download import INTERVAL, KEPT, download  # noqa: E402
 from wheels import Wheel, space_needed  # noqa: E402
 
 stopped = threading.Event()
@@ -143,7 +143,7 @@ def main() -> int:
         return 1
     except OSError as error:
         traceback.print_exc()
-        tell(error=str(unusable(request["target"], error)))
+        tell(error=str(unusable(request["target"], error, KEPT)))
         return 1
     except Exception as error:
         traceback.print_exc()

@@ -11,9 +11,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import distributions
-from hub_worker import KEPT, Explained
+from hub_worker import Explained
 from wheels import Wheel
 
+KEPT = "packages that are complete are kept, the next installation downloads the others"  # pip resumes no file
 INTERVAL = 0.5  # seconds between two looks at how much has arrived
 KEPT_VARIABLES = {"PIP_CERT", "PIP_CLIENT_CERT", "PIP_PROXY"}  # how to get out of this network, not what to install
 FROM_WHEEL = "import runpy, sys; sys.path.insert(0, sys.argv.pop(1)); runpy.run_module('pip', run_name='__main__')"

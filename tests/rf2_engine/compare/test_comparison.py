@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two pictures are read, measured, exported and forgotten."""
+import dataclasses
 import json
+import threading
 
 import bpy
 import numpy as np
 import pytest
 
 import addon_utils
-from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, events
 
 from tools import metrics as with_libraries
 
@@ -83,6 +85,24 @@ def test_measuring_can_be_cancelled(settings):
     assert measurement.closeness is None and "cancelled" in measurement.error
 
 
+def test_a_measurement_that_fails_says_so_and_ends(settings):
+    comparison.read()
+    comparison.b = dataclasses.replace(comparison.b, pixels=np.full(comparison.b.pixels.shape, None))
+    measurement = comparison.new_measurement()
+    measurement.start()
+    measurement.wait()
+    assert not measurement.is_running and "Measuring failed: TypeError" in measurement.error
+
+
+def test_a_measurement_that_gets_no_thread_says_so(settings, monkeypatch):
+    def refuse(thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    events.read()
+    assert "could not begin: can't start new thread" in comparison.measurement.error
+
+
 def test_equal_sides_ask_for_another(settings):
     settings.b.slot = 1
     comparison.read()
@@ -150,6 +170,17 @@ def test_export_writes_a_sheet_and_numbers(settings, two_slots, tmp_path):
     two_slots.render.image_settings.file_format = "PNG"
     bpy.data.images["Render Result"].save_render(str(tmp_path / "blender.png"), scene=two_slots)  # slot 2 is shown
     np.testing.assert_allclose(sheet[20:57, 82:132], _pixels(tmp_path / "blender.png"), atol=1.5 / 255)
+
+
+@pytest.mark.parametrize("blocked, other", [("png", "json"), ("json", "png")])
+def test_an_export_that_cannot_write_one_file_leaves_the_other(settings, tmp_path, blocked, other):
+    comparison.read()
+    (tmp_path / f"sheet.{blocked}").mkdir()
+    (tmp_path / f"sheet.{other}").write_text("before")
+    with pytest.raises(RuntimeError, match=f"sheet.{blocked} is a folder"):
+        bpy.ops.renderformer_v2.compare_export(filepath=str(tmp_path / "sheet.png"))
+    assert (tmp_path / f"sheet.{other}").read_text() == "before"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["sheet.json", "sheet.png"]
 
 
 def _pixels(path):

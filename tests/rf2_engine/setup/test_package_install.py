@@ -235,6 +235,17 @@ def test_an_index_that_is_not_there_is_said_in_one_line(index, target, capfd):
     begun = finished(package_install.Installation(target, wanted(), index="http://127.0.0.1:9/simple"))
     assert begun.state == "failed" and "tiny-one 1.0 could not be installed" in begun.error
     assert "connection" in begun.error and "\n" not in begun.error
+    assert "packages that are complete are kept" in begun.error  # and nothing of this one: pip resumes no file
+
+
+def test_a_full_disk_promises_what_is_kept():
+    code = ("import errno, sys; sys.path.append(sys.argv[1]); import package_worker as worker, pip_download;"
+            "from wheels import Wheel; wheel = Wheel('tiny', '1', (), 1, 1);"
+            "print(worker.unusable('/x', OSError(errno.ENOSPC, ''), worker.KEPT));"
+            "print(pip_download.reason(wheel, 'ERROR: No space left'))")
+    done = subprocess.run([sys.executable, "-c", code, SETUP], capture_output=True, text=True, check=True)
+    for line in done.stdout.splitlines():
+        assert "disk is full (packages that are complete are kept" in line
 
 
 def test_too_little_space_is_known_before(index, target, monkeypatch):
