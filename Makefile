@@ -10,7 +10,9 @@ SHARED := ../../../../.venv/lib/python3.11/site-packages
 VENV := .venv$(if $(filter-out $(FIRST),$(BPY)),-$(BPY))
 RUN := $(VENV)/bin/python
 READY := $(VENV)/.ready-$(BPY)
-PIP := -m pip install --quiet --disable-pip-version-check --no-compile
+# pip compiles what it installs, even where PYTHONDONTWRITEBYTECODE is set: there each process would otherwise compile
+# PyTorch's Python anew, which takes seconds.
+PIP := -m pip install --quiet --disable-pip-version-check --compile
 OUT := examples/out
 
 .PHONY: render test lint extension clean
@@ -20,7 +22,7 @@ render: $(OUT)/room.blend
 	$(RUN) -m tools.render $< -o $(OUT)/room.exr -o $(OUT)/room.png
 
 test: $(READY)
-	$(RUN) -m pytest
+	$(RUN) -m pytest -n auto --dist worksteal
 
 lint: .venv/.ready-$(FIRST)
 	.venv/bin/python -m ruff check
