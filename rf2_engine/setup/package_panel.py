@@ -24,8 +24,8 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
     if missing := packages.missing(group):
         draw_text(layout, f"Missing Python packages: {', '.join(missing)}")
         layout.operator("renderformer_v2.install_packages", icon="IMPORT").published = published
-    elif importing.failure():
-        draw_text(layout, importing.failure())
+    elif problem := packages.too_old() or importing.failure():
+        draw_text(layout, problem)
     elif installation and installation.state == "done" and installation.was_loaded:
         draw_text(layout, "Start Blender again to use the new packages", icon="INFO")
 

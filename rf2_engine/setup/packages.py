@@ -7,8 +7,11 @@ site-packages are never written to, and numpy always stays Blender's.
 from __future__ import annotations
 
 import importlib.util
+import re
 import sys
 from collections.abc import Iterable
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 
 import bpy
@@ -18,6 +21,7 @@ from . import distributions, package_install, wheels
 PACKAGES = {"torch": "torch", "safetensors": "safetensors", "fast_simplification": "fast-simplification",
             "embreex": "embreex"}
 NETWORK = ("torch", "safetensors")  # no picture without them; the rest is asked for where it is used
+MINIMUM = {"torch": "2.4", "safetensors": "0.4"}  # PyTorch has had rms_norm since then
 PUBLISHED = {  # to download and read the published weights
     "huggingface_hub": "huggingface-hub", "yaml": "pyyaml", "diffusers": "diffusers", "PIL": "pillow",
 }
@@ -27,7 +31,7 @@ _seen: tuple[object, dict[str, str]] = (None, {})  # what state of the folder wa
 
 
 class MissingPackages(Exception):
-    """Packages cannot be imported; the message says how to get them."""
+    """Packages cannot be imported or used; the message says how to get them."""
 
 
 def is_extension() -> bool:
@@ -77,16 +81,44 @@ def intact() -> dict[str, str]:
     return _seen[1]
 
 
-def is_elsewhere(name: str) -> bool:
-    """Whether the running Python has a package of this import name outside of our folder."""
+def elsewhere(name: str) -> Path | None:
+    """The folder outside of ours where the running Python finds a package of this import name, if it does."""
     own = folder()
     if own and own.is_dir() and str(own) not in sys.path:
         sys.path.append(str(own))  # behind Blender's packages: it must not replace any of them
         importlib.invalidate_caches()
     spec = importlib.util.find_spec(name)
     if spec is None or spec.origin is None:  # a folder without an __init__.py is the rest of something
-        return False
-    return own is None or not Path(spec.origin).is_relative_to(own)
+        return None
+    return None if own and Path(spec.origin).is_relative_to(own) else Path(spec.origin).parents[1]
+
+
+def is_elsewhere(name: str) -> bool:
+    """Whether the running Python has a package of this import name outside of our folder; that one is used then."""
+    return elsewhere(name) is not None
+
+
+@cache
+def _version(distribution: str, folder: Path) -> str:
+    """Of a distribution that lies there, or "" where nothing says so."""
+    return next((found.version for found in metadata.distributions(name=distribution, path=[str(folder)])), "")
+
+
+def _numbers(version: str) -> list[int]:
+    """[2, 4, 1] of "2.4.1+cu121"."""
+    return [int(number) for number in re.findall(r"\d+", version.partition("+")[0])]
+
+
+def too_old() -> str:
+    """Which package outside of our folder is older than the MINIMUM, where it is and what to do; or ""."""
+    for name, minimum in MINIMUM.items():
+        folder = elsewhere(name)
+        version = _version(PACKAGES[name], folder) if folder else ""
+        if version and _numbers(version) < _numbers(minimum):
+            return (f"{name} {version} in {folder} is too old: this add-on needs {name} {minimum} or newer. Update it "
+                    f"with {sys.executable} -m pip install --upgrade {wheels.requirement(PACKAGES[name])}, or remove it "
+                    "and use Render Properties > RenderFormer-V2 > Install Packages; then start Blender again")
+    return ""
 
 
 def is_complete(distribution: str) -> bool:
@@ -150,6 +182,8 @@ def other_build() -> str:
 
 def require() -> None:
     """Raises MissingPackages when the network cannot run."""
+    if problem := too_old():
+        raise MissingPackages(problem)
     names = [name for name in missing() if name in NETWORK]
     if names:
         raise MissingPackages(

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """F12 with the installed extension: pixels, passes, alpha, borders, layers, frames, cancelling."""
-import time
 
 import bpy
 import numpy as np
@@ -175,11 +174,11 @@ def test_esc_ends_the_render_at_once_and_writes_no_picture(scene, tmp_path, monk
     polls = []
 
     def pressed(status):
-        polls.append(time.perf_counter())
+        polls.append(status)
         return len(polls) > polls_before_esc
     monkeypatch.setattr(Status, "esc_pressed", pressed)
     bpy.ops.render.render(scene=scene.name)
-    assert time.perf_counter() - polls[polls_before_esc] < 0.5
+    assert len(polls) == polls_before_esc + 1  # nothing that asks is begun after it was pressed
     assert last_render.last_frame[-1].cancelled and not last_render.last_frame[-1].triangles
 
 

@@ -75,7 +75,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.flush()
         if self.server.stalls:
             self.server.stalls -= 1
-            self.server.closing.wait(30)
+            self.server.closing.wait(600)
         self.close_connection = True
 
     def _answer(self, status: int, body: bytes):

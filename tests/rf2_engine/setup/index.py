@@ -77,7 +77,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(body[:len(body) // 2])
             self.wfile.flush()
             self.server.stalled.set()
-            self.server.closing.wait(30)
+            self.server.closing.wait(600)
             self.close_connection = True
         else:
             self.wfile.write(body)
