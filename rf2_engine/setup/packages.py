@@ -115,9 +115,10 @@ def too_old() -> str:
         folder = elsewhere(name)
         version = _version(PACKAGES[name], folder) if folder else ""
         if version and _numbers(version) < _numbers(minimum):
+            update = f"{sys.executable} -m pip install --upgrade {wheels.requirement(PACKAGES[name])}"
             return (f"{name} {version} in {folder} is too old: this add-on needs {name} {minimum} or newer. Update it "
-                    f"with {sys.executable} -m pip install --upgrade {wheels.requirement(PACKAGES[name])}, or remove it "
-                    "and use Render Properties > RenderFormer-V2 > Install Packages; then start Blender again")
+                    f"with {update}, or remove it and use Render Properties > RenderFormer-V2 > Install Packages. Then "
+                    "start Blender again")
     return ""
 
 

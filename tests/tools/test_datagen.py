@@ -19,7 +19,7 @@ SEEDS = (8, 9)  # of the mixed profile: full and simple
 def generate(folder: Path, seeds=SEEDS, profile: str = "mixed") -> str:
     command = [sys.executable, "-m", "tools.datagen", folder, "--first-seed", seeds[0], "--scenes", len(seeds),
                "--views", 2, "--resolution", 32, "--samples", 16, "--equal", 16, "--profile", profile]
-    done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -92,7 +92,7 @@ def test_no_number_of_threads_means_every_core():
     program = ("import bpy, sys; from tools.datagen import reference; reference.prepare(0); "
                "sys.stderr.write(f'threads={bpy.context.scene.render.threads}'); "
                "from tools.extension import leave; leave(0)")
-    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert f"threads={os.cpu_count()}" in done.stderr
 
 
@@ -121,7 +121,7 @@ def test_numbers_that_make_no_sense_are_explained(monkeypatch, capsys, tmp_path,
 def test_a_full_disk_ends_the_run_with_one_line(tmp_path):
     command = f"ulimit -f 8; exec {sys.executable} -m tools.datagen {tmp_path} --scenes 2 --first-seed 1 " \
               "--samples 1 --profile simple --resolution 32 --views 1 --processes 1"
-    done = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=600)
     said = [line for line in done.stderr.splitlines() if "cannot be written" in line]
     assert done.returncode == 1 and said == [f"{tmp_path} cannot be written: File too large"]
     assert "Traceback" not in done.stderr and list(tmp_path.iterdir()) == []
@@ -131,5 +131,5 @@ def test_a_program_with_blender_ends_when_it_fails():
     program = ("from tools import extension; from tools.datagen import reference\n"
                "def main():\n    reference.prepare(0)\n    raise KeyError('odd')\n"
                "extension.run(main)")
-    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 1 and "KeyError: 'odd'" in done.stderr

@@ -50,7 +50,7 @@ os._exit(0)
 
 def make_blend(path: Path, camera: bool = True, animated: bool = False) -> Path:
     program = MAKE.format(path=str(path), camera=camera, animated=animated)
-    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, timeout=120)
+    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, timeout=600)
     return path
 
 
@@ -62,7 +62,7 @@ def digests(folder: Path) -> dict[str, str]:
 def datagen(folder: Path, *files: Path, views: int = 3) -> subprocess.CompletedProcess:
     command = [sys.executable, "-m", "tools.datagen", folder, "--blend", *files, "--views", views, "--resolution", 32,
                "--samples", 2]
-    return subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=300)
+    return subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=600)
 
 
 def test_files_give_their_own_view_and_others_beside_it_and_stay_as_they_are(tmp_path):
@@ -155,5 +155,5 @@ def test_what_cannot_be_trained_is_one_sentence(tmp_path, bundle):
     with pytest.raises(TrainingError, match="would be overwritten"):
         published.train(options(tmp_path, tmp_path / "run" / "bundle"), None)
     done = subprocess.run([sys.executable, "-m", "tools.train.finetune", "a.blend", "--out", str(tmp_path / "out"),
-                           "--start", str(tmp_path)], cwd=ROOT, capture_output=True, text=True, timeout=120)
+                           "--start", str(tmp_path)], cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 2 and "there are no weights in" in done.stderr and "Traceback" not in done.stderr

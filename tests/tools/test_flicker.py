@@ -102,7 +102,7 @@ def room(tmp_path_factory) -> Path:
 
 def run(*arguments) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, "-m", "tools.flicker", *map(str, arguments)], cwd=ROOT, text=True,
-                          capture_output=True, timeout=300)
+                          capture_output=True, timeout=600)
 
 
 def test_an_orbit_is_rendered_once_by_both_engines_and_compared(room, tmp_path):

@@ -44,7 +44,7 @@ def scenes(tmp_path_factory) -> dict[str, dict]:
     path = tmp_path_factory.mktemp("scenes") / "scenes.json"
     wanted = [(int(name.split()[1]), name.split()[0]) for name in HELD_OUT] + [(seed, "wide") for seed in WIDE]
     done = subprocess.run([sys.executable, "-c", LIST, json.dumps(wanted), str(path)], cwd=ROOT, capture_output=True,
-                          text=True, timeout=300)
+                          text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return json.loads(path.read_text())
 

@@ -126,7 +126,7 @@ def command(folder: Path, minutes: float) -> list[str]:
 
 
 def test_a_mistyped_folder_is_one_sentence(tmp_path):
-    done = subprocess.run(command(tmp_path, 1), cwd=ROOT, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command(tmp_path, 1), cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 2 and "there is no folder" in done.stderr and "Traceback" not in done.stderr
 
 
@@ -137,12 +137,12 @@ def test_a_killed_run_is_resumed_where_it_was(tmp_path):
     running = subprocess.Popen(command(tmp_path, 5), cwd=ROOT, stdout=subprocess.DEVNULL)
     begin = time.monotonic()
     while not (tmp_path / "run" / "state.previous.safetensors").is_file():
-        assert running.poll() is None and time.monotonic() - begin < 180
+        assert running.poll() is None and time.monotonic() - begin < 600
         time.sleep(0.1)
     running.kill()
     running.wait()
     text.write_text('{"step": 1}\n{"st')
-    done = subprocess.run(command(tmp_path, 0.05), cwd=ROOT, capture_output=True, text=True, timeout=180)
+    done = subprocess.run(command(tmp_path, 0.05), cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     reached = int(done.stdout.split(" parameters, step ")[1].split()[0])
     assert reached >= 1 and state.is_file() and (tmp_path / "run" / "weights" / "model.safetensors").is_file()

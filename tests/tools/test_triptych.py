@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 def run(*arguments) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, "-m", "tools.triptych", *map(str, arguments)], cwd=ROOT, text=True,
-                          capture_output=True, timeout=300)
+                          capture_output=True, timeout=600)
 
 
 @pytest.mark.parametrize("height, width", [(512, 512), (90, 161)])

@@ -79,7 +79,7 @@ os._exit(0)
 
 def run_program(*arguments: str) -> str:
     done = subprocess.run([sys.executable, "-c", PROGRAM, *arguments], cwd=ROOT, capture_output=True, text=True,
-                          timeout=200)
+                          timeout=600)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     return done.stdout
 
