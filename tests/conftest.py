@@ -10,7 +10,7 @@ import tempfile
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
 
-WORKER_MEMORY = 2 << 30  # bytes that one worker may use
+WORKER_MEMORY = 3 << 30  # bytes for one worker and the programs that its tests start
 
 _user = tempfile.TemporaryDirectory(prefix="renderformer-v2-tests-")
 for _kind in ("RESOURCES", "CONFIG", "SCRIPTS", "EXTENSIONS", "DATAFILES"):
@@ -23,7 +23,7 @@ _exit_status = 0
 def pytest_xdist_auto_num_workers(config):
     """As many as there are cores and memory for, each with its share of the cores."""
     cores = len(os.sched_getaffinity(0))
-    memory = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     workers = max(1, min(cores, memory // WORKER_MEMORY))
     os.environ.setdefault("OMP_NUM_THREADS", str(cores // workers))
     return workers

@@ -9,7 +9,7 @@ from . import comparison, events
 
 
 class RENDERFORMER_OT_compare(bpy.types.Operator):
-    """Show two pictures beside each other, or what differs between them, over the image"""
+    """Compare two pictures in the Image Editor: side by side, in turn, or by their difference"""
     bl_idname = "renderformer_v2.compare"
     bl_label = "Compare"
 
@@ -40,7 +40,7 @@ class RENDERFORMER_OT_compare_swap(bpy.types.Operator):
 
 
 class RENDERFORMER_OT_compare_refresh(bpy.types.Operator):
-    """Read both pictures again, and measure inside the render region as it is now"""
+    """Read both pictures again and update the metrics"""
     bl_idname = "renderformer_v2.compare_refresh"
     bl_label = "Refresh"
 

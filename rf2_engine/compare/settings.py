@@ -46,7 +46,7 @@ class Side(bpy.types.PropertyGroup):
 
 class CompareSettings(bpy.types.PropertyGroup):
     show: BoolProperty(name="Compare", update=_switch,
-                       description="Draw two pictures over the image, which itself is not changed")
+                       description="Draw the comparison over the image. The image itself is not changed")
     a: PointerProperty(type=Side)
     b: PointerProperty(type=Side)
     mode: EnumProperty(name="Mode", default="SPLIT", update=_redraw, items=(
@@ -56,9 +56,9 @@ class CompareSettings(bpy.types.PropertyGroup):
         ("DIFFERENCE", "Difference", "The absolute difference in scene-linear colours"),
         ("FLIP", "FLIP", "How much of a difference an observer sees who flips between A and B")))
     split: FloatProperty(name="Split", default=0.5, min=0, max=1, subtype="FACTOR", update=_redraw,
-                         description="Where the line is, from left to right")
+                         description="Position of the dividing line, from left to right")
     gain: FloatProperty(name="Gain", default=1, min=0, soft_max=100, update=_redraw,
-                        description="What the difference is multiplied by")
+                        description="Factor that makes the difference brighter")
     interval: FloatProperty(name="Interval", default=0.5, min=0.05, soft_max=5, subtype="TIME", unit="TIME_ABSOLUTE",
                             description="How long each picture is shown")
     region: EnumProperty(name="Measure", update=_read_again, items=(

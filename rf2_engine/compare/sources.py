@@ -97,7 +97,7 @@ def _render_result() -> bpy.types.Image:
     for image in bpy.data.images:
         if image.type == "RENDER_RESULT":
             return image
-    raise SourceError("Nothing was rendered yet")
+    raise SourceError("No render yet")
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from .panel import EnginePanel
 def draw_lens(self, context) -> None:
     """Below Blender's own settings of the lens."""
     if EnginePanel.poll(context) and context.camera.type not in {"PERSP", "ORTHO"}:
-        draw_text(self.layout, "This engine has no such camera: set Type to Perspective or Orthographic")
+        draw_text(self.layout, "This camera type is not supported: set Type to Perspective or Orthographic")
 
 
 def draw_lens_samples(self, context) -> None:
@@ -18,7 +18,7 @@ def draw_lens_samples(self, context) -> None:
     layout = self.layout
     layout.prop(context.scene.renderformer_v2, "lens_samples")
     if context.camera.dof.use_dof and context.scene.renderformer_v2.lens_samples == 1:
-        draw_text(layout, "Everything is in focus until there are more samples", icon="INFO")
+        draw_text(layout, "Everything is in focus: set Lens Samples above 1 for blur", icon="INFO")
 
 
 register, unregister = appended("DATA_PT_lens", draw_lens)

@@ -23,7 +23,7 @@ class RENDERFORMER_PT_report(EnginePanel):
     def draw(self, context):
         column = self.layout.column(align=True)
         if not last_render.last_frame:
-            column.label(text="Nothing was rendered yet")
+            column.label(text="No render yet")
             return
         for i, layer in enumerate(last_render.last_frame):
             if len(last_render.last_frame) > 1:

@@ -42,7 +42,7 @@ class RENDERFORMER_PT_passes_light(_PassesPanel):
             if heading != "Data":
                 _draw(self.layout, context.view_layer, rows, heading)
         if absent := passes.absent(context.scene, context.view_layer, light_passes(context.scene)):
-            draw_text(self.layout, f"Chosen for Cycles, absent here: {', '.join(absent)}", icon="INFO")
+            draw_text(self.layout, f"Enabled for Cycles, not available here: {', '.join(absent)}", icon="INFO")
 
 
 class RENDERFORMER_PT_passes_cryptomatte(_PassesPanel, ViewLayerCryptomattePanelHelper, bpy.types.Panel):

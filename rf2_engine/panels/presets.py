@@ -25,7 +25,7 @@ class RENDERFORMER_PT_presets(PresetPanel, bpy.types.Panel):
 class RENDERFORMER_OT_add_preset(AddPresetBase, bpy.types.Operator):
     bl_idname = "renderformer_v2.add_preset"
     bl_label = "Add or Remove a RenderFormer-V2 Preset"
-    bl_description = "Keep detail, light and samples under a name, or remove the preset that is shown"
+    bl_description = "Save the settings for detail, light and samples as a preset, or remove the active preset"
     preset_menu = "RENDERFORMER_PT_presets"
     preset_subdir = FOLDER
     preset_defines = ["settings = bpy.context.scene.renderformer_v2"]

@@ -50,7 +50,7 @@ def users(scene: bpy.types.Scene, name: str) -> list[bpy.types.Object]:
 class RENDERFORMER_OT_select_reported(bpy.types.Operator):
     bl_idname = "renderformer_v2.select_reported"
     bl_label = "Select"
-    bl_description = "Select what the report speaks of"
+    bl_description = "Select the objects that this line is about"
     bl_options = {"UNDO", "INTERNAL"}
 
     name: bpy.props.StringProperty(options={"SKIP_SAVE"})
@@ -81,7 +81,7 @@ class RENDERFORMER_OT_select_reported(bpy.types.Operator):
 class RENDERFORMER_OT_copy_report(bpy.types.Operator):
     bl_idname = "renderformer_v2.copy_report"
     bl_label = "Copy as Text"
-    bl_description = "Copy all of this to the clipboard, to keep it or to send it to somebody"
+    bl_description = "Copy the report to the clipboard"
     bl_options = {"INTERNAL"}
 
     source: bpy.props.EnumProperty(items=(("LAST_RENDER", "Last Render", "", 0), ("PREFLIGHT", "Preflight", "", 1)),

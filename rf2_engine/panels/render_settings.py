@@ -21,7 +21,7 @@ class RENDERFORMER_PT_settings(EnginePanel):
         layout, settings = self.split_layout(), context.scene.renderformer_v2
         package_panel.draw_packages(layout, packages.PACKAGES)
         if context.scene.render.use_multiview:
-            draw_text(layout, "This engine renders no stereoscopic pictures")
+            draw_text(layout, "Stereoscopic rendering is not supported")
             layout.prop(context.scene.render, "use_multiview")
         column = layout.column()
         column.prop(settings, "weights_source")
@@ -44,7 +44,7 @@ def _draw_published(layout) -> None:
     bundle = published_weights.bundle_folder()
     if bundle is None or published_weights.missing_parts(bundle) or packages.missing(packages.PUBLISHED):
         column = layout.column()
-        draw_text(column, "The published weights or their packages are not complete")
+        draw_text(column, "The published weights or the packages for them are incomplete")
         column.operator("preferences.addon_show", text="Open Preferences").module = packages.EXTENSION
 
 
@@ -108,7 +108,7 @@ class RENDERFORMER_PT_motion_blur(EnginePanel):
         layout.active = render.use_motion_blur
         layout.prop(settings, "shutter_samples")
         if render.use_motion_blur and settings.shutter_samples == 1:
-            draw_text(layout, "Every frame shows one moment until there are more samples", icon="INFO")
+            draw_text(layout, "No motion blur: set Shutter Samples above 1", icon="INFO")
         layout.prop(render, "motion_blur_position", text="Position")
         layout.prop(render, "motion_blur_shutter")
 

@@ -94,7 +94,7 @@ class RENDERFORMER_OT_install_packages(_Install, bpy.types.Operator):
 class RENDERFORMER_OT_repair_packages(_Install, bpy.types.Operator):
     bl_idname = "renderformer_v2.repair_packages"
     bl_label = "Repair Packages"
-    bl_description = "Look into every installed file and download the packages again whose files are damaged or missing"
+    bl_description = "Check every installed file, and download packages again if files are damaged or missing"
     by_content = True
 
     @classmethod
@@ -108,7 +108,7 @@ class RENDERFORMER_OT_repair_packages(_Install, bpy.types.Operator):
 class RENDERFORMER_OT_cancel_packages(bpy.types.Operator):
     bl_idname = "renderformer_v2.cancel_packages"
     bl_label = "Cancel"
-    bl_description = "Stop; packages that are complete are kept"
+    bl_description = "Stop installing. Packages that are already complete are kept"
 
     @classmethod
     def poll(cls, context):

@@ -15,7 +15,7 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
         percent = 100 * installation.present // max(installation.total, 1)  # unpacked sizes are estimates
         draw_progress(layout, installation, f"about {percent} %  {installation.text}")
         if installation.state == "cancelling":
-            layout.label(text="Tidying up")
+            layout.label(text="Removing temporary files")
         else:
             layout.operator("renderformer_v2.cancel_packages", icon="CANCEL")
         return
@@ -57,12 +57,12 @@ def draw_confirmation(layout, wanted: list[wheels.Wheel], by_content: bool) -> N
     """The question before an installation."""
     target = packages.folder()
     if by_content:
-        layout.label(text="All files are looked into. What is damaged is downloaded again, at most:")
+        layout.label(text="All files are checked. Damaged packages are downloaded again, at most:")
     names = sorted(wanted, key=lambda wheel: -wheel.download)
     draw_text(layout, ", ".join(f"{wheel.name} {wheel.version}" for wheel in names[:6])
               + (f" and {len(names) - 6} more" if len(names) > 6 else ""), icon="PACKAGE")
     layout.label(text=f"{amount(sum(wheel.download for wheel in wanted))} to download, about "
                       f"{amount(sum(wheel.unpacked for wheel in wanted))} on disk")
-    layout.label(text=f"About {amount(wheels.space_needed(wanted))} are needed meanwhile, "
-                      f"{amount(free_space(target))} are free")
-    draw_text(layout, f"They go to {target}", icon="FILE_FOLDER")
+    layout.label(text=f"About {amount(wheels.space_needed(wanted))} needed during installation, "
+                      f"{amount(free_space(target))} free")
+    draw_text(layout, f"Installed into {target}", icon="FILE_FOLDER")

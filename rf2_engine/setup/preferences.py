@@ -27,18 +27,18 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
     bl_idname = packages.EXTENSION
 
     torch_build: EnumProperty(
-        name="PyTorch", description="Which PyTorch is installed on Linux", default="AUTO",
+        name="PyTorch", description="Build of PyTorch to install on Linux", default="AUTO",
         items=(("AUTO", "Automatic", "For CUDA where an NVIDIA driver is found, else for the CPU", 0),
                ("CUDA", "CUDA", "For NVIDIA GPUs and the CPU: 3 GB to download, 5.5 GB on disk", 1),
                ("CPU", "CPU", "For the CPU only: 0.2 GB to download", 2)),
     )
     torch_cpu_index: StringProperty(
         name="CPU Build From", default="https://download.pytorch.org/whl/cpu",
-        description="Address of the package index that has PyTorch's build for the CPU",
+        description="Address of the package index for PyTorch's CPU build",
     )
     package_index: StringProperty(
         name="Package Index",
-        description="Address of the index that all other packages come from. Empty: the Python Package Index",
+        description="Address of the package index for all other packages. Leave empty to use the Python Package Index",
     )
     weights_folder: StringProperty(
         name="Own Folder", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},

@@ -53,7 +53,7 @@ class RENDERFORMER_OT_download_weights(_Download):
 class RENDERFORMER_OT_fetch_weights(_Download):
     bl_idname = "renderformer_v2.fetch_weights"
     bl_label = "Download"
-    bl_description = "Download what is missing. It can be cancelled, and goes on later from where it stopped"
+    bl_description = "Download what is missing. A cancelled download resumes where it stopped"
 
     @classmethod
     def poll(cls, context):
@@ -69,7 +69,7 @@ class RENDERFORMER_OT_fetch_weights(_Download):
 class RENDERFORMER_OT_cancel_download(bpy.types.Operator):
     bl_idname = "renderformer_v2.cancel_download"
     bl_label = "Cancel"
-    bl_description = "Stop; what has arrived is kept for the next time"
+    bl_description = "Stop the download. It can be resumed later"
 
     @classmethod
     def poll(cls, context):
@@ -83,7 +83,7 @@ class RENDERFORMER_OT_cancel_download(bpy.types.Operator):
 class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
     bl_idname = "renderformer_v2.remove_weights"
     bl_label = "Remove"
-    bl_description = "Delete the downloaded weights, finished or not. Folders that you chose yourself are left alone"
+    bl_description = "Delete the downloaded weights, even incomplete ones. Folders that you chose are not touched"
 
     @classmethod
     def poll(cls, context):
@@ -108,7 +108,7 @@ class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
 class RENDERFORMER_OT_free_model(bpy.types.Operator):
     bl_idname = "renderformer_v2.free_model"
     bl_label = "Free Memory"
-    bl_description = "Unload the network from memory, the GPU's too; the next render loads it again, in a few seconds"
+    bl_description = "Remove the network from main memory and GPU memory. The next render loads it again in seconds"
 
     @classmethod
     def poll(cls, context):

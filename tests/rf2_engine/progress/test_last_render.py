@@ -110,7 +110,7 @@ def test_another_file_has_no_picture_and_no_report(layers, tmp_path):
     assert last_render.last_frame  # the picture is there, too
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     assert not bpy.data.images["Render Result"].has_data and not last_render.last_frame
-    assert drawn() == ["Nothing was rendered yet"]
+    assert drawn() == ["No render yet"]
 
 
 def test_a_line_about_a_material_selects_what_wears_it(layers):
