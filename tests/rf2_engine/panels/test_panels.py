@@ -83,7 +83,7 @@ def test_a_sun_has_no_beam(scene):
                                            ("RENDERFORMER_PT_motion_blur", "shutter_samples")])
 def test_blur_that_is_wanted_and_has_one_sample_says_so(scene, panel, switch):
     scene.camera.data.dof.use_dof = scene.render.use_motion_blur = True
-    assert "more samples" in " ".join(drawn(scene, panels()[panel]).texts)
+    assert "Samples above 1" in " ".join(drawn(scene, panels()[panel]).texts)
     setattr(scene.renderformer_v2, switch, 8)
     assert not drawn(scene, panels()[panel]).texts
 

@@ -64,11 +64,13 @@ def ready(target) -> Download:
     return download
 
 
-def stalled(hub, target) -> Download:
-    """A download in the middle of LARGE, for which no more data come."""
+def stalled(hub, target, patience=600) -> Download:
+    """A download in the middle of LARGE, for which no more data come; after `patience` seconds it asks again."""
     hub.stalls = 100
     download = ready(target)
-    download.fetch()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HF_HUB_DOWNLOAD_TIMEOUT", str(patience))
+        download.fetch()
     while not (hub.ranges() and unfinished(target)) and download.is_running:
         time.sleep(0.05)
     return download
@@ -258,7 +260,7 @@ def test_too_little_space_is_known_before(hub, tmp_path):
 
 def test_a_folder_that_disappears_or_is_none_is_named(hub, tmp_path):
     folder = tmp_path / "weights"
-    download = stalled(hub, folder)
+    download = stalled(hub, folder, patience=1)
     shutil.rmtree(folder)
     hub.stalls = 0  # the connection breaks after a second without data, and the rest comes
     download.wait()
