@@ -6,7 +6,7 @@ meshes is least where n is proportional to (k a)^(2/3).
 """
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,8 +28,36 @@ SAMPLE = 20_000    # triangles that tell how curved a mesh is
 TEXTURE, FLAT = 1.0, 0.1  # curvature that textures, and the lack of both, are worth
 
 
-def fit(collected: Collected, budget: int, framing: Framing, hits: Hits | None, wanted: list[int], report) -> None:
-    """Simplify what is too fine; leave out the least visible instances where not even coarse shapes of all fit.
+@dataclass
+class Simplification:
+    """What becomes of the parts of a scene, of which k are simplified."""
+
+    parts: list[Part]
+    targets: np.ndarray              # (k,) triangles each part may keep
+    nearest: list[np.ndarray]         # (4, 4) object to world, of the instance that shows most
+    apparent: ApparentSize | None
+
+    def apply(self, report) -> None:
+        """Simplify what is too fine."""
+        before: dict[str, list[int]] = {}
+        for i, (part, target, matrix) in enumerate(zip(self.parts, self.targets, self.nearest, strict=True)):
+            if target >= len(part.mesh):
+                continue
+            area, count = part.mesh.area, len(part.mesh)
+            lens = None if self.apparent is None else Lens(matrix, self.apparent)
+            with progress.part(i / len(self.parts), (i + 1) / len(self.parts),
+                               f"Simplifying meshes, {i + 1} of {len(self.parts)}"):
+                part.mesh = reduce.simplify(part.mesh, int(target), lens)
+            part.flux_gain *= area / part.mesh.area
+            before.setdefault(part.name, [count]).append(len(part.mesh))
+        for name, (count, *after) in before.items():
+            to = f"{min(after)}" if min(after) == max(after) else f"{min(after)} to {max(after)}"
+            report.approximated(name, f"simplified from {count} to {to} triangles")
+
+
+def allotted(collected: Collected, budget: int, framing: Framing, hits: Hits | None, wanted: list[int],
+             report) -> Simplification:
+    """How fine everything becomes; the least visible instances are left out where not even coarse shapes of all fit.
 
     wanted: triangles of each part with those by which it will be subdivided; hits: None where there is no camera, and
     everything is seen alike.
@@ -37,7 +65,8 @@ def fit(collected: Collected, budget: int, framing: Framing, hits: Hits | None, 
     parts, apparent = collected.parts, framing.apparent
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
     if not parts or counts @ copies <= budget:
-        return
+        framing.shares = {} if framing.shares is None else framing.shares
+        return Simplification([], np.zeros(0, np.int64), [], apparent)
     shown = _shares_of_picture(parts, apparent, hits)
     parts, shown, wanted = _levels(*_kept(parts, shown, wanted, budget, report))
     collected.parts = parts
@@ -45,20 +74,9 @@ def fit(collected: Collected, budget: int, framing: Framing, hits: Hits | None, 
     detail = np.array([_curvature(part.mesh) + (TEXTURE if part.is_textured else FLAT) for part in parts])
     weights = (np.array([share.max() for share in shown]) * detail) ** (2 / 3)
     shares = share_budget(np.maximum(counts, wanted), copies, weights, budget)
-    shares = framing.steadied(_names(parts), shares, copies, budget)
-    before: dict[str, list[int]] = {}
-    for i, (part, share, in_picture) in enumerate(zip(parts, shares, shown, strict=True)):
-        if share >= len(part.mesh):
-            continue
-        area, count = part.mesh.area, len(part.mesh)
-        lens = None if apparent is None else Lens(part.matrices[in_picture.argmax()], apparent)
-        with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying meshes, {i + 1} of {len(parts)}"):
-            part.mesh = reduce.simplify(part.mesh, int(share), lens)
-        part.flux_gain *= area / part.mesh.area
-        before.setdefault(part.name, [count]).append(len(part.mesh))
-    for name, (count, *after) in before.items():
-        to = f"{min(after)}" if min(after) == max(after) else f"{min(after)} to {max(after)}"
-        report.approximated(name, f"simplified from {count} to {to} triangles")
+    shares = framing.steadied(_names(parts), shares, counts, copies, budget)
+    nearest = [part.matrices[in_picture.argmax()] for part, in_picture in zip(parts, shown, strict=True)]
+    return Simplification(parts, shares, nearest, apparent)
 
 
 def share_budget(counts, copies, weights, budget: int) -> np.ndarray:
