@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Key frames: a frame of an animation is fitted by them, whatever else is rendered before it and where."""
-from itertools import permutations
-
 import bpy
 import numpy as np
 import pytest
@@ -93,16 +91,16 @@ def test_what_is_changed_is_looked_at_anew(scene, change):
 @pytest.fixture
 def flight(scene):
     """A camera that flies past balls, one of which moves, and leaves what the first frame shows."""
-    for x in (0, 2, 20, 30, 40, 44):
+    for x in (0, 2, 20, 22, 24, 26):
         bpy.ops.mesh.primitive_uv_sphere_add(location=(x, 0.3 * x % 2, 0))
     mover = bpy.context.object
     cube(scene), sun(scene)
     mesh_object(scene, "Floor", [(-90, -90, -1), (90, -90, -1), (90, 90, -1), (-90, 90, -1)], [(0, 1, 2, 3)])
     last = OTHERS[-1] + 1
-    for frame, x in ((1, 0), (shot.BLOCK, 1), (shot.BLOCK + 4, 20), (last, 43)):
+    for frame, x in ((1, 0), (2 * STEP, 1), (3 * STEP, 20), (last, 26)):
         scene.camera.location = (x, -7, 0)
         scene.camera.keyframe_insert("location", frame=frame)
-        mover.location.z = x / 40
+        mover.location.z = x / 20
         mover.keyframe_insert("location", frame=frame)
     scene.frame_start, scene.frame_end, scene.frame_step = 1, last, 1
     scene.renderformer_v2.token_budget = 400
@@ -142,9 +140,10 @@ def alone(scene, frame):
 def test_a_frame_is_converted_the_same_alone_and_in_any_order(flight):
     expected = {frame: alone(flight, frame) for frame in SOME}
     assert len(set(expected.values())) == len(SOME)
-    for order in permutations(SOME):
-        shot._fitted.clear()
-        assert {frame: given(flight, frame) for frame in order} == expected
+    shot._fitted.clear()
+    a, b, c = SOME
+    for frame in (c, b, a, c, a, b, c):  # each after each other
+        assert given(flight, frame) == expected[frame]
 
 
 def test_a_frame_is_converted_the_same_in_an_animation_and_in_a_part_of_it(flight, tmp_path):
