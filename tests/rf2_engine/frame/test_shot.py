@@ -4,6 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.framing import Framing
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache, shot
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
@@ -48,9 +50,9 @@ def test_frames_that_have_left_it_are_fitted_as_the_one_in_which_their_block_beg
         np.testing.assert_array_equal(box_at(scene, frame, boxes), boxes(key))
 
 
-def test_a_frame_far_from_all_key_frames_is_fitted_by_itself(scene):
-    for frame in SOME:
-        np.testing.assert_array_equal(box_at(scene, frame, lambda at: 9 * BOX if at == frame else BOX), 9 * BOX)
+@pytest.mark.parametrize("frame", SOME)
+def test_a_frame_far_from_all_key_frames_is_fitted_by_itself(scene, frame):
+    np.testing.assert_array_equal(box_at(scene, frame, lambda at: 9 * BOX if at == frame else BOX), 9 * BOX)
 
 
 def test_a_frame_before_the_animation_is_fitted_by_itself(scene):
@@ -169,3 +171,13 @@ def test_a_still_is_fitted_to_itself(flight):
         data.animation_data_clear()
     shot._fitted.clear()
     assert len({given(flight, frame) for frame in (1, *SOME)}) == 1
+
+
+def test_esc_while_a_key_frame_is_looked_at_leaves_nothing_behind(flight):
+    def press_esc(*_):
+        raise RenderCancelled()
+    shot._fitted.clear()
+    flight.frame_set(OTHERS[0])
+    with progress.reporting(press_esc), pytest.raises(RenderCancelled):
+        of_now(flight, lambda frame: BOX)
+    assert not shot._fitted
