@@ -16,9 +16,10 @@ from ..camera.apparent_size import ApparentSize, Lens
 from ..camera.framing import Framing
 from ..camera.visible import GRID, Hits
 from ..collected import Collected, Part
-from . import pieces, reduce
+from . import reduce
 from .mesh import TriangleMesh
 from .reduce import COARSEST, KEPT_WHOLE
+from .sampling import keep_some
 
 HIDDEN = 0.05      # how much of the picture counts that something would fill if it were not hidden
 DETAIL = 0.6       # of the budget at most goes to the coarsest shapes of many instances
@@ -181,7 +182,7 @@ def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:
     """(m,) bool: about `count` of its instances, at most, which are enlarged here to the area of all of them."""
     places, scale = _middles_and_scales(part)
     low, high = part.mesh.bounds
-    keep, growth = pieces.sampled(share, np.ones(len(share)), count - 0.5, places, scale * (high - low).max())
+    keep, growth = keep_some(share, count - 0.5, places=places, sizes=scale * (high - low).max())
     for i in np.flatnonzero(keep):
         part.places[i] = replace(part.places[i], matrix=part.places[i].matrix @ _about((low + high) / 2, growth[i]))
     return keep
