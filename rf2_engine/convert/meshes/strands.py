@@ -54,7 +54,7 @@ def particles_mesh(obj, system) -> TriangleMesh:
 def cloud_mesh(cloud) -> TriangleMesh:
     """Octahedra in place of the balls of a `bpy.types.PointCloud`, in its own frame."""
     position, radius = _points(cloud), _radius(cloud, 0.05)[:, 0].astype(np.float64)
-    chosen, growth = keep_some(np.nan_to_num(radius) ** 2, TRIANGLES // len(SIDES))
+    chosen, growth = keep_some(np.nan_to_num(radius, posinf=0, neginf=0) ** 2, TRIANGLES // len(SIDES))
     size = (radius * growth)[chosen] * np.sqrt(np.pi / np.sqrt(3))  # an octahedron as large as the ball
     corners = position[chosen, None, None] + OCTAHEDRON[SIDES] * size[:, None, None, None]
     normals = np.broadcast_to(OCTAHEDRON[SIDES], corners.shape)
