@@ -2,7 +2,6 @@
 """Attributes that materials ask for by name: of the mesh, its object, what instances it, and the view layer."""
 from __future__ import annotations
 
-import bpy
 import numpy as np
 
 STORED = {  # how Cycles knows an attribute: where its numbers are, and how many
@@ -20,13 +19,12 @@ EDGES = {"BOOLEAN": np.ceil, "INT": _rounded, "INT8": _rounded}  # what becomes 
 
 
 class Asked:
-    """The names in the Attribute nodes of the open file, by kind, and values of the view layer that is rendered."""
+    """The names in the Attribute nodes of what is evaluated, by kind, and values of the view layer that is rendered."""
 
     def __init__(self, depsgraph):
         self.names: dict[str, set[str]] = {kind: set() for kind in (MESH, OBJECT, INSTANCER, VIEW_LAYER)}
-        for owner in (*bpy.data.materials, *bpy.data.node_groups):
-            tree = owner if isinstance(owner, bpy.types.NodeTree) else owner.node_tree
-            for node in tree.nodes if tree else ():
+        for tree in (data for data in depsgraph.ids if data.id_type == "NODETREE"):
+            for node in tree.nodes:
                 if node.bl_idname == "ShaderNodeAttribute":
                     self.names[node.attribute_type].add(node.attribute_name)
         scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval

@@ -9,6 +9,7 @@ from mathutils import Vector
 
 from renderformer_v2.model.geometry import latlong_directions
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE
+from renderformer_v2.rf2_engine.convert.copying.blocks import Blocks
 from renderformer_v2.rf2_engine.convert.report import Report
 from renderformer_v2.rf2_engine.convert.world import convert_world
 
@@ -79,6 +80,6 @@ def panorama(rng: np.random.Generator) -> np.ndarray:
 def _brighten(world: bpy.types.World, background: bpy.types.ShaderNode, radiance: float) -> None:
     """Set the strength that makes the mean over all directions `radiance`."""
     background.inputs["Strength"].default_value = 1.0
-    seen = convert_world(world, Report())
+    seen = convert_world(Blocks(bpy.context.scene.frame_current).of(world), Report())
     rows = np.sin(np.pi * (np.arange(len(seen)) + 0.5) / len(seen))
     background.inputs["Strength"].default_value = radiance / float(np.average(seen.mean(axis=(1, 2)), weights=rows))
