@@ -85,7 +85,7 @@ SOURCES = {
 
 
 def build(case: Case, name: str):
-    """(material, its Emission node) that shows the node."""
+    """A material that shows the node."""
     made, tree, emission = material("ShaderNodeEmission", name, Strength=1.0)
     made.cycles.emission_sampling = "NONE"
     at = tree.nodes.new("ShaderNodeTexCoord").outputs["Object"]

@@ -213,13 +213,14 @@ def test_a_bump_becomes_a_tile_of_normals(uv, size, expected):
     report = Report()
     tiles = MaterialTiles(report)
     place = Place(np.diag([size, size, size, 1.0]))
-    index, _ = tiles.triangle_tiles(copied(made), triangles(1, np.float32([uv])), place)
+    look = copied(made)
+    index, _ = tiles.triangle_tiles(look, triangles(1, np.float32([uv])), place)
     normal = np.array([*expected, 1]) / np.linalg.norm([*expected, 1])
     np.testing.assert_allclose(tiles.tiles[index[0], NORMAL], np.tile(normal[:, None, None], (1, 32, 32)), atol=2e-3)
     assert not report.entries
     moved = Place(Matrix.LocRotScale((3, 1, 2), Euler((0.2, 0.3, 0.4)), (size,) * 3))
-    assert tiles.sharing(made, place) == tiles.sharing(made, Place(np.array(moved.matrix)))
-    assert tiles.sharing(made, place) != tiles.sharing(made, Place(3 * place.matrix))
+    assert tiles.sharing(look, place) == tiles.sharing(look, Place(np.array(moved.matrix)))
+    assert tiles.sharing(look, place) != tiles.sharing(look, Place(3 * place.matrix))
 
 
 def test_missing_file_is_magenta_and_named(tmp_path):
