@@ -25,7 +25,7 @@ from .world import world_light
 
 def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: float, report,
             steady=lambda framing: framing, baker=None) -> RenderScene:
-    """The arguments of `convert` (scene.py), on any thread; `copied` is not worth anything afterwards."""
+    """The arguments of `convert` (scene.py). On any thread; `copied` stays as it is."""
     if not rays.has_embree():
         report.approximated("Speed", "the package embreex is missing, so rays take ten times as long: Install Packages "
                                      "in Preferences > Add-ons > RenderFormer-V2 brings it")

@@ -58,7 +58,7 @@ class Baker:
         except RenderCancelled:
             raise
         except (OSError, ValueError, RuntimeError, SceneError) as error:
-            self._broken = f"nothing could be baked: {error}"
+            self._broken = f"it could not be baked: {error}"
 
     def bake(self, n) -> np.ndarray:
         """(m, 32, 32, 1 or 3) f32 of the output that a NodeCall asks for, on the triangles of its points.

@@ -118,7 +118,8 @@ def test_another_thread_computes_the_same_after_all_data_are_gone(rich):
     assert expected.is_light.any() and not np.isnan(Normalization.of(expected).scale)
     copied = copy(depsgraph, reports[1])
     emptied()
-    assert_identical(on_another_thread(lambda: compute(copied, view, report=reports[1], **ARGUMENTS)), expected)
+    for _ in range(2):
+        assert_identical(on_another_thread(lambda: compute(copied, view, report=reports[1], **ARGUMENTS)), expected)
     assert sorted(reports[0].lines()) == sorted(reports[1].lines())
 
 
@@ -153,6 +154,21 @@ def test_nothing_that_computes_imports_bpy():
     assert {"rf2_engine/convert/shading/surface.py", "rf2_engine/convert/media/volumes.py", "model/scene.py"} <= names
     assert not found
     assert "bpy" in imported(ROOT / "rf2_engine/compat.py")[0]
+
+
+def test_images_that_show_nowhere_are_not_read(scene, add_mesh, tmp_path):
+    made, tree, shader = material()
+    images = []
+    for name in ("Shown", "Unlinked"):
+        image = painted(name)
+        image.filepath_raw, image.file_format = str(tmp_path / f"{name}.exr"), "OPEN_EXR"
+        image.save()
+        images.append(bpy.data.images.load(image.filepath_raw))
+        tree.nodes.new("ShaderNodeTexImage").image = images[-1]
+    tree.links.new(tree.nodes["Image Texture"].outputs[0], shader.inputs["Base Color"])
+    add_mesh("Rock", materials=[made])
+    copy(bpy.context.evaluated_depsgraph_get(), Report())
+    assert [image.has_data for image in images] == [True, False]
 
 
 class Ready(Promise):
