@@ -38,8 +38,9 @@ class _Collection:
 
     def of(self, copied: Copied) -> Collected:
         self.found.lamps = copied.lamps
+        total = len(copied.things)
         for i, thing in enumerate(copied.things):
-            with progress.part(i / len(copied.things), (i + 1) / len(copied.things)):
+            with progress.part(i / total, (i + 1) / total, f"Preparing objects, {i + 1} of {total}"):
                 progress.report()
                 if isinstance(thing, Gridded):
                     self.found.media.append(gridded(thing, self.report))
