@@ -2,14 +2,14 @@
 """Attributes that materials ask for by name: of the mesh, its object, what instances it, and the view layer."""
 from __future__ import annotations
 
-import bpy
 import numpy as np
 
 STORED = {  # how Cycles knows an attribute: where its numbers are, and how many
     "FLOAT": ("value", 1), "INT": ("value", 1), "INT8": ("value", 1), "BOOLEAN": ("value", 1), "FLOAT2": ("vector", 2),
     "FLOAT_VECTOR": ("vector", 3), "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4), "QUATERNION": ("value", 4)}
 MESH, OBJECT, INSTANCER, VIEW_LAYER = "GEOMETRY", "OBJECT", "INSTANCER", "VIEW_LAYER"
-CLOSE = 1e-4  # of matrices of one instance
+CLOSE = 1e-4         # of matrices of one instance
+UNUSED = 2 ** 31 - 1  # end of a persistent_id
 
 
 def _rounded(mean: np.ndarray) -> np.ndarray:
@@ -20,18 +20,17 @@ EDGES = {"BOOLEAN": np.ceil, "INT": _rounded, "INT8": _rounded}  # what becomes 
 
 
 class Asked:
-    """The names in the Attribute nodes of the open file, by kind, and values of the view layer that is rendered."""
+    """The names in the Attribute nodes of what is evaluated, by kind, and values of the view layer that is rendered."""
 
     def __init__(self, depsgraph):
         self.names: dict[str, set[str]] = {kind: set() for kind in (MESH, OBJECT, INSTANCER, VIEW_LAYER)}
-        for owner in (*bpy.data.materials, *bpy.data.node_groups):
-            tree = owner if isinstance(owner, bpy.types.NodeTree) else owner.node_tree
-            for node in tree.nodes if tree else ():
+        for tree in (data for data in depsgraph.ids if data.id_type == "NODETREE"):
+            for node in tree.nodes:
                 if node.bl_idname == "ShaderNodeAttribute":
                     self.names[node.attribute_type].add(node.attribute_name)
         scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
         self.of_view_layer = _first(self.names[VIEW_LAYER], layer, scene, scene.world)
-        self._instances: dict[int, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
+        self.instances: dict[int, _Instances] = {}  # by pointer of what instances them
 
     def of_object(self, obj) -> dict[str, tuple]:
         return _first(self.names[OBJECT], obj, obj.data)
@@ -46,18 +45,15 @@ class Asked:
         return found | (self._of_instance(instance) if instance.is_instance and instance.parent else {})
 
     def _of_instance(self, instance) -> dict[str, tuple]:
-        """Attributes that geometry nodes have given to an instance, which is found by its matrix."""
+        """Attributes that geometry nodes have given to an instance."""
         parent = instance.parent
-        if parent.as_pointer() not in self._instances:
-            self._instances[parent.as_pointer()] = _instances(parent, self.names[INSTANCER])
-        matrices, values = self._instances[parent.as_pointer()]
-        if not values or not len(matrices):
+        if parent.as_pointer() not in self.instances:
+            self.instances[parent.as_pointer()] = _Instances(parent, self.names[INSTANCER])
+        found = self.instances[parent.as_pointer()]
+        if not found.values or not len(found.matrices):
             return {}
-        own = np.array(parent.matrix_world.inverted_safe() @ instance.matrix_world)
-        guess = instance.persistent_id[1]
-        if not (0 <= guess < len(matrices) and np.abs(matrices[guess] - own).max() < CLOSE):
-            guess = int(np.abs(matrices - own).max(axis=(1, 2)).argmin())
-        return {name: tuple(rows[guess].tolist()) for name, rows in values.items()}
+        index = found.index(instance)
+        return {name: tuple(rows[index].tolist()) for name, rows in found.values.items()}
 
 
 def of_mesh(mesh, names, loop: np.ndarray, vertex: np.ndarray, polygon: np.ndarray) -> dict[str, np.ndarray]:
@@ -92,22 +88,45 @@ def _values(attribute) -> np.ndarray | None:
         return None
     name, channels = STORED[attribute.data_type]
     kind = {"INT": np.int32, "INT8": np.int32, "BOOLEAN": bool}.get(attribute.data_type, np.float32)
+    return _stored(attribute, name, channels, kind).reshape(-1, channels).astype(np.float32)
+
+
+def _stored(attribute, name: str, channels: int, kind) -> np.ndarray:
+    """(k * channels,)."""
     values = np.empty(channels * len(attribute.data), kind)
     attribute.data.foreach_get(name, values)
-    return values.reshape(-1, channels).astype(np.float32)
+    return values
 
 
-def _instances(obj, names) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """(k, 4, 4) matrices of what geometry nodes instance on an object, and (k, c) values by name."""
-    whole = obj.evaluated_geometry()  # which owns the cloud
-    cloud = whole.instances_pointcloud()
-    if cloud is None or (transform := cloud.attributes.get("instance_transform")) is None:
-        return np.zeros((0, 4, 4)), {}
-    matrices = np.empty(16 * len(transform.data), np.float32)
-    transform.data.foreach_get("value", matrices)
-    found = {name: _values(cloud.attributes[name]) for name in names if name in cloud.attributes}
-    return (matrices.reshape(-1, 4, 4).transpose(0, 2, 1),
-            {name: values for name, values in found.items() if values is not None})
+class _Instances:
+    """What geometry nodes instance on an object: (k, 4, 4) matrices, and (k, c) values by name."""
+
+    def __init__(self, obj, names):
+        self.matrices, self.values, self.searches = np.zeros((0, 4, 4)), {}, 0
+        whole = obj.evaluated_geometry()  # which owns the cloud
+        cloud = whole.instances_pointcloud()
+        if cloud is None or (transform := cloud.attributes.get("instance_transform")) is None:
+            return
+        self.matrices = _stored(transform, "value", 16, np.float32).reshape(-1, 4, 4).transpose(0, 2, 1)
+        found = {name: _values(cloud.attributes[name]) for name in names if name in cloud.attributes}
+        self.values = {name: values for name, values in found.items() if values is not None}
+        count, ids = len(self.matrices), cloud.attributes.get("id")
+        numbers = range(count) if ids is None else _stored(ids, "value", 1, np.int32).tolist()
+        self._known = dict(zip(reversed(numbers), reversed(range(count)), strict=True))  # the first of those alike
+        self._last = -1
+
+    def index(self, instance) -> int:
+        """Which of them a DepsgraphObjectInstance is, or belongs to: those of an object come in their order."""
+        number = [part for part in instance.persistent_id if part != UNUSED][-1]
+        if number not in self._known:  # Blender gives those with the number of another one of their own
+            own = np.array(instance.parent.matrix_world.inverted_safe() @ instance.matrix_world)
+            index = self._last + 1
+            if index == len(self.matrices) or np.abs(self.matrices[index] - own).max() > CLOSE:
+                self.searches += 1
+                index = int(np.abs(self.matrices - own).max(axis=(1, 2)).argmin())
+            self._known[number] = index
+        self._last = self._known[number]
+        return self._last
 
 
 def _first(names, *blocks) -> dict[str, tuple]:

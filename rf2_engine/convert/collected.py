@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a scene is made of, copied out of Blender: meshes and where they stand, lamps, media."""
+"""What a scene is made of: meshes and where they stand, lamps, media."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from .copied import LampInstance
 from .media.medium import Medium
 from .meshes.mesh import TriangleMesh
 from .place import Place
@@ -28,15 +29,6 @@ class Part:
     def matrices(self) -> list[np.ndarray]:
         """(4, 4) f64 each, object to world."""
         return [place.matrix for place in self.places]
-
-
-@dataclass
-class LampInstance:
-    """One lamp, as bright as its data-block says and wherever it stands."""
-
-    name: str           # of the object
-    matrix: np.ndarray  # (4, 4) f64, object to world
-    light: object       # bpy Light
 
 
 @dataclass

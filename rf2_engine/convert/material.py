@@ -22,10 +22,11 @@ from ...model.scene import (
 from .meshes.displace import HEIGHT_UNIT
 from .meshes.mesh import TriangleMesh, face_normals
 from .place import Place
+from .report import Report
 from .shading import graph
+from .shading.blocks import Material
 from .shading.closure import Closure, SurfaceParameters, lobe, parameters
 from .shading.evaluate import Evaluator, Points, interpolated
-from .shading.images.image import ImageCache
 from .shading.node_call import NodeCall
 from .shading.normal_map import bent_by
 from .shading.surface import closure_at
@@ -37,19 +38,21 @@ BAKED_CHUNK = 1024           # and where some may be baked, for which Cycles rea
 EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
 DARK_FRACTION = 0.01         # triangles this much darker than the brightest one of an emission texture do not shine
 CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
+ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
+                            None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 
 class MaterialTiles:
     """Collects the tiles of one conversion; equal homogeneous materials share a tile."""
 
-    def __init__(self, report, frame: int | None = None, baker=None):
-        self.report, self.images, self.baker = report, ImageCache(report, frame=frame), baker
+    def __init__(self, report, baker=None):
+        self.report, self.baker = report, baker
         self._chunks: list[np.ndarray] = []
         self._count = 0
         self._constant: dict[bytes, int] = {}
-        self._placed: set[int] = set()  # pointers of materials that look different from place to place
-        self._scaled: set[int] = set()  # and of those that look different by size
+        self._placed: set[Material] = set()  # those that look different from place to place
+        self._scaled: set[Material] = set()  # and those that look different by size
 
     @property
     def tiles(self) -> np.ndarray:
@@ -57,8 +60,9 @@ class MaterialTiles:
         empty = np.zeros((0, TILE_CHANNELS, TILE_SIZE, TILE_SIZE), np.float16)
         return np.concatenate([empty, *self._chunks])
 
-    def triangle_tiles(self, material, mesh: TriangleMesh, place: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Tiles and emission of n triangles that all wear `material` (a bpy Material or None).
+    def triangle_tiles(self, material: Material | None, mesh: TriangleMesh,
+                       place: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Tiles and emission of n triangles that all wear `material`.
 
         Returns tile index (n,) i32, -1 where there is as good as nothing (CLEAR), and radiance (n, 3) f32. A
         homogeneous material has one tile, one with textures a tile per triangle. `sharing` tells afterwards which
@@ -106,18 +110,19 @@ class MaterialTiles:
         through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
         return np.broadcast_to(_triangle_mean(through)[..., 0], len(mesh))
 
-    def _evaluate(self, material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
-        tree = material.node_tree if material.use_nodes else None
-        evaluator = Evaluator(points, self.images, self.report, material.name, self.baker)
-        evaluator.material_index = material.pass_index
+    def _evaluate(self, material: Material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
+        tree = material.node_tree
         if tree is None:
             color = np.array(material.diffuse_color[:3], np.float32)
             return parameters(lobe(color)), np.zeros(1, np.float32)
+        evaluator = Evaluator(points, tree.conventions, self.report, material.name, self.baker)
+        evaluator.material_index = material.pass_index
         output = graph.output_node(tree)
         output = None if output is None else NodeCall(evaluator, output)
         closure = Closure() if output is None else closure_at(output, "Surface")
         if evaluator.depends_on_ray:
-            lighting = Evaluator(replace(points, camera_ray=False), self.images, self.report, material.name, self.baker)
+            lighting = Evaluator(replace(points, camera_ray=False), tree.conventions, self.report, material.name,
+                                 self.baker)
             lighting.material_index = material.pass_index
             closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
             evaluator.depends_on_place |= lighting.depends_on_place
@@ -130,17 +135,16 @@ class MaterialTiles:
             surface.normal = bent_by(output, surface.normal, displacement)
             displacement = np.zeros(1, np.float32)
         if evaluator.depends_on_place:
-            self._placed.add(material.as_pointer())
+            self._placed.add(material)
         if evaluator.depends_on_scale:
-            self._scaled.add(material.as_pointer())
+            self._scaled.add(material)
         return surface, np.clip(displacement / HEIGHT_UNIT, -1, 1)
 
     def sharing(self, material, place: Place):
         """What places have in common that share what `triangle_tiles` found of this material, which comes first."""
-        pointer = material and material.as_pointer()
-        if pointer in self._placed:
+        if material in self._placed:
             return id(place)
-        if pointer in self._scaled:
+        if material in self._scaled:
             linear = place.matrix[:3, :3]
             return tuple(np.round(linear.T @ linear, SCALE_DIGITS).ravel())
         return None
@@ -155,6 +159,23 @@ class MaterialTiles:
     def _append(self, tiles: np.ndarray) -> None:
         self._chunks.append(tiles)
         self._count += len(tiles)
+
+
+class _Noted:
+    """In place of a baker: remembers that one was asked for."""
+
+    asked = False
+
+    def bake(self, n):
+        self.asked = True
+        raise RuntimeError("it is baked later")
+
+
+def needs_baking(material: Material) -> bool:
+    """Whether a baker will be asked for nodes of it."""
+    noted = _Noted()
+    MaterialTiles(Report(), noted).triangle_tiles(material, ONE_TRIANGLE)
+    return noted.asked
 
 
 def _displacement(material, output: NodeCall | None) -> np.ndarray:

@@ -9,40 +9,41 @@ import numpy as np
 from ...model import progress
 from ...model.geometry import latlong_directions
 from ...model.scene import ENVIRONMENT_SHAPE
-from .. import compat
-from ..cycles.fingerprint import nodes
 from .lamps.lamp_triangles import SUN_ANGLE
 from .lamps.suns import Sun, split_suns
 from .report import Report
 from .shading import graph, sky
+from .shading.blocks import World
 from .shading.evaluate import Evaluator, Points
-from .shading.images.image import ImageCache
 from .shading.node_call import OF_A_NODE, NodeCall
 from .shading.surface import closure_at
 
 MAX_SUPERSAMPLING = 4  # rays per texel and axis; larger images are reduced first
 BAND_ROWS = 16        # texel rows evaluated at once
 SKY, FEW = "ShaderNodeTexSky", (0, 8, 16)  # first row, rows and columns of directions that show what nodes say
-VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmission", "scatter": "Volume Scatter"}
 
 
-def shown_world(depsgraph):
-    """The world of the view layer that is rendered, None if it shows none."""
-    return compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
+def drawn_by(by_cycles, world: World | None) -> tuple[np.ndarray | None, list[Sun]] | None:
+    """A world's panorama without its suns, and these, from a CyclesWorld (cycles/world.py) or None, which is asked
+    where a node cannot be evaluated as it is; None where it need not or cannot draw it."""
+    if world is None or by_cycles is None or _is_exact(world):
+        return None
+    drawn = by_cycles.light(_rough_suns(world))
+    return drawn and (_none_if_black(drawn[0]), drawn[1])
 
 
-def world_light(depsgraph, report, by_cycles=None) -> tuple[np.ndarray | None, list[Sun]]:
+def world_light(world: World | None, drawn: tuple | None, report) -> tuple[np.ndarray | None, list[Sun]]:
     """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these.
 
-    by_cycles: a CyclesWorld (cycles/world.py), which is asked where a node cannot be evaluated as it is.
+    drawn: what Cycles has drawn of it (`drawn_by`).
     """
-    world = shown_world(depsgraph)
     if world is None:
         return None, []
-    _report_limits(world, report)
-    drawn = by_cycles.light(_rough_suns(world)) if by_cycles and not _is_exact(world) else None
+    if world.hidden_from:
+        report.approximated(world.name, "it lights everything although ray visibility is off for: "
+                                        f"{', '.join(world.hidden_from)}")
     if drawn:
-        environment, suns = _none_if_black(drawn[0]), drawn[1]
+        environment, suns = drawn
     else:
         environment, suns = convert_world(world, report), []
         if environment is not None:
@@ -54,22 +55,23 @@ def world_light(depsgraph, report, by_cycles=None) -> tuple[np.ndarray | None, l
     return environment, suns
 
 
-def _is_exact(world) -> bool:
+def _is_exact(world: World) -> bool:
     """Whether `convert_world` shows it as it is."""
-    output = graph.output_node(world.node_tree) if world.use_nodes else None
+    output = graph.output_node(world.node_tree)
     if output is None:
         return True
-    if any(node.bl_idname == SKY for node in nodes(world)):
+    if any(node.bl_idname == SKY for node in world.node_tree.all_nodes()):
         return False
     remarks, points = Report(), Points(direction=latlong_directions(np.arange(*FEW[:2]), *FEW[1:]))
-    evaluator = Evaluator(points, ImageCache(remarks), remarks, world.name)
+    evaluator = Evaluator(points, world.node_tree.conventions, remarks, world.name)
     closure_at(NodeCall(evaluator, output), "Surface")
     return not any(remark.message.startswith(OF_A_NODE) for remark in remarks.entries)
 
 
 def _rough_suns(world) -> list[Sun]:
     """Where Sky Textures show their sun, if they do; how bright it is remains open."""
-    skies = [node for node in nodes(world) if node.bl_idname == SKY and node.sun_disc and sky.is_physical(node)]
+    nodes = world.node_tree.all_nodes()
+    skies = [node for node in nodes if node.bl_idname == SKY and node.sun_disc and sky.is_physical(node)]
     if not skies:
         return []
     if all(graph.source(graph.find_input(node, "Vector"))[1] is None for node in skies):
@@ -78,40 +80,39 @@ def _rough_suns(world) -> list[Sun]:
     return [] if environment is None else split_suns(environment)[1]
 
 
-def convert_world(world, report) -> np.ndarray | None:
+def convert_world(world: World | None, report) -> np.ndarray | None:
     """(256, 512, 3) f32 radiance, scene-linear, by direction as in docs/scene-input.md 7.1; None when it is black.
 
     Every texel is the mean over its solid angle, so the energy of small bright suns in an HDRI is kept.
     """
     if world is None:
         return None
-    if not world.use_nodes or world.node_tree is None:
+    if world.node_tree is None:
         return _none_if_black(np.broadcast_to(np.float32(world.color), ENVIRONMENT_SHAPE).copy())
     output = graph.output_node(world.node_tree)
     if output is None:
         return None
-    images = ImageCache(report, MAX_SUPERSAMPLING * ENVIRONMENT_SHAPE[1])
-    fineness, bands = _supersampling(world.node_tree), []
+    fineness, bands = _supersampling(world), []
     for row in range(0, ENVIRONMENT_SHAPE[0], BAND_ROWS):
         with progress.part(row / ENVIRONMENT_SHAPE[0], (row + BAND_ROWS) / ENVIRONMENT_SHAPE[0]):
             progress.report()
-            bands.append(_band(output, row, fineness, images, report, world.name))
+            bands.append(_band(output, row, fineness, report, world))
     return _none_if_black(np.concatenate(bands))
 
 
-def _supersampling(tree) -> int:
+def _supersampling(world: World) -> int:
     """Rays per texel and axis that meet every texel of the images in the tree."""
-    widths = [node.image.size[0] for node in tree.nodes if getattr(node, "image", None)]
-    if not widths or any(node.bl_idname == "ShaderNodeGroup" for node in tree.nodes):
+    if not world.widths or world.has_groups:
         return MAX_SUPERSAMPLING
-    return int(np.clip(np.ceil(max(widths) / ENVIRONMENT_SHAPE[1]), 2, MAX_SUPERSAMPLING))
+    return int(np.clip(np.ceil(max(world.widths) / ENVIRONMENT_SHAPE[1]), 2, MAX_SUPERSAMPLING))
 
 
-def _band(output, first_row, fineness, images, report, name) -> np.ndarray:
+def _band(output, first_row, fineness, report, world: World) -> np.ndarray:
     """BAND_ROWS rows of the map."""
     height, width, _ = (size * fineness for size in ENVIRONMENT_SHAPE)
     rows = np.arange(first_row * fineness, (first_row + BAND_ROWS) * fineness)
-    evaluator = Evaluator(Points(direction=latlong_directions(rows, height, width)), images, report, name)
+    points, name = Points(direction=latlong_directions(rows, height, width)), world.name
+    evaluator = Evaluator(points, world.node_tree.conventions, report, name)
     emission = closure_at(NodeCall(evaluator, output), "Surface").emission
     emission = report.finite(name, "its light", emission)
     if (emission < 0).any():
@@ -125,9 +126,3 @@ def _band(output, first_row, fineness, images, report, name) -> np.ndarray:
 
 def _none_if_black(environment: np.ndarray) -> np.ndarray | None:
     return environment if environment.any() else None
-
-
-def _report_limits(world, report) -> None:
-    hidden = [label for key, label in VISIBILITY.items() if not getattr(world.cycles_visibility, key)]
-    if hidden:
-        report.approximated(world.name, f"it lights everything although ray visibility is off for: {', '.join(hidden)}")

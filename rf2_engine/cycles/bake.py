@@ -51,6 +51,15 @@ class Baker:
         if self._folder:
             self._folder.cleanup()
 
+    def prepare(self) -> None:
+        """Write the copy and start that Blender, which `bake` does no more then; raises RenderCancelled after Esc."""
+        try:
+            self._start()
+        except RenderCancelled:
+            raise
+        except (OSError, ValueError, RuntimeError, SceneError) as error:
+            self._broken = f"it could not be baked: {error}"
+
     def bake(self, n) -> np.ndarray:
         """(m, 32, 32, 1 or 3) f32 of the output that a NodeCall asks for, on the triangles of its points.
 
@@ -117,6 +126,9 @@ class Baker:
 
 class Promise:
     """In place of a Baker where nothing is rendered."""
+
+    def prepare(self) -> None:
+        pass
 
     def bake(self, n):
         raise RuntimeError("only a render bakes it")

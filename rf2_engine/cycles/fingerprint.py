@@ -21,11 +21,6 @@ def trees(world: bpy.types.World) -> Iterator[tuple[bpy.types.ID, str, bpy.types
             waiting += [(node.node_tree, "", node.node_tree) for node in tree.nodes if getattr(node, "node_tree", None)]
 
 
-def nodes(world: bpy.types.World) -> list[bpy.types.Node]:
-    """All of a world, and of the groups in it."""
-    return [node for _, _, tree in trees(world) for node in tree.nodes]
-
-
 def of_tree(world: bpy.types.World) -> str:
     """Of a world with nodes."""
     parts = [world.name_full]

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..shading import graph
 from ..shading.evaluate import Evaluator, Points
-from ..shading.images.image import ImageCache
 from ..shading.lamp_nodes import LampPoints
 from ..shading.node_call import NodeCall
 from ..shading.surface import closure_at
@@ -28,18 +27,18 @@ class LampLight:
 
 
 def lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> LampLight | None:
-    """What a lamp gives; None when it gives no light.
+    """What a Lamp (shading/blocks.py) gives; None when it gives no light.
 
     frame: (3, 3) rotation of the lamp; distance: from it to the middle of what is looked at, for lamps that do not fall
     off with its square.
     """
-    if light.type == "AREA" and light.cycles.is_portal:
+    if light.is_portal:
         report.skipped(name, "a light portal only guides Cycles' sampling")
         return None
     strength = np.array(light.color, np.float64) * light.energy * 2.0 ** getattr(light, "exposure", 0.0)
     if getattr(light, "use_temperature", False):
         strength = strength * np.array(light.temperature_color)
-    if light.use_nodes and light.node_tree is not None:
+    if light.node_tree is not None:
         strength = strength * _emission(light, name, report, frame, distance)
     strength = report.finite(name, "its strength", strength)
     if not light.use_shadow:
@@ -58,7 +57,7 @@ def _emission(light, name, report, frame, distance) -> np.ndarray:
     toward = sphere() if light.type != "SUN" else np.float32([(0, 0, -1)])
     points = LampPoints(toward[:, None], frame.astype(np.float32), _places() if light.type == "AREA" else None,
                         None if light.type == "SUN" else distance)
-    evaluator = Evaluator(Points(lamp=points), ImageCache(report), report, name)
+    evaluator = Evaluator(Points(lamp=points), light.node_tree.conventions, report, name)
     emission = closure_at(NodeCall(evaluator, output), "Surface").emission.astype(np.float64)
     if light.type == "SUN" or emission.size == 3:
         return emission.reshape(3)

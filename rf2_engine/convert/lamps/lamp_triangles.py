@@ -33,8 +33,9 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
                   detail: Detail = FINE) -> RenderScene:
     """Triangles of one lamp, ready for `RenderScene.appended`.
 
-    matrix_world: (4, 4) of the object; light: bpy Light; name: of the object, for the report; center (3,) and radius:
-    bounding sphere of the scene, world units, which decides where a sun stands and how small a lamp may be.
+    matrix_world: (4, 4) of the object; light: a Lamp (shading/blocks.py); name: of the object, for the report; center
+    (3,) and radius: bounding sphere of the scene, world units, which decides where a sun stands and how small a lamp
+    may be.
     """
     lamp = _placed(matrix_world, light, name, report, center, radius, detail)
     return DARK if lamp is None else CONVERTERS[light.type](lamp)

@@ -10,7 +10,7 @@ from ....model import progress
 from ....model.clusters import clusters
 from ....model.geometry import area_vectors
 from ....model.scene import RenderScene
-from ..collected import LampInstance
+from ..copied import LampInstance
 from ..meshes.mesh import within_reach
 from .lamp_triangles import COARSE, FINE, convert_light, convert_sun, lamp_sun
 from .suns import Sun, fewer_suns

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..shading.blocks import Lamp
 from .cones import Cone, cones, smoothstep, sphere
 from .lamp_power import LampLight
 
@@ -27,7 +28,7 @@ class Detail:
 class PlacedLamp:
     """A lamp's strength, its pose without scale (it shines along -Z), and the scene it stands in."""
 
-    light: object             # bpy Light
+    light: Lamp
     given: LampLight
     name: str
     report: object

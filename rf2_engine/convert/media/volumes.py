@@ -4,57 +4,35 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..copied import Gridded
 from ..place import Place
-from ..shading.volume import grid_names, has_volume, volume_coefficients, volume_points
-from ..visibility import gas_domain
-from .gas import gas_grids
+from ..shading.volume import volume_coefficients, volume_points
 from .grids import grid_medium
 from .inside import filling
 from .medium import Medium, box_around
 from .shaded import shaded_medium
-from .vdb import openvdb_module, read_grids
 
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
 DEFAULT_GRID, DEFAULT_COEFFICIENT = "density", 0.5
 
 
-def gridded(obj, material, place: Place, known: dict, report) -> Medium | None:
-    """The grids of an evaluated Volume object or of a domain of gas; None, and a remark, if it shows none.
-
-    known: what was read before.
-    """
-    domain = gas_domain(obj)
-    if not has_volume(material) and (material or domain):
-        report.skipped(obj.name, f'its material "{material.name}" has no volume shader' if material
-                       else "it has no material with a volume shader")
-        return None
-    names, openvdb = grid_names(material) if material else [DEFAULT_GRID], openvdb_module()
-    texture_space = np.float32(obj.bound_box)[[0, 6]]
-    texture_space = np.stack([texture_space.mean(axis=0), np.ptp(texture_space, axis=0) / 2])
-    # In render space OBJECT Cycles divides the coefficients by the root mean square of the scale.
-    apart = domain or obj.data.render.space != "OBJECT"
-    unit = 1.0 if apart else 1 / max(np.sqrt(np.mean(place.matrix[:3, :3] ** 2) * 3), 1e-30)
+def gridded(it: Gridded, report) -> Medium:
+    """The grids of a Volume object or of gas."""
+    corners = np.float32(it.box)[[0, 6]]
+    texture_space = np.stack([corners.mean(axis=0), np.ptp(corners, axis=0) / 2])
+    unit = 1.0 if it.apart else 1 / max(np.sqrt(np.mean(it.place.matrix[:3, :3] ** 2) * 3), 1e-30)
 
     def coefficients(inside, values):
-        if material:
-            points = volume_points(inside, texture_space, place, values)
-            return [unit * c for c in volume_coefficients(material, report, points)]
+        if it.material:
+            points = volume_points(inside, texture_space, it.place, values)
+            return [unit * c for c in volume_coefficients(it.material, report, points)]
         return [unit * DEFAULT_COEFFICIENT * values(DEFAULT_GRID) * np.ones(3)] * 2
 
-    if openvdb is None and not domain:
-        report.approximated(obj.name, "its grid cannot be read without the openvdb module: shown as a uniform box")
-        box = box_around(place.matrix, np.array(obj.bound_box))
-        return shaded_medium(obj.name, box, lambda points: coefficients(
-            points, lambda name: np.ones((*points.shape[:3], 1), np.float32)), report)
-    key = obj.as_pointer() if domain else obj.data.as_pointer(), *names
-    if key not in known:
-        known[key] = gas_grids(domain, obj, names) if domain else read_grids(openvdb, obj.data, names)
-    grids = known[key]
-    if grids:
-        return grid_medium(obj.name, place.matrix, grids, coefficients, report)
-    report.skipped(obj.name, f"it holds nothing called {' or '.join(names)}, which its shader asks for" if names
-                   else "its shader asks for no grid: Cycles shows nothing either")
-    return None
+    if it.grids is not None:
+        return grid_medium(it.name, it.place.matrix, it.grids, coefficients, report)
+    report.approximated(it.name, "its grid cannot be read without the openvdb module: shown as a uniform box")
+    return shaded_medium(it.name, box_around(it.place.matrix, it.box), lambda points: coefficients(
+        points, lambda name: np.ones((*points.shape[:3], 1), np.float32)), report)
 
 
 class MeshVolume:

@@ -40,10 +40,10 @@ class CornerPoints(Points):
         raise Unknown("a bent normal moves nothing")
 
 
-def displaced(mesh: TriangleMesh, slots: list, place: Place, is_diced: bool, images, report) -> TriangleMesh:
+def displaced(mesh: TriangleMesh, slots: list, place: Place, is_diced: bool, report) -> TriangleMesh:
     """`mesh` with what its materials displace moved along its normals, if that is too much for heights, or it is diced.
 
-    slots: materials; images: ImageCache. The material's own displacement counts as done then (`is_displaced`).
+    slots: materials. The material's own displacement counts as done then (`is_displaced`).
     """
     movers = [i for i, material in enumerate(slots) if _moves(material)]
     chosen = np.isin(np.clip(mesh.slot, 0, len(slots) - 1), movers)
@@ -54,7 +54,7 @@ def displaced(mesh: TriangleMesh, slots: list, place: Place, is_diced: bool, ima
     slot, offset = np.clip(mesh.slot, 0, len(slots) - 1), np.zeros((len(mesh), 3, 1), np.float32)
     for i in movers:
         part = mesh.take(slot == i)
-        offset[slot == i] = _offset(slots[i], part, place, images, report)
+        offset[slot == i] = _offset(slots[i], part, place, report)
     if not is_diced and np.abs(offset * _stretch(mesh, place)).max() <= HEIGHT_UNIT:
         return mesh
     for i in movers:
@@ -65,7 +65,7 @@ def displaced(mesh: TriangleMesh, slots: list, place: Place, is_diced: bool, ima
 
 def _source(material) -> tuple | None:
     """The node that displaces a material, and the group nodes that lead to it; None if there is none."""
-    output = graph.output_node(material.node_tree) if material and material.use_nodes else None
+    output = graph.output_node(material.node_tree) if material else None
     socket = output and graph.find_input(output, "Displacement")
     _, found, frames = graph.source(socket) if socket else (None, None, ())
     return None if found is None else (found.node, frames)
@@ -77,13 +77,13 @@ def _moves(material) -> bool:
             and material.displacement_method != "BUMP")
 
 
-def _offset(material, mesh: TriangleMesh, place: Place, images, report) -> np.ndarray:
+def _offset(material, mesh: TriangleMesh, place: Place, report) -> np.ndarray:
     """(m, 3, 1) way along the normal, in the frame of the object."""
     uv = {name: np.pad(layer.reshape(-1, 2), ((0, 0), (0, 1))) for name, layer in mesh.uv.items()}
     named = {name: layer.reshape(-1, layer.shape[-1]) for name, layer in mesh.attributes.items()}
     points = CornerPoints(uv, mesh.active_uv, named, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
                           place)
-    n = NodeCall(Evaluator(points, images, report, material.name), *_node(material))
+    n = NodeCall(Evaluator(points, material.node_tree.conventions, report, material.name), *_node(material))
     height = np.broadcast_to((n["Height"] - n["Midlevel"]) * n["Scale"], (3 * len(mesh), 1)).reshape(-1, 3, 1)
     height = report.finite(material.name, "its displacement", np.float32(height))
     return height if n.node.space == "OBJECT" else height / np.maximum(_stretch(mesh, place), 1e-12)

@@ -7,9 +7,7 @@ import numpy as np
 from .arrays import joined, mixed
 from .color_models import FROM_RGB, TO_RGB, hsv_to_rgb, rgb_to_hsv
 from .node_call import NodeCall
-from .working_space import luminance
-
-TABLE_SIZE = 1024
+from .nodes import Curve
 
 
 def invert(n: NodeCall):
@@ -48,13 +46,12 @@ def _mode(n: NodeCall) -> str:
 
 
 def rgb_to_bw(n: NodeCall):
-    return luminance(n["Color"])
+    return n.conventions.luminance(n["Color"])
 
 
 def color_ramp(n: NodeCall):
-    factor = np.clip(n[0], 0, 1)
-    grid = np.linspace(0, 1, TABLE_SIZE)
-    table = np.array([n.node.color_ramp.evaluate(x) for x in grid], np.float32)
+    factor, table = np.clip(n[0], 0, 1), n.node.color_ramp
+    grid = np.linspace(0, 1, len(table))
     columns = (3,) if n.output.name == "Alpha" else (0, 1, 2)
     return np.concatenate([np.interp(factor, grid, table[:, c]) for c in columns], axis=-1)
 
@@ -62,23 +59,21 @@ def color_ramp(n: NodeCall):
 def curves(n: NodeCall):
     """RGB and Vector Curves (the common curve first, then each channel's own), and Float Curve."""
     factor, value, mapping = n["Fac", "Factor"], n["Color", "Vector", "Value"], n.node.mapping
-    mapping.initialize()
     own = list(mapping.curves)
     common = own.pop() if len(own) > 3 else None
     channels = [value[..., i] for i in range(value.shape[-1])]
     if common is not None:
-        channels = [_through(mapping, common, channel) for channel in channels]
-    result = [_through(mapping, curve, channel) for curve, channel in zip(own, channels, strict=True)]
+        channels = [_through(common, mapping.extend, channel) for channel in channels]
+    result = [_through(curve, mapping.extend, channel) for curve, channel in zip(own, channels, strict=True)]
     return mixed(value, np.stack(result, axis=-1), factor)
 
 
-def _through(mapping, curve, x: np.ndarray) -> np.ndarray:
+def _through(curve: Curve, extend: str, x: np.ndarray) -> np.ndarray:
     """A curve at values of any shape; beyond its ends it goes on straight, or level."""
-    first, last = (curve.points[i].location[0] for i in (0, -1))
-    grid = np.linspace(first, last, TABLE_SIZE)
-    table = np.array([mapping.evaluate(curve, at) for at in grid])
+    first, last, table = curve.first, curve.last, curve.table
+    grid = np.linspace(first, last, len(table))
     result = np.interp(x, grid, table)
-    if mapping.extend == "EXTRAPOLATED" and last > first:
+    if extend == "EXTRAPOLATED" and last > first:
         step = grid[1] - grid[0]
         result = result + np.minimum(x - first, 0) * (table[1] - table[0]) / step
         result = result + np.maximum(x - last, 0) * (table[-1] - table[-2]) / step

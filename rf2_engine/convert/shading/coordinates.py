@@ -7,6 +7,7 @@ import numpy as np
 from . import lamp_nodes
 from .arrays import joined, unit
 from .node_call import DependsOnView, NodeCall, Unknown
+from .nodes import Frame
 
 WORLD_COORDINATES = ("Generated", "Object", "Normal", "Reflection", "UV")
 FRONT = {"Backfacing": "both sides of a face get the front side's material"}
@@ -36,10 +37,9 @@ def coordinate(n: NodeCall):
     raise DependsOnView(f'coordinate "{name}" depends on the view')
 
 
-def _seen_from(obj, points: np.ndarray) -> np.ndarray:
+def _seen_from(frame: Frame, points: np.ndarray) -> np.ndarray:
     """World points (..., 3) in the frame of an object. Cycles takes a direction of the world for a point, too."""
-    matrix = np.array(obj.matrix_world.inverted_safe(), np.float32)
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
+    return points @ frame.from_world[:3, :3].T + frame.from_world[:3, 3]
 
 
 def uv_map(n: NodeCall):

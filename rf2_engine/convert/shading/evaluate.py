@@ -17,11 +17,10 @@ from ..meshes.mesh import face_normals
 from ..place import Place
 from . import graph
 from .arrays import unit
+from .conventions import Conventions
 from .functions import FUNCTIONS
-from .images.image import ImageCache
 from .lamp_nodes import LampPoints
 from .node_call import DependsOnView, NodeCall, Unknown
-from .working_space import luminance
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
 
@@ -85,8 +84,9 @@ class Points:
 class Evaluator:
     """Values of input sockets of one data-block `owner` over `points`; remembers what it has computed."""
 
-    def __init__(self, points: Points, images: ImageCache, report, owner: str, baker=None):
-        self.points, self.images, self.report, self.owner, self.baker = points, images, report, owner, baker
+    def __init__(self, points: Points, conventions: Conventions, report, owner: str, baker=None):
+        self.points, self.conventions, self.report = points, conventions, report
+        self.owner, self.baker = owner, baker
         self.material_index = 0
         self.depends_on_ray = False    # whether a Light Path was asked
         self.depends_on_place = False  # whether the result is that of one instance
@@ -98,18 +98,18 @@ class Evaluator:
         """Value arriving at an input socket, (..., 1) or (..., 3) by the socket's own type."""
         end, output, inner = graph.source(socket, frames)
         if output is None:
-            return cast(_default(end), socket.type, end.type)
+            return self._cast(_default(end), socket.type, end.type)
         n = NodeCall(self, output.node, output, inner)
         found = self.remembered(n, _computed, Unknown("so long a chain of nodes leads here"))
         if isinstance(found, Unknown):
             advice = "bake it to an image" if self.baker else "allow Bake Unknown Nodes, or bake it to an image"
             n.approximated(f'{found}, so "{socket.name}" of "{socket.node.name}" keeps its own value; {advice}')
             return _default(socket)
-        return cast(found, socket.type, output.type)
+        return self._cast(found, socket.type, output.type)
 
     def remembered(self, n: NodeCall, function: Callable, left_out):
         """function(n), computed once; `left_out` at the end of too long a chain, and where a node feeds itself."""
-        key = (function, n.node.as_pointer(), n.output.as_pointer(), tuple(frame.as_pointer() for frame in n.frames))
+        key = function, n.node, n.output, n.frames
         if key in self._memo:
             return self._memo[key]
         if self._depth == LONGEST_CHAIN:
@@ -121,6 +121,16 @@ class Evaluator:
         finally:
             self._depth -= 1
         return self._memo[key]
+
+    def _cast(self, value: np.ndarray, socket_type: str, from_type: str) -> np.ndarray:
+        """Blender's implicit conversion: colour to number is luminance, vector to number is the mean."""
+        if socket_type in ("VALUE", "INT", "BOOLEAN"):
+            if value.shape[-1] == 1:
+                return value
+            return value.mean(axis=-1, keepdims=True) if from_type == "VECTOR" else self.conventions.luminance(value)
+        if value.shape[-1] == 1:
+            return np.repeat(value, 3, axis=-1)
+        return value
 
 
 def _computed(n: NodeCall) -> np.ndarray | Unknown:
@@ -149,19 +159,8 @@ def interpolated(corners: np.ndarray) -> np.ndarray:
     return np.einsum("rck,mkd->mrcd", barycentric_grid(), corners, optimize=True).astype(np.float32)
 
 
-def cast(value: np.ndarray, socket_type: str, from_type: str) -> np.ndarray:
-    """Blender's implicit conversion: colour to number is luminance, vector to number is the mean."""
-    if socket_type in ("VALUE", "INT", "BOOLEAN"):
-        if value.shape[-1] == 1:
-            return value
-        return value.mean(axis=-1, keepdims=True) if from_type == "VECTOR" else luminance(value)
-    if value.shape[-1] == 1:
-        return np.repeat(value, 3, axis=-1)
-    return value
-
-
 def _default(socket) -> np.ndarray:
-    default = getattr(socket, "default_value", 0.0)
+    default = socket.default_value
     if isinstance(default, (int, float)):
         return np.array([default], np.float32)
     if isinstance(default, str):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Walking a shader node graph: which node really feeds a socket.
+"""Walking a shader node graph (nodes.py): which node really feeds a socket.
 
 A socket inside a node group is only meaningful together with the group nodes that lead to it; `frames` is that path,
 a tuple of group nodes from the outside in.
@@ -11,7 +11,7 @@ MAX_DEPTH = 1000
 
 def output_node(tree):
     """The output node that Cycles uses, or None."""
-    return tree.get_output_node("CYCLES") if tree is not None else None
+    return tree.output if tree is not None else None
 
 
 def find_input(node, *names):
@@ -32,24 +32,23 @@ def source(socket, frames=()):
     if socket is None:
         return None, None, frames
     for _ in range(MAX_DEPTH):
-        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
-        if link is None:
+        output = socket.source
+        if output is None:
             return socket, None, frames
-        node, output = link.from_node, link.from_socket
+        node = output.node
         if node.bl_idname == "NodeReroute":
             socket = node.inputs[0]
         elif node.mute:
-            bypass = next((inner for inner in node.internal_links if inner.to_socket == output), None)
-            if bypass is None:
+            if output not in node.bypass:
                 return socket, None, frames
-            socket = bypass.from_socket
+            socket = node.bypass[output]
         elif node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
-            inner = _group_output(node.node_tree, output.identifier)
+            inner = _of_identifier(node.node_tree.output, output.identifier)
             if inner is None:
                 return socket, None, frames
             socket, frames = inner, frames + (node,)
         elif node.bl_idname == "NodeGroupInput" and frames:
-            outer = next((s for s in frames[-1].inputs if s.identifier == output.identifier), None)
+            outer = _of_identifier(frames[-1], output.identifier)
             if outer is None:
                 return socket, None, frames
             socket, frames = outer, frames[:-1]
@@ -58,8 +57,6 @@ def source(socket, frames=()):
     return socket, None, frames
 
 
-def _group_output(tree, identifier):
-    for node in tree.nodes:
-        if node.bl_idname == "NodeGroupOutput" and node.is_active_output:
-            return next((s for s in node.inputs if s.identifier == identifier), None)
-    return None
+def _of_identifier(node, identifier):
+    """The input of a node, which may be None."""
+    return next((socket for socket in node.inputs if socket.identifier == identifier), None) if node else None

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ... import compat
-
 
 @dataclass(frozen=True)
 class Profile:
@@ -16,6 +14,7 @@ class Profile:
     polar: np.ndarray
     around: np.ndarray
     candela: np.ndarray
+    bulges: bool = False  # as rf2_engine/compat.py has it
 
     def __call__(self, directions: np.ndarray) -> np.ndarray:
         """(..., 1) f32 candelas in unit directions (..., 3) away from the lamp, which hangs along -Z."""
@@ -29,14 +28,14 @@ class Profile:
         following = np.where(column == columns - 2, 1, column + 2)
         round_it = np.stack([np.where(column > 0, column - 1, columns - 2), column, column + 1, following])
         weights = _cubic(aside)
-        if columns == 2 and compat.ies_of_one_column_bulges():  # it finds nothing beyond the two that it makes of one
+        if columns == 2 and self.bulges:  # it finds nothing beyond the two that it makes of one
             weights[[0, 3]] = 0
         found = np.einsum("c...,r...,cr...->...", weights, _cubic(down), self.candela[round_it[:, None], beside[None]])
         inside = (polar >= self.polar[0]) & (polar <= self.polar[-1])
         return (np.maximum(found, 0) * inside)[..., None].astype(np.float32)
 
 
-def read(text: str) -> Profile:
+def read(text: str, bulges: bool = False) -> Profile:
     """Raises ValueError or IndexError when the text is no such file."""
     _, tilt, rest = text.partition("TILT=")
     words = rest.replace(",", " ").split()
@@ -49,11 +48,11 @@ def read(text: str) -> Profile:
         raise ValueError("an IES file whose angles do not grow")
     candela = factor * candela.reshape(columns, rows)
     if columns == 1:
-        return Profile(polar, np.array([0.0, 360.0]), np.repeat(candela, 2, axis=0))
+        return Profile(polar, np.array([0.0, 360.0]), np.repeat(candela, 2, axis=0), bulges)
     while around[-1] < 360:  # what is left of the circle is a mirror image
         around = np.concatenate([around, 2 * around[-1] - around[-2::-1]])
         candela = np.concatenate([candela, candela[-2::-1]])
-    return Profile(polar, around, candela)
+    return Profile(polar, around, candela, bulges)
 
 
 def _place(grid: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
-import bpy
 import numpy as np
 
-from . import ies
 from .node_call import NodeCall
 
 WATT_PER_CANDELA = 4 * np.pi / 177.83  # of a lamp that shines evenly, by the luminous efficacy of D65, as in Cycles
@@ -57,11 +54,8 @@ def light_falloff(n: NodeCall):
 
 
 def ies_texture(n: NodeCall):
-    node = n.node
-    try:
-        profile = ies.read(node.ies.as_string() if node.mode == "INTERNAL" else Path(
-            bpy.path.abspath(node.filepath)).read_text(errors="replace"))
-    except (AttributeError, OSError, ValueError, IndexError):
+    profile = n.node.profile
+    if profile is None:
         n.approximated("its IES profile cannot be read, so the lamp is dark; relink the file")
         return np.zeros(1, np.float32)
     direction = n.linked("Vector")

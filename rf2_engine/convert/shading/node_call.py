@@ -25,8 +25,8 @@ class NodeCall:
     """One evaluation of a node. Values are arrays (..., 1) or (..., 3) as in evaluate.py."""
 
     evaluator: object      # Evaluator
-    node: object           # bpy ShaderNode
-    output: object = None  # bpy NodeSocket whose value is asked for; None for a shader
+    node: object           # Node (nodes.py)
+    output: object = None  # Socket whose value is asked for; None for a shader
     frames: tuple = ()     # group nodes that lead to the node (graph.py)
 
     @property
@@ -38,8 +38,8 @@ class NodeCall:
         return self.evaluator.points
 
     @property
-    def images(self):
-        return self.evaluator.images
+    def conventions(self):
+        return self.evaluator.conventions
 
     def __getitem__(self, key) -> np.ndarray:
         """`n["Fac", "Factor"]`: value of the first enabled input that has one of these names; `n[0]`: of input 0."""

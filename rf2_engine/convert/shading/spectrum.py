@@ -6,7 +6,6 @@ import numpy as np
 
 from .arrays import joined
 from .node_call import NodeCall
-from .working_space import from_rec709
 
 XYZ_TO_REC709 = np.array([[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560],
                           [0.0556434, -0.2040259, 1.0572252]])
@@ -22,7 +21,7 @@ BLACK_BODIES = np.float32([  # Blender's, of luminance 1, measured at even steps
 
 
 def blackbody(n: NodeCall):
-    return from_rec709(blackbody_color(n[0]))
+    return n.conventions.from_rec709(blackbody_color(n[0]))
 
 
 def blackbody_color(kelvin: np.ndarray) -> np.ndarray:
@@ -36,7 +35,7 @@ def blackbody_color(kelvin: np.ndarray) -> np.ndarray:
 def wavelength(n: NodeCall):
     n.approximated("the colour of a wavelength is right within a few percent")
     xyz = np.moveaxis(observer(n[0][..., 0]), 0, -1)
-    return np.maximum(from_rec709(xyz @ XYZ_TO_REC709.T / BRIGHTEST), 0)
+    return np.maximum(n.conventions.from_rec709(xyz @ XYZ_TO_REC709.T / BRIGHTEST), 0)
 
 
 def observer(nm: np.ndarray) -> np.ndarray:

@@ -11,7 +11,6 @@ from ..place import Place
 from ..report import Report
 from . import graph
 from .evaluate import Evaluator, Points
-from .images.image import ImageCache
 from .node_call import NodeCall
 
 NONE = np.zeros(3, np.float32)
@@ -71,7 +70,7 @@ def volume_coefficients(material, report, points: VolumePoints | None = None,
     if output is None:
         return None
     points = points or VolumePoints()
-    evaluator = Evaluator(points, ImageCache(report), report, material.name)
+    evaluator = Evaluator(points, material.node_tree.conventions, report, material.name)
     coefficients = coefficients_at(NodeCall(evaluator, output), "Volume")
     points.is_placed = evaluator.depends_on_place or evaluator.depends_on_scale
     scattering, absorption = (report.finite(material.name, "its volume", np.float32(c)) for c in coefficients)
@@ -89,8 +88,7 @@ def grid_names(material) -> list[str]:
 
 def _volume_output(material):
     """The Material Output when a shader reaches its Volume input, else None."""
-    tree = material.node_tree if material is not None and material.use_nodes else None
-    output = graph.output_node(tree)
+    output = graph.output_node(material.node_tree) if material is not None else None
     if output is None or graph.source(graph.find_input(output, "Volume"))[1] is None:
         return None
     return output

@@ -16,6 +16,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.layers impor
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.spectrum import blackbody_color
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
 from tests.rf2_engine.convert.triangles import triangles
 
@@ -30,7 +31,7 @@ def scene():
 def tile_of(made, report=None, uv=None):
     """(11,) parameters and (3,) radiance of a homogeneous material."""
     tiles = MaterialTiles(report or Report())
-    index, emission = tiles.triangle_tiles(made, triangles(3, None if uv is None else np.repeat(uv, 3, axis=0)))
+    index, emission = tiles.triangle_tiles(copied(made), triangles(3, None if uv is None else np.repeat(uv, 3, axis=0)))
     assert len(tiles.tiles) <= 2 and len(set(index)) == 1
     tile = tiles.tiles[index[0]]
     assert (tile == tile[:, :1, :1]).all()
@@ -96,7 +97,7 @@ def test_emission_texture_is_averaged_per_triangle():
     across = np.array([(0, 0), (1, 0), (0.5, 1)], np.float32)
     uv = np.stack([left, left + [0.5, 0], across]).astype(np.float32)
     tiles = MaterialTiles(Report())
-    index, emission = tiles.triangle_tiles(made, triangles(3, uv))
+    index, emission = tiles.triangle_tiles(copied(made), triangles(3, uv))
     np.testing.assert_allclose(emission[:, 0], [0, 8, 4], atol=0.15)
     assert tiles.tiles[index[1], 0, 0, 0] == 1 and tiles.tiles[index[0], 0, 0, 0] == 0
 
@@ -142,7 +143,7 @@ def test_displacement_becomes_height(space, scale, expected):
     output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
     tree.links.new(node.outputs[0], output.inputs["Displacement"])
     tiles = MaterialTiles(Report())
-    index, _ = tiles.triangle_tiles(made, triangles(2), Place(np.diag([*scale, 1.0])))
+    index, _ = tiles.triangle_tiles(copied(made), triangles(2), Place(np.diag([*scale, 1.0])))
     np.testing.assert_allclose(tiles.tiles[index, HEIGHT], expected, atol=1e-3)
 
 
@@ -152,7 +153,7 @@ def test_vertex_colours_vary_inside_a_triangle():
     node.layer_name = "Paint"
     tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
     tiles = MaterialTiles(Report())
-    index, _ = tiles.triangle_tiles(made, triangles(1, attributes={"Paint": np.eye(3, 4)[None]}))
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1, attributes={"Paint": np.eye(3, 4)[None]}))
     tile = tiles.tiles[index[0]].astype(np.float32)
     np.testing.assert_allclose(tile[:3, 0, 31], (0.984375, 0.015625, 0), atol=1e-3)
     np.testing.assert_allclose(tile[:3, 0, 0], (0.015625, 0.015625, 0.96875), atol=1e-3)
@@ -191,7 +192,7 @@ def test_every_node_of_blender_is_evaluated_or_reported():
         if node.outputs and node.outputs[0].type != "SHADER":
             tree.links.new(node.outputs[0], shader.inputs["Roughness"])
             report = Report()
-            MaterialTiles(report).triangle_tiles(made, triangles(1, UV))
+            MaterialTiles(report).triangle_tiles(copied(made), triangles(1, UV))
             assert kind in FUNCTIONS or any("keeps its own value" in line for line in report.lines()), kind
             seen += 1
     assert seen > 60
@@ -212,15 +213,15 @@ def test_volume_coefficients_and_surfaces():
     made, tree, volume = material("ShaderNodeVolumePrincipled", Density=2.0, Color=(0.5, 0.25, 1, 1),
                                   Absorption_Color=(0, 0.25, 0, 1))
     output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
-    assert has_surface(made) and volume_coefficients(made, Report()) is None
+    assert has_surface(copied(made)) and volume_coefficients(copied(made), Report()) is None
     tree.links.clear()
     tree.links.new(volume.outputs[0], output.inputs["Volume"])
-    scattering, absorption = volume_coefficients(made, Report())
+    scattering, absorption = volume_coefficients(copied(made), Report())
     np.testing.assert_allclose(scattering, (1, 0.5, 2))
     np.testing.assert_allclose(absorption, (1, 0.75, 0))
-    assert not has_surface(made) and has_surface(None)
+    assert not has_surface(copied(made)) and has_surface(None)
     tree.links.new(tree.nodes.new("ShaderNodeBsdfTransparent").outputs[0], output.inputs["Surface"])
-    assert not has_surface(made)
+    assert not has_surface(copied(made))
 
 
 @pytest.mark.parametrize("kelvin", [500, 1500, 3000, 6500, 10000, 20000])
@@ -244,5 +245,5 @@ def test_colour_attribute_without_a_name_is_the_one_that_renders(output, expecte
     if output == "Fac":
         node.attribute_name = "Second"
     tree.links.new(node.outputs[output], shader.inputs["Color"])
-    _, emission = MaterialTiles(Report()).triangle_tiles(made, read_mesh(mesh, "Painted", Report()))
+    _, emission = MaterialTiles(Report()).triangle_tiles(copied(made), read_mesh(mesh, "Painted", Report()))
     np.testing.assert_allclose(emission[0], expected, atol=1e-5)

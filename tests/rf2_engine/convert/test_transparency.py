@@ -8,6 +8,7 @@ from bl_ext.user_default.renderformer_v2.model.scene import IOR, TRANSMISSION
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
 from tests.rf2_engine.convert.test_material import tile_of
 from tests.rf2_engine.convert.triangles import triangles
@@ -33,7 +34,7 @@ def test_triangles_that_are_clear_are_left_out_and_others_are_clear_where_alpha_
     left = np.array([(0, 0), (0.49, 0), (0, 1)], np.float32)
     across = np.array([(0, 0), (1, 0), (0, 1)], np.float32)
     tiles = MaterialTiles(Report())
-    index, emission = tiles.triangle_tiles(made, triangles(3, [left, left + [0.51, 0], across]))
+    index, emission = tiles.triangle_tiles(copied(made), triangles(3, [left, left + [0.51, 0], across]))
     assert list(index < 0) == [True, False, False] and not emission.any()
     leaf, mixed = tiles.tiles[index[1:]].astype(np.float32)
     np.testing.assert_allclose(leaf[:3, 0, 0], (0.1, 0.6, 0.2), atol=1e-3)
@@ -52,9 +53,9 @@ def test_half_an_alpha_lets_through_half_of_the_light():
                                             ("ShaderNodeBsdfTransparent", {})])
 def test_invisible_materials_leave_nothing(shader, inputs):
     made, _, _ = material(shader, **inputs)
-    assert (MaterialTiles(Report()).triangle_tiles(made, triangles(2))[0] == -1).all()
+    assert (MaterialTiles(Report()).triangle_tiles(copied(made), triangles(2))[0] == -1).all()
     glowing, tree, add = material("ShaderNodeAddShader", "Glow")
     for i, kind in enumerate(("Emission", "BsdfTransparent")):
         tree.links.new(tree.nodes.new("ShaderNode" + kind).outputs[0], add.inputs[i])
-    index, emission = MaterialTiles(Report()).triangle_tiles(glowing, triangles(2))
+    index, emission = MaterialTiles(Report()).triangle_tiles(copied(glowing), triangles(2))
     assert (index >= 0).all() and emission.all()

@@ -11,6 +11,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert_world
 from mathutils import Euler, Matrix
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, world
 from tests.rf2_engine.convert.token_light import gathered
 from tests.rf2_engine.convert.worlds import image_world
@@ -31,7 +32,7 @@ def test_directions_and_rotation_match_the_specification():
 def test_hdri_is_as_bright_as_in_cycles(name, rotation):
     empty_cycles_scene(samples=512)
     made, _ = image_world(bpy.data.images.load(str(STUDIO_LIGHTS / name)), rotation, strength=1.5)
-    environment = convert_world(made, Report())
+    environment = convert_world(copied(made), Report())
     for normal in ((0, 0, 1), (1, 0.2, 0.3)):
         np.testing.assert_allclose(gathered(environment, normal), irradiance((0, 0, 0), normal), rtol=0.02)
 
@@ -43,7 +44,7 @@ def test_energy_of_a_pixel_sized_sun_survives_the_reduction():
     pixels[1500, 1000, :3] = 5e5
     image.pixels.foreach_set(pixels.ravel())
     made, _ = image_world(image)
-    environment = convert_world(made, Report())
+    environment = convert_world(copied(made), Report())
     theta = np.pi * (2048 - 1500 - 0.5) / 2048
     energy = 5e5 * np.sin(theta) * (np.pi / 2048) * (2 * np.pi / 4096)
     rows = np.sin(np.pi * (np.arange(256) + 0.5) / 256) * (np.pi / 256) * (2 * np.pi / 512)
@@ -60,7 +61,7 @@ def test_projection_matches_cycles(projection):
     image.pixels.foreach_set(pixels.ravel())
     made, texture = image_world(image)
     texture.projection = projection
-    environment = convert_world(made, Report())
+    environment = convert_world(copied(made), Report())
     for normal in ((0, 0, 1), (0.2, 1, 0.3), (-1, 0, 0)):
         np.testing.assert_allclose(gathered(environment, normal), irradiance((0, 0, 0), normal), rtol=0.02)
 
@@ -79,7 +80,7 @@ def test_mapping_and_size_of_an_image_are_as_in_cycles(vector_type, size, projec
     mapping.vector_type, mapping.inputs["Scale"].default_value = vector_type, (1.0, 0.6, 1.7)
     if vector_type in ("POINT", "TEXTURE"):
         mapping.inputs["Location"].default_value = 0.1, -0.2, 0.3
-    environment = convert_world(made, Report())
+    environment = convert_world(copied(made), Report())
     for normal in ((0, 0, 1), (-1, 0.4, 0.2)):
         np.testing.assert_allclose(gathered(environment, normal), irradiance((0, 0, 0), normal), rtol=0.02)
 
@@ -96,7 +97,7 @@ def test_gradient_over_height_and_camera_branch():
                        (background.outputs[0], mix.inputs[1]), (other.outputs[0], mix.inputs[2]),
                        (mix.outputs[0], next(n for n in tree.nodes if n.type == "OUTPUT_WORLD").inputs[0])):
         tree.links.new(start, end)
-    environment = convert_world(made, Report())
+    environment = convert_world(copied(made), Report())
     for normal in ((0, 0, 1), (1, 0, 0.1)):
         np.testing.assert_allclose(gathered(environment, normal), irradiance((0, 0, 0), normal), rtol=0.02)
 
@@ -106,12 +107,12 @@ def test_black_or_absent_worlds_are_none_and_missing_images_magenta():
     made, _, background = world()
     assert convert_world(None, Report()) is None
     background.inputs["Strength"].default_value = 0
-    assert convert_world(made, Report()) is None
+    assert convert_world(copied(made), Report()) is None
     report = Report()
     image = bpy.data.images.new("Gone", 4, 4)
     image.source, image.filepath = "FILE", "//nowhere/gone.exr"
     made, _ = image_world(image)
-    np.testing.assert_allclose(convert_world(made, report)[5, 5], (1, 0, 1))
+    np.testing.assert_allclose(convert_world(copied(made), report)[5, 5], (1, 0, 1))
     assert "gone.exr" in report.lines()[0] and made.name in report.lines()[0]
 
 
@@ -126,7 +127,7 @@ def test_object_coordinates_of_the_world_are_as_in_cycles():
     tree.links.new(coordinate.outputs["Object"], positive.inputs[0])
     tree.links.new(positive.outputs[0], background.inputs["Color"])
     bpy.context.view_layer.update()
-    environment = convert_world(made, Report())
+    environment = convert_world(copied(made), Report())
     for normal in ((0, 0, 1), (1, 0, 0.1), (0, -1, 0)):
         expected = irradiance((0, 0, 0), normal)
         np.testing.assert_allclose(gathered(environment, normal), expected, rtol=0.03, atol=0.02)

@@ -8,7 +8,7 @@ import pytest
 from scipy import ndimage
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.media import vdb
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying import vdb
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session as cycles_session
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 

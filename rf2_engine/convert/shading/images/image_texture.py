@@ -2,23 +2,20 @@
 """Image Texture and Environment Texture."""
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from .....model.geometry import latlong_uv
 from ..coordinates import active_uv
 from ..node_call import NodeCall
 from ..normal_map import UP
-from .image import MISSING
-from .image_files import FIRST_TILE, TILES_IN_A_ROW
+from .picture import FIRST_TILE, MISSING, TILES_IN_A_ROW
 from .projection import box_weights, on_ball, on_box, on_tube
 from .pyramid import sample
 
 
 def image_texture(n: NodeCall):
     node, vector = n.node, n.linked("Vector")
-    if node.image is not None and node.image.source == "MOVIE":
+    if node.image.source == "MOVIE":
         n.left_to_cycles("a movie cannot be read, so it is magenta: render it to a sequence of pictures")
     if vector is None:
         vector = active_uv(n) if n.points.direction is None else n.points.direction
@@ -35,16 +32,14 @@ def image_texture(n: NodeCall):
 def _looked_up(n: NodeCall, uv: np.ndarray) -> np.ndarray:
     """(..., 4) at (..., 2+)."""
     node = n.node
-    look = partial(n.images.pyramid, node.image, n.evaluator.owner, user=node.image_user,
-                   straight=node.outputs["Alpha"].is_linked)  # straight colours are only for those who ask for alpha
-    if node.image is None or node.image.source != "TILED":
-        return _prefiltered(look(), uv, node)
+    if node.image.source != "TILED":
+        return _prefiltered(node.image.pyramid(n), uv, node)
     column, row = np.moveaxis(np.floor(np.nan_to_num(uv[..., :2])), -1, 0)
     in_rows = (column >= 0) & (column < TILES_IN_A_ROW) & (row >= 0)
     tile, out = np.where(in_rows, FIRST_TILE + column + TILES_IN_A_ROW * row, FIRST_TILE), MISSING
-    for number in np.intersect1d(tile, [each.number for each in node.image.tiles]).astype(int).tolist():
+    for number in np.intersect1d(tile, list(node.image.pyramids)).astype(int).tolist():
         origin = divmod(number - FIRST_TILE, TILES_IN_A_ROW)[::-1]
-        found = _prefiltered(look(tile=number), uv[..., :2] - np.float32(origin), node)
+        found = _prefiltered(node.image.pyramid(n, number), uv[..., :2] - np.float32(origin), node)
         out = np.where((tile == number)[..., None], found, out)
     return np.broadcast_to(out, uv.shape[:-1] + (4,))
 
@@ -75,7 +70,7 @@ def environment_texture(n: NodeCall):
     if direction is None:
         n.approximated("an environment texture on a surface needs directions, its average is used")
         direction, level = UP, 16
-    pixels = n.images.pyramid(n.node.image, n.evaluator.owner, user=n.node.image_user).level(level)
+    pixels = n.node.image.pyramid(n).level(level)
     direction = direction / np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-12)
     if n.node.projection == "MIRROR_BALL":
         x, y, z = np.moveaxis(direction, -1, 0)

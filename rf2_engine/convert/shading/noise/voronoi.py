@@ -27,7 +27,7 @@ def voronoi(n: NodeCall):
         feature = "F1"
 
     def octave(points, randomness, smoothness, exponent):
-        cells = Cells(points, randomness, node.distance, exponent)
+        cells = Cells(points, randomness, node.distance, exponent, n.conventions.voronoi_uses_pcg)
         if feature == "SMOOTH_F1":
             return smooth(cells, smoothness, n.output.name == "Distance")
         if feature in ("F1", "F2"):

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from .... import compat
 from ..arrays import mixed, smoothstep
 from .hashing import color_of_floats, of_floats, pcg, point_of_floats
 from .lattice import Lattice
@@ -32,17 +31,18 @@ class Cells:
     randomness: np.ndarray  # (m,)
     metric: str
     exponent: np.ndarray    # (m,)
+    uses_pcg: bool          # Conventions.voronoi_uses_pcg
 
     def __post_init__(self):
         self.cell = np.floor(self.at)
         self.part = self.at - self.cell
         self.whole = self.cell.astype(np.int64)
-        self.points = Lattice(scattered, self.whole, -FARTHEST, FARTHEST)
+        self.points = Lattice(partial(scattered, uses_pcg=self.uses_pcg), self.whole, -FARTHEST, FARTHEST)
 
     @cached_property
     def colors(self) -> Lattice:
         """(3, m) at an offset."""
-        return Lattice(colored, self.whole, -FARTHEST, FARTHEST)
+        return Lattice(partial(colored, uses_pcg=self.uses_pcg), self.whole, -FARTHEST, FARTHEST)
 
     def offsets(self, reach: int = 1) -> np.ndarray:
         """(k, d) of the neighbours, x fastest."""
@@ -59,16 +59,16 @@ class Cells:
         return np.abs(way[0]) if len(way) == 1 else METRICS[self.metric](way, self.exponent)
 
 
-def scattered(cell: np.ndarray) -> np.ndarray:
+def scattered(cell: np.ndarray, uses_pcg: bool) -> np.ndarray:
     """(d, ...) integers -> (d, ...) f32: where in its cell the point lies."""
     if len(cell) == 1:
         return of_floats(*cell.astype(np.float32))[None]
-    return pcg(cell) if compat.voronoi_uses_pcg() else point_of_floats(*cell.astype(np.float32))
+    return pcg(cell) if uses_pcg else point_of_floats(*cell.astype(np.float32))
 
 
-def colored(cell: np.ndarray) -> np.ndarray:
+def colored(cell: np.ndarray, uses_pcg: bool) -> np.ndarray:
     """(d, ...) integers -> (3, ...) f32."""
-    if len(cell) == 1 or not compat.voronoi_uses_pcg():
+    if len(cell) == 1 or not uses_pcg:
         return np.moveaxis(color_of_floats(*cell.astype(np.float32)), -1, 0)
     return pcg(cell if len(cell) > 2 else np.concatenate([cell, 0 * cell[:1]]))[:3]
 

@@ -8,6 +8,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.lamp_triangles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from mathutils import Matrix
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, lamp
 from tests.rf2_engine.convert.token_light import integrated
 
@@ -34,7 +35,7 @@ def shining(kind, **settings):
 
 
 def converted(obj, report=None):
-    scene = convert_light(np.array(obj.matrix_world), obj.data, obj.name, report or Report(), np.zeros(3), 1.0)
+    scene = convert_light(np.array(obj.matrix_world), copied(obj.data), obj.name, report or Report(), np.zeros(3), 1.0)
     scene.validate()
     return scene
 

@@ -9,6 +9,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, lamp
 from tests.rf2_engine.convert.token_light import integrated
 
@@ -41,7 +42,8 @@ LAMPS = {
 
 
 def converted(obj, report=None, detail=FINE):
-    scene = convert_light(np.array(obj.matrix_world), obj.data, obj.name, report or Report(), np.zeros(3), 1.0, detail)
+    scene = convert_light(np.array(obj.matrix_world), copied(obj.data), obj.name, report or Report(), np.zeros(3), 1.0,
+                          detail)
     scene.validate()
     return scene
 

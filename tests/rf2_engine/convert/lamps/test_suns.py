@@ -10,6 +10,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.suns import sp
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert_world
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance
 from tests.rf2_engine.convert.token_light import gathered, integrated
 from tests.rf2_engine.convert.worlds import image_world, sky_world
@@ -26,7 +27,7 @@ def light(scene, normal):
 @pytest.mark.parametrize("elevation, size", [(0.05, 0.01), (0.7, 0.15)])
 def test_the_sun_of_a_sky_becomes_a_light_and_nothing_is_lost(converted, report, elevation, size):
     made = sky_world(elevation, disc=True, size=size)
-    scene, whole = converted(), convert_world(made, Report())
+    scene, whole = converted(), convert_world(copied(made), Report())
     assert scene.is_light.any() and scene.environment.max() < whole.max() / 8
     toward = scene.triangles.mean(axis=(0, 1)) / np.linalg.norm(scene.triangles.mean(axis=(0, 1)))
     np.testing.assert_allclose(toward[2], np.sin(elevation), atol=0.01)

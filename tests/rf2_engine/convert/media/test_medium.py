@@ -7,7 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.media import vdb
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying import vdb
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.geometry import rotation_matrix
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.media import vdb
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying import vdb
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, pictured, world
 

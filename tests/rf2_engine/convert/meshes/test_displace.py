@@ -8,6 +8,7 @@ from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, NORMAL
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import material, pictured
 from tests.rf2_engine.convert.triangles import triangles
 
@@ -91,7 +92,7 @@ def test_a_little_displacement_is_height(scene, converted):
 def test_bump_only_is_a_tile_of_normals(scene, report):
     made = hills("BUMP", 0.2, shader="ShaderNodeBsdfDiffuse")
     tiles = MaterialTiles(report)
-    index, _ = tiles.triangle_tiles(made, triangles(1, np.float32([[(1, -1), (-1, 1), (-1, -1)]])))
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1, np.float32([[(1, -1), (-1, 1), (-1, -1)]])))
     tile = tiles.tiles[index[0]].astype(np.float32)
     np.testing.assert_allclose(tile[NORMAL][0, 8, 16] / tile[NORMAL][2, 8, 16], -0.2 * HILLS, rtol=0.05)
     assert not tile[HEIGHT].any() and not report.entries
@@ -103,5 +104,5 @@ def test_vector_displacement_is_reported(scene):
     made.node_tree.links.new(made.node_tree.nodes.new("ShaderNodeVectorDisplacement").outputs[0],
                              output.inputs["Displacement"])
     report = Report()
-    MaterialTiles(report).triangle_tiles(made, triangles(1))
+    MaterialTiles(report).triangle_tiles(copied(made), triangles(1))
     assert any("Vector Displacement is left out" in line for line in report.lines())

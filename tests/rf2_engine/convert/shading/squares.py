@@ -17,8 +17,8 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.mesh import r
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.images.image import ImageCache
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered
 
 CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
@@ -85,7 +85,7 @@ SOURCES = {
 
 
 def build(case: Case, name: str):
-    """(material, its Emission node) that shows the node."""
+    """A material that shows the node."""
     made, tree, emission = material("ShaderNodeEmission", name, Strength=1.0)
     made.cycles.emission_sampling = "NONE"
     at = tree.nodes.new("ShaderNodeTexCoord").outputs["Object"]
@@ -104,7 +104,7 @@ def build(case: Case, name: str):
     chosen = outputs[case.output] if isinstance(case.output, int) else next(
         s for s in outputs if s.name.startswith(case.output))
     tree.links.new(chosen, emission.inputs["Color"])
-    return made, emission
+    return made
 
 
 def compare(cases: list[Case]) -> list[tuple[np.ndarray, np.ndarray, list[str]]]:
@@ -112,34 +112,33 @@ def compare(cases: list[Case]) -> list[tuple[np.ndarray, np.ndarray, list[str]]]
     scene = empty_cycles_scene(samples=1)
     columns = int(np.ceil(np.sqrt(len(cases))))
     rows = -(-len(cases) // columns)
-    emitters = []
     for i, case in enumerate(cases):
-        made, emission = build(case, f"Case {i}")
-        emitters.append(emission)
-        case.furnish(_square(i, made, (2 * (i % columns), 2 * (i // columns), 0)))
+        case.furnish(_square(i, build(case, f"Case {i}"), (2 * (i % columns), 2 * (i // columns), 0)))
     _camera(scene, columns, rows)
     picture, found = rendered(scene), []
     depsgraph = bpy.context.evaluated_depsgraph_get()
     asked = Asked(depsgraph)
     places = {instance.object.name: Place.of(instance, scene.frame_current, asked)
               for instance in depsgraph.object_instances}
-    for i, (case, emission) in enumerate(zip(cases, emitters, strict=True)):
+    for i, case in enumerate(cases):
         row, column = TILE_SIZE * (i // columns), TILE_SIZE * (i % columns)
         shown = picture[row:row + TILE_SIZE, column:column + TILE_SIZE]
         report = Report()
-        ours = evaluated(places[f"Square {i}"], bpy.data.objects[f"Square {i}"], emission, report, asked)
+        ours = evaluated(places[f"Square {i}"], bpy.data.objects[f"Square {i}"], report, asked)
         whole = np.indices((TILE_SIZE, TILE_SIZE)).sum(axis=0) < (2 * TILE_SIZE if case.is_affine else TILE_SIZE - 1)
         found.append((ours[whole], shown[whole], report.lines()))
     return found
 
 
-def evaluated(place, obj, emission, report, asked) -> np.ndarray:
-    """(32, 32, 3) colour that reaches an Emission node on a square, row 0 at the bottom as in the picture."""
+def evaluated(place, obj, report, asked) -> np.ndarray:
+    """(32, 32, 3) colour that reaches the Emission node of a square, row 0 at the bottom as in the picture."""
     mesh = read_mesh(obj.data, obj.name, report, asked.names[MESH]).take([0])
     mesh = mesh.mapped(lambda layer: layer[:, CORNER_ORDER])
     points = _points(mesh, place)
-    evaluator = Evaluator(points, ImageCache(report), report, obj.name)
-    evaluator.material_index = obj.active_material.pass_index
+    made = copied(obj.active_material)
+    evaluator = Evaluator(points, made.node_tree.conventions, report, obj.name)
+    evaluator.material_index = made.pass_index
+    emission = made.node_tree.output.inputs["Surface"].source.node
     value = evaluator.value(emission.inputs["Color"])
     assert value.ndim in (1, 4)
     return np.broadcast_to(value, (1, TILE_SIZE, TILE_SIZE, 3))[0]

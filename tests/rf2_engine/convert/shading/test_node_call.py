@@ -5,11 +5,11 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator, Points
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.images.image import ImageCache
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.node_call import NodeCall
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.surface import closure_at
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
 
 
@@ -22,12 +22,20 @@ def report():
 def call(report):
     """An Invert node of factor 0.25 whose colour comes from an RGB node."""
     empty_cycles_scene()
-    _, tree, shader = material()
+    made, tree, shader = material()
     node, color = tree.nodes.new("ShaderNodeInvert"), tree.nodes.new("ShaderNodeRGB")
     node.inputs[0].default_value, color.outputs[0].default_value = 0.25, (0.1, 0.2, 0.3, 1)
     tree.links.new(color.outputs[0], node.inputs["Color"])
     tree.links.new(node.outputs[0], shader.inputs["Base Color"])
-    return NodeCall(Evaluator(Points(), ImageCache(report), report, "Rock"), node)
+    copy = copied(made).node_tree
+    node = next(node for node in copy.nodes if node.bl_idname == "ShaderNodeInvert")
+    return NodeCall(Evaluator(Points(), copy.conventions, report, "Rock"), node)
+
+
+def shader_of(made):
+    """The closure that reaches the Surface of a material."""
+    tree = copied(made).node_tree
+    return closure_at(NodeCall(Evaluator(Points(), tree.conventions, Report(), "Rock"), tree.output), "Surface")
 
 
 def test_inputs_by_name_number_and_link(call):
@@ -54,8 +62,7 @@ def test_a_shader_that_feeds_itself_is_left_out_there():
     for node, name in ((mix, 1), (shader, 2)):
         tree.links.new(node.outputs[0], mix.inputs[name])
     tree.links.new(mix.outputs[0], output.inputs["Surface"])
-    evaluator = Evaluator(Points(), ImageCache(Report()), Report(), "Rock")
-    np.testing.assert_allclose(closure_at(NodeCall(evaluator, output), "Surface").color, (0, 0, 0))
+    np.testing.assert_allclose(shader_of(made).color, (0, 0, 0))
 
 
 def test_shared_shaders_are_evaluated_once():
@@ -69,8 +76,7 @@ def test_shared_shaders_are_evaluated_once():
         tree.links.new(shader.outputs[0], mix.inputs[2])
         shader = mix
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    evaluator = Evaluator(Points(), ImageCache(Report()), Report(), "Rock")
-    np.testing.assert_allclose(closure_at(NodeCall(evaluator, output), "Surface").color, (0.2, 0.4, 0.6), rtol=1e-4)
+    np.testing.assert_allclose(shader_of(made).color, (0.2, 0.4, 0.6), rtol=1e-4)
 
 
 def test_an_output_of_another_kind_has_no_volume():
@@ -79,4 +85,4 @@ def test_an_output_of_another_kind_has_no_volume():
     made, tree, shader = material()
     tree.nodes.remove(tree.get_output_node("CYCLES"))
     tree.links.new(shader.outputs[0], tree.nodes.new("ShaderNodeOutputLight").inputs["Surface"])
-    assert has_surface(made) and volume_coefficients(made, Report()) is None
+    assert has_surface(copied(made)) and volume_coefficients(copied(made), Report()) is None

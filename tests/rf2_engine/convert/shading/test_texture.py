@@ -11,6 +11,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from mathutils import Euler, Matrix
 
+from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, seen_flat_on
 from tests.rf2_engine.convert.triangles import triangles
 
@@ -69,7 +70,7 @@ def tile_and_picture(build, report=None):
     tree.links.new(build(tree), diffuse.inputs["Color"])
     tiles = MaterialTiles(report or Report())
     uv = np.array([[(HIGH, LOW), (LOW, HIGH), (LOW, LOW)]], np.float32)
-    index, _ = tiles.triangle_tiles(made, triangles(1, uv))
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1, uv))
     return tiles.tiles[index[0], BASE_COLOR].astype(np.float32), np.moveaxis(picture, -1, 0)
 
 
@@ -89,7 +90,7 @@ def test_four_colours_land_at_the_right_tile_corners():
     tree.links.new(color, shader.inputs["Base Color"])
     tiles = MaterialTiles(Report())
     uv = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], np.float32)
-    index, emission = tiles.triangle_tiles(made, triangles(2, uv))
+    index, emission = tiles.triangle_tiles(copied(made), triangles(2, uv))
     first, second = tiles.tiles[index, BASE_COLOR].astype(np.float32)
     assert not emission.any()
     np.testing.assert_array_equal(first[:, 0, 31], (1, 0, 0))   # corner 0, UV (0, 0)
@@ -157,7 +158,7 @@ def test_many_texels_per_cell_are_averaged():
     tree.links.new(graph(tree, image)[1], shader.inputs["Color"])
     tiles = MaterialTiles(Report())
     uv = np.array([[(1, 0), (0, 1), (0, 0)]], np.float32)
-    index, _ = tiles.triangle_tiles(made, triangles(1, uv))
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1, uv))
     blocks = noise[..., :3].reshape(32, 16, 32, 16, 3).mean(axis=(1, 3))
     np.testing.assert_allclose(np.moveaxis(tiles.tiles[index[0], BASE_COLOR], 0, -1), blocks, atol=2e-3)
 
@@ -174,7 +175,7 @@ def test_normal_map_and_roughness_reach_their_channels(image):
     tree.links.new(separate.outputs["Green"], shader.inputs["Roughness"])
     tiles = MaterialTiles(Report())
     uv = np.array([[(1, 0), (0, 1), (0, 0)]], np.float32)
-    index, _ = tiles.triangle_tiles(made, triangles(1, uv))
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1, uv))
     tile = tiles.tiles[index[0]].astype(np.float32)
     pixels = np.array(image.pixels[:]).reshape(6, 8, 4)
     np.testing.assert_allclose(tile[ROUGHNESS, 0, [0, 31]], pixels[0, [0, 7], 1], atol=1e-3)
@@ -192,7 +193,7 @@ def test_a_normal_map_of_another_uv_map_bends_in_the_frame_of_the_active_one():
     mesh = triangles(1, np.float32([[(1, 0), (0, 1), (0, 0)]]))
     mesh.uv["Other"] = np.float32([[(0, -1), (1, 0), (0, 0)]])
     tiles = MaterialTiles(Report())
-    index, _ = tiles.triangle_tiles(made, mesh)
+    index, _ = tiles.triangle_tiles(copied(made), mesh)
     tilted = np.float32((0, 0.6, 0.8))
     np.testing.assert_allclose(tiles.tiles[index[0], NORMAL, 5, 5], tilted / np.linalg.norm(tilted), atol=2e-3)
 
@@ -212,13 +213,14 @@ def test_a_bump_becomes_a_tile_of_normals(uv, size, expected):
     report = Report()
     tiles = MaterialTiles(report)
     place = Place(np.diag([size, size, size, 1.0]))
-    index, _ = tiles.triangle_tiles(made, triangles(1, np.float32([uv])), place)
+    look = copied(made)
+    index, _ = tiles.triangle_tiles(look, triangles(1, np.float32([uv])), place)
     normal = np.array([*expected, 1]) / np.linalg.norm([*expected, 1])
     np.testing.assert_allclose(tiles.tiles[index[0], NORMAL], np.tile(normal[:, None, None], (1, 32, 32)), atol=2e-3)
     assert not report.entries
     moved = Place(Matrix.LocRotScale((3, 1, 2), Euler((0.2, 0.3, 0.4)), (size,) * 3))
-    assert tiles.sharing(made, place) == tiles.sharing(made, Place(np.array(moved.matrix)))
-    assert tiles.sharing(made, place) != tiles.sharing(made, Place(3 * place.matrix))
+    assert tiles.sharing(look, place) == tiles.sharing(look, Place(np.array(moved.matrix)))
+    assert tiles.sharing(look, place) != tiles.sharing(look, Place(3 * place.matrix))
 
 
 def test_missing_file_is_magenta_and_named(tmp_path):
@@ -229,7 +231,7 @@ def test_missing_file_is_magenta_and_named(tmp_path):
     tree.links.new(graph(tree, image)[1], shader.inputs["Base Color"])
     report, uv = Report(), np.zeros((3, 3, 2), np.float32)
     tiles = MaterialTiles(report)
-    index, _ = tiles.triangle_tiles(made, triangles(3, uv))
+    index, _ = tiles.triangle_tiles(copied(made), triangles(3, uv))
     np.testing.assert_array_equal(tiles.tiles[index[0], BASE_COLOR, 7, 7], (1, 0, 1))
     assert "Wall" in report.lines()[0] and "gone.png" in report.lines()[0]
 
@@ -239,7 +241,7 @@ def test_missing_uv_map_is_reported(image):
     tree.links.new(graph(tree, image)[1], shader.inputs["Base Color"])
     report = Report()
     tiles = MaterialTiles(report)
-    index, _ = tiles.triangle_tiles(made, triangles(4))
+    index, _ = tiles.triangle_tiles(copied(made), triangles(4))
     assert len(set(index)) == 1 and "no UV map" in report.lines()[0]
 
 
@@ -275,5 +277,5 @@ def test_progress_of_a_noise_never_goes_back():
     tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Color"])
     fractions = []
     with progress.reporting(lambda text, fraction: fractions.append(fraction)):
-        MaterialTiles(Report()).triangle_tiles(made, triangles(600))
+        MaterialTiles(Report()).triangle_tiles(copied(made), triangles(600))
     assert fractions == sorted(fractions) and len(fractions) > 9 and len(set(fractions)) == 3

@@ -12,9 +12,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from .... import main_thread
-
-FIRST_TILE, TILES_IN_A_ROW = 1001, 10
+from ... import main_thread
+from ..shading.images.picture import FIRST_TILE, TILES_IN_A_ROW
 
 
 def stored_pixels(image, frame: int | None = None, tile: int | None = None) -> np.ndarray | None:

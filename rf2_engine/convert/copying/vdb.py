@@ -11,7 +11,7 @@ import numpy as np
 
 from ....model.scene import CELLS, VOXELS
 from ... import compat
-from .grids import Grid
+from ..media.grids import Grid
 
 NUMBERS, COLORS = {"FLOAT", "DOUBLE", "INT", "INT64"}, {"VECTOR_FLOAT", "VECTOR_DOUBLE"}
 

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What was copied of a scene as a RenderScene, readable top to bottom. No module that this needs knows bpy."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...model import progress, rays
+from ...model.normalize import Normalization
+from ...model.scene import RenderScene, View
+from .camera.apparent_size import apparent_size
+from .camera.framing import Framing
+from .camera.scene_box import find_box
+from .camera.visible import visible_points
+from .collect import collect
+from .collected import Collected
+from .copied import Copied
+from .lamps.lamps import convert_lamps
+from .material import MaterialTiles
+from .media import medium
+from .media.fog import add_fog, through_fog
+from .meshes.budget import Simplification, allotted
+from .meshes.sizes import Sizes
+from .report import Report
+from .surfaces import dressed
+from .world import world_light
+
+
+def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: float, report,
+            steady=lambda framing: framing, baker=None) -> RenderScene:
+    """The arguments of `convert` (scene.py). On any thread; `copied` stays as it is."""
+    plan = _planned(copied, view, token_budget, max_edge, report, steady)
+    collected = plan.collected
+    with progress.part(0.35, 0.6):
+        plan.simplification.apply(report)
+    plan.size.subdivide(collected.parts, plan.budget)
+    with progress.part(0.6, 0.9):
+        surfaces = dressed(collected.parts, MaterialTiles(report, baker), report)
+    scene = surfaces.appended(*plan.lamps)
+    with progress.part(0.9, 1.0, "Converting volumes"):
+        scene.volumes = medium.cells(collected.media, report)
+    scene.environment, scene.box = plan.environment, plan.framing.box
+    scene.validate()
+    return scene
+
+
+def fitted(copied: Copied, view: View, *, token_budget: int, max_edge: float) -> Framing:
+    """What `compute` is fitted to by itself, with the triangles of the meshes."""
+    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own).framing
+
+
+@dataclass
+class _Plan:
+    """What was collected of a scene, and what becomes how fine."""
+
+    collected: Collected
+    framing: Framing
+    lamps: list[RenderScene]
+    environment: np.ndarray | None
+    budget: int  # for surfaces
+    size: Sizes
+    simplification: Simplification
+
+
+def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: float, report, steady) -> _Plan:
+    if not rays.has_embree():
+        report.approximated("Speed", "the package embreex is missing, so rays take ten times as long: Install Packages "
+                                     "in Preferences > Add-ons > RenderFormer-V2 brings it")
+    with progress.part(0.0, 0.1, "Converting the world"):
+        environment, suns = world_light(copied.world, copied.drawn, report)
+    with progress.part(0.1, 0.3):
+        collected = collect(copied, report)
+    hits, framing = None, Framing(np.float32(collected.bounds()), None)
+    if view is not None:
+        hits = visible_points(collected, view, copied.clip_start)
+        framing = steady(Framing(find_box(collected, view, hits), apparent_size(view, hits)))
+        if framing.apparent.view is not view:
+            hits = visible_points(collected, framing.apparent.view, copied.clip_start)
+    progress.report(0.3)
+    (low, high), beyond = framing.box, collected.beyond(framing.box)
+    if beyond:
+        report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
+                            f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}); farther away, such as parts of "
+                            f"{', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}, it sees less")
+    eye = None if view is None else view.camera_to_world[:3, 3]
+    clear = add_fog(collected, copied.world, framing.box, eye, report)
+    environment, suns = through_fog(environment, suns, clear)
+    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    lamps = convert_lamps(collected.lamps, suns, token_budget // 2, center, radius, clear, report)
+    budget = token_budget - sum(map(len, lamps))
+    size = Sizes(max_edge, Normalization.of(RenderScene(box=framing.box)), framing.apparent)
+    with progress.part(0.3, 0.35):
+        wanted = size.wanted(collected.parts, budget)
+        progress.report()
+        simplification = allotted(collected, budget, framing, hits, wanted, report)
+    return _Plan(collected, framing, lamps, environment, budget, size, simplification)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images as Cycles looks them up: which picture, how alpha and colour space count, and what is missing."""
+from __future__ import annotations
+
+import numpy as np
+
+from ....model import progress
+from ....model.color import srgb_to_linear
+from ... import compat
+from ..shading.images.picture import MISSING, Picture
+from ..shading.images.pyramid import Pyramid, area_resample
+from .image_files import frame_number, scene_linear, stored_pixels
+
+DATA_SPACES = {"Non-Color", "Raw", "data"}
+LINEAR_SPACES = {"Linear", "scene_linear"}
+MAX_SIZE = 2048
+
+
+class Images:
+    """The images of one conversion, each read and reduced once."""
+
+    def __init__(self, frame: int):
+        """frame: of the scene that is rendered, which image sequences show."""
+        self.frame = frame
+        self._known: dict[tuple, tuple[Pyramid, str]] = {}
+
+    def picture(self, node) -> Picture:
+        """What an Image Texture or Environment Texture shows."""
+        image = node.image
+        if image is None:
+            return Picture("", {None: _magenta()}, {None: "an image texture node holds no image: magenta is used"})
+        frame = frame_number(node.image_user, self.frame) if image.source == "SEQUENCE" else None
+        is_flat = node.bl_idname == "ShaderNodeTexImage"
+        straight = is_flat and node.outputs["Alpha"].is_linked  # only for those who ask for alpha
+        tiles = [tile.number for tile in image.tiles] if is_flat and image.source == "TILED" else [None]
+        found = {tile: self._read(image, straight, frame, tile) for tile in tiles}
+        return Picture(image.source, {tile: pyramid for tile, (pyramid, _) in found.items()},
+                       {tile: remark for tile, (_, remark) in found.items() if remark})
+
+    def _read(self, image, straight: bool, frame: int | None, tile: int | None) -> tuple[Pyramid, str]:
+        """And what to say where it cannot be read."""
+        key = image.as_pointer(), straight, frame, tile
+        if key not in self._known:
+            progress.report()
+            pixels, remark = stored_pixels(image, frame, tile), ""
+            if pixels is None:
+                which = f", frame {frame}" if frame is not None else f", tile {tile}" if tile is not None else ""
+                remark = (f'image "{image.name}"{which} cannot be read from "{image.filepath}": magenta is used; '
+                          "relink the file")
+            self._known[key] = _magenta() if pixels is None else _reduced(_as_cycles(image, pixels, straight)), remark
+        return self._known[key]
+
+
+def _magenta() -> Pyramid:
+    return Pyramid(MISSING.reshape(1, 1, 4))
+
+
+def _reduced(pyramid: Pyramid) -> Pyramid:
+    rows, columns = (min(size, MAX_SIZE) for size in pyramid.shape)
+    return pyramid if (rows, columns) == pyramid.shape else Pyramid(area_resample(pyramid.level(0), rows, columns))
+
+
+def _as_cycles(image, pixels: np.ndarray, straight: bool) -> Pyramid:
+    """Bytes of sRGB are interpolated in its curve, and multiplied with alpha in it; data never are."""
+    space, mode = image.colorspace_settings.name, image.alpha_mode
+    if mode == "NONE":
+        pixels[..., 3] = 1
+    associated = mode in ("STRAIGHT", "PREMUL") and space not in DATA_SPACES
+    divided = _over_alpha if associated and straight else lambda texels: texels
+    if image.is_float or space in DATA_SPACES:
+        return Pyramid(pixels, divided)
+    is_rec709 = compat.working_space() == "Linear Rec.709"
+    curved = space == "sRGB" and is_rec709
+    if not curved and not (space in LINEAR_SPACES or space == "Linear Rec.709" and is_rec709):
+        pixels[..., :3] = scene_linear(pixels[..., :3], space)
+    if associated:
+        pixels[..., :3] *= pixels[..., 3:]
+    if mode == "PREMUL" and associated and image.source != "GENERATED" and not image.packed_file:
+        pixels[..., :3] *= pixels[..., 3:]  # Blender has divided by alpha, Cycles multiplies what is in the file
+    return Pyramid(pixels, (lambda texels: _decoded(divided(texels))) if curved else divided)
+
+
+def _over_alpha(texels: np.ndarray) -> np.ndarray:
+    alpha = texels[..., 3:]
+    return np.concatenate([texels[..., :3] / np.where(alpha == 0, 1, alpha), alpha], axis=-1)
+
+
+def _decoded(texels: np.ndarray) -> np.ndarray:
+    return np.concatenate([srgb_to_linear(texels[..., :3]), texels[..., 3:]], axis=-1)

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One walk over the instances of a depsgraph: what is there, copied out of Blender before anything is computed."""
+from __future__ import annotations
+
+import numpy as np
+
+from ....model import progress
+from ... import compat
+from ..attributes import MESH, Asked
+from ..copied import Copied, LampInstance, Surface
+from ..lamps.light_linking import dark_emitters
+from ..media.grids import Grid
+from ..meshes import mesh as meshes
+from ..meshes import strands
+from ..meshes.mesh import TriangleMesh
+from ..place import Place
+from ..report import AS_GOOD_AS_INFINITE
+from ..visibility import gas_domain, hidden_in_renders, is_shown
+from .blocks import Blocks
+from .volumes import gridded
+
+# Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
+WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
+                   "SPEAKER"}
+STRANDS = {"CURVES": strands.curves_mesh, "POINTCLOUD": strands.cloud_mesh}
+DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
+
+
+def add_instances(copied: Copied, depsgraph, blocks: Blocks, report) -> None:
+    """Everything that `depsgraph.object_instances` shows, each evaluated mesh read once."""
+    _Walk(copied, depsgraph, blocks, report).run()
+
+
+class _Walk:
+    def __init__(self, copied: Copied, depsgraph, blocks: Blocks, report):
+        self.copied, self.depsgraph, self.blocks, self.report = copied, depsgraph, blocks, report
+        self.layer = depsgraph.view_layer_eval
+        self.hidden = hidden_in_renders(depsgraph)
+        self.dark = dark_emitters(depsgraph, report)
+        self.asked = Asked(depsgraph)
+        self._read: dict[tuple, TriangleMesh] = {}
+        self._grids: dict[tuple, dict[str, Grid]] = {}
+        self._surfaces: dict[tuple, Surface] = {}
+        self._shown: dict[tuple, bool] = {}
+
+    def run(self) -> None:
+        total = len(self.depsgraph.object_instances)
+        for i, instance in enumerate(self.depsgraph.object_instances):
+            with progress.part(i / total, (i + 1) / total, f"Reading objects, {i + 1} of {total}"):
+                progress.report()
+                if instance.show_self and not self._is_hidden(instance):
+                    self._add(instance)
+
+    def _is_hidden(self, instance) -> bool:
+        host = instance.parent if instance.is_instance else instance.object
+        return host is not None and host.original in self.hidden
+
+    def _add(self, instance) -> None:
+        obj = instance.object
+        if obj.type in WITHOUT_SURFACE or not self._is_shown(instance):
+            return
+        matrix = np.array(instance.matrix_world, np.float64)
+        if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
+            self.report.refused(obj.name, "its transform is not finite, or as good as infinite")
+        elif obj.type == "VOLUME" or gas_domain(obj):
+            made = gridded(obj, self._slots(obj)[0], self._place(instance), self._grids, self.report)
+            self.copied.things += [made] if made else []
+        elif obj.type == "MESH":
+            self._add_mesh(obj, self._place(instance), instance.matrix_world.is_negative)
+        elif obj.type == "LIGHT":
+            if obj.original not in self.dark:
+                self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data)))
+        elif obj.type in STRANDS:
+            if obj.type == "POINTCLOUD" or self.layer.use_strand:
+                self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data),
+                                  self._place(instance))
+        elif obj.type in DRAWINGS:
+            self.report.approximated(obj.name, "a drawing is laid over the picture, and neither lights it nor is lit")
+        else:
+            self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
+
+    def _place(self, instance) -> Place:
+        return Place.of(instance, self.depsgraph.scene_eval.frame_current_final, self.asked)
+
+    def _is_shown(self, instance) -> bool:
+        """Asked once for all instances of an object by another."""
+        obj, parent = instance.object, instance.parent
+        key = obj.original.as_pointer(), obj.type, instance.is_instance and parent and parent.original.as_pointer()
+        if key not in self._shown:
+            self._shown[key] = is_shown(instance, self.layer, self.report)
+        return self._shown[key]
+
+    def _add_mesh(self, obj, place: Place, mirrored: bool) -> None:
+        for system in obj.particle_systems if self.layer.use_strand else ():
+            if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
+                self._add_strands(obj, system.as_pointer(), lambda s=system: strands.particles_mesh(obj, s), place,
+                                  system.settings.material - 1)
+        slots, source, is_dark = self._slots(obj), obj.data.as_pointer(), obj.original in self.dark
+        key = source, mirrored, obj.visible_camera, is_dark, *slots
+        if key not in self._surfaces:
+            self._surfaces[key] = Surface(source, self._mesh(obj, slots), slots, mirrored, obj.visible_camera, is_dark,
+                                          compat.is_diced(obj, self.depsgraph.scene_eval))
+        self.copied.things.append((self._surfaces[key], place))
+
+    def _add_strands(self, obj, pointer: int, read, place: Place, slot: int = 0) -> None:
+        """Hair or points, which `read` gives as a mesh, wearing the material of a slot."""
+        slots, is_dark = self._slots(obj), obj.original in self.dark
+        key = pointer, None, obj.visible_camera, is_dark, *slots
+        if key not in self._surfaces:
+            self.report.approximated(obj.name, "its hair or points are a few larger ones for the network: what is not "
+                                               "traced of their shadows and reflections is coarse")
+            self._surfaces[key] = Surface(pointer, read(), slots, False, obj.visible_camera, is_dark,
+                                          strands_slot=min(slot, len(slots) - 1))
+        self.copied.things.append((self._surfaces[key], place))
+
+    def _slots(self, obj) -> list:
+        override = self.layer.material_override
+        return [self.blocks.of(block) for block in ([override] if override else meshes.material_slots(obj))]
+
+    def _mesh(self, obj, slots: list) -> TriangleMesh:
+        key = obj.data.as_pointer(), *slots
+        if key not in self._read:
+            self._read[key] = meshes.read_mesh(obj.data, obj.name, self.report, self.asked.names[MESH])
+        return self._read[key]

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The first half of a conversion: all that is asked of Blender, on the thread that it calls us on."""
+from __future__ import annotations
+
+from ....model import progress
+from ... import compat
+from ..camera.camera import clip_start
+from ..copied import Copied
+from ..material import needs_baking
+from ..world import drawn_by
+from .blocks import REC709, Blocks
+from .instances import add_instances
+
+
+def copy(depsgraph, report, by_cycles=None, baker=None) -> Copied:
+    """What a render depsgraph shows; nothing of it refers to Blender's data, which may change or go away afterwards.
+
+    by_cycles: as drawn_by has it. baker: is made ready where nodes will have to be baked.
+    """
+    if (space := compat.working_space()) != REC709:
+        report.approximated("Working Space", f"{space} is taken for Linear Rec.709: skies and lamps by temperature are "
+                                             "off in colour")
+    frame = depsgraph.scene_eval.frame_current
+    with progress.part(0.0, 0.1, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
+        world = Blocks(frame, depsgraph).of(shown_world(depsgraph))
+        copied = Copied(world, drawn_by(by_cycles, world))
+    with progress.part(0.1, 0.9):
+        blocks = Blocks(frame, depsgraph)
+        add_instances(copied, depsgraph, blocks, report)
+    if (camera := depsgraph.scene_eval.camera) is not None and camera.type == "CAMERA":
+        copied.clip_start = clip_start(depsgraph)
+    if baker is not None and any(map(needs_baking, blocks.materials)):
+        with progress.part(0.9, 1.0):
+            baker.prepare()
+    return copied
+
+
+def shown_world(depsgraph):
+    """The world of the view layer that is rendered, None if it shows none."""
+    return compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None
