@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .box_filter import box_sums
 from .camera import view_rays
 from .geometry import rotation_matrix
 from .scene import CELLS, Guides, View, Volumes
@@ -29,11 +30,11 @@ def smoothed(guides: Guides, volumes: Volumes | None, view: View) -> Guides:
     if inside is None or not inside.any():
         return guides
     inside = inside[..., None]
-    count = np.maximum(_sums(inside.astype(np.float32)), 1)
+    count = np.maximum(box_sums(inside.astype(np.float32), RADIUS), 1)
 
     def mean(values: np.ndarray) -> np.ndarray:
         layers = values.reshape(*inside.shape[:2], -1)
-        means = np.where(inside, _sums(layers * inside) / count, layers)
+        means = np.where(inside, box_sums(layers * inside, RADIUS) / count, layers)
         return means.reshape(values.shape).astype(np.float32)
 
     changed = {name: mean(getattr(guides, name)) for name in (*COLORS, "alpha")}
@@ -61,13 +62,3 @@ def crossed(guides: Guides, volumes: Volumes, view: View) -> np.ndarray:
         enter, leave = np.nanmax(np.minimum(a, b), axis=-1), np.nanmin(np.maximum(a, b), axis=-1)
         result |= (enter < leave) & (leave > 0) & (enter < farthest)
     return result
-
-
-def _sums(values: np.ndarray) -> np.ndarray:
-    """Sums over the square of RADIUS around every pixel of (H, W, C)."""
-    for axis in (0, 1):
-        size = values.shape[axis]
-        total = np.insert(values.cumsum(axis=axis, dtype=np.float64), 0, 0, axis=axis)
-        last, first = np.minimum(np.arange(size) + RADIUS + 1, size), np.maximum(np.arange(size) - RADIUS, 0)
-        values = total.take(last, axis=axis) - total.take(first, axis=axis)
-    return values

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from . import progress
+
 
 def area_vectors(corners: np.ndarray) -> np.ndarray:
     """(..., 3, 3) corners -> (..., 3): the triangle's normal times its area."""
@@ -26,6 +28,24 @@ def quartered(corners):
     ends = [[[0, 0], [0, 1], [0, 2]], [[1, 1], [1, 2], [1, 0]], [[2, 2], [2, 0], [2, 1]], [[0, 1], [1, 2], [2, 0]]]
     halves = corners[:, ends].sum(3) / 2  # S, quarter, corner, axis
     return halves.swapaxes(0, 1).reshape(-1, 3, 3)
+
+
+def connected(faces: np.ndarray, count: int) -> np.ndarray:
+    """(count,) for each point the first one of those that (n, k) faces connect it with, directly or by others.
+
+    Reports progress, which may cancel.
+    """
+    first = np.arange(count)
+    while len(faces):
+        progress.report()
+        found = first[faces]
+        least = found.min(axis=1, keepdims=True)
+        apart = (found != least).any(axis=1)
+        faces, found, least = faces[apart], found[apart], least[apart]
+        np.minimum.at(first, found.ravel(), np.broadcast_to(least, found.shape).ravel())
+        while (first != first[first]).any():
+            first = first[first]
+    return first
 
 
 def corner_weights(first_two: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from .bands import bands
+from .box_filter import box_means
 from .color import HALF_MAX
 from .scene import Guides
 
@@ -122,17 +123,8 @@ def _divided(traced: np.ndarray, colors: dict[str, np.ndarray],
     light = {}
     for name, noisy in sampled.items():
         color = colors.get(name, np.ones_like(noisy))
-        light[name] = _mean(noisy * color) / np.maximum(_mean(color), FAINT)
+        light[name] = box_means(noisy * color, RADIUS) / np.maximum(box_means(color, RADIUS), FAINT)
         if name.endswith("_direct") and name in colors:
             light[name] += TRACE
     scale = traced / np.maximum(_picture(light, colors), TRACE * FAINT)
     return {name: share * scale for name, share in light.items()}
-
-
-def _mean(x: np.ndarray) -> np.ndarray:
-    """Of the square of RADIUS around each pixel of (H, W, C)."""
-    for axis in (0, 1):
-        margins = [(RADIUS, RADIUS) if i == axis else (0, 0) for i in range(3)]
-        padded, size = np.pad(x, margins, mode="edge"), x.shape[axis]
-        x = sum(padded.take(range(i, i + size), axis) for i in range(2 * RADIUS + 1)) / (2 * RADIUS + 1)
-    return x

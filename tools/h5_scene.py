@@ -59,6 +59,8 @@ def export(scene, weights: str | None, path: Path) -> dict:
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
     from renderformer_v2.rf2_engine.convert.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert
+    from renderformer_v2.rf2_engine.cycles.world import CyclesWorld
+    from renderformer_v2.rf2_engine.progress.status import Status
 
     found, settings, report = [], scene.renderformer_v2, Report()
     budget, edge = settings.token_budget, settings.max_edge
@@ -68,13 +70,15 @@ def export(scene, weights: str | None, path: Path) -> dict:
 
         bl_idname = "RENDERFORMER_V2_H5"
         bl_label = "RenderFormer-V2 H5 export"
+        emptied = False  # as cycles/run.py has it of an engine
 
         def render(self, depsgraph):
             if found:
                 return  # one view layer is enough
             try:
                 view = convert_camera(depsgraph, self.resolution_x, self.resolution_y, None, report)
-                found.append((convert(depsgraph, view, token_budget=budget, max_edge=edge, report=report), view))
+                found.append((convert(depsgraph, view, token_budget=budget, max_edge=edge, report=report,
+                                      by_cycles=CyclesWorld(self, depsgraph, Status(self))), view))
             except Exception as error:  # Blender would print it and go on
                 found.append(error)
 

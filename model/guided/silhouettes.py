@@ -11,6 +11,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from ..bands import bands
+from ..box_filter import box_sums
 from ..lobes import FAINT, Lobes
 from ..scene import Guides
 
@@ -35,16 +36,9 @@ def _blended(lobes: Lobes, guides: Guides, normal: np.ndarray) -> Lobes:
     traced = 0 if lobes.traced is None else lobes.traced
     added = lobes.radiance - traced
     clean = ~several & (color > FAINT)
-    light, count = _around(np.where(clean, added / np.maximum(color, FAINT), 0)), _around(clean.astype(np.float32))
+    light = box_sums(np.where(clean, added / np.maximum(color, FAINT), 0), 1)
+    count = box_sums(clean.astype(np.float32), 1)
     mended = np.where(several & (count > 0), color * light / np.maximum(count, 1), added)
     scale = mended / np.maximum(added, FAINT ** 2)
     known = {name: light for name in ("direct", "indirect") if (light := getattr(lobes, name)) is not None}
     return replace(lobes, radiance=traced + mended, **{name: light * scale for name, light in known.items()})
-
-
-def _around(x: np.ndarray) -> np.ndarray:
-    """Sum of the 3x3 pixels around each pixel of (H, W, C); nothing lies outside."""
-    for axis in (0, 1):
-        padded, size = np.pad(x, [(1, 1) if i == axis else (0, 0) for i in range(3)]), x.shape[axis]
-        x = sum(padded.take(range(i, i + size), axis) for i in range(3))
-    return x

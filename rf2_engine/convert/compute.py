@@ -2,6 +2,8 @@
 """What was copied of a scene as a RenderScene, readable top to bottom. No module that this needs knows bpy."""
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ...model import progress, rays
@@ -12,13 +14,15 @@ from .camera.framing import Framing
 from .camera.scene_box import find_box
 from .camera.visible import visible_points
 from .collect import collect
+from .collected import Collected
 from .copied import Copied
 from .lamps.lamps import convert_lamps
 from .material import MaterialTiles
 from .media import medium
 from .media.fog import add_fog, through_fog
-from .meshes.budget import fit
+from .meshes.budget import Simplification, allotted
 from .meshes.sizes import Sizes
+from .report import Report
 from .surfaces import dressed
 from .world import world_light
 
@@ -26,6 +30,40 @@ from .world import world_light
 def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: float, report,
             steady=lambda framing: framing, baker=None) -> RenderScene:
     """The arguments of `convert` (scene.py). On any thread; `copied` stays as it is."""
+    plan = _planned(copied, view, token_budget, max_edge, report, steady)
+    collected = plan.collected
+    with progress.part(0.35, 0.6):
+        plan.simplification.apply(report)
+    plan.size.subdivide(collected.parts, plan.budget)
+    with progress.part(0.6, 0.9):
+        surfaces = dressed(collected.parts, MaterialTiles(report, baker), report)
+    scene = surfaces.appended(*plan.lamps)
+    with progress.part(0.9, 1.0, "Converting volumes"):
+        scene.volumes = medium.cells(collected.media, report)
+    scene.environment, scene.box = plan.environment, plan.framing.box
+    scene.validate()
+    return scene
+
+
+def fitted(copied: Copied, view: View, *, token_budget: int, max_edge: float) -> Framing:
+    """What `compute` is fitted to by itself, with the triangles of the meshes."""
+    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own).framing
+
+
+@dataclass
+class _Plan:
+    """What was collected of a scene, and what becomes how fine."""
+
+    collected: Collected
+    framing: Framing
+    lamps: list[RenderScene]
+    environment: np.ndarray | None
+    budget: int  # for surfaces
+    size: Sizes
+    simplification: Simplification
+
+
+def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: float, report, steady) -> _Plan:
     if not rays.has_embree():
         report.approximated("Speed", "the package embreex is missing, so rays take ten times as long: Install Packages "
                                      "in Preferences > Add-ons > RenderFormer-V2 brings it")
@@ -52,16 +90,8 @@ def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: f
     lamps = convert_lamps(collected.lamps, suns, token_budget // 2, center, radius, clear, report)
     budget = token_budget - sum(map(len, lamps))
     size = Sizes(max_edge, Normalization.of(RenderScene(box=framing.box)), framing.apparent)
-    with progress.part(0.3, 0.6):
+    with progress.part(0.3, 0.35):
         wanted = size.wanted(collected.parts, budget)
         progress.report()
-        fit(collected, budget, framing, hits, wanted, report)
-    size.subdivide(collected.parts, budget)
-    with progress.part(0.6, 0.9):
-        surfaces = dressed(collected.parts, MaterialTiles(report, baker), report)
-    scene = surfaces.appended(*lamps)
-    with progress.part(0.9, 1.0, "Converting volumes"):
-        scene.volumes = medium.cells(collected.media, report)
-    scene.environment, scene.box = environment, framing.box
-    scene.validate()
-    return scene
+        simplification = allotted(collected, budget, framing, hits, wanted, report)
+    return _Plan(collected, framing, lamps, environment, budget, size, simplification)

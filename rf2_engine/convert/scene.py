@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from ...model import progress
 from ...model.scene import RenderScene, View
-from .compute import compute
+from . import compute
+from .camera.framing import Framing
 from .copying.scene import copy
+from .report import Report
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
@@ -15,7 +17,7 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     view: of the whole picture, whose surroundings become the network's box (camera/scene_box.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
-    steady: given the Framing of this picture, that of its shot.
+    steady: given the Framing of this picture, that of its key frame.
     by_cycles: a CyclesWorld (cycles/world.py) or None. baker: rf2_engine/cycles/bake.py, for nodes that only Cycles can
     evaluate.
     Raises SceneError when the scene cannot be converted at all.
@@ -23,5 +25,13 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     with progress.part(0.0, 0.4):
         copied = copy(depsgraph, report, by_cycles, baker)
     with progress.part(0.4, 1.0):
-        return compute(copied, view, token_budget=token_budget, max_edge=max_edge, report=report, steady=steady,
-                       baker=baker)
+        return compute.compute(copied, view, token_budget=token_budget, max_edge=max_edge, report=report,
+                               steady=steady, baker=baker)
+
+
+def fitted(depsgraph, view: View, *, token_budget: int, max_edge: float, by_cycles=None) -> Framing:
+    """What `convert` of a key frame is fitted to by itself, with the triangles of its meshes."""
+    with progress.part(0.0, 0.4):
+        copied = copy(depsgraph, Report(), by_cycles)
+    with progress.part(0.4, 1.0):
+        return compute.fitted(copied, view, token_budget=token_budget, max_edge=max_edge)

@@ -15,21 +15,23 @@ from ...model.guided.silhouettes import blended
 from ...model.lobes import Lobes, MeanLobes
 from ...model.scene import Guides, RenderScene, View
 from ..convert.camera.camera import convert_camera
+from ..convert.camera.framing import Framing
 from ..convert.camera.lens import Lens
 from ..convert.report import Report
-from ..convert.scene import convert
+from ..convert.scene import convert, fitted
 from ..cycles import session as cycles_session
 from ..cycles.bake import Baker
 from ..cycles.session import PINHOLE, Catchers, Light, Look
 from ..cycles.world import CyclesWorld
 from ..progress.status import Status
 from ..settings import FrameSettings
-from . import model_cache, shot, shutter
+from . import model_cache, shutter
 from .guides import make_guides
 from .optics import Optics
 from .output import SHINING, Catch
 from .rectangle import Border
 from .reflections import with_ends
+from .shot import Shot
 
 CYCLES_SHARE = 0.8  # of the first hits; the rest finds the triangles behind them
 
@@ -44,6 +46,7 @@ class Layer:
     status: Status
     report: Report
     lit: bool  # whether the light of each lobe is wanted
+    framing: Framing | None = None  # once the scene was converted
 
     def view(self) -> View:
         """From the middle of the lens."""
@@ -51,22 +54,37 @@ class Layer:
                               self.report)
 
     def scene(self) -> RenderScene:
-        first = shot.begins_at(self.engine, self.depsgraph)
-        if first is None:
-            return self._converted(self.report)
-        # This frame is rendered apart from those before it: fit it as the first one of its shot is.
-        with progress.part(0.0, 0.5), shutter.clock(self.engine, self.depsgraph) as move_to:
-            move_to(first)
-            self._converted(Report())
-        with progress.part(0.5, 1.0):
-            return self._converted(self.report)
+        """What a shutter sees at other moments of the frame is fitted as the frame is."""
+        if self.framing is not None:
+            return self._converted(lambda own: self.framing)
+        shot = Shot.of(self.depsgraph, self.settings, self.engine.resolution_x, self.engine.resolution_y)
+        unknown = shot.unknown()
+        begin = len(unknown) / (len(unknown) + 1)
+        if unknown:
+            with progress.part(0.0, begin), shutter.clock(self.engine, self.depsgraph) as move_to:
+                shot.look_ahead(unknown, move_to, self._fitted)
 
-    def _converted(self, report: Report) -> RenderScene:
-        whole = convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y, None)
+        def steady(own: Framing) -> Framing:
+            self.framing = shot.settled(own)
+            return self.framing
+        with progress.part(begin, 1.0):
+            scene = self._converted(steady)
+        shot.remember()
+        return scene
+
+    def _converted(self, steady: Callable[[Framing], Framing]) -> RenderScene:
         with Baker(self.depsgraph) if self.settings.bake_unknown else nullcontext() as baker:
-            return convert(self.depsgraph, whole, token_budget=self.settings.token_budget,
-                           max_edge=self.settings.max_edge, report=report, steady=shot.steady(self.depsgraph),
+            return convert(self.depsgraph, self._whole(), token_budget=self.settings.token_budget,
+                           max_edge=self.settings.max_edge, report=self.report, steady=steady,
                            by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status), baker=baker)
+
+    def _fitted(self) -> Framing:
+        return fitted(self.depsgraph, self._whole(), token_budget=self.settings.token_budget,
+                      max_edge=self.settings.max_edge,
+                      by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status))
+
+    def _whole(self) -> View:
+        return convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y, None)
 
     def first_hits(self, scene: RenderScene, look: Look, samples: int) -> dict[str, np.ndarray]:
         """The passes of cycles_session.render_passes."""

@@ -1,82 +1,127 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The network's box, the view that triangles are allotted by, and how many each mesh gets, held still over a shot:
-light flickers in a scene that is fitted and simplified anew for every frame.
+"""Key frames of an animation, which the frames after them are fitted by.
 
-A shot lasts from the first frame of a render job, for as long as the camera stays the same and looks at about the
-same place. Where frames are rendered apart from each other, by a farm, all this is as in the shot's first frame all the
-same, whatever frame a job begins with.
+Light flickers in a scene that is fitted and simplified anew for every frame. So the box, the view that triangles are
+allotted by and the shares of the meshes are those of a key frame: the one in which the shot begins, for as long as the
+camera looks at about the same place, and later the one in which the frame's block begins. Which of them it is follows
+from the frame's number and the scene alone, so that a frame is the same in whatever order, and on however many
+computers, frames are rendered. A shot begins at the scene's first frame, or where a marker binds the camera.
 """
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ...model import progress
 from ..convert.camera.framing import Framing
 from ..registering import handlers
+from ..settings import FrameSettings
 
+BLOCK = 32          # frames that are fitted alike once the camera has left the place where the shot began
 LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way
 FARTHEST = 1.0      # between their centres, in sides of the kept one
+WITHIN = 1.5        # times as far may a frame be from the beginning of its block, before it is fitted by itself
 
-_kept: dict[tuple[str, str, str], Framing] = {}  # by scene, view layer and camera
-
-
-def begins_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> int | None:
-    """The frame that has to be converted first, because its shot begins there; None if that is done, or is this one."""
-    scene = depsgraph.scene_eval
-    if not engine.is_animation or _key(depsgraph) in _kept:
-        return None
-    switched = [marker.frame for marker in depsgraph.scene.timeline_markers
-                if marker.camera and marker.frame <= scene.frame_current]
-    first = max([scene.frame_start, *switched])
-    return first if first < scene.frame_current <= scene.frame_end else None
+_fitted: dict[tuple, Framing] = {}   # by what is rendered how, and key frame
+_begins: dict[str, int] = {}         # first frames of scenes as they were loaded or saved; `-s 10 -a` changes them
 
 
-def steady(depsgraph: bpy.types.Depsgraph) -> Callable[[Framing], Framing]:
-    """A function that takes what this frame would be fitted to and gives what its shot is."""
-    key = _key(depsgraph)
+@dataclass
+class Shot:
+    """One frame of a view layer, and the key frames that it is fitted by.
 
-    def settled(framing: Framing) -> Framing:
-        if key not in _kept or _has_left(_kept[key].box, framing.box):
-            _kept[key] = framing
-        return _kept[key]
+    keys: where the shot and the block begin, one where that is the same; none before the animation.
+    """
 
-    return settled
+    frame: float
+    keys: tuple[int, ...]
+    rendered: tuple                                   # what is rendered how
+    own: Framing | None = None
+    known: dict[int, Framing | None] = field(default_factory=dict)  # of keys; None: the scene is as in this frame
+
+    @classmethod
+    def of(cls, depsgraph: bpy.types.Depsgraph, settings: FrameSettings, width: int, height: int) -> Shot:
+        scene = depsgraph.scene_eval
+        camera = scene.camera.name if scene.camera else ""
+        rendered = (scene.name, depsgraph.view_layer_eval.name, camera, width, height, settings.token_budget,
+                    settings.max_edge)
+        shot = cls(scene.frame_current_final, _keys(depsgraph.scene, scene.frame_current_final), rendered)
+        shot.known = {key: _fitted.get((*rendered, key)) for key in shot.keys}
+        return shot
+
+    def unknown(self) -> list[int]:
+        """Key frames that have to be looked at before this frame is settled."""
+        return [key for key in self.keys if self.known[key] is None and key != self.frame]
+
+    def look_ahead(self, keys: list[int], move_to: Callable[[int], set[str]], fitted: Callable[[], Framing]) -> None:
+        """Find out what these key frames are fitted to by themselves.
+
+        move_to: evaluates the scene at a frame and says what is not as it was; fitted: fits the scene as it is then.
+        """
+        framing = None
+        for i, key in enumerate(keys):
+            with progress.part(i / len(keys), (i + 1) / len(keys)):
+                progress.report()
+                if move_to(key):
+                    framing = fitted()
+                self.known[key] = framing
+
+    def settled(self, own: Framing) -> Framing:
+        """What the frame is fitted to: what a key frame is, or `own`."""
+        self.own = own
+        if not self.keys:
+            return own
+        first, *block = (self.known[key] or own for key in self.keys)
+        held = block[0] if block and has_left(first.box, block[0].box) else first
+        return own if has_left(held.box, own.box, WITHIN) else held
+
+    def remember(self) -> None:
+        """For other frames, now that the shares of this one are known too."""
+        _fitted.update({(*self.rendered, key): self.known[key] or self.own for key in self.keys})
 
 
-def _key(depsgraph: bpy.types.Depsgraph) -> tuple[str, str, str]:
-    scene = depsgraph.scene_eval
-    return scene.name, depsgraph.view_layer_eval.name, scene.camera.name if scene.camera else ""
-
-
-def _has_left(kept: np.ndarray, box: np.ndarray) -> bool:
+def has_left(kept: np.ndarray, box: np.ndarray, tolerance: float = 1.0) -> bool:
+    """Whether a picture that would be fitted to `box` (2, 3) is too far from the one that is kept."""
     size, new = (float((b[1] - b[0]).max()) for b in (kept, box))
     apart = np.abs(box.sum(axis=0) - kept.sum(axis=0)).max() / 2
-    return not size / LARGEST_ZOOM <= new <= size * LARGEST_ZOOM or apart > FARTHEST * size
+    zoom = LARGEST_ZOOM * tolerance
+    return not size / zoom <= new <= size * zoom or apart > FARTHEST * tolerance * size
 
 
-@contextmanager
-def going_on():
-    """Inside, several render jobs are one animation."""
-    bpy.app.handlers.render_init.remove(_forget)
-    _forget()
-    try:
-        yield
-    finally:
-        bpy.app.handlers.render_init.append(_forget)
+def _keys(scene: bpy.types.Scene, frame: float) -> tuple[int, ...]:
+    switched = [marker.frame for marker in scene.timeline_markers if marker.camera and marker.frame <= frame]
+    first = max([min(scene.frame_start, _begins.get(scene.name, scene.frame_start)), *switched])
+    if frame < first:
+        return ()
+    return tuple(sorted({first, first + int(frame - first) // BLOCK * BLOCK}))
 
 
 @persistent
-def _forget(*_):
-    _kept.clear()
+def _forget(*_) -> None:
+    _fitted.clear()
 
 
-register, _remove_handlers = handlers(("render_init", _forget))
+@persistent
+def _note_edit(_, depsgraph: bpy.types.Depsgraph) -> None:
+    if depsgraph.mode == "VIEWPORT":  # that of a render is evaluated for every picture
+        _fitted.clear()
+
+
+@persistent
+def _note_beginnings(*_) -> None:
+    _begins.clear()
+    _begins.update({scene.name: scene.frame_start for scene in bpy.data.scenes})
+
+
+register, _remove_handlers = handlers(("load_post", _forget), ("depsgraph_update_post", _note_edit),
+                                      ("load_post", _note_beginnings), ("save_post", _note_beginnings))
 
 
 def unregister() -> None:
-    _kept.clear()
+    _fitted.clear()
+    _begins.clear()
     _remove_handlers()

@@ -7,6 +7,7 @@ import torch
 from renderformer_v2.model.geometry import (
     area_vectors,
     barycentric,
+    connected,
     contracted,
     corner_weights,
     euler_angles,
@@ -33,6 +34,18 @@ def test_the_weights_of_two_corners_leave_the_rest_to_the_third():
     weights = np.random.default_rng(2).random((4, 5, 3))
     weights /= weights.sum(-1, keepdims=True)
     np.testing.assert_allclose(corner_weights(weights[..., :2]), weights)
+
+
+@pytest.mark.parametrize("count", [1, 2, 50_000])
+def test_a_chain_is_one_piece_in_whatever_order_its_links_come(count):
+    points = np.random.default_rng(4).permutation(count)
+    links = np.stack([points[:-1], points[1:]], axis=1)
+    assert not connected(links, count).any()
+
+
+def test_pieces_are_known_by_their_first_point():
+    faces = np.array([(7, 8, 9), (1, 2, 3), (3, 4, 5), (9, 6, 7)])
+    assert connected(faces, 11).tolist() == [0, 1, 1, 1, 1, 1, 6, 6, 6, 6, 10]
 
 
 @pytest.mark.parametrize("kind", [np.asarray, torch.as_tensor])

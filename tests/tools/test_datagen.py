@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from renderformer_v2.model.camera import view_rays
+from renderformer_v2.model.geometry import latlong_uv
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, IOR, TILE_SIZE, TRANSMISSION
 from tools.datagen.__main__ import main, share_out
 from tools.datagen.shards import STORED_TILE, load_sample, sample_path, sample_paths, save_arrays
@@ -107,6 +109,18 @@ def test_a_wide_scene_keeps_to_its_own_budget(tmp_path):
     scene, views, _, passes = load_sample(sample_path(tmp_path, 3))
     scene.validate()
     assert 100 < len(scene) <= 16384 and {view.width for view in views} == {32} and len(passes) == 2
+
+
+def test_a_sky_lights_the_tokens_as_it_is_seen(tmp_path):
+    generate(tmp_path, seeds=(4,), profile="wide")
+    scene, views, guides, _ = load_sample(sample_path(tmp_path, 4))
+    height, width, _ = ENVIRONMENT_SHAPE
+    for view, guide in zip(views, guides, strict=True):
+        u, v = np.moveaxis(latlong_uv(view_rays(view)[1]), -1, 0)
+        there = scene.environment[((1 - v) * height).astype(int).clip(0, height - 1), (u * width).astype(int) % width]
+        sky = (guide.alpha == 0) & (guide.environment.min(axis=-1) > 0.05)
+        assert sky.mean() > 0.05
+        np.testing.assert_allclose(np.median(there[sky] / guide.environment[sky], axis=0), 1, atol=0.01)
 
 
 @pytest.mark.parametrize("option", ["--scenes", "--views", "--samples", "--resolution", "--processes", "--threads"])

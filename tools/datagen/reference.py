@@ -18,8 +18,10 @@ from renderformer_v2.rf2_engine.convert.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
 from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa: E402
 from renderformer_v2.rf2_engine.cycles.session import Light  # noqa: E402
+from renderformer_v2.rf2_engine.cycles.world import CyclesWorld  # noqa: E402
 from renderformer_v2.rf2_engine.frame.guides import make_guides  # noqa: E402
 from renderformer_v2.rf2_engine.frame.reflections import with_ends  # noqa: E402
+from renderformer_v2.rf2_engine.progress.status import Status  # noqa: E402
 
 from .cameras import Setup  # noqa: E402
 from .shards import HINT_SAMPLES  # noqa: E402
@@ -69,7 +71,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)
     if sample.scene is None:
         sample.scene = convert(depsgraph, view, token_budget=sample.token_budget, max_edge=MAX_EDGE,
-                               report=sample.report)
+                               report=sample.report, by_cycles=CyclesWorld(engine, depsgraph, Status(engine)))
     converted = time.perf_counter()
     found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, light=Light.ALL, denoise=True)
     depsgraph.scene_eval.cycles.seed += 1  # noise that they share with the reference would be a hint too many

@@ -9,14 +9,18 @@ from mathutils import Vector
 
 from renderformer_v2.model.geometry import latlong_directions
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE
-from renderformer_v2.rf2_engine.convert.copying.blocks import Blocks
-from renderformer_v2.rf2_engine.convert.report import Report
-from renderformer_v2.rf2_engine.convert.world import convert_world
 
 from .environments import link_panorama, new_world
 
 SUN_LAMP = 0.6  # chance that a sky's sun is a lamp and not a disc in the sky
 WAVES = 24      # that make the clouds
+
+# Mean radiance over all directions of Blender 4.5's Sky Texture, and of the sun in it, by air density and elevation.
+AIR, ELEVATIONS = (0.5, 1, 2, 3), (2, 5, 10, 20, 40, 80)
+SKIES = np.array([(0.89, 1.52, 1.99, 2.03, 1.71, 1.41), (0.63, 1.22, 1.84, 2.20, 2.14, 1.93),
+                  (0.38, 0.84, 1.50, 2.16, 2.48, 2.46), (0.27, 0.62, 1.22, 1.97, 2.51, 2.66)])
+DISCS = np.array([(1.73, 4.25, 6.70, 8.73, 9.99, 10.55), (0.76, 2.53, 4.89, 7.33, 9.06, 9.89),
+                  (0.19, 1.07, 2.84, 5.32, 7.53, 8.73), (0.05, 0.51, 1.76, 3.98, 6.33, 7.74)])
 
 
 def build_sky(rng: np.random.Generator, irradiance: float) -> None:
@@ -31,7 +35,8 @@ def build_sky(rng: np.random.Generator, irradiance: float) -> None:
     if share:
         toward = [np.sin(turn) * np.cos(elevation), np.cos(turn) * np.cos(elevation), np.sin(elevation)]
         add_sun(rng, Vector(toward), share * irradiance)
-    _brighten(world, background, (1 - share) * irradiance / np.pi)
+    mean = _mean_radiance(np.degrees(elevation), sky.air_density, sky.sun_disc)
+    background.inputs["Strength"].default_value = (1 - share) * irradiance / np.pi / mean
 
 
 def add_sun(rng: np.random.Generator, toward: Vector, irradiance: float) -> None:
@@ -51,10 +56,12 @@ def build_panorama(rng: np.random.Generator, radiance: float) -> None:
     image.colorspace_settings.name = "Linear Rec.709"
     pixels = np.ones((height, width, 4), np.float32)
     pixels[..., :3] = panorama(rng)[::-1]
+    rows = np.sin(np.pi * (np.arange(height) + 0.5) / height)
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     link_panorama(world, background, image, (0.0, 0.0, rng.uniform(-np.pi, np.pi)))
-    _brighten(world, background, radiance)
+    mean = np.average(pixels[..., :3].mean(axis=(1, 2)), weights=rows)
+    background.inputs["Strength"].default_value = radiance / float(mean)
 
 
 def panorama(rng: np.random.Generator) -> np.ndarray:
@@ -77,9 +84,7 @@ def panorama(rng: np.random.Generator) -> np.ndarray:
     return light.astype(np.float32)
 
 
-def _brighten(world: bpy.types.World, background: bpy.types.ShaderNode, radiance: float) -> None:
-    """Set the strength that makes the mean over all directions `radiance`."""
-    background.inputs["Strength"].default_value = 1.0
-    seen = convert_world(Blocks(bpy.context.scene.frame_current).of(world), Report())
-    rows = np.sin(np.pi * (np.arange(len(seen)) + 0.5) / len(seen))
-    background.inputs["Strength"].default_value = radiance / float(np.average(seen.mean(axis=(1, 2)), weights=rows))
+def _mean_radiance(elevation: float, air: float, disc: bool) -> float:
+    """Of a Sky Texture over all directions, about; elevation of its sun in degrees."""
+    rows = SKIES + DISCS if disc else SKIES
+    return float(np.interp(air, AIR, [np.interp(elevation, ELEVATIONS, row) for row in rows]))

@@ -4,12 +4,13 @@
     python -m tools.flicker SCENE.blend -o DIR [--frames 24] [--degrees 1] [--samples 1024] [--resolution WxH]
                             [--light TRACED|NETWORK] [--guide-samples N] [--weights rf2_small|DIR] [--threads N]
 
-The camera turns about the scene by --degrees a frame; with --degrees 0 the file's own animation is played. Both engines
-render every frame, Cycles with --samples and else as the file says; frames that are in DIR already are not rendered
-again. Every pixel's world position (pass Position) is looked up in the next frame, and where that sees the same spot
-the two colours are compared. Prints one line of JSON: per engine the mean absolute sRGB difference of all pixels that
-are compared ("flicker", of 1), their median, their share of the picture, and the mean of every pair of frames; and
-"ratio", our flicker over that of Cycles, likewise of the medians. Silhouettes and mirrors change with the camera in
+The camera turns about the scene by --degrees a frame while the file's animation is played; with --degrees 0 it moves as
+in the file. Both engines render every frame, Cycles with --samples and else as the file says; frames that are in DIR
+already are not rendered again. Every pixel's world position (pass Position) is looked up in the next frame, and where
+that sees the same spot the two colours are compared. Prints one line of JSON: per engine the mean absolute sRGB
+difference of all pixels that are compared ("flicker", of 1), their median, their share of the picture, and the mean of
+every pair of frames; and "ratio", our flicker over that of Cycles, likewise of the medians. Silhouettes and mirrors
+change with the camera in
 both engines and make most of the mean, and none of the median.
 """
 from __future__ import annotations
@@ -55,7 +56,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("scene", type=Path, help=".blend file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     parser.add_argument("--frames", type=whole_number(2), default=24)
-    parser.add_argument("--degrees", type=float, default=1.0, help="a frame; 0 plays the file's own animation")
+    parser.add_argument("--degrees", type=float, default=1.0, help="a frame; 0 moves the camera as in the file")
     parser.add_argument("--samples", type=count, default=1024, help="of Cycles")
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
     parser.add_argument("--light", choices=("TRACED", "NETWORK"), help="default: the file's")

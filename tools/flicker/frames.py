@@ -10,7 +10,6 @@ from pathlib import Path
 import bpy
 
 from renderformer_v2.model.presets import weights_folder
-from renderformer_v2.rf2_engine.frame import shot
 from tools.exr import read_pass
 from tools.scene_file import configure, open_scene, save
 
@@ -38,14 +37,13 @@ def rendered(path: Path, output: Path, engine: str, frames: int, degrees: float,
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "settings.json").write_text(text)
     found = []
-    with shot.going_on():
-        for number, view in enumerate(views(scene, frames, degrees), 1):
-            file = folder / f"{number:04d}.exr"
-            if not file.exists():
-                print(file, file=sys.stderr, flush=True)
-                bpy.ops.render.render(scene=scene.name)
-                save(file, scene)
-            found.append((view, file))
+    for number, view in enumerate(views(scene, frames, degrees), 1):
+        file = folder / f"{number:04d}.exr"
+        if not file.exists():
+            print(file, file=sys.stderr, flush=True)
+            bpy.ops.render.render(scene=scene.name)
+            save(file, scene)
+        found.append((view, file))
     return found
 
 

@@ -13,37 +13,35 @@ from renderformer_v2.model.scene import View
 
 
 def views(scene: bpy.types.Scene, frames: int, degrees: float) -> Iterator[View]:
-    """Set the scene to one frame after the other, and give its View.
+    """Set the scene to one frame after the other, from its first one, and give its View.
 
-    The camera turns by so many degrees a frame about a vertical axis, with the file's own pose in the middle; with 0
-    degrees the file's animation is played from its first frame. Raises SceneError when there is no usable camera.
+    The camera turns by so many degrees a frame about a vertical axis, with the pose that the file is saved in in the
+    middle; with 0 degrees it is animated as in the file. Raises SceneError when there is no usable camera.
     """
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 
-    turn = _turning_camera(scene) if degrees and scene.camera else None
+    if degrees and scene.camera:
+        _animate(scene, [radians(degrees) * (index - (frames - 1) / 2) for index in range(frames)])
     for index in range(frames):
-        if turn:
-            turn(radians(degrees) * (index - (frames - 1) / 2))
-        else:
-            scene.frame_set(scene.frame_start + index)
+        scene.frame_set(scene.frame_start + index)
         depsgraph = bpy.context.evaluated_depsgraph_get()
         scale = scene.render.resolution_percentage / 100
         yield convert_camera(depsgraph, int(scene.render.resolution_x * scale), int(scene.render.resolution_y * scale),
                              None)
 
 
-def _turning_camera(scene: bpy.types.Scene):
-    """A function that poses a copy of the camera by an angle: the camera itself may be animated or constrained."""
+def _animate(scene: bpy.types.Scene, angles: list[float]) -> None:
+    """Key a copy of the camera at these angles: the camera itself may be animated or constrained."""
     pose = scene.camera.matrix_world.copy()
     camera = bpy.data.objects.new("Orbit", scene.camera.data)
     scene.collection.objects.link(camera)
-    scene.camera = camera
+    scene.timeline_markers.clear()  # they may bind other cameras
+    scene.camera, camera.rotation_mode = camera, "QUATERNION"
     pivot = Matrix.Translation(_looked_at(scene, pose))
-
-    def turn(angle: float) -> None:
+    for frame, angle in enumerate(angles, scene.frame_start):
         camera.matrix_world = pivot @ Matrix.Rotation(angle, 4, "Z") @ pivot.inverted() @ pose
-        bpy.context.view_layer.update()
-    return turn
+        for path in ("location", "rotation_quaternion", "scale"):
+            camera.keyframe_insert(path, frame=frame)
 
 
 def _looked_at(scene: bpy.types.Scene, pose: Matrix) -> Vector:

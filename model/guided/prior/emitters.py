@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...geometry import area_vectors
+from ...geometry import area_vectors, connected
 from ...scene import RenderScene
 from .emitter_clusters import Emitters, merged, triangle
 
@@ -80,17 +80,9 @@ def _components(corners: np.ndarray, kinds: np.ndarray) -> list[np.ndarray]:
     keyed = np.concatenate([corners, np.broadcast_to(kind.reshape(-1, 1, 1), corners.shape[:2] + (1,))], axis=2)
     _, vertex = np.unique(keyed.reshape(-1, 4).round(6), axis=0, return_inverse=True)
     vertex = vertex.reshape(-1, 3)
-    label = np.arange(vertex.max() + 1)
-    while True:
-        lowest = label[vertex].min(axis=1)
-        updated = label.copy()
-        np.minimum.at(updated, vertex.ravel(), np.repeat(lowest, 3))
-        updated = updated[updated]
-        if (updated == label).all():
-            break
-        label = updated
-    group = label[vertex[:, 0]]
-    return [np.flatnonzero(group == g) for g in np.unique(group)]
+    group = connected(vertex, vertex.max() + 1)[vertex[:, 0]]
+    order = np.argsort(group, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
 
 
 def _pieces(shape: np.ndarray) -> list[np.ndarray]:

@@ -10,6 +10,7 @@ from ....model.camera import view_rays_at
 from ....model.rays import Rays
 from ....model.scene import View
 from ..collected import Collected
+from ..meshes.sampling import keep_some
 from .panes import is_pane
 
 GRID = 64                 # rays along either side of the picture
@@ -73,9 +74,9 @@ def _cast(collected: Collected, view: View, clip_start: float, shown: set[int]) 
 
 
 def _stand_ins(collected: Collected, eye: np.ndarray, visible: set[int]) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3, 3) world triangles that look alike from afar, and (n,) whose: of a fine mesh every k-th, enlarged.
+    """(n, 3, 3) world triangles that look alike from afar, and (n,) whose: of a fine mesh some, enlarged.
 
-    Stochastic simplification (Cook et al. 2007). Fog around the eye (3,) is looked through.
+    Fog around the eye (3,) is looked through.
     """
     placed = [medium.box.corners()[BOX] for medium in collected.media if not medium.box.holds(eye)]
     owner = [np.full(len(box), -1) for box in placed]
@@ -88,9 +89,9 @@ def _stand_ins(collected: Collected, eye: np.ndarray, visible: set[int]) -> tupl
         if shown:
             corners = part.mesh.corners
             if len(corners) > share:
-                some = corners[np.linspace(0, len(corners) - 1, share).astype(int)]
-                middle = some.mean(axis=1, keepdims=True)
-                corners = middle + (some - middle) * np.sqrt(len(corners) / share)
+                kept, growth = keep_some(np.ones(len(corners)), share)
+                some, middle = corners[kept], corners[kept].mean(axis=1, keepdims=True)
+                corners = middle + (some - middle) * growth[kept, None, None]
             matrix = np.array(part.matrices)[:, None]
             world = corners.astype(np.float64) @ matrix[..., :3, :3].swapaxes(-1, -2) + matrix[..., None, :3, 3]
             placed.append(world.reshape(-1, 3, 3))

@@ -6,7 +6,7 @@ meshes is least where n is proportional to (k a)^(2/3).
 """
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,9 +16,10 @@ from ..camera.apparent_size import ApparentSize, Lens
 from ..camera.framing import Framing
 from ..camera.visible import GRID, Hits
 from ..collected import Collected, Part
-from . import pieces, reduce
+from . import reduce
 from .mesh import TriangleMesh
 from .reduce import COARSEST, KEPT_WHOLE
+from .sampling import keep_some
 
 HIDDEN = 0.05      # how much of the picture counts that something would fill if it were not hidden
 DETAIL = 0.6       # of the budget at most goes to the coarsest shapes of many instances
@@ -28,8 +29,36 @@ SAMPLE = 20_000    # triangles that tell how curved a mesh is
 TEXTURE, FLAT = 1.0, 0.1  # curvature that textures, and the lack of both, are worth
 
 
-def fit(collected: Collected, budget: int, framing: Framing, hits: Hits | None, wanted: list[int], report) -> None:
-    """Simplify what is too fine; leave out the least visible instances where not even coarse shapes of all fit.
+@dataclass
+class Simplification:
+    """What becomes of the parts of a scene, of which k are simplified."""
+
+    parts: list[Part]
+    targets: np.ndarray              # (k,) triangles each part may keep
+    nearest: list[np.ndarray]         # (4, 4) object to world, of the instance that shows most
+    apparent: ApparentSize | None
+
+    def apply(self, report) -> None:
+        """Simplify what is too fine."""
+        before: dict[str, list[int]] = {}
+        for i, (part, target, matrix) in enumerate(zip(self.parts, self.targets, self.nearest, strict=True)):
+            if target >= len(part.mesh):
+                continue
+            area, count = part.mesh.area, len(part.mesh)
+            lens = None if self.apparent is None else Lens(matrix, self.apparent)
+            with progress.part(i / len(self.parts), (i + 1) / len(self.parts),
+                               f"Simplifying meshes, {i + 1} of {len(self.parts)}"):
+                part.mesh = reduce.simplify(part.mesh, int(target), lens)
+            part.flux_gain *= area / part.mesh.area
+            before.setdefault(part.name, [count]).append(len(part.mesh))
+        for name, (count, *after) in before.items():
+            to = f"{min(after)}" if min(after) == max(after) else f"{min(after)} to {max(after)}"
+            report.approximated(name, f"simplified from {count} to {to} triangles")
+
+
+def allotted(collected: Collected, budget: int, framing: Framing, hits: Hits | None, wanted: list[int],
+             report) -> Simplification:
+    """How fine everything becomes; the least visible instances are left out where not even coarse shapes of all fit.
 
     wanted: triangles of each part with those by which it will be subdivided; hits: None where there is no camera, and
     everything is seen alike.
@@ -37,7 +66,8 @@ def fit(collected: Collected, budget: int, framing: Framing, hits: Hits | None, 
     parts, apparent = collected.parts, framing.apparent
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
     if not parts or counts @ copies <= budget:
-        return
+        framing.shares = {} if framing.shares is None else framing.shares
+        return Simplification([], np.zeros(0, np.int64), [], apparent)
     shown = _shares_of_picture(parts, apparent, hits)
     parts, shown, wanted = _levels(*_kept(parts, shown, wanted, budget, report))
     collected.parts = parts
@@ -45,20 +75,9 @@ def fit(collected: Collected, budget: int, framing: Framing, hits: Hits | None, 
     detail = np.array([_curvature(part.mesh) + (TEXTURE if part.is_textured else FLAT) for part in parts])
     weights = (np.array([share.max() for share in shown]) * detail) ** (2 / 3)
     shares = share_budget(np.maximum(counts, wanted), copies, weights, budget)
-    shares = framing.steadied(_names(parts), shares, copies, budget)
-    before: dict[str, list[int]] = {}
-    for i, (part, share, in_picture) in enumerate(zip(parts, shares, shown, strict=True)):
-        if share >= len(part.mesh):
-            continue
-        area, count = part.mesh.area, len(part.mesh)
-        lens = None if apparent is None else Lens(part.matrices[in_picture.argmax()], apparent)
-        with progress.part(i / len(parts), (i + 1) / len(parts), f"Simplifying meshes, {i + 1} of {len(parts)}"):
-            part.mesh = reduce.simplify(part.mesh, int(share), lens)
-        part.flux_gain *= area / part.mesh.area
-        before.setdefault(part.name, [count]).append(len(part.mesh))
-    for name, (count, *after) in before.items():
-        to = f"{min(after)}" if min(after) == max(after) else f"{min(after)} to {max(after)}"
-        report.approximated(name, f"simplified from {count} to {to} triangles")
+    shares = framing.steadied(_names(parts), shares, counts, copies, budget)
+    nearest = [part.matrices[in_picture.argmax()] for part, in_picture in zip(parts, shown, strict=True)]
+    return Simplification(parts, shares, nearest, apparent)
 
 
 def share_budget(counts, copies, weights, budget: int) -> np.ndarray:
@@ -163,7 +182,7 @@ def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:
     """(m,) bool: about `count` of its instances, at most, which are enlarged here to the area of all of them."""
     places, scale = _middles_and_scales(part)
     low, high = part.mesh.bounds
-    keep, growth = pieces.sampled(share, np.ones(len(share)), count - 0.5, places, scale * (high - low).max())
+    keep, growth = keep_some(share, count - 0.5, places=places, sizes=scale * (high - low).max())
     for i in np.flatnonzero(keep):
         part.places[i] = replace(part.places[i], matrix=part.places[i].matrix @ _about((low + high) / 2, growth[i]))
     return keep

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Of many small things, such as leaves, more than there is room for: some of them, enlarged to the area of all.
-
-Cook et al. 2007, "Stochastic Simplification of Aggregate Detail": what looks large is kept as it is, and of the rest
-the more is left out the smaller it looks, spread evenly through space.
-"""
+"""Meshes of more pieces than there is room for, such as the leaves of a tree: some of them stand for all."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -11,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from ....model import progress
+from ....model.geometry import connected
 from ..camera.apparent_size import Lens
 from . import mesh as meshes
 from .mesh import TriangleMesh
+from .sampling import keep_some
 
 LEAST = 4       # triangles for each piece that has as many
 SHARE = 0.8     # of the triangles wanted at most are planned for these; what is left over goes where it bends
 MISSED = 0.2    # of the area is what leaves are worth: fewer, such as the screws of a machine, are not enlarged
-LARGEST = 0.1   # of the extent of all of them at most is that of one that is enlarged
-CELLS = 1 << 10  # along each axis, for the order in which pieces are sampled
 
 
 def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, lens: Lens | None) -> TriangleMesh:
@@ -31,7 +27,7 @@ def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: i
     if len(points) - len(faces) / 2 <= target / LEAST:
         return mesh
     progress.report()
-    piece = np.unique(_connected(faces, len(points))[faces[:, 0]], return_inverse=True)[1]
+    piece = np.unique(connected(faces, len(points))[faces[:, 0]], return_inverse=True)[1]
     cost = np.minimum(np.bincount(piece), LEAST)
     if cost.sum() <= SHARE * target:
         return mesh
@@ -41,7 +37,7 @@ def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: i
     low, high = _boxes(piece, corners)
     area = np.bincount(piece, meshes.areas(as_seen))
     middle = (low + high) / 2
-    kept, growth = sampled(area, cost, SHARE * target, middle, (high - low).max(axis=1))
+    kept, growth = keep_some(area, SHARE * target, cost=cost, places=middle, sizes=(high - low).max(axis=1))
     if area[~kept].sum() < MISSED * area.sum():
         return mesh
     rows = np.flatnonzero(kept[piece])
@@ -51,42 +47,6 @@ def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: i
     return replace(mesh.take(rows), corners=larger.astype(np.float32))
 
 
-def sampled(area: np.ndarray, cost: np.ndarray, budget: float, places: np.ndarray,
-            sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which of p things of these areas (p,), places (p, 3) and sizes (p,) to keep, (p,) bool, so that their costs (p,)
-    sum up to about the budget, and how many times as large (p,) they become to have the area of all."""
-    chance = _chances(area, cost, budget)
-    order = _along_a_curve(places)
-    along = np.cumsum(chance[order])
-    kept = np.zeros(len(cost), bool)
-    kept[order] = np.floor(along + 0.5) > np.floor(along - chance[order] + 0.5)
-    most = LARGEST * np.ptp(places, axis=0).max() / np.maximum(sizes, 1e-300)
-    return kept, np.minimum(1 / np.sqrt(chance.clip(1e-12)), most.clip(1))
-
-
-def _connected(faces: np.ndarray, count: int) -> np.ndarray:
-    """(count,) for each point the first one of its piece."""
-    first = np.arange(count)
-    while True:
-        progress.report()
-        found = first[faces]
-        least = found.min(axis=1, keepdims=True)
-        if (found == least).all():
-            return first
-        np.minimum.at(first, found.ravel(), np.broadcast_to(least, found.shape).ravel())
-        while (first != first[first]).any():
-            first = first[first]
-
-
-def _chances(area: np.ndarray, cost: np.ndarray, budget: float) -> np.ndarray:
-    """(p,) in proportion to the area, 1 at most, so that the expected cost is the budget."""
-    low, high = 0.0, max(float(area @ cost) / budget, 1e-300)
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if (area / middle).clip(max=1) @ cost > budget else (low, middle)
-    return (area / high).clip(max=1)
-
-
 def _boxes(piece: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest coordinates (p, 3) of each piece."""
     order = np.argsort(piece, kind="stable")
@@ -94,14 +54,3 @@ def _boxes(piece: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarr
     sorted_corners = corners[order]
     return (np.minimum.reduceat(sorted_corners.min(axis=1), begin),
             np.maximum.reduceat(sorted_corners.max(axis=1), begin))
-
-
-def _along_a_curve(places: np.ndarray) -> np.ndarray:
-    """Indices of (p, 3) places in Morton's order, in which neighbours are close to each other."""
-    low, extent = places.min(axis=0), max(float(np.ptp(places, axis=0).max()), 1e-300)
-    cell = ((places - low) * ((CELLS - 1) / extent)).astype(np.int64)
-    code = np.zeros(len(places), np.int64)
-    for bit in range(CELLS.bit_length() - 1):
-        for axis in range(3):
-            code |= (cell[:, axis] >> bit & 1) << 3 * bit + axis
-    return np.argsort(code, kind="stable")

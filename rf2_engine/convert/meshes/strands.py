@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hair and point clouds as a few triangles: some of them, enlarged to the area of all (Cook et al. 2007)."""
+"""Hair and point clouds as a few triangles: some of them, enlarged to the area of all (sampling.py).
+
+They are chosen by their numbers, wherever they are: when they move these stay.
+"""
 from __future__ import annotations
 
 import numpy as np
 
 from . import mesh as meshes
 from .mesh import TriangleMesh
+from .sampling import keep_some
 
 TRIANGLES = 1024  # of one object
 KNOTS = 5         # points along a strand
+STRANDS = TRIANGLES // (2 * (KNOTS - 1))
 OCTAHEDRON = np.float32([(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)])
 SIDES = np.array([(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)])
 GOLDEN = 2.399963  # radians, which spread any number of turns
@@ -18,15 +23,15 @@ def curves_mesh(curves) -> TriangleMesh:
     """Ribbons along a `bpy.types.Curves`, in its own frame."""
     position, first, size = _points(curves), *(_read(curves.curves, name, 1, np.int32)[:, 0]
                                                for name in ("first_point_index", "points_length"))
-    thin = max(len(first) * 2 * (KNOTS - 1) / TRIANGLES, 1)
-    chosen = _spread(len(first), thin)
-    chosen = chosen[size[chosen] > 1]
-    along = np.linspace(0, 1, KNOTS) * (size[chosen, None] - 1)
-    low = np.minimum(along.astype(int), size[chosen, None] - 2)
+    first, size = first[size > 1], size[size > 1]
+    chosen, growth = keep_some(np.ones(len(first)), STRANDS)
+    first, size, growth = first[chosen, None], size[chosen, None], growth[chosen, None]
+    along = np.linspace(0, 1, KNOTS) * (size - 1)
+    low = np.minimum(along.astype(int), size - 2)
     part = (along - low)[..., None]
-    knots, radius = ((values[first[chosen, None] + low] * (1 - part) + values[first[chosen, None] + low + 1] * part)
+    knots, radius = (values[first + low] * (1 - part) + values[first + low + 1] * part
                      for values in (position, _radius(curves, 0.005)))
-    return _ribbons(knots, radius[..., 0], thin)
+    return _ribbons(knots, radius[..., 0] * growth ** 2)
 
 
 def particles_mesh(obj, system) -> TriangleMesh:
@@ -34,36 +39,36 @@ def particles_mesh(obj, system) -> TriangleMesh:
     settings, steps = system.settings, 2 ** system.settings.render_step
     count = len(system.child_particles) or len(system.particles)
     parents = len(system.particles) if len(system.child_particles) else 0
-    thin = max(count * 2 * (KNOTS - 1) / TRIANGLES, 1)
+    some, growth = keep_some(np.ones(count), STRANDS)
+    chosen = np.flatnonzero(some)
     at = np.linspace(0, steps, KNOTS).astype(int).tolist()
     knots = np.array([[system.co_hair(obj, particle_no=parents + i, step=step) for step in at]
-                      for i in _spread(count, thin).tolist()], np.float64).reshape(-1, KNOTS, 3)
+                      for i in chosen.tolist()], np.float64).reshape(-1, KNOTS, 3)
     to_object = np.linalg.pinv(np.array(obj.matrix_world, np.float64))
     radius = np.linspace(settings.root_radius, settings.tip_radius, KNOTS) * settings.radius_scale / 2
     grown = np.ptp(knots, axis=1).any(axis=1)
     return _ribbons((knots @ to_object[:3, :3].T + to_object[:3, 3])[grown],
-                    np.tile(radius, (np.count_nonzero(grown), 1)), thin)
+                    radius * growth[chosen[grown], None] ** 2)
 
 
 def cloud_mesh(cloud) -> TriangleMesh:
     """Octahedra in place of the balls of a `bpy.types.PointCloud`, in its own frame."""
-    position, radius = _points(cloud), _radius(cloud, 0.05)
-    thin = max(len(position) * len(SIDES) / TRIANGLES, 1)
-    chosen = _spread(len(position), thin)
-    size = radius[chosen] * np.sqrt(thin * 4 * np.pi / (4 * np.sqrt(3)))  # an octahedron as large as the ball
-    corners = position[chosen, None, None] + OCTAHEDRON[SIDES] * size[:, None, None]
+    position, radius = _points(cloud), _radius(cloud, 0.05)[:, 0].astype(np.float64)
+    chosen, growth = keep_some(np.nan_to_num(radius, posinf=0, neginf=0) ** 2, TRIANGLES // len(SIDES))
+    size = (radius * growth)[chosen] * np.sqrt(np.pi / np.sqrt(3))  # an octahedron as large as the ball
+    corners = position[chosen, None, None] + OCTAHEDRON[SIDES] * size[:, None, None, None]
     normals = np.broadcast_to(OCTAHEDRON[SIDES], corners.shape)
     return _mesh(corners.reshape(-1, 3, 3), normals.reshape(-1, 3, 3))
 
 
-def _ribbons(knots: np.ndarray, radius: np.ndarray, thin: float) -> TriangleMesh:
+def _ribbons(knots: np.ndarray, radius: np.ndarray) -> TriangleMesh:
     """Of (s, KNOTS, 3) knots and (s, KNOTS) radii: each turned otherwise, and as wide as a tube looks on average."""
     tangent = np.gradient(knots, axis=1)
     turn = np.arange(len(knots)) * GOLDEN
     other = np.stack([np.cos(turn), np.sin(turn), 0.3 + 0 * turn], axis=-1)[:, None]
     side = meshes.unit_or(np.cross(tangent, other), np.float32([1, 0, 0]))
     front = meshes.unit_or(np.cross(side, tangent), np.float32([0, 0, 1]))
-    half = side * (radius * thin * np.pi / 2)[..., None]
+    half = side * (radius * np.pi / 2)[..., None]
     left, right = knots - half, knots + half
     a, b, c, d = left[:, :-1], right[:, :-1], right[:, 1:], left[:, 1:]
     corners = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)], axis=2)
@@ -78,10 +83,6 @@ def _mesh(corners: np.ndarray, normals: np.ndarray) -> TriangleMesh:
     usable[usable] = meshes.has_area(corners[usable])
     space = np.float32([(0, 0, 0), (1, 1, 1)])
     return TriangleMesh(corners[usable], normals[usable], {}, None, {}, None, np.zeros(usable.sum(), np.int32), space)
-
-
-def _spread(count: int, thin: float) -> np.ndarray:
-    return np.linspace(0, count - 1, int(np.ceil(count / thin))).astype(int) if count else np.zeros(0, int)
 
 
 def _points(data) -> np.ndarray:

@@ -6,8 +6,6 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model import progress
-from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.model.geometry import latlong_directions, rotation_matrix
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert_world
@@ -16,7 +14,7 @@ from mathutils import Euler, Matrix
 from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance, world
 from tests.rf2_engine.convert.token_light import gathered
-from tests.rf2_engine.convert.worlds import image_world, sky_world
+from tests.rf2_engine.convert.worlds import image_world
 
 STUDIO_LIGHTS = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world")
 
@@ -116,30 +114,6 @@ def test_black_or_absent_worlds_are_none_and_missing_images_magenta():
     made, _ = image_world(image)
     np.testing.assert_allclose(convert_world(copied(made), report)[5, 5], (1, 0, 1))
     assert "gone.exr" in report.lines()[0] and made.name in report.lines()[0]
-
-
-@pytest.mark.parametrize("elevation, disc", [(0.2, False), (0.9, True)])
-def test_single_scattering_sky_is_close_to_cycles(elevation, disc):
-    empty_cycles_scene(samples=128)
-    environment = convert_world(copied(sky_world(elevation, disc)), Report())
-    for normal in ((0, 0, 1), (1, 0.3, 0.2)):
-        np.testing.assert_allclose(gathered(environment, normal), irradiance((0, 0, 0), normal), rtol=0.12)
-
-
-def test_sky_is_computed_once_and_can_be_cancelled_meanwhile():
-    empty_cycles_scene()
-    calls = []
-    with progress.reporting(lambda text, fraction: calls.append((text, fraction))):
-        convert_world(copied(sky_world(0.31)), Report())
-    fractions = [fraction for _, fraction in calls]
-    assert fractions == sorted(fractions) and len(set(fractions)) >= 8
-    assert 0 < [text for text, _ in calls].count("Computing the sky") < 64
-
-    def cancel(text, fraction):
-        if text == "Computing the sky":
-            raise RenderCancelled
-    with pytest.raises(RenderCancelled), progress.reporting(cancel):
-        convert_world(copied(sky_world(0.32)), Report())
 
 
 def test_object_coordinates_of_the_world_are_as_in_cycles():

@@ -1,108 +1,183 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The network's box over the frames of a render job."""
+"""Key frames: a frame of an animation is fitted by them, whatever else is rendered before it and where."""
 import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.framing import Framing
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import shot
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache, shot
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
 
 from tests.rf2_engine.f12 import cube, mesh_object, sun
 
 BOX = np.float32([(-1, -1, 0), (1, 1, 2)])
+STEP = shot.BLOCK // 4
+IN_FIRST_BLOCK, OTHERS = 1 + 2 * STEP, (1 + 6 * STEP, 1 + 9 * STEP)
+SOME = IN_FIRST_BLOCK, *OTHERS
 
 
-@pytest.fixture
-def settled(scene):
-    shot._kept.clear()
-    yield lambda box: shot.steady(bpy.context.evaluated_depsgraph_get())(Framing(np.float32(box), None)).box
-    shot._kept.clear()
+def of_now(scene, fitted=None, width=16):
+    """The Shot of the frame that the scene is at; fitted: function that gives the box of a key frame."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    now = shot.Shot.of(depsgraph, FrameSettings.of(depsgraph.scene_eval), width, 16)
+    keys, at = now.unknown(), []
+    if fitted:
+        now.look_ahead(keys, lambda key: at.append(key) or {"scene"},
+                       lambda: Framing(np.float32(fitted(at[-1])), None))
+    return now
 
 
-def test_a_shot_keeps_the_box_of_its_first_frame(settled):
-    np.testing.assert_array_equal(settled(BOX), BOX)
-    np.testing.assert_array_equal(settled(1.5 * BOX), BOX)
-    np.testing.assert_array_equal(settled(BOX + np.float32((1, 0, 0.5))), BOX)
+def box_at(scene, frame, boxes):
+    """Which box a frame gets that is rendered alone, if frames are by themselves fitted to what `boxes` gives."""
+    shot._fitted.clear()
+    scene.frame_set(frame)
+    return of_now(scene, boxes).settled(Framing(np.float32(boxes(frame)), None)).box
+
+
+def test_frames_keep_the_box_of_the_first_one(scene):
+    for frame in SOME:
+        np.testing.assert_array_equal(box_at(scene, frame, lambda frame: BOX * (1 + frame / 200)), BOX * 1.005)
 
 
 @pytest.mark.parametrize("other", [BOX * 3, BOX / 3, BOX + np.float32((5, 0, 0))])
-def test_a_camera_that_has_left_gets_a_new_box(settled, other):
-    settled(BOX)
-    np.testing.assert_array_equal(settled(other), other)
+def test_frames_that_have_left_it_are_fitted_as_the_one_in_which_their_block_begins(scene, other):
+    def boxes(frame):
+        return BOX if frame == 1 else other * np.float32(1 + frame / 1000)
+    for frame in OTHERS:
+        key = 1 + (frame - 1) // shot.BLOCK * shot.BLOCK
+        np.testing.assert_array_equal(box_at(scene, frame, boxes), boxes(key))
 
 
-def test_every_camera_has_its_own(settled, scene):
-    settled(BOX)
-    bpy.ops.object.camera_add()
-    scene.camera = bpy.context.object
-    np.testing.assert_array_equal(settled(1.5 * BOX), np.float32(1.5 * BOX))
+@pytest.mark.parametrize("frame", SOME)
+def test_a_frame_far_from_all_key_frames_is_fitted_by_itself(scene, frame):
+    np.testing.assert_array_equal(box_at(scene, frame, lambda at: 9 * BOX if at == frame else BOX), 9 * BOX)
 
 
-def test_the_next_render_job_looks_anew(settled, scene):
-    settled(BOX)
-    for handler in bpy.app.handlers.render_init:
-        if handler.__module__ == shot.__name__:
-            handler(scene)
-    np.testing.assert_array_equal(settled(1.5 * BOX), np.float32(1.5 * BOX))
+def test_a_frame_before_the_animation_is_fitted_by_itself(scene):
+    scene.frame_start = 50
+    np.testing.assert_array_equal(box_at(scene, 20, lambda frame: BOX * frame), 20 * BOX)
 
 
-def test_every_view_layer_has_its_own(settled, scene):
-    settled(BOX)
-    with bpy.context.temp_override(view_layer=scene.view_layers.new("Background")):
-        np.testing.assert_array_equal(settled(9 * BOX), np.float32(9 * BOX))
-    np.testing.assert_array_equal(settled(1.5 * BOX), BOX)
+def test_key_frames_are_looked_at_once(scene):
+    scene.frame_set(OTHERS[0])
+    first = of_now(scene, lambda frame: BOX)
+    first.settled(Framing(BOX, None))
+    first.remember()
+    scene.frame_set(OTHERS[0] + 1)
+    assert len(first.keys) == 2 and not of_now(scene).unknown()
 
 
-def test_triangles_are_allotted_by_the_view_that_came_with_the_box(settled):
-    steady = shot.steady(bpy.context.evaluated_depsgraph_get())
-    looks = ((BOX, "first"), (1.5 * BOX, "second"), (9 * BOX, "third"))
-    assert [steady(Framing(box, apparent)).apparent for box, apparent in looks] == ["first", "first", "third"]
+@pytest.mark.parametrize("change", ["object", "layer", "camera", "size", "file"])
+def test_what_is_changed_is_looked_at_anew(scene, change):
+    scene.frame_set(IN_FIRST_BLOCK)
+    first = of_now(scene, lambda frame: BOX)
+    first.settled(Framing(BOX, None))
+    first.remember()
+    assert not of_now(scene).unknown()
+    if change == "object":
+        scene.camera.location.x += 1
+    elif change == "layer":
+        bpy.context.window.view_layer = scene.view_layers.new("Other")
+    elif change == "camera":
+        scene.camera = bpy.data.objects.new("Other", scene.camera.data)
+        scene.collection.objects.link(scene.camera)
+    elif change == "file":
+        bpy.ops.wm.read_homefile()
+        bpy.context.scene.frame_set(IN_FIRST_BLOCK)
+    bpy.context.view_layer.update()
+    assert of_now(bpy.context.scene, width=17 if change == "size" else 16).unknown() == [1]
 
 
 @pytest.fixture
-def moving(scene):
-    """Frames 1 and 2 of a camera that draws near, and what there was to look at when it stood at each."""
+def flight(scene):
+    """A camera that flies past balls, one of which moves, and leaves what the first frame shows."""
+    for x in (0, 2, 20, 22, 24, 26):
+        bpy.ops.mesh.primitive_uv_sphere_add(location=(x, 0.3 * x % 2, 0))
+    mover = bpy.context.object
     cube(scene), sun(scene)
-    bpy.ops.mesh.primitive_uv_sphere_add(location=(2.5, 0, 0))
-    mesh_object(scene, "Floor", [(-50, -50, -1), (50, -50, -1), (50, 50, -1), (-50, 50, -1)], [(0, 1, 2, 3)])
-    scene.renderformer_v2.token_budget = 200
-    scene.camera.rotation_euler.x = 1.4
-    for frame, y in ((1, -9), (2, -7)):
-        scene.camera.location = (0, y, 1)
+    mesh_object(scene, "Floor", [(-90, -90, -1), (90, -90, -1), (90, 90, -1), (-90, 90, -1)], [(0, 1, 2, 3)])
+    last = OTHERS[-1] + 1
+    for frame, x in ((1, 0), (2 * STEP, 1), (3 * STEP, 20), (last, 26)):
+        scene.camera.location = (x, -7, 0)
         scene.camera.keyframe_insert("location", frame=frame)
-    scene.frame_start, scene.frame_end = 1, 2
+        mover.location.z = x / 20
+        mover.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end, scene.frame_step = 1, last, 1
+    scene.renderformer_v2.token_budget = 400
     scene.render.resolution_x = scene.render.resolution_y = 16
     return scene
 
 
-def rendered(scene, tmp_path, frames):
-    """What a job of these frames of the animation alone was fitted to, and its last picture."""
-    scene.frame_start, scene.frame_end = frames
+def given(scene, frame):
+    """What tells apart what the network was given of a frame, which is rendered."""
+    scene.frame_set(frame)
+    bpy.ops.render.render()
+    (_, fingerprint, _), = model_cache._encoded
+    return fingerprint
 
-    def begun(*_):
-        scene.frame_start, scene.frame_end = 1, 2  # as Blender's -f leaves them
-    bpy.app.handlers.render_init.append(begun)
-    scene.render.filepath = str(tmp_path / f"{frames}")
-    scene.render.image_settings.file_format = "PNG"
+
+def given_in_animation(scene, tmp_path, first, last):
+    """The same of every STEP-th frame of an animation."""
+    found = {}
+
+    def note(*_):
+        (_, found[scene.frame_current], _), = model_cache._encoded
+    scene.frame_start, scene.frame_end, scene.frame_step = first, last, STEP
+    scene.render.filepath = str(tmp_path / "frame")
+    bpy.app.handlers.render_post.append(note)
     try:
         bpy.ops.render.render(animation=True)
     finally:
-        bpy.app.handlers.render_init.remove(begun)
-    picture = bpy.data.images.load(f"{tmp_path}/{frames}000{frames[1]}.png")
-    return shot._kept[scene.name, "ViewLayer", "Camera"], np.array(picture.pixels)
+        bpy.app.handlers.render_post.remove(note)
+    return found
 
 
-def test_frames_rendered_apart_are_those_of_the_animation(moving, tmp_path):
-    framing, picture = rendered(moving, tmp_path, (1, 2))
-    alone, picture_alone = rendered(moving, tmp_path, (2, 2))
-    np.testing.assert_array_equal(alone.box, framing.box)
-    assert alone.shares == framing.shares and framing.shares
-    np.testing.assert_allclose(picture_alone, picture, atol=2 / 255)
+def alone(scene, frame):
+    shot._fitted.clear()
+    return given(scene, frame)
 
 
-def test_a_camera_bound_to_a_marker_begins_its_shot_there(moving, tmp_path):
-    moving.timeline_markers.new("Cut", frame=2).camera = bpy.data.objects["Camera"]
-    cut, _ = rendered(moving, tmp_path, (2, 2))
-    moving.timeline_markers.clear()
-    first, _ = rendered(moving, tmp_path, (1, 1))
-    assert np.abs(cut.box - first.box).max() > 0.1
+def test_a_frame_is_converted_the_same_alone_and_in_any_order(flight):
+    expected = {frame: alone(flight, frame) for frame in SOME}
+    assert len(set(expected.values())) == len(SOME)
+    shot._fitted.clear()
+    a, b, c = SOME
+    for frame in (c, b, a, c, a, b, c):  # each after each other
+        assert given(flight, frame) == expected[frame]
+
+
+def test_a_frame_is_converted_the_same_in_an_animation_and_in_a_part_of_it(flight, tmp_path):
+    frame = OTHERS[0]
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "flight.blend"))
+    expected = alone(flight, frame)
+    assert given_in_animation(flight, tmp_path, 1, frame)[frame] == expected
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "flight.blend"))
+    assert given_in_animation(bpy.context.scene, tmp_path, frame, frame) == {frame: expected}
+
+
+def test_a_camera_bound_to_a_marker_begins_its_shot_there(flight):
+    before = given(flight, IN_FIRST_BLOCK)
+    flight.timeline_markers.new("Cut", frame=IN_FIRST_BLOCK).camera = flight.camera
+    shot._fitted.clear()
+    at_cut, after = given(flight, IN_FIRST_BLOCK), of_now(flight).keys
+    flight.frame_set(IN_FIRST_BLOCK + 1)
+    assert at_cut != before and after == of_now(flight).keys == (IN_FIRST_BLOCK,)
+
+
+def test_a_still_is_fitted_to_itself(flight):
+    for data in (flight.camera, bpy.data.objects["Sphere.005"]):
+        data.animation_data_clear()
+    shot._fitted.clear()
+    assert len({given(flight, frame) for frame in (1, *SOME)}) == 1
+
+
+def test_esc_while_a_key_frame_is_looked_at_leaves_nothing_behind(flight):
+    def press_esc(*_):
+        raise RenderCancelled()
+    shot._fitted.clear()
+    flight.frame_set(OTHERS[0])
+    with progress.reporting(press_esc), pytest.raises(RenderCancelled):
+        of_now(flight, lambda frame: BOX)
+    assert not shot._fitted

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Many small things, such as leaves, hairs or the triangles of a fine mesh: some are kept, enlarged to the area of all.
+
+Cook et al. 2007, "Stochastic Simplification of Aggregate Detail": what looks large is kept as it is, and of the rest
+the more is left out the smaller it looks, spread evenly through space.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+LARGEST = 0.1   # of the extent of all of them at most is that of one that is enlarged
+CELLS = 1 << 10  # along each axis, for the order in which things are looked at
+
+
+def keep_some(area: np.ndarray, budget: float, *, cost: np.ndarray | None = None, places: np.ndarray | None = None,
+              sizes: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Which of p things of these areas (p,) to keep, (p,) bool, so that their costs (p,), 1 each unless given, sum up
+    to about the budget, and how many times as long and wide (p,) these become to have the area of all.
+
+    places: (p, 3) where they are; None: each is near the next. sizes: (p,) how large they are, if there is a limit to
+    how large they may become.
+    """
+    cost = np.ones(len(area)) if cost is None else cost
+    chance = _chances(area, cost, budget)
+    order = slice(None) if places is None else _along_a_curve(places)
+    along = np.cumsum(chance[order])
+    kept = np.zeros(len(cost), bool)
+    kept[order] = np.floor(along + 0.5) > np.floor(along - chance[order] + 0.5)
+    growth = 1 / np.sqrt(chance.clip(1e-12))
+    if sizes is not None and len(sizes):
+        most = LARGEST * np.ptp(places, axis=0).max() / np.maximum(sizes, 1e-300)
+        growth = np.minimum(growth, most.clip(1))
+    return kept, growth
+
+
+def _chances(area: np.ndarray, cost: np.ndarray, budget: float) -> np.ndarray:
+    """(p,) in proportion to the area, 1 at most, so that the expected cost is the budget."""
+    if cost.sum() <= budget:
+        return np.ones(len(cost))
+    low, high = 0.0, max(float(area @ cost) / budget, 1e-300)
+    for _ in range(40 if area.max() > high else 0):
+        middle = (low + high) / 2
+        low, high = (middle, high) if (area / middle).clip(max=1) @ cost > budget else (low, middle)
+    return (area / high).clip(max=1)
+
+
+def _along_a_curve(places: np.ndarray) -> np.ndarray:
+    """Indices of (p, 3) places in Morton's order, in which neighbours are close to each other."""
+    if not len(places):
+        return np.zeros(0, int)
+    places = places.astype(np.float64)
+    low, extent = places.min(axis=0), max(float(np.ptp(places, axis=0).max()), 1e-300)
+    cell = ((places - low) * ((CELLS - 1) / extent)).astype(np.int64)
+    code = np.zeros(len(places), np.int64)
+    for bit in range(CELLS.bit_length() - 1):
+        for axis in range(3):
+            code |= (cell[:, axis] >> bit & 1) << 3 * bit + axis
+    return np.argsort(code, kind="stable")
