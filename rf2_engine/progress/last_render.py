@@ -10,9 +10,9 @@ from bpy.app.handlers import persistent
 from ..convert.report import Remark
 from ..registering import handlers
 from ..setup import redraw
-from . import estimate
+from . import estimate, stages
 
-REFERENCE = "Cycles Reference"  # the stage, and the pass
+REFERENCE = stages.REFERENCE.text  # the pass has its name too
 
 
 @dataclass(frozen=True)
