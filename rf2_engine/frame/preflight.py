@@ -33,7 +33,7 @@ LONGEST = 10.0  # seconds
 SOME = 3        # names in a sentence
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each is its own: panels remember what they have looked up for it
 class Preflight:
     """Of one view layer. With an `error` the rest is empty but for what was found before it."""
 

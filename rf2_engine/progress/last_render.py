@@ -15,7 +15,7 @@ from . import estimate, stages
 REFERENCE = stages.REFERENCE.text  # the pass has its name too
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each is its own: panels remember what they have looked up for it
 class LayerStatistics:
     """One view layer; with an `error`, or when it was cancelled, the rest is empty."""
 
