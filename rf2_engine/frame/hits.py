@@ -52,18 +52,18 @@ def first_hits(layer: Layer, scene: RenderScene, view: View, passes: dict[str, n
     """
     opacity, catch = _opacity(layer, view), _catch(layer)
     with layer.plan.enter(FIRST_HITS):
-        found = _session(layer, scene, layer.optics.look(), layer.settings.guide_samples * layer.optics.samples)
-        passes |= output.first_hits(found, layer.settings.exposure)
-        if layer.optics and layer.optics.samples == 1 and not found["transmission_color"].any():
+        rendered = _session(layer, scene, layer.optics.look(), layer.settings.guide_samples * layer.optics.samples)
+        passes |= output.first_hits(rendered, layer.settings.exposure)
+        if layer.optics and layer.optics.samples == 1 and not rendered["transmission_color"].any():
             layer.optics = Optics()
             layer.plan.skip(SAMPLE_HITS)
         if layer.optics:
-            return Hits(found, guides_of_no_triangle(found), opacity, catch)
+            return Hits(rendered, guides_of_no_triangle(rendered), opacity, catch)
         with progress.part(CYCLES_SHARE, 1.0):
-            guides = _guides(layer, found, scene, view)
-        found |= {key: getattr(guides, key) for key in denoise_media.PASSES}  # through smoke these are less noisy
-        passes |= output.first_hits(found, layer.settings.exposure)
-        return Hits(found, guides, opacity, catch)
+            guides = _guides(layer, rendered, scene, view)
+        rendered |= {key: getattr(guides, key) for key in denoise_media.PASSES}  # through smoke these are less noisy
+        passes |= output.first_hits(rendered, layer.settings.exposure)
+        return Hits(rendered, guides, opacity, catch)
 
 
 def sample_hits(layer: Layer, scene: RenderScene, point: np.ndarray | None) -> tuple[View, Guides, np.ndarray]:
@@ -73,9 +73,9 @@ def sample_hits(layer: Layer, scene: RenderScene, point: np.ndarray | None) -> t
         lens = Lens.of(layer.depsgraph)
         view, look = lens.view(view, point), Look(place=functools.partial(lens.look_from, point))
     with layer.plan.enter(SAMPLE_HITS):
-        found = _session(layer, scene, look, layer.settings.guide_samples)
+        rendered = _session(layer, scene, look, layer.settings.guide_samples)
         with progress.part(CYCLES_SHARE, 1.0):
-            return view, _guides(layer, found, scene, view), found["normal"]
+            return view, _guides(layer, rendered, scene, view), rendered["normal"]
 
 
 def _session(layer: Layer, scene: RenderScene, look: Look, samples: int) -> dict[str, np.ndarray]:
@@ -88,10 +88,10 @@ def _session(layer: Layer, scene: RenderScene, look: Look, samples: int) -> dict
                                             report=layer.report)
 
 
-def _guides(layer: Layer, found: dict[str, np.ndarray], scene: RenderScene, view: View) -> Guides:
-    """What the network is told of a view, of whose first hits `found` are the passes."""
+def _guides(layer: Layer, rendered: dict[str, np.ndarray], scene: RenderScene, view: View) -> Guides:
+    """What the network is told of a view, of whose first hits `rendered` are the passes."""
     with progress.part(0.0, 0.5):
-        guides = make_guides(found, scene, view)
+        guides = make_guides(rendered, scene, view)
     if not layer.settings.guided:
         return guides
     with progress.part(0.5, 1.0):
