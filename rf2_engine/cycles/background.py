@@ -134,10 +134,10 @@ def _wait(process: subprocess.Popen) -> None:
 
 def _pixels(channels: dict[str, np.ndarray], order: str) -> np.ndarray:
     by_name = {name.lower(): pixels for name, pixels in channels.items()}
-    found = [by_name[name] for name in order.lower() if name in by_name]
-    if len(found) != len(order):  # a value is called V in some versions and X in others
-        found = list(channels.values())
-    return np.stack(found, -1).astype(np.float32)
+    ordered = [by_name[name] for name in order.lower() if name in by_name]
+    if len(ordered) != len(order):  # a value is called V in some versions and X in others
+        ordered = list(channels.values())
+    return np.stack(ordered, -1).astype(np.float32)
 
 
 def _stamp_cryptomatte(engine: bpy.types.RenderEngine, metadata: dict[str, str]) -> None:

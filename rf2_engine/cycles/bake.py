@@ -10,6 +10,7 @@ import queue
 import subprocess
 import tempfile
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -36,7 +37,7 @@ class Baker:
         self._settings = {**{name: getattr(job, name) for name in (
             "scene", "layer", "frame", "subframe", "compute_device_type", "devices")},
             "device": depsgraph.scene_eval.cycles.device}
-        self._folder, self._process, self._broken = None, None, ""
+        self._folder, self._process, self._reader, self._broken = None, None, None, ""
         self._lines: queue.Queue[str | None] = queue.Queue()
 
     def __enter__(self) -> Baker:
@@ -46,8 +47,10 @@ class Baker:
         if self._process:
             self._process.kill()
             self._process.wait()
-            for stream in (self._process.stdin, self._process.stdout):
-                stream.close()
+            with suppress(OSError):  # what it did not live to read
+                self._process.stdin.close()
+            self._reader.join()
+            self._process.stdout.close()
         if self._folder:
             self._folder.cleanup()
 
@@ -70,15 +73,15 @@ class Baker:
         what = f"{n.node.name} of {n.evaluator.owner}"
         try:
             with progress.part(0, 1, f"Baking {what}"):
-                found = self._baked(n)
+                texels = self._baked(n)
         except RenderCancelled:
             raise
         except (OSError, ValueError, RuntimeError, SceneError) as error:
             self._broken = f"{what} could not be baked: {error}"
             raise RuntimeError(self._broken) from error
-        if np.isnan(found).all():
+        if np.isnan(texels).all():
             raise RuntimeError("Cycles found nothing to bake where its triangles are")
-        values = _resized(_filled(found))
+        values = _resized(_filled(texels))
         return values[..., :1] if n.output.type in ("VALUE", "INT", "BOOLEAN") else values
 
     def _baked(self, n) -> np.ndarray:
@@ -100,7 +103,8 @@ class Baker:
         self._folder = tempfile.TemporaryDirectory(prefix="renderformer-v2-")
         files = background_cycles.written(self._folder.name, self._scene, self._settings)
         self._process = background_cycles.started(WORKER, *files, stdin=subprocess.PIPE)
-        threading.Thread(target=self._read, daemon=True).start()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
         self._wait_for("ready")
 
     def _read(self) -> None:

@@ -70,8 +70,8 @@ def bake(scene, layer, object_name, material_name, groups, node_name, output, ma
             bpy.data.objects.remove(data)
     bpy.data.images.remove(image)
     grid = pixels.reshape(tiles, side, tiles, side, 4).transpose(0, 2, 1, 3, 4).reshape(-1, side, side, 4)
-    found = grid[:len(corners), ..., :3]
-    return np.where(found.any(axis=-1, keepdims=True), (found - OFFSET) / SCALE, np.nan)
+    texels = grid[:len(corners), ..., :3]
+    return np.where(texels.any(axis=-1, keepdims=True), (texels - OFFSET) / SCALE, np.nan)
 
 
 def _image(count: int, side: int):

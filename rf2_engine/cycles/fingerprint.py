@@ -35,23 +35,23 @@ def of_tree(world: bpy.types.World) -> str:
 
 def _values(data, depth: int = 2) -> list:
     """Of a node or of what it holds: numbers, texts, and data-blocks by name; where objects are."""
-    found = []
+    values = []
     for prop in data.bl_rna.properties:
         name = prop.identifier
         if name in PLACE or name.startswith("bl_") or name == "rna_type":
             continue
         value = getattr(data, name, None)
         if prop.type in VALUES:
-            found.append((name, _plain(value)))
+            values.append((name, _plain(value)))
         elif isinstance(value, bpy.types.Object):
-            found.append((name, value.name_full, [tuple(row) for row in value.matrix_world]))
+            values.append((name, value.name_full, [tuple(row) for row in value.matrix_world]))
         elif isinstance(value, bpy.types.ID):
-            found.append((name, value.name_full))
+            values.append((name, value.name_full))
         elif prop.type == "POINTER" and value is not None and depth and not isinstance(value, bpy.types.Node):
-            found.append((name, _values(value, depth - 1)))
+            values.append((name, _values(value, depth - 1)))
         elif prop.type == "COLLECTION" and depth and name in ("elements", "curves", "points"):
-            found.append((name, [_values(each, depth - 1 if name != "curves" else 1) for each in value]))
-    return found
+            values.append((name, [_values(each, depth - 1 if name != "curves" else 1) for each in value]))
+    return values
 
 
 def _plain(value):

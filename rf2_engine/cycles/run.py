@@ -28,8 +28,17 @@ def scene_kept(engine: bpy.types.RenderEngine, wanted: bool):
         engine.bl_use_gpu_context = False
 
 
-# What Python raises when Cycles' functions are not there, have other parameters or fail.
-INTERNAL = (ImportError, AttributeError, TypeError, RuntimeError, SystemError)
+class CyclesFailed(Exception):
+    """Cycles' own functions are not there, have other parameters or fail; the cause is what Python raised."""
+
+
+@contextmanager
+def _of_cycles():
+    """Around nothing but Cycles' own functions: the same errors from ours are faults of ours."""
+    try:
+        yield
+    except (ImportError, AttributeError, TypeError, RuntimeError, SystemError) as error:
+        raise CyclesFailed(str(error)) from error
 
 
 def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
@@ -58,44 +67,45 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     """
     job = background_cycles.Job.of(depsgraph, layer, wanted, changes)
     try:
-        found = inside(engine, depsgraph, layer, wanted)
-    except INTERNAL as error:
-        if failure.is_out_of_memory(error):
-            raise
-        found = _run_outside(engine, job, wanted, error, report)
+        rendered = inside(engine, depsgraph, layer, wanted)
+    except CyclesFailed as error:
+        if failure.is_out_of_memory(error.__cause__):
+            raise error.__cause__ from None
+        rendered = _run_outside(engine, job, wanted, error.__cause__, report)
     if engine.test_break():
         raise RenderCancelled()
-    missing = [p.blender_name for p in wanted if p.key not in found]
+    missing = [p.blender_name for p in wanted if p.key not in rendered]
     if missing:
         raise SceneError(f"Cycles stopped without the passes {', '.join(missing)}: see its message in the console")
-    return found
+    return rendered
 
 
 def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
            wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
-    """As `run`, but where that fails any of INTERNAL comes out, and passes may be missing."""
+    """As `run`, but where Cycles fails CyclesFailed comes out, and passes may be missing."""
     emptied = _empties(engine, depsgraph)
     with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
-        cycles_engine.reset(engine, bpy.data, depsgraph)
-        cycles_engine.render(engine, depsgraph)
-        cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
+        with _of_cycles():
+            cycles_engine.reset(engine, bpy.data, depsgraph)
+            cycles_engine.render(engine, depsgraph)
+            cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         if engine.test_break():
             raise RenderCancelled()
-        found = _read(engine.get_result(), layer, wanted)
+        rendered = _read(engine.get_result(), layer, wanted)
     engine.emptied = emptied
-    return found
+    return rendered
 
 
 def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[str, np.ndarray]:
     reason = str(why).splitlines()[0] if str(why) else type(why).__name__
     try:
-        found = background_cycles.run(engine, job, wanted)
+        rendered = background_cycles.run(engine, job, wanted)
     except SceneError as error:
         raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), and {error}") from why
     report.approximated("Cycles", f"it cannot be run inside this Blender ({reason}), so a Blender in the background "
                                   "rendered a copy of the scene: expect a few seconds more, and no simulation that is "
                                   "not baked")
-    return found
+    return rendered
 
 
 @contextmanager
@@ -166,13 +176,15 @@ def _expecting_ours(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgra
 @contextmanager
 def _session(engine: bpy.types.RenderEngine):
     """Cycles' own functions, with a session of `engine` inside."""
-    import cycles.engine as cycles_engine
-    engine.session = None
-    cycles_engine.create(engine, bpy.data)
+    with _of_cycles():
+        import cycles.engine as cycles_engine
+        engine.session = None
+        cycles_engine.create(engine, bpy.data)
     try:
         yield cycles_engine
     finally:
-        cycles_engine.free(engine)
+        with _of_cycles():
+            cycles_engine.free(engine)
         engine.session = None
 
 
@@ -186,10 +198,10 @@ def _empties(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> 
 def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
     height, width = result.resolution_y, result.resolution_x
     keys = {p.blender_name: p.key for p in wanted}
-    found = {}
+    read = {}
     for p in result.layers[layer].passes:
-        if p.name in keys and keys[p.name] not in found:
+        if p.name in keys and keys[p.name] not in read:
             pixels = np.empty(height * width * p.channels, np.float32)
             p.rect.foreach_get(pixels)
-            found[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
-    return found
+            read[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
+    return read

@@ -150,17 +150,17 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             override(depsgraph.scene_eval, _TRACED | (_DENOISED if clean else {}))
             if hazy:
                 override(depsgraph.scene_eval, {"cycles.denoising_prefilter": "ACCURATE"})
-        found = run(engine, depsgraph, layer_name, wanted, override.changes, report or Report())
+        rendered = run(engine, depsgraph, layer_name, wanted, override.changes, report or Report())
 
-    combined = found["combined"]
-    found["alpha"] = combined[..., 3:].copy()
+    combined = rendered["combined"]
+    rendered["alpha"] = combined[..., 3:].copy()
     if light is Light.TRACED:
-        found["traced"] = (combined[..., :3] - found["emission"]).clip(0)
-    if pass_table.NOISY.key in found:
-        found["noise"] = found.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
+        rendered["traced"] = (combined[..., :3] - rendered["emission"]).clip(0)
+    if pass_table.NOISY.key in rendered:
+        rendered["noise"] = rendered.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
     if light is not Light.ALL and look.catchers is not Catchers.CATCH:
-        del found["combined"]
-    return found
+        del rendered["combined"]
+    return rendered
 
 
 def _set_camera(depsgraph: bpy.types.Depsgraph, look: Look, override) -> None:

@@ -63,15 +63,15 @@ class CyclesWorld:
         if (key := of_tree(world)) in _known:
             return _known[key]
         try:
-            found = self._light(rough)
-        except (*cycles_run.INTERNAL, SceneError):
+            drawn = self._light(rough)
+        except (cycles_run.CyclesFailed, SceneError):
             return None
         finally:
             output.write(self.engine, self.depsgraph.view_layer_eval.name, {})  # no panorama is left in the picture
             cycles_run.renew(self.engine, self.depsgraph)
-        if found is not None:
-            _known[key] = found
-        return found
+        if drawn is not None:
+            _known[key] = drawn
+        return drawn
 
     def _light(self, rough: list[Sun]) -> tuple[np.ndarray, list[Sun]] | None:
         whole = self._drawn(np.eye(3), (math.pi, math.pi / 2), discs=False)
@@ -113,10 +113,10 @@ class CyclesWorld:
                 cycles_session.hide_all(depsgraph, override)
                 _point(depsgraph.scene_eval, frame, half, override)
                 with self.status.during_cycles("World {}", share=0.1):
-                    found = self._run(wanted, override.changes)
+                    rendered = self._run(wanted, override.changes)
         finally:
             engine.bl_use_gpu_context = kept
-        return found["combined"][..., :3].clip(0)
+        return rendered["combined"][..., :3].clip(0)
 
     def _run(self, wanted: list[pass_table.Pass], changes: list) -> dict[str, np.ndarray]:
         """In a Blender in the background where there is a render border: a session draws no more than that."""

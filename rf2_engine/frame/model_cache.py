@@ -77,6 +77,12 @@ def free() -> None:
         torch.mps.empty_cache()
 
 
+def leave_gpu() -> None:
+    """Give a GPU's memory back to whoever needs it next; a network on the processor stays."""
+    if any(network.device.type != "cpu" for network in _cached.values()):
+        free()
+
+
 def fingerprint(scene: RenderScene) -> bytes:
     """Changes whenever the content of the scene does."""
     digest = hashlib.blake2b(digest_size=16)

@@ -42,22 +42,22 @@ def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, 
     return (picture * (exposure, exposure, exposure, 1)).astype(np.float32)
 
 
-def noisy(combined: np.ndarray, found: dict[str, np.ndarray], exposure: float) -> np.ndarray:
-    """(H, W, 4) the picture with the noise that the denoiser took from what Cycles `found`."""
-    noise = found.get("noise", np.zeros_like(combined[..., :3]))
+def noisy(combined: np.ndarray, rendered: dict[str, np.ndarray], exposure: float) -> np.ndarray:
+    """(H, W, 4) the picture with the noise that the denoiser took from what Cycles `rendered`."""
+    noise = rendered.get("noise", np.zeros_like(combined[..., :3]))
     return combined + np.pad(noise * exposure, ((0, 0), (0, 0), (0, 1)))
 
 
-def first_hits(found: dict[str, np.ndarray], exposure: float) -> dict[str, np.ndarray]:
-    """What Cycles `found` of the first hits as passes of the picture: Cycles, too, exposes what shines, and no more."""
-    return {key: pixels * exposure if key in SHINING else pixels for key, pixels in found.items()
+def first_hits(rendered: dict[str, np.ndarray], exposure: float) -> dict[str, np.ndarray]:
+    """First hits as passes of the picture. Of them Cycles, too, exposes what shines, and no more."""
+    return {key: pixels * exposure if key in SHINING else pixels for key, pixels in rendered.items()
             if key not in pass_table.LIGHTING}
 
 
-def light_passes(guides: Guides, lobes: Lobes, found: dict[str, np.ndarray], volumes: bool,
+def light_passes(guides: Guides, lobes: Lobes, rendered: dict[str, np.ndarray], volumes: bool,
                  exposure: float) -> dict[str, np.ndarray]:
-    """The light passes of the picture; `found` is what the session of Cycles gave, its noisy light included."""
-    sampled = {key: pixels for key, pixels in found.items() if key in pass_table.LIGHTING}
+    """The light passes of the picture; `rendered` is what the session of Cycles gave, its noisy light included."""
+    sampled = {key: pixels for key, pixels in rendered.items() if key in pass_table.LIGHTING}
     passes = model_lobes.light_passes(guides, lobes, sampled, volumes)
     return {key: light * exposure for key, light in passes.items()}
 

@@ -14,23 +14,26 @@ from bpy.app.handlers import persistent
 
 from ...model import presets, progress
 from ...model.errors import RenderCancelled
+from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
 from ..convert.report import Remark, Report
 from ..convert.scene import convert
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible
 from ..progress import costs, memory
+from ..progress.stages import CONVERT, ENCODE, Work
 from ..registering import handlers
 from ..settings import FrameSettings
 from . import checks, failure, model_cache, rectangle
 from .limits import report_limits
 from .optics import Optics
+from .work import layers, work
 
 LONGEST = 10.0  # seconds
 SOME = 3        # names in a sentence
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each is its own: panels remember what they have looked up for it
 class Preflight:
     """Of one view layer. With an `error` the rest is empty but for what was found before it."""
 
@@ -68,8 +71,8 @@ last: dict[str, Preflight] = {}  # by scene
 
 
 def as_text(scene: bpy.types.Scene) -> str:
-    found = last.get(scene.name)
-    return "" if found is None else "\n".join([*found.lines, *map(str, found.remarks)])
+    latest = last.get(scene.name)
+    return "" if latest is None else "\n".join([*latest.lines, *map(str, latest.remarks)])
 
 
 def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Preflight:
@@ -100,21 +103,22 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     width, height = rectangle.size(blenders)
     border = rectangle.border(width, height, blenders)
     view = convert_camera(depsgraph, width, height, border, report)
-    found = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
-                    max_edge=settings.max_edge, report=report,
-                    by_cycles=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None,
-                    baker=Promise() if settings.bake_unknown else None)
+    converted = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
+                        max_edge=settings.max_edge, report=report,
+                        by_cycles=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None,
+                        baker=Promise() if settings.bake_unknown else None)
     _report_differences(depsgraph, report)
-    work, layers = checks.work(width, height, border, settings, optics), checks.layers(scene)
-    work |= {"Converting the scene": optics.scenes - 1, "Network, scene": len(found) * optics.shutter}
-    loaded = model_cache.is_loaded()
-    converting, stages = time.perf_counter() - begin, costs.measured_seconds(work, settings.setup)
-    added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(found))
-    lights, cells = int(found.is_light.sum()), len(found.volumes or ())
+    converting, count, loaded = time.perf_counter() - begin, layers(scene), model_cache.is_loaded()
+    lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
+    to_do = work(width, height, border, settings, optics, lit) | {
+        CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter)}
+    others = costs.measured_seconds(to_do, settings.setup)
+    added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(converted))
+    lights, cells = int(converted.is_light.sum()), len(converted.volumes or ())
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
-    return Preflight(layer, layers, size=(view.width, view.height), triangles=len(found),
-                     tokens=config.sequence_length(lights, len(found) - lights + cells),
-                     seconds=None if stages is None else layers * (converting + stages),
+    return Preflight(layer, count, size=(view.width, view.height), triangles=len(converted),
+                     tokens=config.sequence_length(lights, len(converted) - lights + cells),
+                     seconds=None if others is None else count * (converting + others),
                      memory=None if added is None else memory.held()[0] + added, remarks=report.entries)
 
 

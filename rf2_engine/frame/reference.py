@@ -16,11 +16,12 @@ from .. import compat
 from .. import passes as pass_table
 from ..convert.report import Report
 from ..cycles import run as cycles_run
-from ..progress.last_render import REFERENCE as NAME
-from ..progress.status import Status
+from ..progress.stages import REFERENCE
 from ..reference_settings import FrameReference
-from ..settings import FrameSettings
-from . import failure, output, running
+from . import failure, model_cache, output, running
+from .layer import Layer
+
+NAME = REFERENCE.text  # of the pass, too
 
 
 def is_wanted(scene: bpy.types.Scene) -> bool:
@@ -37,22 +38,23 @@ def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view
                 engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
 
 
-def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture: dict[str, np.ndarray],
-        settings: FrameSettings, status: Status, report: Report) -> int:
+def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
     """Render the reference and write it beside `picture`, the passes of our frame, which stay if Cycles is stopped.
 
-    Must be called inside cycles_run.scene_kept, begun before the first run of this frame. Returns the samples of the
-    reference, 0 when there is none. Raises RenderCancelled when the add-on is being disabled; whatever else ends the
-    reference is a line of `report`.
+    Must be called inside cycles_run.scene_kept, begun before the first run of this frame. Where Cycles renders on a
+    GPU, the network leaves it. Returns the samples of the reference, 0 when there is none. Raises RenderCancelled when
+    the add-on is being disabled; whatever else ends the reference is a line of `report`.
     """
-    layer, chosen, found, begin = depsgraph.view_layer_eval.name, settings.reference, {}, time.perf_counter()
+    engine, chosen, rendered, begin = layer.engine, layer.settings.reference, {}, time.perf_counter()
+    if layer.depsgraph.scene_eval.cycles.device == "GPU":
+        model_cache.leave_gpu()
     try:
-        with status.stage(NAME):
+        with layer.plan.enter(REFERENCE):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
-            with status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit):
-                found = _render(engine, depsgraph, chosen, settings.threads, report)
+            with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit):
+                rendered = _render(engine, layer.depsgraph, chosen, layer.settings.threads, report)
     except RenderCancelled:
-        found = {}  # it may have come after the last sample
+        rendered = {}  # it may have come after the last sample
         report.skipped(NAME, "it was stopped")
         if running.is_stopping():
             raise
@@ -60,12 +62,12 @@ def add(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, picture:
         report.skipped(NAME, failure.message(error))
         engine.report({"WARNING"}, f"no {NAME}: {report.entries[-1][2]}")
     finally:  # Cycles shows its picture in Combined
-        output.write(engine, layer, picture | found)
-    if found and 0 < chosen.time_limit < time.perf_counter() - begin:
+        output.write(engine, layer.name, picture | rendered)
+    if rendered and 0 < chosen.time_limit < time.perf_counter() - begin:
         report.approximated(NAME, f"its Time Limit may have ended it before it had {chosen.samples} samples")
-    if found and chosen.denoise and not compat.has_openimagedenoise():
+    if rendered and chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
-    return chosen.samples if found else 0
+    return chosen.samples if rendered else 0
 
 
 def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chosen: FrameReference,
@@ -87,5 +89,5 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
             override(depsgraph.scene_eval, {"cycles.denoiser": "OPENIMAGEDENOISE"})
         if threads:
             override(depsgraph.scene_eval, {"render.threads_mode": "FIXED", "render.threads": threads})
-        found = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report)
-    return {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in found.items()}
+        rendered = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report)
+    return {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in rendered.items()}

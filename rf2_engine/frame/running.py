@@ -35,6 +35,11 @@ def mark(engine: str) -> None:
     _ours = _ours or engine == "RENDERFORMER_V2"
 
 
+def is_under_way() -> bool:
+    """True while a render of ours runs, in whatever thread."""
+    return _ours and not _ended.is_set()
+
+
 def is_stopping() -> bool:
     """True when the render under way is to cancel itself, because the add-on is being disabled."""
     return _stopping

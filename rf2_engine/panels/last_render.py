@@ -44,7 +44,7 @@ def _draw_statistics(column, layer: last_render.LayerStatistics, scene: bpy.type
     column.label(text=f"{layer.triangles} triangles, {layer.tokens} tokens")
     for stage, seconds in layer.seconds.items():
         column.label(text=f"{stage}: {seconds:.2f} s")
-    draw_remarks(column, layer.remarks, scene)
+    draw_remarks(column, layer, scene)
 
 
 register, unregister = classes(RENDERFORMER_PT_report)

@@ -55,13 +55,13 @@ class RENDERFORMER_PT_passes_aov(_PassesPanel, ViewLayerAOVPanelHelper, bpy.type
 
 def ticks(scene: bpy.types.Scene) -> dict[str, dict[str, str]]:
     """{heading: {path of the view layer's property: label}} of what can be delivered with the scene's settings."""
-    found, lighting = {}, light_passes(scene)
+    rows, lighting = {}, light_passes(scene)
     for p in passes.PASSES:
         if p.setting and (p.source != "lighting" or p.key in lighting):
             heading, label = p.heading
-            found.setdefault(heading, {}).setdefault(p.setting, label)
-    found["Data"]["use_pass_grease_pencil"] = "Grease Pencil"  # Blender draws and delivers it beside any engine
-    return found
+            rows.setdefault(heading, {}).setdefault(p.setting, label)
+    rows["Data"]["use_pass_grease_pencil"] = "Grease Pencil"  # Blender draws and delivers it beside any engine
+    return rows
 
 
 def _draw(layout: bpy.types.UILayout, view_layer: bpy.types.ViewLayer, rows: dict[str, str], heading: str = "Include"):

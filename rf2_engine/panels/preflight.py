@@ -19,16 +19,16 @@ class RENDERFORMER_PT_preflight(EnginePanel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header_preset(self, context):
-        if found := preflight.last.get(context.scene.name):
-            draw_badges(self.layout, found.remarks)
+        if latest := preflight.last.get(context.scene.name):
+            draw_badges(self.layout, latest.remarks)
 
     def draw(self, context):
         self.layout.operator("renderformer_v2.preflight", icon="VIEWZOOM")
-        if found := preflight.last.get(context.scene.name):
+        if latest := preflight.last.get(context.scene.name):
             column = self.layout.column(align=True)
-            for line in found.lines:
-                draw_text(column, line, icon="ERROR" if found.error else "BLANK1")
-            draw_remarks(column, found.remarks, context.scene)
+            for line in latest.lines:
+                draw_text(column, line, icon="ERROR" if latest.error else "BLANK1")
+            draw_remarks(column, latest, context.scene)
             draw_copy(self.layout, "PREFLIGHT")
 
 
@@ -51,11 +51,11 @@ class RENDERFORMER_OT_preflight(bpy.types.Operator):
         context.scene.update_tag()  # what a script sets of Cycles' settings reaches no depsgraph by itself
         window_manager.progress_begin(0, 100)
         try:
-            found = preflight.run(context.evaluated_depsgraph_get(),
-                                  lambda text, fraction: window_manager.progress_update(100 * fraction))
+            latest = preflight.run(context.evaluated_depsgraph_get(),
+                                   lambda text, fraction: window_manager.progress_update(100 * fraction))
         finally:
             window_manager.progress_end()
-        preflight.last[context.scene.name] = found
+        preflight.last[context.scene.name] = latest
         return {"FINISHED"}
 
 

@@ -2,15 +2,21 @@
 """How a report looks in a panel: how much of it there is, a line each, names that select, a copy as text."""
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import bpy
 
 from ..convert.report import Remark
 from ..frame import preflight
+from ..frame.preflight import Preflight
 from ..progress import last_render
+from ..progress.last_render import LayerStatistics
 from ..registering import classes
 from ..setup.display import draw_text
 
 ICONS = {"approximated": "INFO", "skipped": "ERROR", "refused": "CANCEL"}
+
+_selectable: WeakKeyDictionary[LayerStatistics | Preflight, dict[str, frozenset[str]]] = WeakKeyDictionary()
 
 
 def draw_badges(layout: bpy.types.UILayout, remarks: list[Remark]) -> None:
@@ -25,9 +31,10 @@ def draw_copy(layout: bpy.types.UILayout, source: str) -> None:
     layout.operator("renderformer_v2.copy_report", icon="COPYDOWN").source = source
 
 
-def draw_remarks(layout: bpy.types.UILayout, remarks: list[Remark], scene: bpy.types.Scene) -> None:
-    for remark in remarks:
-        if users(scene, remark.name):
+def draw_remarks(layout: bpy.types.UILayout, report: LayerStatistics | Preflight, scene: bpy.types.Scene) -> None:
+    names = selectable(report, scene)
+    for remark in report.remarks:
+        if remark.name in names:
             row = layout.row()
             row.alignment = "LEFT"
             select = row.operator("renderformer_v2.select_reported", text=remark.name, icon="RESTRICT_SELECT_OFF",
@@ -38,10 +45,30 @@ def draw_remarks(layout: bpy.types.UILayout, remarks: list[Remark], scene: bpy.t
             draw_text(layout, str(remark), icon=ICONS[remark.kind])
 
 
+def selectable(report: LayerStatistics | Preflight, scene: bpy.types.Scene) -> frozenset[str]:
+    """The names in a report that something in the scene has, looked up when it is drawn first: panels draw often."""
+    known = _selectable.setdefault(report, {})
+    if scene.name not in known:
+        names = {remark.name for remark in report.remarks}
+        known[scene.name] = frozenset(names & _names(scene) if names else ())
+    return known[scene.name]
+
+
+def _names(scene: bpy.types.Scene) -> set[str]:
+    """Of all objects, their data and their materials."""
+    names = set()
+    for each in scene.objects:
+        names.add(each.name)
+        if each.data:
+            names.add(each.data.name)
+        names.update(slot.material.name for slot in each.material_slots if slot.material)
+    return names
+
+
 def users(scene: bpy.types.Scene, name: str) -> list[bpy.types.Object]:
     """The object of that name, or else those that show the material or the data of that name."""
-    if found := scene.objects.get(name):
-        return [found]
+    if named := scene.objects.get(name):
+        return [named]
     return [each for each in scene.objects
             if each.data and each.data.name == name
             or any(slot.material and slot.material.name == name for slot in each.material_slots)]
@@ -65,8 +92,8 @@ class RENDERFORMER_OT_select_reported(bpy.types.Operator):
         return f"Select it. {properties.remark}"
 
     def execute(self, context):
-        found = [each for each in users(context.scene, self.name) if each.name in context.view_layer.objects]
-        shown = [each for each in found if each.visible_get()]
+        present = [each for each in users(context.scene, self.name) if each.name in context.view_layer.objects]
+        shown = [each for each in present if each.visible_get()]
         if not shown:
             self.report({"WARNING"}, f'"{self.name}" is hidden, or not in this view layer')
             return {"CANCELLED"}

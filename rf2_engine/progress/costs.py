@@ -14,17 +14,8 @@ from bpy.app.handlers import persistent
 
 from ..registering import handlers
 from ..setup import packages
+from .stages import Stage, Work
 
-# Seconds for a unit of a stage's work, by the stage's key: of a processor with two cores, until they are measured.
-_first_guess = {
-    "Converting the scene": 1.0,        # the scene
-    "First hits": 2.5e-6,               # a sample of a pixel
-    "Loading the network": 3.0,         # once
-    "Network, scene": 3e-4,             # a triangle
-    "Network, view": 2e-5,              # a pixel
-    "Network, edges": 2e-6,             # a pixel
-    "Cycles Reference": 4e-6,           # a sample of a pixel
-}
 LEAST_LEARNED = 0.5   # of what was known: a stage that found its work done already says little about the next time
 MOST_SETUPS = 20      # the latest
 
@@ -32,27 +23,27 @@ _measured: dict[str, dict[str, float]] = {}      # seconds for a unit by setup a
 _memory: dict[str, list[float]] = {}             # by setup: MiB that a render added, its pixels and its triangles
 
 
-def seconds(key: str, work: float, setup: str = "") -> float:
+def seconds(stage: Stage, units: float, setup: str = "") -> float:
     """What so many units of a stage's work are expected to take: in that setup, or else as far as anything is known."""
     measured = _measured.get(setup, {})
-    if key in measured:
-        return measured[key] * work
-    others = [costs[key] for costs in _measured.values() if key in costs]
-    return (others[-1] if others else _first_guess.get(key, 0.0)) * work
+    if stage.key in measured:
+        return measured[stage.key] * units
+    others = [costs[stage.key] for costs in _measured.values() if stage.key in costs]
+    return (others[-1] if others else stage.first_guess) * units
 
 
-def measured_seconds(work: dict[str, float], setup: str) -> float | None:
+def measured_seconds(work: dict[Stage, Work], setup: str) -> float | None:
     """Of all these stages together; None unless each was measured in that setup on this machine."""
-    if any(units and key not in _measured.get(setup, {}) for key, units in work.items()):
+    if any(each.total and stage.key not in _measured.get(setup, {}) for stage, each in work.items()):
         return None
-    return sum(seconds(key, units, setup) for key, units in work.items())
+    return sum(seconds(stage, each.total, setup) for stage, each in work.items())
 
 
-def learn(key: str, work: float, took: float, setup: str = "") -> None:
+def learn(stage: Stage, units: float, took: float, setup: str = "") -> None:
     """Remember that so many units of a stage's work took so many seconds."""
-    if work:
+    if units:
         costs = _latest(_measured, setup, {})
-        costs[key] = max(took / work, LEAST_LEARNED * costs.get(key, 0.0))
+        costs[stage.key] = max(took / units, LEAST_LEARNED * costs.get(stage.key, 0.0))
 
 
 def learn_memory(setup: str, loaded: bool, added: float, pixels: int, triangles: int) -> None:
@@ -62,10 +53,10 @@ def learn_memory(setup: str, loaded: bool, added: float, pixels: int, triangles:
 
 def measured_memory(setup: str, loaded: bool, pixels: int, triangles: int) -> float | None:
     """MiB that a render will add, growing with the picture or the scene, whichever grows more; None if unknown."""
-    found = _memory.get(_memory_key(setup, loaded)) or _memory.get(setup)  # with a network to be loaded it is more
-    if not found:
+    before = _memory.get(_memory_key(setup, loaded)) or _memory.get(setup)  # with a network to be loaded it is more
+    if not before:
         return None
-    added, before_pixels, before_triangles = found
+    added, before_pixels, before_triangles = before
     return added * max(1.0, pixels / max(before_pixels, 1), triangles / max(before_triangles, 1))
 
 
@@ -101,9 +92,9 @@ def save(*_) -> None:
 
 def load() -> None:
     try:
-        found = json.loads(_file().read_text())
-        seconds = {setup: {key: float(cost) for key, cost in row.items()} for setup, row in found["seconds"].items()}
-        memory = {setup: [float(x) for x in row] for setup, row in found["memory"].items() if len(row) == 3}
+        saved = json.loads(_file().read_text())
+        seconds = {setup: {key: float(cost) for key, cost in row.items()} for setup, row in saved["seconds"].items()}
+        memory = {setup: [float(x) for x in row] for setup, row in saved["memory"].items() if len(row) == 3}
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return  # never saved, or by something else
     _measured.update(seconds)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 
-from . import costs
+from .stages import Stage
 
 EVEN_AFTER = 0.1      # of a stage that works at one pace: what was known before counts no more
 OVERTIME = 0.2        # of a stage's time, expected to follow when it takes longer than it should
@@ -19,25 +19,28 @@ class Frame:
     bar: float = 0.0             # never falls
     layers_begun: int = 0
     layers_left: int = 0
-    stages: dict[str, float] = field(default_factory=dict)    # seconds of the layer's stages, by key
-    expected: dict[str, float] = field(default_factory=dict)  # of what of them has not begun
+    stages: dict[Stage, float] = field(default_factory=dict)    # seconds of the layer's stages
+    expected: dict[Stage, float] = field(default_factory=dict)  # of what of them has not begun
     stage_begin: float = 0.0
     stage_expected: float = 0.0
     even_fraction: float = 0.0   # of a stage at one pace, when it was last heard of
     even_took: float = 0.0       # seconds until then
 
-    def begin_layer(self, layers: int, work: dict[str, float], setup: str = "") -> None:
-        """`work` is what the stages of this view layer have to do, by key; the frame has so many layers."""
+    def begin_layer(self, layers: int, stages: dict[Stage, float]) -> None:
+        """`stages` are the seconds that are expected of each in this view layer; the frame has so many layers."""
         self.layers_begun += 1
         self.layers_left = max(layers - self.layers_begun, 0)
-        self.stages = {key: costs.seconds(key, units, setup) for key, units in work.items()}
-        self.expected = dict(self.stages)
+        self.stages, self.expected = dict(stages), dict(stages)
 
-    def begin_stage(self, key: str, share: float = 1.0) -> None:
+    def expect(self, stage: Stage, seconds: float) -> None:
+        """Of a stage that has not begun something else is expected now."""
+        self.stages[stage] = self.expected[stage] = seconds
+
+    def begin_stage(self, stage: Stage, share: float = 1.0) -> None:
         """This share of a stage begins."""
-        before = self.expected.get(key, 0.0)
-        self.expected[key] = max(before - share * self.stages.get(key, 0.0), 0.0)
-        self.stage_begin, self.stage_expected = time.perf_counter(), before - self.expected[key]
+        before = self.expected.get(stage, 0.0)
+        self.expected[stage] = max(before - share * self.stages.get(stage, 0.0), 0.0)
+        self.stage_begin, self.stage_expected = time.perf_counter(), before - self.expected[stage]
         self.even_fraction = self.even_took = 0.0
 
     def remaining(self, fraction: float, even: bool = False) -> float:

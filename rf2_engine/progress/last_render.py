@@ -10,12 +10,12 @@ from bpy.app.handlers import persistent
 from ..convert.report import Remark
 from ..registering import handlers
 from ..setup import redraw
-from . import estimate
+from . import estimate, stages
 
-REFERENCE = "Cycles Reference"  # the stage, and the pass
+REFERENCE = stages.REFERENCE.text  # the pass has its name too
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each is its own: panels remember what they have looked up for it
 class LayerStatistics:
     """One view layer; with an `error`, or when it was cancelled, the rest is empty."""
 

@@ -8,11 +8,10 @@ from contextlib import contextmanager
 
 import bpy
 
-from ...model import progress
 from ...model.errors import RenderCancelled
 from ..cycles import progress as cycles_progress
 from ..frame import running
-from . import costs, estimate, memory, status_line
+from . import estimate, memory, status_line
 
 REDRAW_INTERVAL = 0.1  # seconds; in background mode every status is a line of output
 HOLD_INTERVAL = 0.02   # seconds between two looks at a bar that somebody else moves too
@@ -20,49 +19,17 @@ PRINT_INTERVAL = 2.0   # seconds between two lines of output about Cycles, in ba
 
 
 class Status:
-    """The listener of one view layer's progress, and the seconds of its stages."""
+    """The listener of one view layer's progress."""
 
-    def __init__(self, engine: bpy.types.RenderEngine) -> None:
+    def __init__(self, engine: bpy.types.RenderEngine, layer: str = "") -> None:
+        """layer: the name of the view layer, if the frame has several."""
         self.engine = engine
-        self.seconds: dict[str, float] = {}
         self.sample = ""  # "Sample 3 of 16", or nothing
-        self._layer = ""
-        self._work: dict[str, float] = {}
-        self._setup = ""
+        self._layer = layer
         self._shown = ("", 0.0)
         self._has_line = False  # which says how much time is left
         self._at_first = memory.held()
         self._most = self._at_first[0]
-
-    def expect(self, layer: str, layers: int, work: dict[str, float], setup: str) -> None:
-        """Say what this view layer's stages have to do, by the keys of `stage`, and how many layers the frame has.
-
-        setup: what their costs belong to (costs.py).
-        """
-        self._work, self._setup = work, setup
-        self._layer = layer if layers > 1 else ""
-        estimate.frame.begin_layer(layers, work, setup)
-
-    @contextmanager
-    def stage(self, name: str, part: str = "", share: float = 1.0):
-        """Time what runs inside under `name`; a stage in several parts has a key for each, "name, part".
-
-        One that is entered several times says what share of its work is done each time.
-        """
-        key = f"{name}, {part}" if part else name
-        with progress.part(0.0, 1.0, name):
-            estimate.frame.begin_stage(key, share)
-            progress.report(0.0)
-            begin = time.perf_counter()
-            yield
-            took = time.perf_counter() - begin
-            self.seconds[name] = self.seconds.get(name, 0.0) + took
-            costs.learn(key, share * self._work.get(key, 0.0), took, self._setup)
-            progress.report(1.0)
-
-    def skip(self, key: str, share: float) -> None:
-        """This share of a stage need not be done."""
-        estimate.frame.begin_stage(key, share)
 
     @contextmanager
     def during_cycles(self, words: str, share: float = 1.0, time_limit: float = 0.0,

@@ -6,9 +6,16 @@ import shutil
 
 import bpy
 
-from ..frame import model_cache
+from ..frame import model_cache, running
 from ..registering import classes
 from . import packages, preferences, published_weights, redraw, weights_download
+
+RENDERING = "A render is running"
+
+
+def is_rendering() -> bool:
+    """Whether a render may be using the network."""
+    return running.is_under_way() or bpy.app.is_job_running("RENDER")
 
 
 def refusal() -> str:
@@ -19,7 +26,7 @@ def refusal() -> str:
         return "The add-on runs from its source folder: install it as an extension to download weights"
     if "huggingface_hub" in packages.missing(packages.PUBLISHED):
         return "Install the packages for the published weights first"
-    return "A render is running" if bpy.app.is_job_running("RENDER") else ""
+    return RENDERING if is_rendering() else ""
 
 
 class _Download(bpy.types.Operator):
@@ -88,8 +95,7 @@ class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         folder = published_weights.download_folder()
-        return (folder is not None and folder.is_dir() and not weights_download.is_running()
-                and not bpy.app.is_job_running("RENDER"))
+        return folder is not None and folder.is_dir() and not weights_download.is_running() and not is_rendering()
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)
@@ -112,6 +118,9 @@ class RENDERFORMER_OT_free_model(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
+        if is_rendering():
+            cls.poll_message_set(RENDERING)
+            return False
         return model_cache.is_loaded()
 
     def execute(self, context):

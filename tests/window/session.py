@@ -57,16 +57,16 @@ def session():
 
 def watch() -> None:
     """Note the stages that begin, and the lines that are shown while Cycles runs."""
-    from bl_ext.user_default.renderformer_v2.rf2_engine.progress import status, status_line
+    from bl_ext.user_default.renderformer_v2.rf2_engine.progress import plan, status_line
 
-    def stage(of, name, *how, real=status.Status.stage, **more):
-        stages.append(name)
-        return real(of, name, *how, **more)
+    def enter(of, stage, real=plan.Plan.enter):
+        stages.append(stage.text)
+        return real(of, stage)
 
     def show(text, real=status_line.show):
         lines.append(text)
         real(text)
-    status.Status.stage, status_line.show = stage, show
+    plan.Plan.enter, status_line.show = enter, show
 
 
 def properties():

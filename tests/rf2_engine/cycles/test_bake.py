@@ -152,3 +152,17 @@ def test_a_bake_that_fails_is_reported_and_the_input_keeps_its_value(scene, bake
     found, lines = baked()
     np.testing.assert_allclose(found.tiles[found.tile_index, ROUGHNESS], 0.5)
     assert "could not be baked" in lines[0] and "no such thing" in lines[0] and "keeps its own value" in lines[0]
+
+
+def test_a_render_goes_on_when_the_baking_blender_dies(scene, tmp_path, monkeypatch):
+    """It no longer reads when it is asked to bake."""
+    cube(scene, Roughness=("Wireframe", "Fac", {}), Metallic=("AmbientOcclusion", "AO", {}))
+    scene.renderformer_v2.bake_unknown = True
+    worker = tmp_path / "worker.py"
+    worker.write_text("import os, time\nos.close(0)\nprint('ready', flush=True)\ntime.sleep(60)")
+    monkeypatch.setattr(bake, "WORKER", worker)
+    press_f12(scene, tmp_path)
+    (last,) = last_render.last_frame
+    assert last.tokens and not last.error
+    for node in ("Wireframe", "Ambient Occlusion"):
+        assert any(node in line and "could not be baked" in line for line in last.report)

@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.session import Light
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import layer
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import make_guides
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
@@ -31,7 +31,7 @@ def guides(monkeypatch):
         seen.append(make_guides(passes, converted, view))
         return seen[-1]
 
-    monkeypatch.setattr(layer, "make_guides", spy)
+    monkeypatch.setattr(hits, "make_guides", spy)
     return seen
 
 

@@ -7,7 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import world as world_session
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.fingerprint import of_tree
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import layer
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
 from tests.rf2_engine.convert.cycles_reference import irradiance
@@ -29,7 +29,7 @@ def tokens(scene, monkeypatch):
         raise RenderCancelled  # the network has nothing to do with it
 
     def run():
-        monkeypatch.setattr(layer, "make_guides", record)
+        monkeypatch.setattr(hits, "make_guides", record)
         bpy.ops.render.render(scene=scene.name)
         return seen.pop()
     return run
@@ -146,3 +146,34 @@ def test_in_an_animation_the_sky_is_that_of_each_frame(scene, tmp_path):
     scene.render.filepath, scene.frame_end = str(tmp_path / "#"), 2
     bpy.ops.render.render(scene=scene.name, animation=True)
     np.testing.assert_allclose(read_exr(tmp_path / "2.exr")["ViewLayer.Combined"], expected, rtol=0.02)
+
+
+@pytest.mark.parametrize("where", ["_resized", "_alone"])
+def test_a_fault_of_ours_while_a_world_is_drawn_is_no_failure_of_cycles(scene, monkeypatch, where):
+    def faulty(*_):
+        raise TypeError("a fault of ours")
+
+    cube(scene)
+    sky_world(0.5, kind=("PREETHAM",))
+    monkeypatch.setattr(world_session, where, faulty)
+    with pytest.raises(RuntimeError, match="a fault of ours"):
+        bpy.ops.render.render(scene=scene.name)
+    assert "Internal error" in last_render.last_frame[0].error
+
+
+def test_where_cycles_cannot_draw_a_world_the_render_goes_on(scene, monkeypatch, tmp_path):
+    import cycles.engine
+    real, calls = cycles.engine.reset, []
+
+    def reset(*arguments):
+        calls.append(arguments)
+        if len(calls) == 1:
+            raise TypeError("other parameters")
+        real(*arguments)
+
+    cube(scene)
+    sky_world(0.5, kind=("PREETHAM",))
+    monkeypatch.setattr(cycles.engine, "reset", reset)
+    press_f12(scene, tmp_path)
+    assert len(calls) == 2 and last_render.last_frame[0].tokens
+    assert any("Sky Texture" in line for line in last_render.last_frame[0].report)

@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+import torch
 
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.presets import BUNDLED, weights_folder
@@ -62,3 +63,12 @@ def test_freeing_gives_the_memory_of_gpus_back(monkeypatch, gpu, found):
     monkeypatch.setattr(f"torch.{gpu}.empty_cache", lambda: given_back.append(gpu))
     model_cache.free()
     assert given_back == [gpu]
+
+
+def test_a_network_on_the_processor_takes_no_memory_of_a_gpu(monkeypatch):
+    renderer = model_cache.renderer(BUNDLED, "cpu", "fp32")
+    model_cache.leave_gpu()
+    assert model_cache.is_loaded()
+    monkeypatch.setattr(renderer, "device", torch.device("cuda"))
+    model_cache.leave_gpu()
+    assert not model_cache.is_loaded()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import layer, model_cache, shutter
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, model_cache, shutter
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
@@ -72,14 +72,14 @@ def seen(monkeypatch):
     """Lists of what every sample had: passes of Cycles, scene, view; scenes that were encoded."""
     found = {"samples": [], "encoded": []}
 
-    def make_guides(*arguments, real=layer.make_guides):
+    def make_guides(*arguments, real=hits.make_guides):
         found["samples"].append(arguments)
         return real(*arguments)
 
     def encoded(renderer, scene, size, real=model_cache.encoded):
         found["encoded"].append(scene)
         return real(renderer, scene, size)
-    monkeypatch.setattr(layer, "make_guides", make_guides)
+    monkeypatch.setattr(hits, "make_guides", make_guides)
     monkeypatch.setattr(model_cache, "encoded", encoded)
     return found
 

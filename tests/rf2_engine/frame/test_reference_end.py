@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """When the reference is rendered, when it ends, and what is left of it: our picture always, seconds and samples."""
+import gc
+import weakref
+
 import numpy as np
 import OpenEXR
 import pytest
+import torch
 
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import run as cycles_run
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
@@ -100,3 +105,23 @@ def test_a_time_limit_ends_the_reference(lit, tmp_path):
     chosen.samples, chosen.time_limit = 1, 1000
     press_f12(lit, tmp_path)
     assert not any("Time Limit" in line for line in last_render.last_frame[0].report)
+
+
+@pytest.mark.parametrize("device", ["CPU", "GPU"])
+def test_the_network_leaves_the_gpu_to_the_reference(lit, tmp_path, monkeypatch, device):
+    """The network is on the processor here, and only says that it is on a GPU."""
+    lit.cycles.device = device
+    press_f12(lit, tmp_path)
+    (renderer,) = model_cache._cached.values()
+    renderer.device = torch.device("cuda")
+    kept, there = [weakref.ref(each) for each in (renderer, *model_cache._encoded.values())], []
+    del renderer
+
+    def read(*arguments, real=cycles_run._read):
+        gc.collect()
+        there.append([each() is not None for each in kept])
+        return real(*arguments)
+    monkeypatch.setattr(cycles_run, "_read", read)
+    press_f12(lit, tmp_path)
+    model_cache.free()
+    assert there == [[True, True], [device == "CPU"] * 2]

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import layer, reflections
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, reflections
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
 
@@ -21,7 +21,7 @@ def guides(monkeypatch):
         seen.append(reflections.with_ends(*given))
         return seen[-1]
 
-    monkeypatch.setattr(layer, "with_ends", spy)
+    monkeypatch.setattr(hits, "with_ends", spy)
     return seen
 
 

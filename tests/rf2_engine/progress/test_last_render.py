@@ -113,6 +113,26 @@ def test_another_file_has_no_picture_and_no_report(layers, tmp_path):
     assert drawn() == ["No render yet"]
 
 
+def test_drawing_looks_the_names_of_a_report_up_once(layers, tmp_path):
+    for i in range(3):
+        cube(layers, f"Catcher {i}", location=(i, 0, 0)).is_shadow_catcher = True
+    press_f12(layers, tmp_path)
+    passes = []
+
+    class Scene:
+        name = layers.name
+
+        @property
+        def objects(self):
+            passes.append(1)
+            return layers.objects
+    for _ in range(3):
+        layout = Layout()
+        remarks.draw_remarks(layout, last_render.last_frame[0], Scene())
+        assert {o.name for o in layout.operators} >= {f"Catcher {i}" for i in range(3)}
+    assert len(passes) == 1
+
+
 def test_a_line_about_a_material_selects_what_wears_it(layers):
     worn = layers.objects["Cube"]
     assert remarks.users(layers, worn.active_material.name) == [worn]

@@ -9,7 +9,8 @@ import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import progress as cycles_progress
-from bl_ext.user_default.renderformer_v2.rf2_engine.progress import costs, estimate, memory, status_line
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import estimate, memory, status_line
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress.stages import FIRST_HITS, REFERENCE
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
 from tests.rf2_engine.f12 import cube, press_f12
@@ -49,25 +50,23 @@ def test_every_frame_of_an_animation_begins_at_nothing(scene, tmp_path, bar):
     scene.frame_start, scene.frame_end, scene.render.filepath = 1, 2, str(tmp_path / "frame_")
     bpy.ops.render.render(animation=True, scene=scene.name)
     starts = [i for i, (_, text, _) in enumerate(bar)
-              if text == "Converting the scene" and (i == 0 or bar[i - 1][2] > 0.999)]
+              if text == "Converting the scene" and (i == 0 or bar[i - 1][2] > 0.99)]
     assert len(starts) == 2 and all(bar[i][2] < 0.5 for i in starts)
 
 
 def test_a_stage_that_takes_longer_than_expected_stops_the_bar_short_of_its_end():
-    costs.learn("First hits", 1, 0.01)
     frame = estimate.Frame()
-    frame.begin_layer(1, {"First hits": 1})
-    frame.begin_stage("First hits")
+    frame.begin_layer(1, {FIRST_HITS: 0.01})
+    frame.begin_stage(FIRST_HITS)
     frame.stage_begin -= 10
     frame.begin -= 10
     assert 1 < frame.remaining(0.0) < 10 and frame.bar < 0.95
 
 
 def test_a_stage_at_one_pace_is_judged_by_it_whatever_it_took_before():
-    costs.learn("Cycles Reference", 1, 1000.0)
     frame = estimate.Frame()
-    frame.begin_layer(1, {"Cycles Reference": 1})
-    frame.begin_stage("Cycles Reference")
+    frame.begin_layer(1, {REFERENCE: 1000.0})
+    frame.begin_stage(REFERENCE)
     frame.stage_begin -= 5
     assert frame.remaining(0.25, even=True) == pytest.approx(15, rel=0.1)
     frame.stage_begin -= 5

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The network's part of a view layer: the light that is added to what Cycles has seen, once or for every sample."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...model import progress
+from ...model.guided.silhouettes import blended
+from ...model.lobes import Lobes, MeanLobes
+from ...model.presets import BUNDLED
+from ...model.scene import Guides, RenderScene, View
+from ..convert.camera.lens import Lens
+from ..progress.stages import CONVERT, EDGES, ENCODE, LOAD, VIEW
+from . import model_cache, shutter
+from .hits import Hits, sample_hits
+from .layer import Layer
+from .output import SHINING
+
+
+@dataclass
+class Picture:
+    """A view layer as far as it is rendered; `tokens` are those of its last scene."""
+
+    combined: np.ndarray  # (H, W, 4)
+    guides: Guides
+    lobes: Lobes
+    tokens: int = 0
+
+    @classmethod
+    def dark(cls, hits: Hits, exposure: float) -> Picture:
+        """Before the network has added anything."""
+        black = np.zeros((*hits.guides.alpha.shape, 3), np.float32)
+        return cls(hits.combined(black, exposure), hits.guides, Lobes(black))
+
+
+class Network:
+    """Of one view layer. It is given back with this object, but for what model_cache keeps."""
+
+    def __init__(self, layer: Layer, scene: RenderScene) -> None:
+        """Weights other than the bundled ones are loaded now: wrong ones are found before Cycles works for nothing."""
+        self._layer, self._scene, self._renderer = layer, scene, None
+        self._has_content = bool(len(scene) or scene.volumes)
+        if self._has_content and layer.settings.weights != BUNDLED:
+            self.load()
+        model_cache.begin_import()  # while Cycles works, which leaves Python alone
+
+    def load(self) -> None:
+        """To be called before it works; PyTorch was imported meanwhile."""
+        if self._renderer is None:
+            settings = self._layer.settings
+            with self._layer.plan.enter(LOAD):
+                self._renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
+
+    def has_work(self, guides: Guides) -> bool:
+        """Whether anything is seen that it could light."""
+        return self._has_content and bool(guides.alpha.any() or guides.transmission_color.any())
+
+    def sharp(self, view: View, hits: Hits) -> Picture:
+        """The picture as a pinhole sees it."""
+        settings, guides = self._layer.settings, hits.guides
+        encoded = self._encoded(view)
+        lobes = self._lobes(encoded, view, guides, hits.passes["normal"])
+        picture = Picture(hits.combined(lobes.radiance, settings.exposure), guides, lobes, encoded.tokens)
+        smooth = settings.guided and guides.traced is not None and hits.catch is None
+        return self._antialiased(encoded, picture) if smooth else picture
+
+    def blurred(self, hits: Hits, show: Callable[[Lobes], None]) -> Picture:
+        """The picture with the network's light as the mean of the samples of the optics.
+
+        Nothing is computed twice: without a change in the scene but for the camera it stays encoded, and where nothing
+        changes at all the sample before counts again. `hits` are those of the blurred picture, as Cycles gives them;
+        what there is so far is given to `show`, for every session of Cycles puts something else on screen.
+        """
+        layer, mean, encoded = self._layer, MeanLobes(), None
+        optics, status = layer.optics, layer.status
+        points = Lens.of(layer.depsgraph).points(optics.lens) if optics.lens > 1 else None
+        with shutter.clock(layer.engine, layer.depsgraph) as move_to:
+            for number, frame in enumerate(optics.frames(layer.depsgraph)):
+                status.sample = f"Sample {number + 1} of {optics.samples}"
+                progress.report()
+                moved = move_to(frame)
+                if "scene" in moved:
+                    with layer.plan.enter(CONVERT):
+                        self._scene, encoded = layer.scene(), None
+                if number == 0 or moved or points is not None:
+                    point = points[number] if points is not None else None
+                    view, guides, normal = sample_hits(layer, self._scene, point)
+                    encoded = encoded or self._encoded(view)
+                    lobes = self._lobes(encoded, view, guides, normal)
+                mean.add(lobes, guides)
+                show(mean.under(hits.guides))
+        status.sample = ""
+        lobes = mean.under(hits.guides)
+        return Picture(hits.combined(lobes.radiance, layer.settings.exposure), hits.guides, lobes, encoded.tokens)
+
+    def _encoded(self, view: View):
+        """The scene after stage 1, for this view and others of the same size."""
+        with self._layer.plan.enter(ENCODE):
+            return model_cache.encoded(self._renderer, self._scene, view.longer_side)
+
+    def _lobes(self, encoded, view: View, guides: Guides, normal: np.ndarray) -> Lobes:
+        """The network's light of one view; `normal` is the pass of its first hits."""
+        layer = self._layer
+        guided = layer.settings.guided
+        with layer.plan.enter(VIEW):
+            with progress.part(0.0, 0.9):
+                lobes = encoded.lobes(view, guides, layer.lit) if guided else Lobes(encoded.view(view, guides))
+            if guided:
+                with progress.part(0.9, 1.0, "Blending edges"):
+                    lobes = blended(lobes, guides, normal)
+        return lobes
+
+    def _antialiased(self, encoded, picture: Picture) -> Picture:
+        """The same with smooth edges: the picture, the light in it, and what is seen to shine."""
+        guides, lobes = picture.guides, picture.lobes
+        rough = {"combined": picture.combined, "radiance": lobes.radiance} | {
+            key: getattr(guides, key) for key in SHINING}
+        with self._layer.plan.enter(EDGES):
+            smooth = encoded.antialiased(rough, lobes, guides, self._layer.settings.guide_samples)
+        shining = {key: smooth[key] for key in SHINING}
+        return Picture(smooth["combined"], replace(guides, **shining), lobes.scaled_to(smooth["radiance"]),
+                       picture.tokens)

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The list of a frame's stages, and what each has to do."""
+from __future__ import annotations
+
+import bpy
+
+from ..cycles.session import Light
+from ..progress import stages
+from ..progress.stages import Stage, Work
+from ..settings import FrameSettings
+from . import model_cache
+from .optics import Optics
+from .rectangle import Border
+
+
+def layers(scene: bpy.types.Scene) -> int:
+    """How many view layers this frame renders."""
+    return 1 if scene.render.use_single_layer else sum(layer.use for layer in scene.view_layers)
+
+
+def work(width: int, height: int, part: Border | None, settings: FrameSettings, optics: Optics,
+         lit: bool) -> dict[Stage, Work]:
+    """What the stages of one view layer have to do, in their units. `lit`: the light of each lobe is wanted."""
+    x0, x1, y0, y1 = part or (0, width, 0, height)
+    pixels = (x1 - x0) * (y1 - y0)
+    rays, samples = pixels * settings.guide_samples, optics.samples
+    smooth = settings.guided and settings.light is Light.TRACED and not (optics or optics.catchers)
+    return {stages.CONVERT: Work(1, optics.scenes),
+            stages.LOAD: Work(1, not model_cache.is_loaded()),
+            stages.ALPHA: Work(rays * samples, optics.holes),
+            stages.CATCHERS: Work(rays * samples, 2 * optics.catchers),
+            stages.FIRST_HITS: Work(rays * samples),
+            stages.SAMPLE_HITS: Work(rays, samples if optics else 0),
+            stages.ENCODE: Work(settings.token_budget, optics.shutter),
+            stages.VIEW: Work(pixels, samples),
+            stages.EDGES: Work(pixels, smooth),
+            stages.DIVIDE: Work(pixels, lit),
+            stages.WRITE: Work(pixels),
+            stages.REFERENCE: Work(pixels * settings.reference.samples if settings.reference else 0)}
