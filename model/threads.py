@@ -21,7 +21,7 @@ _CHOSEN_BY_USER = (*_SLEEP, "GOMP_SPINCOUNT")
 _GRAIN = 1 << 15  # elements of a tensor that PyTorch does not share between threads
 
 _ours = False
-_alone = threading.local()  # has `yes` on threads whose work is already shared
+_this = threading.local()  # has `workers`, how many threads may share this one's work, where that is known
 
 
 def sleep_while_waiting() -> None:
@@ -73,7 +73,7 @@ def shared(function: Callable, *tensors: Sequence) -> list:
 
     def begin():
         torch.set_num_threads(1)
-        _alone.yes = True
+        _work_alone()
 
     try:
         return _pooled(one, rows, workers, begin)
@@ -89,13 +89,28 @@ def spread(function: Callable, rows: Sequence[tuple]) -> list:
     workers = _team_size()
     if workers == 1 or len(rows) < 2:
         return [function(*row) for row in _reported(rows)]
-    return _pooled(lambda row: function(*row), rows, workers, lambda: setattr(_alone, "yes", True))
+    return _pooled(lambda row: function(*row), rows, workers, _work_alone)
+
+
+def _work_alone() -> None:
+    _this.workers = 1
+
+
+@contextmanager
+def limited(count: int):
+    """Inside, `spread` shares this thread's work between `count` threads at most; 0 sets no limit."""
+    before = getattr(_this, "workers", 0)
+    _this.workers = count
+    try:
+        yield
+    finally:
+        _this.workers = before
 
 
 def _team_size() -> int:
-    """Of this thread: PyTorch's, without importing it."""
-    if getattr(_alone, "yes", False):
-        return 1
+    """How many threads this one's work is shared between; as many as PyTorch has where nothing else is said."""
+    if getattr(_this, "workers", 0):
+        return _this.workers
     torch = sys.modules.get("torch")
     return torch.get_num_threads() if hasattr(torch, "get_num_threads") else os.cpu_count() or 1
 

@@ -66,8 +66,8 @@ def first_hits(layer: Layer, scene: RenderScene, view: View, passes: dict[str, n
         return Hits(rendered, guides, opacity, catch)
 
 
-def sample_hits(layer: Layer, scene: RenderScene, point: np.ndarray | None) -> tuple[View, Guides, np.ndarray]:
-    """A view from a point of the lens, or from its middle, its guides, and the normals of its first hits."""
+def sample_hits(layer: Layer, scene: RenderScene, point: np.ndarray | None) -> tuple[View, Guides]:
+    """A view from a point of the lens, or from its middle, and its guides."""
     view, look = layer.view(), PINHOLE
     if point is not None:
         lens = Lens.of(layer.depsgraph)
@@ -75,7 +75,7 @@ def sample_hits(layer: Layer, scene: RenderScene, point: np.ndarray | None) -> t
     with layer.plan.enter(SAMPLE_HITS):
         rendered = _session(layer, scene, look, layer.settings.guide_samples)
         with progress.part(CYCLES_SHARE, 1.0):
-            return view, _guides(layer, rendered, scene, view), rendered["normal"]
+            return view, _guides(layer, rendered, scene, view)
 
 
 def _session(layer: Layer, scene: RenderScene, look: Look, samples: int) -> dict[str, np.ndarray]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...model import progress
-from ...model.guided.silhouettes import blended
 from ...model.lobes import Lobes, MeanLobes
 from ...model.presets import BUNDLED
 from ...model.scene import Guides, RenderScene, View
@@ -62,7 +61,7 @@ class Network:
         """The picture as a pinhole sees it."""
         settings, guides = self._layer.settings, hits.guides
         encoded = self._encoded(view)
-        lobes = self._lobes(encoded, view, guides, hits.passes["normal"])
+        lobes = self._lobes(encoded, view, guides)
         picture = Picture(hits.combined(lobes.radiance, settings.exposure), guides, lobes, encoded.tokens)
         smooth = settings.guided and guides.traced is not None and hits.catch is None
         return self._antialiased(encoded, picture) if smooth else picture
@@ -87,9 +86,9 @@ class Network:
                         self._scene, encoded = layer.scene(), None
                 if number == 0 or moved or points is not None:
                     point = points[number] if points is not None else None
-                    view, guides, normal = sample_hits(layer, self._scene, point)
+                    view, guides = sample_hits(layer, self._scene, point)
                     encoded = encoded or self._encoded(view)
-                    lobes = self._lobes(encoded, view, guides, normal)
+                    lobes = self._lobes(encoded, view, guides)
                 mean.add(lobes, guides)
                 show(mean.under(hits.guides))
         status.sample = ""
@@ -101,17 +100,12 @@ class Network:
         with self._layer.plan.enter(ENCODE):
             return model_cache.encoded(self._renderer, self._scene, view.longer_side)
 
-    def _lobes(self, encoded, view: View, guides: Guides, normal: np.ndarray) -> Lobes:
-        """The network's light of one view; `normal` is the pass of its first hits."""
+    def _lobes(self, encoded, view: View, guides: Guides) -> Lobes:
+        """The network's light of one view."""
         layer = self._layer
-        guided = layer.settings.guided
         with layer.plan.enter(VIEW):
-            with progress.part(0.0, 0.9):
-                lobes = encoded.lobes(view, guides, layer.lit) if guided else Lobes(encoded.view(view, guides))
-            if guided:
-                with progress.part(0.9, 1.0, "Blending edges"):
-                    lobes = blended(lobes, guides, normal)
-        return lobes
+            return encoded.lobes(view, guides, layer.lit) if layer.settings.guided else Lobes(
+                encoded.view(view, guides))
 
     def _antialiased(self, encoded, picture: Picture) -> Picture:
         """The same with smooth edges: the picture, the light in it, and what is seen to shine."""

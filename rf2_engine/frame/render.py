@@ -59,11 +59,12 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     settings = layer.settings
     if settings.weights != BUNDLED:
         model_cache.begin_import()
-    with layer.plan.enter(CONVERT):
-        view = layer.view()                                                         # 2. Camera
-        scene = layer.scene()                                                       # 3. Scene
-    layer.plan.has_triangles(len(scene))
-    passes, tokens = _passes(layer, view, scene)                                    # 4. to 7.
+    with threads.limited(settings.threads):
+        with layer.plan.enter(CONVERT):
+            view = layer.view()                                                     # 2. Camera
+            scene = layer.scene()                                                   # 3. Scene
+        layer.plan.has_triangles(len(scene))
+        passes, tokens = _passes(layer, view, scene)                                # 4. to 7.
     with layer.plan.enter(WRITE):
         output.write(engine, layer.name, passes)
     beside = Report()

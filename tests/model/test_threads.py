@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from renderformer_v2.model import progress
+from renderformer_v2.model import progress, threads
 from renderformer_v2.model.errors import RenderCancelled
 from renderformer_v2.model.threads import shared, team
 
@@ -144,3 +144,22 @@ def test_esc_ends_the_rows_that_have_not_begun(two_threads):
 def test_what_a_shared_row_raises_comes_out(two_threads):
     with pytest.raises(ZeroDivisionError):
         shared(lambda row: 1 / int(row), torch.arange(3).split(1))
+
+
+def test_work_without_pytorch_is_spread_over_as_many_threads_as_there_may_be():
+    def name(row: int) -> tuple[int, str]:
+        done.wait(timeout=5)  # so that no thread takes two rows
+        return row, threading.current_thread().name
+
+    for most in (1, 3):
+        done = threading.Barrier(most)
+        with threads.limited(most):
+            rows, names = zip(*threads.spread(name, [(i,) for i in range(3)]), strict=True)
+        assert rows == (0, 1, 2) and len(set(names)) == most
+
+
+def test_work_on_a_thread_that_shares_it_is_not_shared_again():
+    with threads.limited(2):
+        inner = threads.spread(lambda i: threads.spread(lambda j: threading.current_thread().name, [(0,), (1,)]),
+                               [(0,), (1,)])
+    assert all(a == b for a, b in inner)
