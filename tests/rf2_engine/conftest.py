@@ -11,9 +11,8 @@ import pytest
 
 import addon_utils  # bpy puts it on the path
 
+from tests.rf2_engine.installed import PACKAGE
 from tools.build import build
-
-PACKAGE = "bl_ext.user_default.renderformer_v2"
 
 
 def _install() -> None:

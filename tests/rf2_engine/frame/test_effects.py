@@ -10,8 +10,8 @@ import addon_utils
 
 from examples import effects
 from renderformer_v2.model.metrics import closeness
-from tests.rf2_engine.conftest import PACKAGE
 from tests.rf2_engine.f12 import press_f12
+from tests.rf2_engine.installed import PACKAGE
 
 SIZE = 64
 

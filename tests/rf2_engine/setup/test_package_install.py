@@ -19,7 +19,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
     wheels,
 )
 
-from tests.rf2_engine.conftest import PACKAGE
+from tests.rf2_engine.installed import PACKAGE
 from tests.rf2_engine.setup.index import Index, wheel
 
 NAMES = {"tiny_one": "tiny-one", "tiny_two": "tiny-two"}

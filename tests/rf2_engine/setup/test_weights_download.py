@@ -20,7 +20,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
 )
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup.weights_download import Download
 
-from tests.rf2_engine.conftest import PACKAGE
+from tests.rf2_engine.installed import PACKAGE
 from tests.rf2_engine.setup.hub import BUNDLE, LARGE, REVISION, VAE, Hub
 
 WANTED = 16  # files: 14 of the bundle, 2 of the VAE
