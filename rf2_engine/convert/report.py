@@ -2,6 +2,7 @@
 """What the conversion of a scene approximated, skipped or refused, and why."""
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -9,17 +10,47 @@ import numpy as np
 from ...model.color import HALF_MAX
 
 AS_GOOD_AS_INFINITE = 1e15  # squares of what is beyond do not fit into float32
+SOME = 3                    # names in a sentence
+_NUMBER = re.compile(r"\d+")
 
 
 class Remark(NamedTuple):
     """One thing that the picture does not show as it is; as text, a sentence."""
 
-    kind: str     # approximated, skipped or refused
+    kind: str     # approximated, unplaced, skipped or refused
     name: str     # of the data-block
     message: str
 
     def __str__(self) -> str:
         return f"{self.kind} {self.name}: {self.message}"
+
+
+class Group(NamedTuple):
+    """Remarks that say the same of several things, but for numbers; as text, one sentence about all."""
+
+    kind: str
+    message: str  # with "..." for the numbers in which they differ
+    remarks: list[Remark]
+
+    @property
+    def names(self) -> str:
+        """The first few: "Tree, Rock, Leaf and 87 more"."""
+        names = list(dict.fromkeys(remark.name for remark in self.remarks))
+        return ", ".join(names[:SOME]) + (f" and {len(names) - SOME} more" if len(names) > SOME else "")
+
+    def __str__(self) -> str:
+        if len(self.remarks) == 1:
+            return str(self.remarks[0])
+        return f"{self.kind} {len(self.remarks)} ({self.names}): {self.message}"
+
+
+def grouped(remarks: list[Remark]) -> list[Group]:
+    """The remarks in groups, in the order of the first of each."""
+    groups: dict[tuple[str, str], list[Remark]] = {}
+    for remark in remarks:
+        groups.setdefault((remark.kind, _NUMBER.sub("...", remark.message)), []).append(remark)
+    return [Group(kind, alike[0].message if len({remark.message for remark in alike}) == 1 else pattern, alike)
+            for (kind, pattern), alike in groups.items()]
 
 
 class Report:
@@ -31,6 +62,10 @@ class Report:
     def approximated(self, name: str, message: str) -> None:
         """`name` is in the picture, but not exactly as Cycles shows it."""
         self._add("approximated", name, message)
+
+    def unplaced(self, name: str, message: str) -> None:
+        """`name` (or a part of it) is seen, but found no room in the scene that the network is given."""
+        self._add("unplaced", name, message)
 
     def skipped(self, name: str, message: str) -> None:
         """`name` (or a part of it) is missing from the picture."""

@@ -16,7 +16,7 @@ from ...model import presets, progress
 from ...model.errors import RenderCancelled
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
-from ..convert.report import Remark, Report
+from ..convert.report import SOME, Remark, Report
 from ..convert.scene import convert
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible
@@ -30,7 +30,6 @@ from .optics import Optics
 from .work import layers, work
 
 LONGEST = 10.0  # seconds
-SOME = 3        # names in a sentence
 
 
 @dataclass(frozen=True, eq=False)  # each is its own: panels remember what they have looked up for it

@@ -2,6 +2,8 @@
 """The journey of one F12: Blender calls `render` once for every view layer of every frame."""
 from __future__ import annotations
 
+from collections import Counter
+
 import bpy
 import numpy as np
 
@@ -11,7 +13,7 @@ from ...model.lobes import Lobes
 from ...model.presets import BUNDLED
 from ...model.scene import RenderScene, View
 from .. import passes as pass_table
-from ..convert.report import Report
+from ..convert.report import Report, grouped
 from ..cycles import run as cycles_run
 from ..cycles import session as cycles_session
 from ..progress import last_render
@@ -26,6 +28,9 @@ from .network import Network, Picture
 from .optics import Optics
 from .work import layers
 
+LOST = {"unplaced": "without room within the Triangle Budget (seen, but not by the network)",
+        "skipped": "left out of the picture", "refused": "with data that cannot be used"}
+
 
 def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
     """Render one view layer into `engine`'s result, or say by name what prevents it and leave a frame that shows so."""
@@ -38,13 +43,13 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         with progress.reporting(status), cycles_run.scene_kept(engine, twice):
             done = _render_layer(engine, depsgraph, optics, status, report)
     except RenderCancelled:
-        last_render.last_frame.append(LayerStatistics(name, cancelled=True))
+        last_render.add(LayerStatistics(name, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
             engine.report({"ERROR"}, "RenderFormer-V2 was disabled while it rendered")
     except Exception as error:
         _fail(engine, name, failure.message(error))
     else:
-        last_render.last_frame.append(done)
+        last_render.add(done)
         last_render.stamp(engine)
         _tell(engine, done)
 
@@ -107,15 +112,15 @@ def _passes(layer: Layer, view: View, scene: RenderScene) -> tuple[dict[str, np.
 
 def _tell(engine: bpy.types.RenderEngine, done: LayerStatistics) -> None:
     """Print what the picture lacks; one warning if something is missing from it altogether."""
-    for line in done.report:
-        print(f"RenderFormer-V2: {line}")
-    lost = sum(remark.kind != "approximated" and remark.name != reference.NAME for remark in done.remarks)
-    if lost:
-        engine.report({"WARNING"}, f"{lost} things are not in the picture: see RenderFormer-V2 > Last Render")
+    for group in grouped(done.remarks):
+        print(f"RenderFormer-V2: {group}")
+    kinds = Counter(remark.kind for remark in done.remarks if remark.name != reference.NAME)
+    if lost := ", ".join(f"{kinds[kind]} {words}" for kind, words in LOST.items() if kinds[kind]):
+        engine.report({"WARNING"}, f"{lost}: see RenderFormer-V2 > Last Render")
 
 
 def _fail(engine: bpy.types.RenderEngine, layer: str, message: str) -> None:
-    last_render.last_frame.append(LayerStatistics(layer, error=message))
+    last_render.add(LayerStatistics(layer, error=message))
     output.write_error(engine, layer)
     engine.report({"ERROR"}, message)   # makes scripts stop
     engine.error_set(message)           # shows in the Image Editor

@@ -21,20 +21,20 @@ class RENDERFORMER_PT_report(EnginePanel):
         draw_badges(self.layout, [remark for layer in last_render.last_frame for remark in layer.remarks])
 
     def draw(self, context):
-        column = self.layout.column(align=True)
         if not last_render.last_frame:
-            column.label(text="No render yet")
+            self.layout.label(text="No render yet")
             return
         for i, layer in enumerate(last_render.last_frame):
             if len(last_render.last_frame) > 1:
                 if i:
-                    column.separator()
-                column.label(text=layer.layer, icon="RENDERLAYERS")
-            _draw_statistics(column, layer, context.scene)
+                    self.layout.separator()
+                self.layout.label(text=layer.layer, icon="RENDERLAYERS")
+            _draw_statistics(self.layout, layer, context.scene)
         draw_copy(self.layout, "LAST_RENDER")
 
 
-def _draw_statistics(column, layer: last_render.LayerStatistics, scene: bpy.types.Scene) -> None:
+def _draw_statistics(layout, layer: last_render.LayerStatistics, scene: bpy.types.Scene) -> None:
+    column = layout.column(align=True)
     if layer.cancelled:
         column.label(text="Cancelled", icon="CANCEL")
         return
@@ -44,7 +44,7 @@ def _draw_statistics(column, layer: last_render.LayerStatistics, scene: bpy.type
     column.label(text=f"{layer.triangles} triangles, {layer.tokens} tokens")
     for stage, seconds in layer.seconds.items():
         column.label(text=f"{stage}: {seconds:.2f} s")
-    draw_remarks(column, layer, scene)
+    draw_remarks(layout, layer, scene)
 
 
 register, unregister = classes(RENDERFORMER_PT_report)

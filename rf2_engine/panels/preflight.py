@@ -28,7 +28,7 @@ class RENDERFORMER_PT_preflight(EnginePanel):
             column = self.layout.column(align=True)
             for line in latest.lines:
                 draw_text(column, line, icon="ERROR" if latest.error else "BLANK1")
-            draw_remarks(column, latest, context.scene)
+            draw_remarks(self.layout, latest, context.scene)
             draw_copy(self.layout, "PREFLIGHT")
 
 

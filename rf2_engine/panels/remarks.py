@@ -2,11 +2,12 @@
 """How a report looks in a panel: how much of it there is, a line each, names that select, a copy as text."""
 from __future__ import annotations
 
+import zlib
 from weakref import WeakKeyDictionary
 
 import bpy
 
-from ..convert.report import Remark
+from ..convert.report import Group, Remark, grouped
 from ..frame import preflight
 from ..frame.preflight import Preflight
 from ..progress import last_render
@@ -14,7 +15,7 @@ from ..progress.last_render import LayerStatistics
 from ..registering import classes
 from ..setup.display import draw_text
 
-ICONS = {"approximated": "INFO", "skipped": "ERROR", "refused": "CANCEL"}
+ICONS = {"approximated": "INFO", "unplaced": "MESH_DATA", "skipped": "ERROR", "refused": "CANCEL"}
 
 _selectable: WeakKeyDictionary[LayerStatistics | Preflight, dict[str, frozenset[str]]] = WeakKeyDictionary()
 
@@ -32,17 +33,40 @@ def draw_copy(layout: bpy.types.UILayout, source: str) -> None:
 
 
 def draw_remarks(layout: bpy.types.UILayout, report: LayerStatistics | Preflight, scene: bpy.types.Scene) -> None:
+    """In the full width of a panel. What is said of several things is one line, which opens to all of them."""
     names = selectable(report, scene)
-    for remark in report.remarks:
+    for group in grouped(report.remarks):
+        if len(group.remarks) > 1:
+            _draw_group(layout, group, names)
+            continue
+        (remark,) = group.remarks
         if remark.name in names:
-            row = layout.row()
-            row.alignment = "LEFT"
-            select = row.operator("renderformer_v2.select_reported", text=remark.name, icon="RESTRICT_SELECT_OFF",
-                                  emboss=False)
-            select.name, select.remark = remark.name, str(remark)
+            _draw_select(layout, remark)
             draw_text(layout, f"{remark.kind}: {remark.message}", icon=ICONS[remark.kind])
         else:
             draw_text(layout, str(remark), icon=ICONS[remark.kind])
+
+
+def _draw_group(layout: bpy.types.UILayout, group: Group, names: frozenset[str]) -> None:
+    known_by = zlib.crc32(f"{group.kind} {group.message}".encode())
+    header, body = layout.panel(f"RENDERFORMER_{known_by}", default_closed=True)
+    header.label(text=f"{len(group.remarks)} {group.kind}: {group.message}", icon=ICONS[group.kind])
+    if body is None:
+        draw_text(layout, group.names, icon="BLANK1")
+        return
+    draw_text(body, group.message, icon="BLANK1")
+    for remark in group.remarks:
+        if remark.name in names:
+            _draw_select(body, remark)
+        else:
+            body.label(text=remark.name, icon="DOT")
+
+
+def _draw_select(layout: bpy.types.UILayout, remark: Remark) -> None:
+    row = layout.row()
+    row.alignment = "LEFT"
+    select = row.operator("renderformer_v2.select_reported", text=remark.name, icon="RESTRICT_SELECT_OFF", emboss=False)
+    select.name, select.remark = remark.name, str(remark)
 
 
 def selectable(report: LayerStatistics | Preflight, scene: bpy.types.Scene) -> frozenset[str]:

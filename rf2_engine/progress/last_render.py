@@ -10,6 +10,7 @@ from bpy.app.handlers import persistent
 from ..convert.report import Remark
 from ..registering import handlers
 from ..setup import redraw
+from ..viewport import ENGINE
 from . import estimate, stages
 
 REFERENCE = stages.REFERENCE.text  # the pass has its name too
@@ -79,14 +80,33 @@ def stamp(engine: bpy.types.RenderEngine) -> None:
         result.stamp_data_add_field(f"{REFERENCE} samples", str(max(layer.reference_samples for layer in done)))
 
 
-# The view layers of the last frame, in the order in which they were rendered.
+# The view layers of the last frame of ours, in the order in which they were rendered.
 last_frame: list[LayerStatistics] = []
+_is_over = True  # what is added belongs to another frame
+
+
+def add(layer: LayerStatistics) -> None:
+    """One view layer of the frame that is being rendered is done."""
+    global _is_over
+    if _is_over:
+        last_frame.clear()
+    _is_over = False
+    last_frame.append(layer)
+
+
+@persistent
+def _begin(scene: bpy.types.Scene, *_):
+    """Of a frame of any engine; those of others leave ours, which another slot may still show."""
+    global _is_over
+    _is_over = True
+    estimate.begin_frame()
+    if scene.render.engine == ENGINE:
+        last_frame.clear()
 
 
 @persistent
 def _clear(*_):
     last_frame.clear()
-    estimate.begin_frame()
 
 
 @persistent
@@ -96,7 +116,7 @@ def _show(*_):
 
 
 register, _remove_handlers = handlers(
-    ("render_init", _clear), ("render_pre", _clear),  # a render may fail before its first frame
+    ("render_init", _begin), ("render_pre", _begin),  # a render may fail before its first frame
     ("load_post", _clear),                            # the picture is gone, too
     ("render_complete", _show), ("render_cancel", _show))
 

@@ -25,5 +25,8 @@ class Layout:
         self.operators.append(types.SimpleNamespace())
         return self.operators[-1]
 
+    def panel(self, _, default_closed=False):
+        return self, self  # open
+
     def __getattr__(self, name):
         return lambda *_, **__: self

@@ -171,7 +171,7 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
                 keep = _sampled(part, share, np.count_nonzero(keep))
                 report.approximated(part.name, f"{room}: others, enlarged, stand for them")
             else:
-                report.skipped(part.name, f"{room}: raise the Triangle Budget")
+                report.unplaced(part.name, f"{room}: raise the Triangle Budget")
             part.places = [place for place, k in zip(part.places, keep, strict=True) if k]
         if part.places:
             kept.append((part, share[keep], want))

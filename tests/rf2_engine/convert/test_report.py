@@ -4,6 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report, grouped
+
 NAN, HUGE = float("nan"), 3e38
 
 
@@ -79,6 +81,16 @@ def test_every_difference_has_its_line(scene, converted, add_mesh, add_material,
     assert np.isfinite(found.triangles).all() and np.isfinite(found.emission).all()
     lines = [remark for remark in report.lines() if "Scale" not in remark]
     assert any(remark.startswith(line) for remark in lines) if line else not lines, lines
+
+
+def test_what_is_said_of_several_things_is_one_sentence():
+    report = Report()
+    for i in range(5):
+        report.unplaced(f"Box {i}", f"no room for {i} of its 9 instances")
+    report.skipped("Box 0", "it is scaled to nothing")
+    assert list(map(str, grouped(report.entries))) == [
+        "unplaced 5 (Box 0, Box 1, Box 2 and 2 more): no room for ... of its ... instances",
+        "skipped Box 0: it is scaled to nothing"]
 
 
 def test_a_mesh_beyond_all_numbers_is_left_out_by_name(converted, add_mesh, report):

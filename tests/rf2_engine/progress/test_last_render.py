@@ -104,6 +104,35 @@ def test_the_report_is_counted_copied_printed_and_saved_with_the_picture(layers,
         assert file.header()["RenderFormer-V2 report"].splitlines() == lines
 
 
+def test_many_things_without_room_are_one_line_that_opens_and_every_one_stays_in_the_text(layers, tmp_path, capsys):
+    layers.view_layers["Bare"].use = False
+    for i in range(25):
+        cube(layers, f"Box {i}", location=(i / 20, 0, i / 20))
+    layers.renderformer_v2.token_budget = 256
+    press_f12(layers, tmp_path)
+    lines = last_render.last_frame[0].report
+    lost = [line for line in lines if line.startswith("unplaced Box")]
+    printed = capsys.readouterr().out
+    assert len(lost) > 3 and f"unplaced {len(lost)} (Box" in printed and "Triangle Budget" in printed
+    assert f"and {len(lost) - 3} more" in printed and f"{len(lost)} without room" in printed
+    assert "not in the picture" not in printed
+    opened = shown()
+    assert len([text for text in opened.texts if "no room" in text]) <= 2
+    assert len([o for o in opened.operators if "no room" in getattr(o, "remark", "")]) == len(lost)
+    assert set(lost) <= set(last_render.as_text().splitlines())
+
+
+def test_a_render_of_another_engine_leaves_ours_which_another_slot_shows(layers, tmp_path):
+    press_f12(layers, tmp_path)
+    before = list(last_render.last_frame)
+    layers.render.engine, layers.cycles.samples = "CYCLES", 1
+    press_f12(layers, tmp_path)
+    assert before and last_render.last_frame == before
+    layers.render.engine = "RENDERFORMER_V2"
+    press_f12(layers, tmp_path)
+    assert len(last_render.last_frame) == len(before) and last_render.last_frame[0] is not before[0]
+
+
 def test_another_file_has_no_picture_and_no_report(layers, tmp_path):
     press_f12(layers, tmp_path)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))

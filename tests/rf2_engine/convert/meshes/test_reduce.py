@@ -66,7 +66,7 @@ def test_more_instances_than_budget_keeps_the_largest(converted, add_mesh, repor
         add_mesh(f"t{i}").scale = (i + 1,) * 3
     scene = converted(token_budget=5)
     assert sorted(meshes.longest_edges(scene.triangles) / np.sqrt(2)) == pytest.approx([16, 17, 18, 19, 20])
-    assert len([1 for kind, _, _ in report.entries if kind == "skipped"]) == 15
+    assert len([1 for kind, _, _ in report.entries if kind == "unplaced"]) == 15
 
 
 def test_large_triangles_are_split_and_lights_are_not(converted, add_material):
