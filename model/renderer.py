@@ -22,7 +22,6 @@ import torch
 from torch import Tensor
 
 from .camera import padded_view, place_in
-from .checkpoint import explained
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
 from .lobes import Lobes
@@ -33,6 +32,7 @@ from .progress import report
 from .published.bundle_files import is_bundle
 from .published.pipeline import PublishedPipeline
 from .scene import Guides, RenderScene, View
+from .weights_files import explained
 
 
 class Renderer:

@@ -11,9 +11,10 @@ from torch import nn
 from torch.nn import functional as F
 
 from .. import background
-from ..checkpoint import explained, load_weights, read_json, require
+from ..checkpoint import load_weights
 from ..errors import CheckpointError
 from ..progress import report
+from ..weights_files import explained, read_json, require
 
 BATCH = 256
 BATCH_CPU = 16         # what a processor's caches hold; the batch does not change the result

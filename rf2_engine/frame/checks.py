@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import bpy
 
+from ...model import weights_files
 from ...model.errors import SceneError
+from ...model.presets import weights_folder
 from .. import compat, passes
 from ..convert.report import Report
 from ..cycles.session import Light
@@ -14,7 +16,8 @@ LONGEST_NAME = 63  # bytes of view layer, pass and channel together, of every en
 
 
 def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Report) -> None:
-    """Report what the whole picture lacks. Raises SceneError for what cannot be rendered."""
+    """Report what the whole picture lacks. Raises SceneError and CheckpointError for what cannot be rendered."""
+    weights_files.check(weights_folder(settings.weights))
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     if scene.render.use_multiview:
         raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '

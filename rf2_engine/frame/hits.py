@@ -73,7 +73,7 @@ def sample_hits(layer: Layer, scene: RenderScene, point: np.ndarray | None) -> t
         lens = Lens.of(layer.depsgraph)
         view, look = lens.view(view, point), Look(place=functools.partial(lens.look_from, point))
     with layer.plan.enter(SAMPLE_HITS):
-        rendered = _session(layer, scene, look, layer.settings.guide_samples)
+        rendered = _session(layer, scene, look, layer.optics.rays_of_each(layer.settings.guide_samples))
         with progress.part(CYCLES_SHARE, 1.0):
             return view, _guides(layer, rendered, scene, view)
 

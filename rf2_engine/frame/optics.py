@@ -30,6 +30,10 @@ class Optics:
         """Each is at a place of its own; those of one moment follow each other."""
         return max(self.lens, self.shutter)
 
+    def rays_of_each(self, guide_samples: int) -> int:
+        """Rays of Cycles through a pixel for one of the samples; together they are as many as a sharp picture has."""
+        return -(-guide_samples // self.samples)
+
     @property
     def sessions(self) -> int:
         """How often Cycles runs for the picture."""

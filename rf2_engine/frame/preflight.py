@@ -7,23 +7,25 @@ show something else is said. Nothing can be cancelled while Blender waits for an
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ...model import presets, progress
-from ...model.errors import RenderCancelled
+from ...model.errors import CheckpointError, RenderCancelled
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
 from ..convert.report import SOME, Remark, Report
 from ..convert.scene import convert
+from ..cycles import session as cycles_session
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible
 from ..progress import costs, memory
 from ..progress.stages import CONVERT, ENCODE, Work
 from ..registering import handlers
 from ..settings import FrameSettings
+from ..setup import packages
 from . import checks, failure, model_cache, rectangle
 from .limits import report_limits
 from .optics import Optics
@@ -42,6 +44,8 @@ class Preflight:
     size: tuple[int, int] = (0, 0)
     triangles: int = 0
     tokens: int = 0
+    blur: str = ""                 # what depth of field and motion blur cost
+    state: tuple = ()              # of the settings that it was looked at with: state_of
     seconds: float | None = None   # of all view layers; None: never measured with these settings
     memory: float | None = None    # MiB that Blender will hold; None likewise
     remarks: list[Remark] = field(default_factory=list)
@@ -58,15 +62,33 @@ class Preflight:
             time = f"about {_clock(self.seconds)}, judged by renders on this computer"
         if self.memory is not None:
             memory = f"Blender will hold about {self.memory / 1024:.1f} GB"
+        blur = [self.blur] if self.blur else []
         return [f"{several}: {width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens",
-                f"Time: {time}", f"Memory: {memory}"]
+                f"Time: {time}", *blur, f"Memory: {memory}"]
 
 
 def _clock(seconds: float) -> str:
-    return f"{seconds:.1f} s" if seconds < 10 else f"{round(seconds) // 60}:{round(seconds) % 60:02} min"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{seconds:.1f} s" if seconds < 10 else f"{whole} s"
+    return f"{whole // 60}:{whole % 60:02} min"
 
 
 last: dict[str, Preflight] = {}  # by scene
+
+
+def state_of(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple:
+    """Whatever of the settings decides what `run` finds, the frame included; the objects of the scene are not in it."""
+    ours, blenders, camera = scene.renderformer_v2, scene.render, scene.camera
+    try:
+        chosen = FrameSettings.of(scene, layer)
+    except CheckpointError as error:
+        chosen = str(error)
+    width, height = rectangle.size(blenders)
+    lens = (camera.data.type, camera.data.dof.use_dof) if camera and camera.type == "CAMERA" else None
+    return (chosen, ours.device, width, height, rectangle.border(width, height, blenders), scene.frame_current,
+            blenders.use_motion_blur, blenders.use_multiview, ours.lens_samples, ours.shutter_samples, lens,
+            layers(scene), pass_table.of_view_layer(layer, pass_table.LIGHTING, scene))
 
 
 def as_text(scene: bpy.types.Scene) -> str:
@@ -77,6 +99,7 @@ def as_text(scene: bpy.types.Scene) -> str:
 def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Preflight:
     """Look at the view layer of a depsgraph; whatever goes wrong is in the answer, as the render would say it."""
     begin, report, layer = time.perf_counter(), Report(), depsgraph.view_layer_eval.name
+    state = state_of(depsgraph.scene, depsgraph.view_layer)
 
     def in_time(text: str, fraction: float) -> None:
         if time.perf_counter() - begin > LONGEST:
@@ -85,16 +108,18 @@ def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Prefligh
 
     try:
         with progress.reporting(in_time):
-            return _look(depsgraph, layer, report, begin)
+            return replace(_look(depsgraph, layer, report, begin), state=state)
     except RenderCancelled:
-        return Preflight(layer, error=f"This scene takes longer than {LONGEST:.0f} s to convert: only a render knows "
-                                      "all of it. Found so far:", remarks=report.entries)
+        return Preflight(layer, state=state, remarks=report.entries, error="This scene takes longer than "
+                         f"{LONGEST:.0f} s to convert: only a render knows all of it. Found so far:")
     except Exception as error:
-        return Preflight(layer, error=failure.message(error), remarks=report.entries)
+        return Preflight(layer, state=state, error=failure.message(error), remarks=report.entries)
 
 
 def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: float) -> Preflight:
     scene = depsgraph.scene_eval
+    packages.require()
+    cycles_session.require()
     settings, blenders = FrameSettings.of(scene, depsgraph.view_layer_eval), scene.render
     checks.check(depsgraph, settings, report)
     report_limits(depsgraph, report)
@@ -112,13 +137,25 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     to_do = work(width, height, border, settings, optics, lit) | {
         CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter)}
     others = costs.measured_seconds(to_do, settings.setup)
+    sharp = costs.measured_seconds(work(width, height, border, settings, replace(optics, lens=1, shutter=1), lit),
+                                   settings.setup)
     added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(converted))
     lights, cells = int(converted.is_light.sum()), len(converted.volumes or ())
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
     return Preflight(layer, count, size=(view.width, view.height), triangles=len(converted),
                      tokens=config.sequence_length(lights, len(converted) - lights + cells),
+                     blur=_blur(optics, others, sharp),
                      seconds=None if others is None else count * (converting + others),
                      memory=None if added is None else memory.held()[0] + added, remarks=report.entries)
+
+
+def _blur(optics: Optics, seconds: float | None, sharp: float | None) -> str:
+    """What depth of field and motion blur cost; "" without them."""
+    if optics.samples == 1:
+        return ""
+    kinds = [name for name, count in (("depth of field", optics.lens), ("motion blur", optics.shutter)) if count > 1]
+    times = f", about {seconds / sharp:.1f} times as long as without" if seconds and sharp else ""
+    return f"{' and '.join(kinds).capitalize()}: {optics.samples} pictures by the network for one{times}"
 
 
 def _report_differences(depsgraph: bpy.types.Depsgraph, report: Report) -> None:

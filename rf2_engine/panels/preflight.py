@@ -26,6 +26,9 @@ class RENDERFORMER_PT_preflight(EnginePanel):
         self.layout.operator("renderformer_v2.preflight", icon="VIEWZOOM")
         if latest := preflight.last.get(context.scene.name):
             column = self.layout.column(align=True)
+            if latest.state != preflight.state_of(context.scene, context.scene.view_layers.get(latest.layer)
+                                                  or context.view_layer):
+                draw_text(column, "The settings have changed since: look again")
             for line in latest.lines:
                 draw_text(column, line, icon="ERROR" if latest.error else "BLANK1")
             draw_remarks(self.layout, latest, context.scene)

@@ -2,6 +2,10 @@
 """Render Properties: the engine's settings, film, blur, performance."""
 from __future__ import annotations
 
+from pathlib import Path
+
+from ...model import weights_files
+from ...model.errors import CheckpointError
 from ..frame import model_cache
 from ..registering import classes
 from ..setup import package_panel, packages, published_weights
@@ -27,6 +31,8 @@ class RENDERFORMER_PT_settings(EnginePanel):
         column.prop(settings, "weights_source")
         if settings.weights_source == "FOLDER":
             column.prop(settings, "weights_folder")
+            if problem := _problem_of_folder(settings):
+                draw_text(layout, problem)
         elif settings.weights_source == "PUBLISHED":
             _draw_published(layout)
         column.prop(settings, "device")
@@ -38,6 +44,15 @@ class RENDERFORMER_PT_settings(EnginePanel):
         numbers.prop(settings, "max_edge")
         numbers.prop(settings, "guide_samples")
         layout.prop(settings, "bake_unknown")
+
+
+def _problem_of_folder(settings) -> str:
+    """Why a render will refuse the chosen folder, as far as that is seen at a glance; or ""."""
+    try:
+        weights_files.check(Path(settings.weights()))
+    except CheckpointError as error:
+        return str(error)
+    return ""
 
 
 def _draw_published(layout) -> None:

@@ -69,6 +69,7 @@ class Status:
             follower.join()
             self._has_line = False
             status_line.show("")
+            self._show_memory()  # Cycles' own is what it shows in the end, even when it was stopped
 
     def __call__(self, text: str, fraction: float) -> None:
         """Raises RenderCancelled after Esc, or when the add-on is being disabled."""
@@ -78,12 +79,15 @@ class Status:
         if text != self._shown[0] or now - self._shown[1] > REDRAW_INTERVAL:
             self._shown = text, now
             left = estimate.frame.remaining(min(max(fraction, 0.0), 1.0))
-            used, peak = memory.held()
-            self._most = max(self._most, used)
-            self.engine.update_memory_stats(memory_used=used, memory_peak=peak)
+            self._show_memory()
             words = ("" if self._has_line else f"Remaining {_time(left)}", self.sample, text)
             self.engine.update_stats(self._layer, " | ".join(filter(None, words)))
             self.engine.update_progress(estimate.frame.bar)
+
+    def _show_memory(self) -> None:
+        used, peak = memory.held()
+        self._most = max(self._most, used)
+        self.engine.update_memory_stats(memory_used=used, memory_peak=peak)
 
     @property
     def memory_added(self) -> float:
@@ -97,7 +101,9 @@ class Status:
 
 
 def _line(words: str, fraction: float, left: float) -> str:
-    return f"{words.format(f'{int(100 * fraction)} %')}, {_time(left)} left"
+    """Without a percentage while nothing was heard: through smoke the first samples take most of the time."""
+    percent = f"{int(100 * fraction)} %" if fraction else ""
+    return f"{words.format(percent).rstrip()}, {_time(left)} left"
 
 
 def _time(seconds: float) -> str:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A line of ours in the Image Editors that show a render, below Blender's, which is Cycles' while that runs.
+"""A line of ours in the Image Editors that show a render, in place of Blender's, which is Cycles' while that runs.
 
-Blender's own must not be set by two threads at once, so while Cycles sets it ours is drawn.
+Blender's own must not be set by two threads at once, and what Cycles says there is of one of its runs alone, so while
+Cycles sets it ours is drawn over it.
 """
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ import bpy
 SIZE = 11                    # of text, in pixels at an interface scale of 1
 HEIGHT = 22                  # of a line
 LEFT = 13
-SHADE = (0.0, 0.0, 0.0, 0.5)
+SHADE = (0.12, 0.12, 0.12, 1.0)
 
 _text = ""
 _handles: list = []
@@ -33,7 +34,7 @@ def _draw() -> None:
     area, region, unit = bpy.context.area, bpy.context.region, bpy.context.preferences.system.ui_scale
     over = sum(r.height for r in area.regions if r.type in ("HEADER", "TOOL_HEADER") and r.height > 1 and
                r.y < region.y + region.height and r.alignment == "TOP")
-    top = region.height - over - HEIGHT * unit
+    top = region.height - over
     bottom = top - HEIGHT * unit
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     gpu.state.blend_set("ALPHA")

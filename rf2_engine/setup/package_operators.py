@@ -9,17 +9,6 @@ from . import package_install, package_panel, packages, redraw, wheels
 from .display import amount, draw_text, free_space
 
 
-def refusal() -> str:
-    """Why nothing can be installed now, or ""."""
-    if message := packages.offline():
-        return message
-    if packages.folder() is None:
-        return "The add-on runs from its source folder: install the packages into this Python"
-    if package_install.is_running():
-        return "The packages are being installed"
-    return "A render is running" if bpy.app.is_job_running("RENDER") else ""
-
-
 class _Install:
     """Asks first; then a process works while Blender goes on. wanted() gives the wheels, or raises wheels.NoWheel."""
 
@@ -27,7 +16,7 @@ class _Install:
 
     @classmethod
     def poll(cls, context):
-        if message := refusal():
+        if message := packages.refusal():
             cls.poll_message_set(message)
         return not message
 

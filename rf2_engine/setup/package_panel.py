@@ -23,7 +23,14 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
         draw_text(layout, installation.error)
     if missing := packages.missing(group):
         draw_text(layout, f"Missing Python packages: {', '.join(missing)}")
+        if "fast_simplification" in missing and not set(missing) & set(packages.NETWORK):
+            draw_text(layout, "Scenes whose meshes fit into the Triangle Budget render without it", icon="INFO")
+        if problem := packages.unavailable(missing):
+            draw_text(layout, problem)
+            return
         layout.operator("renderformer_v2.install_packages", icon="IMPORT").published = published
+        if reason := packages.refusal():
+            draw_text(layout, reason, icon="INFO")
     elif problem := packages.too_old() or importing.failure():
         draw_text(layout, problem)
     elif installation and installation.state == "done" and installation.was_loaded:

@@ -181,12 +181,34 @@ def other_build() -> str:
         return ""
 
 
+def refusal() -> str:
+    """Why nothing can be installed now, or ""."""
+    if message := offline():
+        return message
+    if folder() is None:
+        return "The add-on runs from its source folder: install the packages into this Python"
+    if package_install.is_running():
+        return "The packages are being installed"
+    return "A render is running" if bpy.app.is_job_running("RENDER") else ""
+
+
+def unavailable(names: Iterable[str]) -> str:
+    """Why these packages can never be installed into this Python, and what to do; or ""."""
+    try:
+        wanted(names)
+    except wheels.NoWheel as error:
+        return str(error)
+    return ""
+
+
 def require() -> None:
     """Raises MissingPackages when the network cannot run."""
     if problem := too_old():
         raise MissingPackages(problem)
     names = [name for name in missing() if name in NETWORK]
     if names:
+        if problem := unavailable(names):
+            raise MissingPackages(problem)
         raise MissingPackages(
             f"Python packages are missing or incomplete: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > "
             f"Install Packages (PyTorch is a large download), or install them into Blender's Python: {sys.executable} "

@@ -46,8 +46,11 @@ def needed(distribution: str, build: str = "CUDA") -> list[Wheel]:
     wheels = [_wheel(name) for name in pins()["needs"][distribution]]
     own = next((wheel for wheel in wheels if wheel and wheel.name == distribution.partition("+")[0]), None)
     if own is None:
-        raise NoWheel(f"{distribution} is not made for {platform.system()} {platform.machine()} with Python "
-                      f"{platform.python_version()}")
+        python = f"{sys.version_info.major}.{sys.version_info.minor}"
+        version, name = pins()["wheels"][distribution]["version"], distribution.partition("+")[0]
+        raise NoWheel(f"{name} {version} is not made for Python {python} on {platform.system()} {platform.machine()}: "
+                      f"use a Blender from blender.org, which brings a Python that it is made for, or install {name} "
+                      "into this Python yourself")
     return [wheel for wheel in wheels if wheel]
 
 

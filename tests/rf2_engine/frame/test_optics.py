@@ -6,6 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, model_cache, shutter
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.optics import Optics
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
@@ -184,9 +185,22 @@ def test_esc_between_samples_leaves_no_picture_and_the_frame_where_it_was(blurry
     assert not found["ViewLayer.Combined"].any() and found["ViewLayer.Normal"].any()
 
 
-def test_blur_is_off_at_first_and_reported_where_the_scene_wants_it(blurry, tmp_path):
+def test_the_switches_of_camera_and_scene_are_followed(blurry, tmp_path, seen):
+    blurry.renderformer_v2.property_unset("lens_samples")
+    blurry.camera.data.dof.use_dof = blurry.render.use_motion_blur = True
+    press_f12(blurry, tmp_path)
+    assert len(seen["samples"]) == 2
+    assert not any("left out" in line for line in last_render.last_frame[0].report)
+
+
+def test_all_samples_together_have_as_many_rays_as_a_sharp_picture():
+    assert [Optics(lens=lens).rays_of_each(8) for lens in (1, 2, 3, 16)] == [8, 4, 3, 1]
+
+
+def test_blur_of_one_sample_is_reported_where_the_scene_wants_it(blurry, tmp_path):
     focused(blurry, 2)
-    blurry.render.use_motion_blur, blurry.renderformer_v2.lens_samples = True, 1
+    blurry.render.use_motion_blur = True
+    blurry.renderformer_v2.lens_samples = blurry.renderformer_v2.shutter_samples = 1
     press_f12(blurry, tmp_path)
     report = last_render.last_frame[0].report
     assert any("Camera" in line and "Lens Samples" in line for line in report)

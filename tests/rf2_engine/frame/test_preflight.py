@@ -113,6 +113,44 @@ def test_what_a_render_would_refuse_is_said(scene):
     assert "Perspective" in found.error and any("Perspective" in text for text in drawn().texts)
 
 
+def test_a_folder_without_weights_is_refused_as_by_a_render(scene, tmp_path):
+    cube(scene)
+    (tmp_path / "empty").mkdir()
+    scene.renderformer_v2.weights_source, scene.renderformer_v2.weights_folder = "FOLDER", str(tmp_path / "empty")
+    found = look(scene)
+    with pytest.raises(RuntimeError) as refused:
+        bpy.ops.render.render(scene=scene.name)
+    assert "holds no weights" in found.error and found.error in str(refused.value)
+
+
+def test_what_was_found_is_out_of_date_when_the_settings_change(scene):
+    cube(scene)
+    look(scene)
+    assert not any("changed" in text for text in drawn().texts)
+    for owner, name, value in ((scene.renderformer_v2, "token_budget", 512), (scene.render, "resolution_x", 64),
+                               (scene.view_layers[0], "use_pass_diffuse_direct", True)):
+        setattr(owner, name, value)
+        assert any("changed" in text for text in drawn().texts), name
+        look(scene)
+        assert not any("changed" in text for text in drawn().texts), name
+
+
+def test_the_cost_of_blur_is_said(scene, tmp_path):
+    cube(scene)
+    assert "blur" not in " ".join(look(scene).lines)
+    press_f12(scene, tmp_path)
+    scene.render.use_motion_blur = scene.camera.data.dof.use_dof = True
+    assert "Depth of field and motion blur: 2 pictures" in " ".join(look(scene).lines)
+    press_f12(scene, tmp_path)
+    assert "times as long" in " ".join(look(scene).lines)
+
+
+@pytest.mark.parametrize("seconds, words", [(0.04, "0.0 s"), (9.4, "9.4 s"), (19.2, "19 s"), (59.7, "1:00 min"),
+                                            (125, "2:05 min")])
+def test_less_than_a_minute_is_told_in_seconds(seconds, words):
+    assert f"about {words}, " in " ".join(preflight.Preflight("Layer", seconds=seconds).lines)
+
+
 def test_it_never_takes_long(scene, monkeypatch):
     cube(scene)
     monkeypatch.setattr(preflight, "LONGEST", -1.0)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything that acts has its place in the interface; what does not act is left out, or greyed with the reason."""
 import types
+from pathlib import Path
 
 import bpy
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model import presets
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import camera, copied
 
 from tests.rf2_engine.f12 import cube, sun
@@ -83,9 +85,19 @@ def test_a_sun_has_no_beam(scene):
                                            ("RENDERFORMER_PT_motion_blur", "shutter_samples")])
 def test_blur_that_is_wanted_and_has_one_sample_says_so(scene, panel, switch):
     scene.camera.data.dof.use_dof = scene.render.use_motion_blur = True
+    assert not drawn(scene, panels()[panel]).texts
+    setattr(scene.renderformer_v2, switch, 1)
     assert "Samples above 1" in " ".join(drawn(scene, panels()[panel]).texts)
     setattr(scene.renderformer_v2, switch, 8)
     assert not drawn(scene, panels()[panel]).texts
+
+
+def test_a_folder_without_weights_is_warned_of_below_its_name(scene, tmp_path):
+    settings = scene.renderformer_v2
+    settings.weights_source, settings.weights_folder = "FOLDER", str(tmp_path)
+    assert "holds no weights" in " ".join(drawn(scene, panels()["RENDERFORMER_PT_settings"]).texts)
+    settings.weights_folder = str(Path(presets.__file__).parent / "weights" / presets.BUNDLED)
+    assert "weights" not in " ".join(drawn(scene, panels()["RENDERFORMER_PT_settings"]).texts)
 
 
 def test_a_panoramic_camera_is_warned_of_beside_its_lens(scene):

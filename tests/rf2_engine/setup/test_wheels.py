@@ -7,8 +7,9 @@ from collections import namedtuple
 
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages, wheels
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_panel, packages, wheels
 
+from tests.rf2_engine.layout import Layout
 from tools.extension import ROOT
 
 Version = namedtuple("Version", "major minor")
@@ -62,8 +63,41 @@ def test_where_a_useful_package_is_not_made_the_others_are_installed(on, monkeyp
 
 def test_a_system_without_a_wheel_is_named(on):
     on("darwin", "x86_64", 11)
-    with pytest.raises(wheels.NoWheel, match="torch is not made for"):
+    with pytest.raises(wheels.NoWheel, match="torch .* is not made for Python 3.11 on"):
         wheels.needed("torch")
+
+
+def drawn(monkeypatch, tmp_path, missing=lambda name: True) -> Layout:
+    monkeypatch.setattr(packages, "is_elsewhere", lambda name: not missing(name))
+    monkeypatch.setattr(packages, "folder", lambda create=False: tmp_path)
+    layout = Layout()
+    package_panel.draw_packages(layout, packages.PACKAGES)
+    return layout
+
+
+def test_a_python_without_wheels_is_named_instead_of_a_button_that_leads_nowhere(on, monkeypatch, tmp_path):
+    on("linux", "x86_64", 14)
+    layout = drawn(monkeypatch, tmp_path)
+    assert "Python 3.14" in " ".join(layout.texts) and "blender.org" in " ".join(layout.texts)
+    assert not layout.operators
+    with pytest.raises(packages.MissingPackages, match="Python 3.14"):
+        packages.require()
+
+
+def test_a_greyed_button_has_its_reason_below_it(on, monkeypatch, tmp_path):
+    on("linux", "x86_64", 11)
+    monkeypatch.setattr(packages, "offline", lambda: "Allow Online Access in Preferences > System first")
+    layout = drawn(monkeypatch, tmp_path)
+    assert layout.operators and any("Allow Online Access" in text for text in layout.texts)
+    monkeypatch.setattr(packages, "offline", lambda: "")
+    assert not any("Allow Online Access" in text for text in drawn(monkeypatch, tmp_path).texts)
+
+
+@pytest.mark.parametrize("missing, told", [({"fast_simplification"}, True), ({"torch", "fast_simplification"}, False)])
+def test_without_the_simplifier_alone_small_scenes_render(on, monkeypatch, tmp_path, missing, told):
+    on("linux", "x86_64", 11)
+    text = " ".join(drawn(monkeypatch, tmp_path, missing.__contains__).texts)
+    assert ("render without it" in text) == told
 
 
 @pytest.mark.parametrize("system, driver, expected",

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What lies in a folder of weights, as far as that is seen without PyTorch.
+
+Every function raises CheckpointError with the path and what to do.
+"""
+from __future__ import annotations
+
+import json
+from contextlib import contextmanager
+from pathlib import Path
+
+from .errors import CheckpointError
+from .published.bundle_files import INDEX, is_bundle
+
+FORMAT = {"format": "renderformer-model", "format_version": 2}
+PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl")
+
+
+@contextmanager
+def explained():
+    """What the operating system refuses becomes a CheckpointError; around everything that looks into folders."""
+    try:
+        yield
+    except OSError as error:
+        raise CheckpointError(f"{error.filename} cannot be read ({error.strerror}): check its permissions") from error
+
+
+@explained()
+def check(folder: Path) -> None:
+    """Look for a network in a folder, as a render would before it reads tensors."""
+    if is_bundle(folder):
+        read_json(require(folder, INDEX))
+    else:
+        described(folder)
+        weights_file(folder)
+
+
+def described(folder: Path, name: str = "config.json") -> dict:
+    """What the file `name` says of a network in this project's format: the arguments of its ModelConfig."""
+    if folder.is_dir() and not (folder / name).is_file():
+        raise CheckpointError(f"{folder} holds no weights: choose the folder renderformer-v2 (with model_index.json), "
+                              f"or one that tools.train.network wrote (with {name})")
+    description = read_json(require(folder, name))
+    if {key: description.get(key) for key in FORMAT} != FORMAT:
+        raise CheckpointError(f"{folder / name} does not describe a RenderFormer-V2 network of this add-on "
+                              "(such a config.json belongs to a RenderFormer-V1 checkpoint, which cannot be used)")
+    model_config = description.get("model_config", {})
+    if not isinstance(model_config, dict):
+        raise CheckpointError(f"{folder / name}: model_config is not a JSON object: download or copy it again")
+    return model_config
+
+
+@explained()
+def weights_file(folder: Path) -> Path:
+    """The folder's model.safetensors; explains why pickled weights are refused."""
+    file = folder / "model.safetensors"
+    if not file.is_file() and folder.is_dir():
+        pickles = sorted(p.name for p in folder.iterdir() if p.suffix in PICKLES)
+        if pickles:
+            raise CheckpointError(f"{folder / pickles[0]} is a pickle, which can run any program when it is opened: "
+                                  "use the safetensors version of these weights")
+    return require(folder, "model.safetensors")
+
+
+@explained()
+def require(folder: Path, name: str) -> Path:
+    """folder / name, which must exist."""
+    if folder.suffix in PICKLES:
+        raise CheckpointError(f"{folder} is a pickle, which can run any program when opened: use safetensors weights")
+    if folder.is_file():
+        raise CheckpointError(f"{folder} is a file: choose the folder that it lies in")
+    if not folder.is_dir():
+        raise CheckpointError(f"there is no weights folder {folder}")
+    file = folder / name
+    if not file.is_file():
+        raise CheckpointError(f"{file} is missing: the weights folder is incomplete, download or copy it again")
+    return file
+
+
+@explained()
+def read_json(file: Path) -> dict:
+    """A JSON object."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise CheckpointError(f"{file} cannot be read ({error}): download or copy it again") from error
+    if not isinstance(content, dict):
+        raise CheckpointError(f"{file} does not hold a JSON object")
+    return content
