@@ -70,7 +70,7 @@ def require(folder: Path, name: str) -> Path:
     if folder.is_file():
         raise CheckpointError(f"{folder} is a file: choose the folder that it lies in")
     if not folder.is_dir():
-        raise CheckpointError(f"there is no weights folder {folder}")
+        raise CheckpointError(f"There is no weights folder {folder}")
     file = folder / name
     if not file.is_file():
         raise CheckpointError(f"{file} is missing: the weights folder is incomplete, download or copy it again")

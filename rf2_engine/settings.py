@@ -31,7 +31,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         items=(
             ("BUNDLED", "Bundled (small)", "The small network that comes with the add-on and works offline", 0),
             ("FOLDER", "Folder", "A folder with weights on this computer", 1),
-            ("PUBLISHED", "RenderFormer-V2 (published)",
+            ("PUBLISHED", "Published (large)",
              "The paper's weights, downloaded or chosen in the add-on's preferences", 2),
         ),
     )

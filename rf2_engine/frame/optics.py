@@ -61,10 +61,10 @@ class Optics:
         """What can be had with this light; `report` says what the scene wants beyond that."""
         scene, wanted = depsgraph.scene_eval, _wanted(depsgraph)
         if "lens" in wanted and self.lens == 1:
-            report.approximated(scene.camera.name, "depth of field is left out: raise Lens Samples in "
+            report.approximated(scene.camera.name, "depth of field is left out: raise Samples in "
                                                    "Render Properties > Depth of Field")
         if "shutter" in wanted and self.shutter == 1:
-            report.approximated(scene.name, "motion blur is left out: raise Shutter Samples in "
+            report.approximated(scene.name, "motion blur is left out: raise Samples in "
                                             "Render Properties > Motion Blur")
         for still in (obj for obj in depsgraph.objects if self.shutter > 1 and not obj.cycles.use_motion_blur):
             report.approximated(still.name, "its Motion Blur is off, but it is blurred where it moves")

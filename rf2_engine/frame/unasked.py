@@ -15,7 +15,7 @@ import bpy
 from .. import main_thread
 from .. import passes as pass_table
 
-LAYER_BYTES = 160  # of a render layer; the ends of its list of passes are among them
+LAYER_BYTES = 336  # of a render layer in Blender 5; the ends of its list of passes are among them
 _ADDRESS = ctypes.sizeof(ctypes.c_void_p)
 
 
@@ -48,9 +48,8 @@ def _base(layer: bpy.types.RenderLayer, chain: list[int]) -> int:
         if (_read(address), _read(address + _ADDRESS)) != (after, before):
             return 0
     start = layer.as_pointer()
-    ends = [start + at for at in range(0, LAYER_BYTES - _ADDRESS, _ADDRESS)
-            if (_read(start + at), _read(start + at + _ADDRESS)) == (chain[0], chain[-1])]
-    return ends[0] if len(ends) == 1 else 0
+    places = range(start, start + LAYER_BYTES - _ADDRESS, _ADDRESS)
+    return next((at for at in places if (_read(at), _read(at + _ADDRESS)) == (chain[0], chain[-1])), 0)
 
 
 def _link(base: int, chain: list[int]) -> None:

@@ -11,6 +11,7 @@ from bl_ui.utils import PresetPanel
 
 from ..registering import classes, pairs
 
+IN_ORDER = ("Draft", "Normal", "Fine")
 FOLDER = "renderformer_v2"                        # under any folder called presets
 SHIPPED = str(Path(__file__).parents[1])          # holds such a folder
 
@@ -20,6 +21,15 @@ class RENDERFORMER_PT_presets(PresetPanel, bpy.types.Panel):
     preset_subdir = FOLDER
     preset_operator = "script.execute_preset"
     preset_add_operator = "renderformer_v2.add_preset"
+
+    def path_menu(self, searchpaths, operator, *, add_operator=None, add_operator_props=None, **how):
+        """Those that come with the add-on by what they cost, which nobody can remove; then the user's by name."""
+        ours = [path for path in searchpaths if Path(path).is_relative_to(SHIPPED)]
+        for name in IN_ORDER:
+            super().path_menu(ours, operator, filter_path=f"{name}.py".__eq__, **how)
+        super().path_menu([path for path in searchpaths if path not in ours] or ours, operator,
+                          filter_path=lambda file: file.removesuffix(".py") not in IN_ORDER,
+                          add_operator=add_operator, add_operator_props=add_operator_props, **how)
 
 
 class RENDERFORMER_OT_add_preset(AddPresetBase, bpy.types.Operator):

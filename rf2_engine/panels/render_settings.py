@@ -8,6 +8,7 @@ from ...model import weights_files
 from ...model.errors import CheckpointError
 from ..frame import model_cache
 from ..registering import classes
+from ..settings import light_passes
 from ..setup import package_panel, packages, published_weights
 from ..setup.display import draw_text
 from .panel import EnginePanel
@@ -32,18 +33,21 @@ class RENDERFORMER_PT_settings(EnginePanel):
         if settings.weights_source == "FOLDER":
             column.prop(settings, "weights_folder")
             if problem := _problem_of_folder(settings):
-                draw_text(layout, problem)
+                draw_text(column, problem)
         elif settings.weights_source == "PUBLISHED":
-            _draw_published(layout)
+            _draw_published(column)
         column.prop(settings, "device")
         column.prop(settings, "precision")
-        column.prop(settings, "light")
+        light = column.row()
+        light.active = bool(light_passes(context.scene))  # the published network is given no traced light
+        light.prop(settings, "light")
         numbers = layout.column(align=True)
         numbers.use_property_split = False  # their names would be cut at the sidebar's usual width
         numbers.prop(settings, "token_budget")
         numbers.prop(settings, "max_edge")
         numbers.prop(settings, "guide_samples")
-        layout.prop(settings, "bake_unknown")
+        numbers.separator()
+        numbers.prop(settings, "bake_unknown")
 
 
 def _problem_of_folder(settings) -> str:
@@ -105,7 +109,7 @@ class RENDERFORMER_PT_depth_of_field(EnginePanel):
 
     def draw(self, context):
         layout, camera = self.split_layout(), context.scene.camera
-        layout.prop(context.scene.renderformer_v2, "lens_samples")
+        layout.prop(context.scene.renderformer_v2, "lens_samples", text="Samples")
         if camera and camera.type == "CAMERA" and not camera.data.dof.use_dof:
             draw_text(layout, f"Depth of Field of the camera {camera.name} is off", icon="INFO")
 
@@ -121,9 +125,9 @@ class RENDERFORMER_PT_motion_blur(EnginePanel):
     def draw(self, context):
         layout, settings, render = self.split_layout(), context.scene.renderformer_v2, context.scene.render
         layout.active = render.use_motion_blur
-        layout.prop(settings, "shutter_samples")
+        layout.prop(settings, "shutter_samples", text="Samples")
         if render.use_motion_blur and settings.shutter_samples == 1:
-            draw_text(layout, "No motion blur: set Shutter Samples above 1", icon="INFO")
+            draw_text(layout, "No motion blur: set Samples above 1", icon="INFO")
         layout.prop(render, "motion_blur_position", text="Position")
         layout.prop(render, "motion_blur_shutter")
 

@@ -13,6 +13,7 @@ from tests.rf2_engine.f12 import cube, material, press_f12
 from tests.rf2_engine.still_life import tick, with_cycles
 
 LOBES = ("diffuse", "glossy", "transmission")
+OF_THE_RECIPE = passes.LIGHTING | {f"{lobe}_color" for lobe in LOBES} | {"emission", "environment"}
 
 
 def by_key(found, layer="ViewLayer"):
@@ -34,7 +35,7 @@ def assert_recipe_holds(found):
 
 @pytest.fixture
 def asked(still_life):
-    tick(still_life.view_layers[0], passes.LIGHTING)
+    tick(still_life.view_layers[0], OF_THE_RECIPE)
     return still_life
 
 
@@ -102,7 +103,7 @@ def test_light_in_a_volume_is_in_the_volume_passes(scene, tmp_path):
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     lamp.data.energy, lamp.location = 500, (2, -3, 2)
     scene.collection.objects.link(lamp)
-    tick(scene.view_layers[0], passes.LIGHTING)
+    tick(scene.view_layers[0], OF_THE_RECIPE)
     found = by_key(press_f12(scene, tmp_path))
     assert_recipe_holds(found)
     assert found["volume_direct"][15:22, 20:30].mean() > 0.01
@@ -110,7 +111,7 @@ def test_light_in_a_volume_is_in_the_volume_passes(scene, tmp_path):
 
 
 def test_a_picture_of_the_world_alone_has_dark_light(scene, tmp_path):
-    tick(scene.view_layers[0], passes.LIGHTING)
+    tick(scene.view_layers[0], OF_THE_RECIPE)
     found = by_key(press_f12(scene, tmp_path))
     assert_recipe_holds(found)
     assert all((found[key] == 0).all() for key in passes.LIGHTING)
@@ -125,7 +126,7 @@ def test_the_published_network_draws_edges_alone_and_gives_no_light(still_life, 
     monkeypatch.setattr(EncodedScene, "view", view)
     folder = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
     still_life.renderformer_v2.weights_source, still_life.renderformer_v2.weights_folder = "FOLDER", str(folder)
-    tick(still_life.view_layers[0], passes.LIGHTING)
+    tick(still_life.view_layers[0], OF_THE_RECIPE)
     found = by_key(press_f12(still_life, tmp_path))
     assert not passes.LIGHTING & set(found)
     expected = drawn[0] + found["emission"] + found["environment"]

@@ -12,6 +12,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
 from tests.rf2_engine.f12 import cube, material, press_f12, sun
+from tests.rf2_engine.still_life import tick
 
 EXACT = 1e-6
 
@@ -23,6 +24,7 @@ def names(source):
 def test_renders_a_lit_cube_and_writes_every_pass(scene, tmp_path):
     cube(scene)
     sun(scene)
+    tick(scene.view_layers[0], {p.key for p in passes.PASSES if p.source == "guide"})
     found = press_f12(scene, tmp_path)
     assert {f"ViewLayer.{name}" for name in names("network") | names("guide")} <= set(found)
     for pixels in found.values():
@@ -69,6 +71,7 @@ def test_pictures_larger_than_a_tile_of_cycles_are_whole(scene, tmp_path):
 def test_pictures_wider_than_the_largest_tile_of_cycles_are_whole(scene, tmp_path):
     cube(scene)
     scene.render.resolution_x, scene.render.resolution_y = 8200, 16
+    scene.view_layers[0].use_pass_z = True
     found = press_f12(scene, tmp_path)
     assert np.allclose(found["ViewLayer.Combined"][0, [0, -1], :3], 0.25, atol=EXACT)
     assert found["ViewLayer.Depth"][8, 4100] < 10 and found["ViewLayer.Combined"][8, 4100, :3].min() > 0.01
@@ -97,6 +100,7 @@ def test_border_holds_the_same_pixels_as_the_full_frame(scene, tmp_path, size, p
     scene.render.resolution_x, scene.render.resolution_y = size
     scene.render.resolution_percentage = percentage
     width, height = (s * percentage // 100 for s in size)
+    scene.view_layers[0].use_pass_position = True
     full = press_f12(scene, tmp_path)["ViewLayer.Position"]
     assert full.shape == (height, width, 3)
 
@@ -122,6 +126,7 @@ def test_every_view_layer_gets_its_own_picture(scene, tmp_path):
     red.objects.link(added)
     empty = scene.view_layers.new("Without")
     empty.layer_collection.children["Red"].exclude = True
+    scene.view_layers[0].use_pass_diffuse_color = True
     found = press_f12(scene, tmp_path)
     assert found["ViewLayer.DiffCol" if "ViewLayer.DiffCol" in found else "ViewLayer.Diffuse Color"][18, 25, 0] > 0.5
     assert np.allclose(found["Without.Combined"][18, 25], (0.25, 0.25, 0.25, 1), atol=EXACT)

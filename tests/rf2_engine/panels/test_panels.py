@@ -100,6 +100,14 @@ def test_a_folder_without_weights_is_warned_of_below_its_name(scene, tmp_path):
     assert "weights" not in " ".join(drawn(scene, panels()["RENDERFORMER_PT_settings"]).texts)
 
 
+def test_light_that_the_weights_are_not_given_is_greyed(scene, tmp_path):
+    settings = scene.renderformer_v2
+    assert drawn(scene, panels()["RENDERFORMER_PT_settings"]).active
+    (tmp_path / "model_index.json").write_text("{}")
+    settings.weights_source, settings.weights_folder = "FOLDER", str(tmp_path)
+    assert not drawn(scene, panels()["RENDERFORMER_PT_settings"]).active
+
+
 def test_a_panoramic_camera_is_warned_of_beside_its_lens(scene):
     layout = Layout()
     context = types.SimpleNamespace(engine="RENDERFORMER_V2", camera=scene.camera.data)
