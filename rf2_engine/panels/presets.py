@@ -25,11 +25,11 @@ class RENDERFORMER_PT_presets(PresetPanel, bpy.types.Panel):
     def path_menu(self, searchpaths, operator, *, add_operator=None, add_operator_props=None, **how):
         """Those that come with the add-on by what they cost, which nobody can remove; then the user's by name."""
         ours = [path for path in searchpaths if Path(path).is_relative_to(SHIPPED)]
+        others = [path for path in searchpaths if path not in ours]
         for name in IN_ORDER:
-            super().path_menu(ours, operator, filter_path=f"{name}.py".__eq__, **how)
-        super().path_menu([path for path in searchpaths if path not in ours] or ours, operator,
-                          filter_path=lambda file: file.removesuffix(".py") not in IN_ORDER,
-                          add_operator=add_operator, add_operator_props=add_operator_props, **how)
+            PresetPanel.path_menu(self, ours, operator, filter_path=f"{name}.py".__eq__, **how)
+        PresetPanel.path_menu(self, others or ours, operator, filter_path=None if others else lambda file: False,
+                              add_operator=add_operator, add_operator_props=add_operator_props, **how)
 
 
 class RENDERFORMER_OT_add_preset(AddPresetBase, bpy.types.Operator):

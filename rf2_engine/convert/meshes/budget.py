@@ -166,7 +166,8 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
     kept = []
     for part, share, want, keep in zip(parts, shown, wanted, np.split(fits, np.cumsum(copies)[:-1]), strict=True):
         if not keep.all():
-            room = f"no room for {np.count_nonzero(~keep)} of its {len(keep)} instances"
+            lost = "it" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances"
+            room = f"no room for {lost}"
             if keep.any() and len(part.mesh) <= COARSEST and not part.emits:  # as cards and leaves are
                 keep = _sampled(part, share, np.count_nonzero(keep))
                 report.approximated(part.name, f"{room}: others, enlarged, stand for them")

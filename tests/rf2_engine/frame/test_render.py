@@ -210,6 +210,7 @@ def test_esc_leaves_an_empty_combined_and_the_other_passes(scene, tmp_path, monk
     shining = material("Shining")
     shining.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 2
     cube(scene, of=shining)
+    tick(scene.view_layers[0], {"normal", "emission", "environment"})
     finished = press_f12(scene, tmp_path)
     monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0] == stage)
     cancelled = press_f12(scene, tmp_path)
