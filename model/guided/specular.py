@@ -79,11 +79,16 @@ def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
     """
     corners = scene.triangles[triangle]
     weights = barycentric(corners, point).clip(0, 1).astype(np.float32)
-    normal = np.einsum("pk,pkc->pc", weights, scene.normals[triangle])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12)
     x, y = texels(weights[:, :2])
     texel = scene.tiles[scene.tile_index[triangle], :, y, x].astype(np.float32)
-    return facing(normal, direction), (area_vectors(corners) * direction).sum(1) > 0, texel
+    normal = shading_normals(scene, triangle, weights, direction)
+    return normal, (area_vectors(corners) * direction).sum(1) > 0, texel
+
+
+def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """(P, 3) f32 unit normals on triangles (P,) with weights (P, 3) of their corners, facing who looks along (P, 3)."""
+    normal = np.einsum("pk,pkc->pc", weights, scene.normals[triangle])
+    return facing(normal / np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12), ray)
 
 
 def facing(normal: np.ndarray, ray: np.ndarray) -> np.ndarray:
