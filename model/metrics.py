@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How close two pictures are: PSNR, SSIM and FLIP in numpy, because Blender's Python has no library for them.
+"""Compare two pictures: PSNR, SSIM and FLIP in numpy, because Blender's Python has no library for them.
 
-LPIPS, which needs its own network, is there where its package is.
+LPIPS needs its own network; it is available if its package is installed.
 """
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What rays meet among triangles, by Embree (Wald et al. 2014, "Embree"). See `Rays`.
+"""Rays against triangles, by Embree (Wald et al. 2014, "Embree"). See `Rays`.
 
-Whatever asks what stands in the way, or what is seen, asks here. Where Embree cannot be imported, another caster of the
-same two functions takes its place (`stand_in`), such as Blender's own trees.
+All visibility in this project is computed here. If Embree cannot be imported, another caster with the same two
+functions takes its place (`stand_in`), such as Blender's own BVH.
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What mirrors and glass show of the token triangles: where the light of a pixel comes from, past smooth surfaces.
+"""Follow mirror reflections and refractions through the token triangles to the surface that a pixel shows.
 
 Whitted 1980, "An improved illumination model for shaded display", with one path per pixel and lobe.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What points see of each other past a scene's triangles: rays (model/rays.py) for tensors on any device."""
+"""Visibility between points, by rays (model/rays.py), for tensors on any device."""
 from __future__ import annotations
 
 import numpy as np
