@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's own trees of triangles: what is nearest to a point, and rays where Embree is absent (model/rays.py)."""
+"""Blender's own BVH: the nearest triangle to a point, and rays if Embree is missing (model/rays.py)."""
 from __future__ import annotations
 
 import gc

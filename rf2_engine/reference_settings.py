@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user can choose for the Cycles reference: `scene.renderformer_v2.reference`."""
+"""Settings of the Cycles reference: `scene.renderformer_v2.reference`."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pairs of functions that register things and take them back, and what registers many: all of them or none."""
+"""Make pairs of functions that register and unregister things; of many things, all or none are registered."""
 from __future__ import annotations
 
 import traceback

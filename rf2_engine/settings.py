@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user can choose: `scene.renderformer_v2`, and what a view layer has instead of it."""
+"""The settings of the engine: `scene.renderformer_v2`, and overrides by view layer."""
 from __future__ import annotations
 
 import os

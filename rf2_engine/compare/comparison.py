@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The comparison that is shown: two pictures and how close they are. `events.py` says when they are read."""
+"""The comparison that is shown: two pictures and their metrics. `events.py` decides when they are read."""
 from __future__ import annotations
 
 import bpy

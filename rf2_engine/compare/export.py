@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Export Comparison: a sheet as PNG, and beside it the numbers as JSON."""
+"""Export Comparison: write a sheet as PNG, and the numbers as JSON beside it."""
 from __future__ import annotations
 
 import json

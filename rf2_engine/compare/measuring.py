@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Metrics on a thread of their own, because they take seconds; what is drawn does not wait for them."""
+"""Compute the metrics on a thread of their own, because they take seconds; drawing does not wait for them."""
 from __future__ import annotations
 
 import threading

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user chooses to compare: `window_manager.renderformer_v2_compare`. It belongs to the session, to no file."""
+"""Settings of the comparison: `window_manager.renderformer_v2_compare`. They are not saved in files."""
 from __future__ import annotations
 
 import bpy

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What part of the frame a render slot holds: all of it, unless the render was cropped to a render region."""
+"""The part of the frame that a render slot has: all of it, unless the render was cropped to a render region."""
 from __future__ import annotations
 
 from typing import NamedTuple

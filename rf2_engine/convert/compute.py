@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was copied of a scene as a RenderScene, readable top to bottom. No module that this needs knows bpy."""
+"""Compute a RenderScene from a copied scene; read it top to bottom. No module that it imports uses bpy."""
 from __future__ import annotations
 
 from dataclasses import dataclass

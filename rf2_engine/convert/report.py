@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the conversion of a scene approximated, skipped or refused, and why."""
+"""The report: what was approximated, skipped or refused, and why."""
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles of all instances, dressed by their materials."""
+"""The triangles of all instances, with their materials."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles in a Blender of its own, in the background, for when it cannot be run inside our engine.
+"""Run Cycles in a Blender of its own, in the background, if it cannot be run inside our engine.
 
 It renders a temporary copy of the scene: the user's file, preferences and online access are not touched.
 """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that only Cycles can evaluate, baked by one in a Blender of its own, on a temporary copy of the scene.
+"""Bake nodes that only Cycles can evaluate, in a Blender of its own, on a temporary copy of the scene.
 
-The copy is written and that Blender started when the first such node is met, and ended with the conversion.
+The copy is written and that Blender started at the first such node. It ends with the conversion.
 """
 from __future__ import annotations
 

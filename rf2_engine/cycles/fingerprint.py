@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a world's node trees are made of, as text: two alike look alike."""
+"""Describe the node trees of a world as text: equal texts mean equal worlds."""
 from __future__ import annotations
 
 from collections.abc import Iterator

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One run of Cycles inside our own engine: a session, settings for its time, and the passes that it wrote."""
+"""Run Cycles once inside our own engine: the session, its settings, and the passes that it wrote."""
 from __future__ import annotations
 
 from contextlib import contextmanager

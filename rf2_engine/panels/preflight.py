@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Preflight, below ours in Render Properties: what F12 will do, before it."""
+"""The panel Preflight in Render Properties: what F12 will do."""
 from __future__ import annotations
 
 import bpy

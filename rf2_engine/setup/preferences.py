@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Add-on preferences: the Python packages, the published weights, how to get them and where they are."""
+"""Add-on preferences: the Python packages and the published weights."""
 from __future__ import annotations
 
 from os.path import isdir

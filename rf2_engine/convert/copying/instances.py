@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One walk over the instances of a depsgraph: what is there, copied out of Blender before anything is computed."""
+"""Copy the instances of a depsgraph in one walk, before anything is computed."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The first half of a conversion: all that is asked of Blender, on the thread that it calls us on."""
+"""Copy a scene from Blender: the first half of a conversion, on the thread that Blender calls us on."""
 from __future__ import annotations
 
 from ....model import progress

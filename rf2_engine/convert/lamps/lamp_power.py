@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much light a lamp gives: energy, colour, exposure, temperature, nodes and "Normalize" (measured in Cycles)."""
+"""The radiance of a lamp: energy, colour, exposure, temperature, nodes and "Normalize" (measured in Cycles)."""
 from __future__ import annotations
 
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A lamp in its place, and in which directions it shines."""
+"""A lamp with its place and the directions in which it shines."""
 from __future__ import annotations
 
 import math

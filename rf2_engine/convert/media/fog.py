@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A volume that fills the world: a box of it around what the camera looks at, and no light from beyond."""
+"""A volume that fills the world becomes a box around what the camera sees, without light from beyond."""
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Media as their shaders make them: the same everywhere, or different from place to place."""
+"""Evaluate the shaders of media, homogeneous or textured."""
 from __future__ import annotations
 
 from collections.abc import Callable

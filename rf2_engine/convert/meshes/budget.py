@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many triangles each mesh may keep, so that the Triangle Budget is spent where it shows (docs/scene-input.md 2.3).
+"""Decide how many triangles each mesh keeps, so that the Triangle Budget is spent where it is visible
+(docs/scene-input.md 2.3).
 
 A mesh of curvature k whose n triangles cover a of the picture is wrong by about k a sqrt(1 / n). The sum over all
 meshes is least where n is proportional to (k a)^(2/3).

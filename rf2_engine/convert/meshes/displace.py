@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Displacement that moves the surface itself: more than the tiles' heights hold, or of a mesh that is diced."""
+"""Displace the mesh itself, if the displacement is more than the tiles' heights can store, or the mesh is diced."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

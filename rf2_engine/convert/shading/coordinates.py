@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a point lies: Texture Coordinate, UV Map, Geometry."""
+"""Coordinates of a point: Texture Coordinate, UV Map, Geometry."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that shape the light of a lamp: Light Falloff, IES Texture, and what coordinates mean there."""
+"""Nodes that shape the light of a lamp: Light Falloff, IES Texture, and coordinates."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the function of a node is given: the node, the values of its inputs, and where it is evaluated."""
+"""The argument of a node's function: the node, the values of its inputs, and where it is evaluated."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bent normals: Normal Map and Bump, in world space as values, in the triangle's UV frame for the tile."""
+"""Normal Map and Bump: normals in world space as values, in the triangle's UV frame for the tile."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader nodes to closures: which parameters each BSDF node means, and what of it is lost (docs/scene-input.md 3.3)."""
+"""Shader nodes to closures: the parameters of each BSDF node, and what is lost (docs/scene-input.md 3.3)."""
 from __future__ import annotations
 
 import numpy as np
