@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The box and view that a scene is fitted to; those of a key frame are kept for the frames after it, against flicker."""
+"""The box and view that a scene is fitted to; later frames keep those of a key frame, against flicker."""
 from __future__ import annotations
 
 from dataclasses import dataclass
