@@ -48,7 +48,7 @@ class Measurement:
         try:
             self._thread.start()
         except RuntimeError as error:  # the system gives no more threads
-            self.error = f"Measuring could not begin: {error}"
+            self.error = f"Measuring could not start: {error}"
 
     def cancel(self) -> None:
         self._cancelled = True

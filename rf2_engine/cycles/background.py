@@ -128,8 +128,8 @@ def _wait(process: subprocess.Popen) -> None:
     if code:
         print("".join(lines))
         last = next((line.strip() for line in reversed(lines) if line.strip()), f"it ended with code {code}")
-        raise SceneError(f"the background Blender failed: {last}. See the console; Cycles has to work in this Blender, "
-                         "so install it anew from blender.org")
+        raise SceneError(f"the background Blender failed: {last}. See the console; Cycles must work in this Blender, "
+                         "so install it again from blender.org")
 
 
 def _pixels(channels: dict[str, np.ndarray], order: str) -> np.ndarray:

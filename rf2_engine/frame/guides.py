@@ -24,7 +24,7 @@ UNSEEN_LIGHT_TOLERANCE = 1e-4
 NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothing
 COVERED = 1e-3       # alpha below this is not worth a token's attention
 FILL_RADIUS = 4      # pixels
-FINDING = "Finding the triangles that are seen"
+FINDING = "Finding visible triangles"
 
 
 def cast_guides(scene: RenderScene, view: View) -> Guides:

@@ -54,11 +54,11 @@ class Preflight:
             return [self.error]
         width, height = self.size
         several = f"View layer {self.layer}, one of {self.layers}" if self.layers > 1 else "A render"
-        time = memory = "unknown until a picture was rendered with these settings"
+        time = memory = "unknown until a picture is rendered with these settings"
         if self.seconds is not None:
-            time = f"about {_clock(self.seconds)}, judged by renders on this computer"
+            time = f"about {_clock(self.seconds)}, based on earlier renders on this computer"
         if self.memory is not None:
-            memory = f"Blender will hold about {self.memory / 1024:.1f} GB"
+            memory = f"Blender will use about {self.memory / 1024:.1f} GB"
         return [f"{several}: {width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens",
                 f"Time: {time}", f"Memory: {memory}"]
 
@@ -88,8 +88,8 @@ def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Prefligh
         with progress.reporting(in_time):
             return _look(depsgraph, layer, report, begin)
     except RenderCancelled:
-        return Preflight(layer, error=f"This scene takes longer than {LONGEST:.0f} s to convert: only a render knows "
-                                      "all of it. Found so far:", remarks=report.entries)
+        return Preflight(layer, error=f"This scene takes longer than {LONGEST:.0f} s to convert, so this is "
+                                      "incomplete. Found so far:", remarks=report.entries)
     except Exception as error:
         return Preflight(layer, error=failure.message(error), remarks=report.entries)
 
@@ -132,8 +132,8 @@ def _report_differences(depsgraph: bpy.types.Depsgraph, report: Report) -> None:
             hidden.append(obj.name)
         elif any(_differs(modifier) for modifier in obj.modifiers):
             other.append(obj.name)
-    for names, what in (hidden, "hidden in the viewport and not counted, but rendered"), (other, "rendered with other "
-                        "modifiers, or other levels of them, than in the viewport"):
+    for names, what in ((hidden, "rendered but not counted, because hidden in the viewport"),
+                        (other, "modifiers, or their levels, differ between viewport and render")):
         if names:
             report.approximated("Preflight", f"{', '.join(names[:SOME])}{' ...' if len(names) > SOME else ''}: {what}")
 

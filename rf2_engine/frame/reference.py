@@ -64,7 +64,7 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
     finally:  # Cycles shows its picture in Combined
         output.write(engine, layer.name, picture | rendered)
     if rendered and 0 < chosen.time_limit < time.perf_counter() - begin:
-        report.approximated(NAME, f"its Time Limit may have ended it before it had {chosen.samples} samples")
+        report.approximated(NAME, f"it may have fewer than {chosen.samples} samples because of its Time Limit")
     if rendered and chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
     return chosen.samples if rendered else 0

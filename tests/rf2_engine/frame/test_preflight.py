@@ -116,7 +116,7 @@ def test_what_a_render_would_refuse_is_said(scene):
 def test_it_never_takes_long(scene, monkeypatch):
     cube(scene)
     monkeypatch.setattr(preflight, "LONGEST", -1.0)
-    assert "only a render knows" in look(scene).error
+    assert "so this is incomplete" in look(scene).error
 
 
 def test_in_edit_mode_it_asks_to_leave_it(scene):
