@@ -63,7 +63,8 @@ def beams(lamp: PlacedLamp, own: Cone, facing: bool = False) -> list[Cone]:
     if own.axis.any():
         light = light * smoothstep(*own.cosines, cosine)[:, None] * (own.strength / np.maximum(lamp.strength, 1e-30))
     found, wrong = cones(light, np.maximum(cosine, 0) if facing else np.ones_like(cosine))
-    lamp.approximated(f"{len(found)} cones stand for its light, {100 * wrong:.0f} % of which goes elsewhere")
+    lamp.approximated(f"{len(found)} cones approximate its light, and {100 * wrong:.0f} % of it goes in other "
+                      "directions")
     return found
 
 

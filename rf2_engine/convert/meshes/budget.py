@@ -167,12 +167,12 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
     kept = []
     for part, share, want, keep in zip(parts, shown, wanted, np.split(fits, np.cumsum(copies)[:-1]), strict=True):
         if not keep.all():
-            room = f"no room for {np.count_nonzero(~keep)} of its {len(keep)} instances"
+            room = f"{np.count_nonzero(~keep)} of its {len(keep)} instances exceed the Triangle Budget"
             if keep.any() and len(part.mesh) <= COARSEST and not part.emits:  # as cards and leaves are
                 keep = _sampled(part, share, np.count_nonzero(keep))
-                report.approximated(part.name, f"{room}: others, enlarged, stand for them")
+                report.approximated(part.name, f"{room}: a sample is kept and enlarged to cover the same area")
             else:
-                report.skipped(part.name, f"{room}: raise the Triangle Budget")
+                report.skipped(part.name, f"{room} and are left out: raise it")
             part.places = [place for place, k in zip(part.places, keep, strict=True) if k]
         if part.places:
             kept.append((part, share[keep], want))
