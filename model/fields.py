@@ -87,7 +87,7 @@ rows = partial(array, default="empty")
 
 
 def layouts(group) -> dict[str, Layout]:
-    """Of the fields of a dataclass or an instance that were made by `array`."""
+    """Layouts of the fields of a dataclass or an instance that were made by `array`."""
     return {f.name: f.metadata["layout"] for f in fields(group) if "layout" in f.metadata}
 
 

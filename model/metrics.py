@@ -69,7 +69,7 @@ class Closeness:
 
 
 def closeness(a: np.ndarray, b: np.ndarray) -> Closeness:
-    """Of two scene-linear pictures (H, W, 3), b being the reference, after sRGB encoding and clipping.
+    """Metrics of two scene-linear pictures (H, W, 3), b being the reference, after sRGB encoding and clipping.
 
     Progress is reported, and may cancel. Raises ValueError for pictures of different sizes or too small for SSIM.
     """

@@ -46,7 +46,7 @@ class FrameReference:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> FrameReference | None:
-        """Of an evaluated scene; None when no reference is wanted."""
+        """The settings of an evaluated scene; None if no reference is wanted."""
         chosen = scene.renderformer_v2.reference
         if not chosen.use:
             return None

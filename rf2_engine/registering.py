@@ -61,7 +61,7 @@ def appended(name: str, draw: Callable) -> Pair:
 
 
 def handlers(*wanted: tuple[str, Callable]) -> Pair:
-    """Of functions in lists of bpy.app.handlers: (name of the list, function), and so on."""
+    """For functions in lists of bpy.app.handlers: (name of the list, function), and so on."""
     def register() -> None:
         for name, handler in wanted:
             getattr(bpy.app.handlers, name).append(handler)

@@ -167,7 +167,7 @@ class FrameSettings:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> FrameSettings:
-        """Of an evaluated scene and the view layer that is rendered, which may have samples of its own.
+        """Read from an evaluated scene and the view layer that is rendered, which may have its own samples.
 
         Raises CheckpointError as RenderFormerSettings.weights does.
         """

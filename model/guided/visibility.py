@@ -10,7 +10,7 @@ from ..rays import Rays
 
 
 class Visibility:
-    """Past triangles (T, 3, 3), in network units as all that is asked."""
+    """Rays against triangles (T, 3, 3); all arguments are in network units."""
 
     def __init__(self, triangles: np.ndarray):
         self._rays = Rays(triangles)

@@ -104,7 +104,7 @@ def _keys() -> tuple:
 
 
 def new_measurement() -> Measurement:
-    """Of the two pictures, which have to be there; not started."""
+    """A measurement of the two pictures, which must exist; not started."""
     return Measurement(a, b, Box(bpy.context.scene, settings().region, a.window))
 
 

@@ -18,7 +18,7 @@ class Box:
     """The part of a picture that is measured: pixels from the left and from the top."""
 
     def __init__(self, scene: bpy.types.Scene, region: str, window: Window):
-        """Of pictures that show this `window` of the frame; `region` is CompareSettings.region."""
+        """The box in pictures that show this `window` of the frame; `region` is CompareSettings.region."""
         part = window.selected(scene.render) if region == "BORDER" else window.all
         self.width, self.height, self.left, self.right = part[:4]
         self.top, self.bottom = self.height - part.top, self.height - part.bottom

@@ -42,7 +42,7 @@ def whole(width: int, height: int) -> Window:
 
 
 def of_slot(slot: int | None, width: int, height: int) -> Window:
-    """Of a picture of this size that was read from a slot; None is no slot."""
+    """The window of a picture of this size that was read from a slot; None is no slot."""
     window = _cropped.get(slot)
     return window if window and window.all[:2] == (width, height) else whole(width, height)
 

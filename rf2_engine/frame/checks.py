@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the picture of a view layer will lack, and what cannot be rendered, found before it is."""
+"""Check a view layer before it is rendered: report what will be missing, and raise for what cannot be rendered."""
 from __future__ import annotations
 
 import bpy

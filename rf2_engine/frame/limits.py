@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of scene, view layer, objects and lamps that Cycles obeys and this engine does not: a line each."""
+"""Report settings of scene, view layer, objects and lamps that this engine ignores."""
 from __future__ import annotations
 
 import bpy

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the network's pinhole camera lacks: depth of field, motion blur, a film that is transparent behind glass."""
+"""Effects that the network's pinhole camera lacks: depth of field, motion blur, transparent film behind glass."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from . import shutter
 
 @dataclass(frozen=True)
 class Optics:
-    """Of how many samples a picture is the mean: 1 of a kind leaves that kind of blur out.
+    """The number of samples that a picture is the mean of; 1 disables that kind of blur.
 
     With any of it Cycles sees the whole picture as it should be, and the network the samples, by a pinhole each.
     """

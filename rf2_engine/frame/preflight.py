@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a render will be made of, how long it will take and what it will lack: the scene converted, nothing rendered.
+"""Convert the scene without rendering it, to tell the size of a render, its time, and what will be approximated.
 
-Python gets no depsgraph of a render without rendering, so it is the viewport's that is converted; where a render will
-show something else is said. Nothing can be cancelled while Blender waits for an operator, so this is short.
+Python has no access to the depsgraph of a render without rendering, so the viewport's is converted, and differences are
+reported. Nothing can be cancelled while Blender waits for an operator, so this is short.
 """
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SOME = 3        # names in a sentence
 
 @dataclass(frozen=True, eq=False)  # each is its own: panels remember what they have looked up for it
 class Preflight:
-    """Of one view layer. With an `error` the rest is empty but for what was found before it."""
+    """The result for one view layer. With an `error` the rest is empty except what was found before."""
 
     layer: str
     layers: int = 1                # that a frame renders

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles' own picture beside ours: a second session of Cycles for the view layer, once our picture is on screen.
+"""Render Cycles' own picture beside ours: a second session of Cycles for the view layer, after our picture is on
+screen.
 
-Film, seed, bounces, device and all else are the scene's Cycles settings, so that it is what Cycles would render.
+Film, seed, bounces, device and all else are the scene's Cycles settings, so the result is what Cycles would render.
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The part of the network's `Guides` that says what mirrors and glass show, by rays through the token triangles."""
+"""The part of `Guides` for mirrors and glass: the surfaces that they show, by rays through the token triangles."""
 from __future__ import annotations
 
 import math

@@ -34,7 +34,7 @@ class ApparentSize:
 
     @property
     def solid_angle(self) -> float:
-        """Of the picture, about, in steradians."""
+        """Solid angle of the picture, about, in steradians."""
         return self.view.width * self.view.height / abs(float(np.prod(self.view.focal.astype(np.float64))))
 
     def distance(self, corners: np.ndarray) -> np.ndarray:

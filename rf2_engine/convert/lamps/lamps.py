@@ -82,7 +82,7 @@ def _merged(shapes: list[RenderScene], most: int, center: np.ndarray, radius: fl
 
 
 def _summary(shape: RenderScene) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Of one lamp: flux (3,), its middle (3,), where it faces (3,), 0 for all around, and its kind."""
+    """Flux (3,), middle (3,), direction (3,) (0 for all around) and kind of one lamp."""
     lit, vectors = shape.is_light, area_vectors(shape.triangles[shape.is_light].astype(np.float64))
     areas, emission, axis = np.linalg.norm(vectors, axis=-1), shape.emission[lit], shape.beam_axis[lit]
     flat = np.linalg.norm(vectors.sum(axis=0)) > 0.5 * areas.sum()

@@ -16,7 +16,7 @@ MOST_LIT = 0.95  # of a lamp's light is within its half angle
 
 @dataclass(frozen=True)
 class Detail:
-    """Of how many triangles the shapes are that stand in for lamps."""
+    """The number of triangles of the shapes that replace lamps."""
 
     ball_faces: int
     disk_corners: int

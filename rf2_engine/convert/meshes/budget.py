@@ -146,7 +146,7 @@ def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None, hits: H
 
 
 def _middles_and_scales(part: Part) -> tuple[np.ndarray, np.ndarray]:
-    """Of its instances: where in the world (m, 3) and how many times as large as the mesh (m,)."""
+    """Places of its instances in the world (m, 3), and their scale compared with the mesh (m,)."""
     (low, high), matrix = part.mesh.bounds, np.array(part.matrices)
     scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
     return matrix[:, :3, :3] @ ((low + high) / 2) + matrix[:, :3, 3], scale

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sky Texture, which Cycles draws (cycles/world.py): where its sun is, and an even sky where nothing can be drawn."""
+"""Sky Texture, which Cycles draws (cycles/world.py): the place of its sun, and a uniform sky if Cycles cannot draw."""
 from __future__ import annotations
 
 import math
