@@ -21,7 +21,7 @@ def report_limits(depsgraph: bpy.types.Depsgraph, report: Report) -> None:
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
         report.approximated(scene.name, "objects that Simplify's culling hides still light the scene and cast shadows")
     if absent := passes.absent(scene, layer, light_passes(scene)):
-        report.skipped(layer.name, f"not available here, unlike in Cycles: the pass {', '.join(absent)}")
+        report.skipped(layer.name, f"these passes of Cycles are not available: {', '.join(absent)}")
     for obj in depsgraph.objects:
         if obj.type == "LIGHT" and obj.data.cycles.max_bounces < USUAL_BOUNCES:
             report.approximated(obj.name, "its Max Bounces is ignored")

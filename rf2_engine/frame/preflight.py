@@ -132,7 +132,7 @@ def _report_differences(depsgraph: bpy.types.Depsgraph, report: Report) -> None:
             hidden.append(obj.name)
         elif any(_differs(modifier) for modifier in obj.modifiers):
             other.append(obj.name)
-    for names, what in ((hidden, "rendered but not counted, because hidden in the viewport"),
+    for names, what in ((hidden, "hidden in the viewport, but rendered: not counted"),
                         (other, "modifiers, or their levels, differ between viewport and render")):
         if names:
             report.approximated("Preflight", f"{', '.join(names[:SOME])}{' ...' if len(names) > SOME else ''}: {what}")

@@ -102,7 +102,7 @@ def test_what_renders_hide_is_not_counted_and_what_the_viewport_hides_is_named(s
     rough = cube(scene, "Rough", (4, 0, 0)).modifiers.new("Smooth", "SUBSURF")
     rough.levels, rough.render_levels = 0, 2
     lines = preflight.as_text(scene) if look(scene) else ""
-    assert "Curtain: hidden in the viewport" in lines and "Rough: rendered with other modifiers" in lines
+    assert "Curtain: hidden in the viewport" in lines and "Rough: modifiers, or their levels, differ" in lines
     assert "Unseen" not in lines and "Behind" not in lines
 
 
