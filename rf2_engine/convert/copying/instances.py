@@ -108,8 +108,8 @@ class _Walk:
         slots, is_dark = self._slots(obj), obj.original in self.dark
         key = pointer, None, obj.visible_camera, is_dark, *slots
         if key not in self._surfaces:
-            self.report.approximated(obj.name, "the network gets fewer and larger hairs or points: their shadows and "
-                                               "reflections are coarse where Cycles does not trace them")
+            self.report.approximated(obj.name, "its hair or points are replaced by fewer and larger ones: their "
+                                               "shadows and reflections are coarse where Cycles does not trace them")
             self._surfaces[key] = Surface(pointer, read(), slots, False, obj.visible_camera, is_dark,
                                           strands_slot=min(slot, len(slots) - 1))
         self.copied.things.append((self._surfaces[key], place))

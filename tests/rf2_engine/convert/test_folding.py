@@ -41,7 +41,7 @@ def hair(parametrization):
     (lambda: material(Thin_Film_Thickness=300.0)[0], "thin film"), (lambda: material(Alpha=0.5)[0], "alpha"),
     (lambda: material(Specular_Tint=(1, 0.5, 0.5, 1))[0], "specular tint"),
     (lambda: material("ShaderNodeBsdfGlossy", Anisotropy=0.5)[0], "anisotropy"),
-    (lambda: material("ShaderNodeBsdfMetallic")[0], "edges"),
+    (lambda: material("ShaderNodeBsdfMetallic")[0], "Edge Tint"),
     (lambda: material("ShaderNodeBsdfRefraction")[0], "refraction"),
     (lambda: material("ShaderNodeBsdfTransparent", Color=(0.5, 0.5, 0.5, 1))[0], "transparency"),
     (lambda: material("ShaderNodeBsdfTranslucent")[0], "as Diffuse"),
