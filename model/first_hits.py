@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""First hits from the token triangles alone: guides for any camera, without a session of Cycles."""
+"""First hits from the token triangles alone: guides for any camera, without Cycles."""
 from __future__ import annotations
 
 import numpy as np

@@ -26,7 +26,7 @@ NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothi
 COVERED = 1e-3       # alpha below this is not worth a token's attention
 ONE_SURFACE = 0.95   # length of the mean of a pixel's unit normals from which it sees one surface
 FILL_RADIUS = 4      # pixels
-FINDING = "Finding the triangles that are seen"
+FINDING = "Finding visible triangles"
 
 
 def cast_guides(scene: RenderScene, view: View) -> Guides:

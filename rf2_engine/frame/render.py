@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The journey of one F12: Blender calls `render` once for every view layer of every frame."""
+"""Render one F12: Blender calls `render` once for every view layer of every frame."""
 from __future__ import annotations
 
 import bpy
@@ -111,7 +111,7 @@ def _tell(engine: bpy.types.RenderEngine, done: LayerStatistics) -> None:
         print(f"RenderFormer-V2: {line}")
     lost = sum(remark.kind != "approximated" and remark.name != reference.NAME for remark in done.remarks)
     if lost:
-        engine.report({"WARNING"}, f"{lost} things are not in the picture: see RenderFormer-V2 > Last Render")
+        engine.report({"WARNING"}, f"{lost} things are missing in the picture: see RenderFormer-V2 > Last Render")
 
 
 def _fail(engine: bpy.types.RenderEngine, layer: str, message: str) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A line of ours in the Image Editors that show a render, below Blender's, which is Cycles' while that runs.
+"""Draw our status line in the Image Editors that show a render, below Blender's, which Cycles sets while it runs.
 
-Blender's own must not be set by two threads at once, so while Cycles sets it ours is drawn.
+Two threads must not set Blender's status text at once, so ours is drawn meanwhile.
 """
 from __future__ import annotations
 
