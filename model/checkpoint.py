@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weights on disk: strict loading of safetensors, and this project's own format (config.json + model.safetensors).
+"""Load and save weights: strict loading of safetensors, and this project's own format (config.json +
+model.safetensors).
 
 Every function that reads raises CheckpointError with the path and what to do. published/bundle.py reads the published
 bundle; weights_files.py looks into folders without PyTorch.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weighted points in few groups, by splitting the group that varies most (Wan, Wong and Prusinkiewicz 1988)."""
+"""Divide weighted points into few groups by splitting the most varied group (Wan, Wong and Prusinkiewicz 1988)."""
 from __future__ import annotations
 
 import numpy as np

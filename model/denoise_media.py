@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is seen through smoke and fog, without the noise of few samples.
+"""Denoise first hits behind smoke and fog.
 
-A camera ray either scatters in a medium or reaches the surface behind it, by chance. So coverage and colours of a few
-samples are coarse there, while a medium's own shade varies slowly: they are averaged over neighbouring pixels.
+A camera ray either scatters in a medium or reaches the surface behind it, by chance. So with a few samples, coverage
+and colours are noisy there. They are averaged over neighbouring pixels, because a medium varies slowly.
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators that the CPU does for Apple's GPUs, because PyTorch lacks them there or gets them wrong."""
+"""Operators that run on the CPU for Apple's GPUs, because PyTorch lacks them there or gets them wrong."""
 from __future__ import annotations
 
 from collections.abc import Callable

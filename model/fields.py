@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arrays that say once how they behave, so that whoever moves, recolours or checks a scene need not know their names.
+"""Declare arrays with their behaviour, so that code that moves, recolours or checks a scene needs no list of names.
 
     triangles: np.ndarray = array("N", 3, 3, behaves=POINT)
     moved = mapped(scene, {POINT: lambda x: x - center})
@@ -87,7 +87,7 @@ rows = partial(array, default="empty")
 
 
 def layouts(group) -> dict[str, Layout]:
-    """Of the fields of a dataclass or an instance that were made by `array`."""
+    """Layouts of the fields of a dataclass or an instance that were made by `array`."""
     return {f.name: f.metadata["layout"] for f in fields(group) if "layout" in f.metadata}
 
 

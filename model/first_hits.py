@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""First hits from the token triangles alone: guides for any camera, without a session of Cycles."""
+"""First hits from the token triangles alone: guides for any camera, without Cycles."""
 from __future__ import annotations
 
 import numpy as np
 
 from .geometry import corner_weights, latlong_uv
-from .guided.specular import facing
+from .guided.specular import shading_normals
 from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels
 
 NOTHING_HIT = 1e10  # depth there, as Blender has it
@@ -20,12 +20,12 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
     """
     hit = triangle >= 0
     row = np.maximum(triangle, 0)
-    share = corner_weights(weights)[..., None]
+    share = corner_weights(weights)
     emission, color = np.zeros((*hit.shape, 3), np.float32), np.zeros((3, *hit.shape, 3), np.float32)
     position, normal, depth = emission.copy(), emission.copy(), np.full(hit.shape, NOTHING_HIT, np.float32)
     if hit.any():
-        position[hit] = (scene.triangles[row[hit]] * share[hit]).sum(-2)
-        normal[hit] = _unit(facing((scene.normals[row[hit]] * share[hit]).sum(-2), rays[hit]))
+        position[hit] = (scene.triangles[row[hit]] * share[hit][..., None]).sum(-2)
+        normal[hit] = shading_normals(scene, row[hit], share[hit], rays[hit])
         camera = view.camera_to_world
         depth[hit] = (position[hit] - camera[:3, 3]) @ -camera[:3, 2]
         emission[hit] = scene.emission[row[hit]]
@@ -35,10 +35,6 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
         environment[~hit] = _seen_in(scene.environment, rays[~hit])
     return Guides(position, normal, *color, emission, environment, depth, hit.astype(np.float32),
                   triangle.astype(np.int32), weights.astype(np.float32))
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
 def _lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:

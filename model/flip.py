@@ -72,7 +72,7 @@ def _balanced(kernel: np.ndarray) -> np.ndarray:
 
 
 def _flip_of_band(reference: np.ndarray, test: np.ndarray, kernels: _Kernels) -> np.ndarray:
-    """Of two padded pictures in opponent colours, (H + 2 radius, W + 2 radius, 3) -> (H, W)."""
+    """Two padded pictures in opponent colours, (H + 2 radius, W + 2 radius, 3) -> (H, W)."""
     color = _color_difference(_perceived(reference, kernels), _perceived(test, kernels))
     edges_r, points_r = _features(reference[..., 0], kernels)
     edges_t, points_t = _features(test[..., 0], kernels)

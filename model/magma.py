@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The colour scale of FLIP maps: dark violet where nothing is seen to differ, bright yellow where all does."""
+"""The colour scale of FLIP maps: from dark violet for no visible difference to bright yellow."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How close two pictures are: PSNR, SSIM and FLIP in numpy, because Blender's Python has no library for them.
+"""Compare two pictures: PSNR, SSIM and FLIP in numpy, because Blender's Python has no library for them.
 
-LPIPS, which needs its own network, is there where its package is.
+LPIPS needs its own network; it is available if its package is installed.
 """
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Closeness:
 
 
 def closeness(a: np.ndarray, b: np.ndarray) -> Closeness:
-    """Of two scene-linear pictures (H, W, 3), b being the reference, after sRGB encoding and clipping.
+    """Metrics of two scene-linear pictures (H, W, 3), b being the reference, after sRGB encoding and clipping.
 
     Progress is reported, and may cancel. Raises ValueError for pictures of different sizes or too small for SSIM.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""LPIPS, where its package and the AlexNet weights beneath it are there already: nothing is downloaded for it."""
+"""LPIPS, if its package and the AlexNet weights are already installed. Nothing is downloaded for it."""
 from __future__ import annotations
 
 from importlib.util import find_spec

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Device and number format, decided by what is there."""
+"""Choose device and number format by the hardware."""
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ambient progress: whoever works reports, whoever waits listens, and nothing in between passes it on.
+"""Progress reports from the code that works to the code that waits, without parameters in between.
 
     with reporting(listener):              # listener(text, fraction) may raise RenderCancelled
         with part(0.0, 0.5, "Stage 1"):    # what is reported inside fills this share of what surrounds it
             report(0.2)                    # listener("Stage 1", 0.1)
 
-Everything that takes more than 0.2 s reports at least that often: it is also how Esc is noticed.
+Everything that takes longer than 0.2 s reports at least that often, because Esc is checked there too.
 """
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What rays meet among triangles, by Embree (Wald et al. 2014, "Embree"). See `Rays`.
+"""Rays against triangles, by Embree (Wald et al. 2014, "Embree"). See `Rays`.
 
-Whatever asks what stands in the way, or what is seen, asks here. Where Embree cannot be imported, another caster of the
-same two functions takes its place (`stand_in`), such as Blender's own trees.
+All visibility in this project is computed here. If Embree cannot be imported, another caster with the same two
+functions takes its place (`stand_in`), such as Blender's own BVH.
 """
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHUNK = 1 << 16  # rays between two looks at the Esc key: about 0.02 s
 
 
 class Hits(NamedTuple):
-    """What P rays meet first."""
+    """The first hits of P rays."""
 
     triangle: np.ndarray  # (P,) i32, -1 = nothing
     distance: np.ndarray  # (P,) f32 in lengths of the direction, infinite = nothing
@@ -26,7 +26,7 @@ class Hits(NamedTuple):
 
 
 class Caster(Protocol):
-    """Of the triangles (T, 3, 3) f32 that it was made of, T > 0; arrays are contiguous f32."""
+    """Rays against the triangles (T, 3, 3) f32 that it was made from, T > 0; arrays are contiguous f32."""
 
     def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits: ...
 
@@ -43,7 +43,7 @@ class Rays:
         self._caster = _made(np.ascontiguousarray(triangles, np.float32)) if len(triangles) else None
 
     def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
-        """What is met first from points (P, 3), or from one, along directions (P, 3)."""
+        """The first hits from points (P, 3), or from one point, along directions (P, 3)."""
         if self._caster is None or not len(direction):
             count = len(direction)
             return Hits(np.full(count, -1, np.int32), np.full(count, np.inf, np.float32),
@@ -52,7 +52,7 @@ class Rays:
 
     def blocked(self, origin: np.ndarray, direction: np.ndarray,
                 distance: np.ndarray | float = np.inf) -> np.ndarray:
-        """(P,) bool: whether anything is met within a distance (P,), in lengths of the directions."""
+        """(P,) bool: whether anything is hit within a distance (P,), in lengths of the directions."""
         if self._caster is None or not len(direction):
             return np.zeros(len(direction), bool)
         return np.concatenate(spread(self._caster.blocked, _chunks(origin, direction, distance)))

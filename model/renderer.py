@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inference: a RenderScene once, then as many Views of it as wanted; scene-linear radiance comes out.
+"""Inference: encode a RenderScene once, then render any number of Views of it to scene-linear radiance.
 
     encoded = Renderer().encode(scene)
     radiance = encoded.view(view, guides)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The last step from arrays to tensors, as far as all networks share it."""
+"""The last step from arrays to tensors, shared by all networks."""
 from __future__ import annotations
 
 from dataclasses import fields

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The threads that PyTorch computes with on the CPU: how many, and that they sleep while they wait for each other.
+"""The threads that PyTorch computes with on the CPU: set their number, and make them sleep while they wait.
 
-By default a waiting OpenMP thread spins for some milliseconds. As soon as another program wants the processor, it spins
-on the core that the thread it waits for needs, and work that takes 2 s takes 20.
+By default a waiting OpenMP thread spins for some milliseconds. If another program uses the processor, it spins on the
+core that the thread it waits for needs, and work that takes 2 s takes 20.
 """
 from __future__ import annotations
 

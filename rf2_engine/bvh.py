@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's own trees of triangles: what is nearest to a point, and rays where Embree is absent (model/rays.py)."""
+"""Blender's own BVH: the nearest triangle to a point, and rays if Embree is missing (model/rays.py)."""
 from __future__ import annotations
 
 import gc
@@ -27,7 +27,7 @@ def uncollected():
 
 @uncollected()
 def tree_of(corners: np.ndarray, faces: np.ndarray | None = None) -> BVHTree:
-    """Of triangles (N, 3, 3), or of (N, 3) faces whose corners are among (V, 3)."""
+    """A tree of triangles (N, 3, 3), or of (N, 3) faces whose corners are among (V, 3)."""
     points = corners.reshape(-1, 3)
     if faces is None:
         faces = np.arange(len(points)).reshape(-1, 3)
@@ -64,5 +64,5 @@ rays.stand_in(BlenderRays)
 
 
 def _tuples(rows: np.ndarray) -> list[tuple]:
-    """Of plain numbers, which take Blender a third of the time of lists of lists."""
+    """Tuples of plain numbers: Blender reads them three times as fast as lists of lists."""
     return list(zip(*rows.T.tolist(), strict=True))

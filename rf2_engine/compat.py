@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What differs between the Blender versions that the add-on supports (4.5 LTS and 5.x), besides pass names."""
+"""Differences between the supported Blender versions (4.5 LTS and 5.x), except pass names."""
 from __future__ import annotations
 
 import bpy

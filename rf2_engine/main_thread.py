@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work that only Blender's main thread may do, asked for by a render, which has a thread of its own in the window."""
+"""Run work on Blender's main thread, requested by a render, which has a thread of its own in the window."""
 from __future__ import annotations
 
 import threading

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user can choose for the Cycles reference: `scene.renderformer_v2.reference`."""
+"""Settings of the Cycles reference: `scene.renderformer_v2.reference`."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -20,18 +20,18 @@ class ReferenceSettings(bpy.types.PropertyGroup):
     # What decides about passes cannot be keyframed: sockets and files have the same in every frame.
     use: BoolProperty(
         name="Cycles Reference", options=set(), update=_update_sockets,
-        description="After each picture Cycles renders the same view layer into the pass Cycles Reference. The picture "
-                    "is on screen first, and stays if the reference is stopped with Esc",
+        description="After each picture, Cycles renders the same view layer into the pass Cycles Reference. Our "
+                    "picture is on screen first, and stays if the reference is stopped with Esc",
     )
     samples: IntProperty(name="Samples", default=128, min=1, soft_max=4096, max=1 << 24,
                          description="Samples per pixel of the reference")
     time_limit: FloatProperty(name="Time Limit", default=0.0, min=0.0, step=100, subtype="TIME", unit="TIME_ABSOLUTE",
-                              description="End the reference after this time, with the samples it has by then; "
-                                          "0 is no limit")
+                              description="Stop the reference after this time and keep the samples rendered so far. 0 "
+                                          "is no limit")
     use_denoising: BoolProperty(name="Denoise", default=True, description="Denoise the reference with OpenImageDenoise")
     use_light_passes: BoolProperty(
         name="Light Passes", options=set(), update=_update_sockets,
-        description="Keep what Cycles found of each kind of light too: Cycles Diffuse Direct and so on, not denoised",
+        description="Also keep Cycles' light passes: Cycles Diffuse Direct and so on, not denoised",
     )
 
 
@@ -46,7 +46,7 @@ class FrameReference:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> FrameReference | None:
-        """Of an evaluated scene; None when no reference is wanted."""
+        """The settings of an evaluated scene; None if no reference is wanted."""
         chosen = scene.renderformer_v2.reference
         if not chosen.use:
             return None

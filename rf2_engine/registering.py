@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pairs of functions that register things and take them back, and what registers many: all of them or none."""
+"""Make pairs of functions that register and unregister things; of many things, all or none are registered."""
 from __future__ import annotations
 
 import traceback
@@ -61,7 +61,7 @@ def appended(name: str, draw: Callable) -> Pair:
 
 
 def handlers(*wanted: tuple[str, Callable]) -> Pair:
-    """Of functions in lists of bpy.app.handlers: (name of the list, function), and so on."""
+    """For functions in lists of bpy.app.handlers: (name of the list, function), and so on."""
     def register() -> None:
         for name, handler in wanted:
             getattr(bpy.app.handlers, name).append(handler)

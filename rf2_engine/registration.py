@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything the add-on registers, in order, and taken back in the reverse order."""
+"""Register everything in order, and unregister it in reverse order."""
 from . import compare, engine, panels, reference_settings, settings, viewport
 from .cycles import world as world_session
 from .frame import model_cache, preflight, running, shot

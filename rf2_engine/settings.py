@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user can choose: `scene.renderformer_v2`, and what a view layer has instead of it."""
+"""The settings of the engine: `scene.renderformer_v2`, and overrides by view layer."""
 from __future__ import annotations
 
 import os
@@ -32,7 +32,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
             ("BUNDLED", "Bundled (small)", "The small network that comes with the add-on and works offline", 0),
             ("FOLDER", "Folder", "A folder with weights on this computer", 1),
             ("PUBLISHED", "Published (large)",
-             "The paper's weights, downloaded or chosen in the add-on's preferences", 2),
+             "The paper's weights. Download them or choose their folder in the add-on's preferences", 2),
         ),
     )
     weights_folder: StringProperty(
@@ -42,7 +42,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     device: EnumProperty(
         name="Device",
         items=(
-            ("auto", "Automatic", "CUDA, then Metal, then the CPU: the first that is there", 0),
+            ("auto", "Automatic", "Use CUDA, Metal or the CPU: the first one that is available", 0),
             ("cpu", "CPU", "The processor", 1),
             ("cuda", "CUDA", "An NVIDIA GPU (or AMD's through ROCm)", 2),
             ("mps", "Metal", "The GPU of an Apple computer", 3),
@@ -51,7 +51,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     precision: EnumProperty(
         name="Precision",
         items=(
-            ("auto", "Automatic", "Half precision where this machine gains from it", 0),
+            ("auto", "Automatic", "Half precision if the hardware supports it", 0),
             ("fp32", "Float32", "Slowest and most exact", 1),
             ("bf16", "BFloat16", "Half precision with the range of Float32", 2),
             ("fp16", "Float16", "Half precision, for GPUs", 3),
@@ -59,56 +59,60 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     )
     token_budget: IntProperty(
         name="Triangle Budget", default=4096, min=256, soft_max=131072, max=1 << 20,
-        description="Most triangles that the network is given: denser meshes are simplified. More show finer shadows "
-                    "and reflections, and cost time and memory: twice the budget about twice the network's first half",
+        description="Maximum triangles sent to the network. Denser meshes are simplified. More triangles give finer "
+                    "shadows and reflections, but take more time and memory",
     )
     max_edge: FloatProperty(
         name="Largest Triangle", default=0.2, min=0.005, max=1.0, precision=3,
-        description="Triangles with longer edges are divided while the Triangle Budget lasts, for light that changes "
-                    "across a large wall; a fraction of the scene's longest side. Costs as many triangles as it adds",
+        description="Divide triangles with longer edges, up to the Triangle Budget, so that light can vary across "
+                    "large surfaces. As a fraction of the scene's longest side",
     )
     guide_samples: IntProperty(
         name="Samples", default=8, min=1, soft_max=64, max=1024,
-        description="Rays through each pixel, for smooth edges and textures, and with Traced Hints for direct light. "
-                    "Cycles' part of the time grows with it; the network's does not",
+        description="Samples per pixel that Cycles renders for the first hits and, with Traced Hints, for direct "
+                    "light. More samples give smoother edges and textures. The time of the network does not depend on "
+                    "them",
     )
 
     lens_samples: IntProperty(
         name="Lens Samples", default=2, min=1, soft_max=64, max=1024,
-        description="Points of the lens from which the picture is rendered, for cameras with Depth of Field; 1 leaves "
-                    "it out. The network renders the picture as often, and Cycles traces its Samples so often and "
-                    "once more. 2 take about twice as long as a sharp picture; more are smoother",
+        description="Points on the lens that the picture is rendered from, for cameras with Depth of Field. 1 disables "
+                    "it. The network renders the picture once per sample, and Cycles traces Samples as often and once "
+                    "more. 2 take about twice as long as a sharp picture; more are smoother",
     )
     shutter_samples: IntProperty(
         name="Shutter Samples", default=2, min=1, soft_max=64, max=1024,
-        description="Moments at which the picture is rendered while the shutter is open, with Motion Blur; 1 leaves it "
-                    "out. The network renders the picture as often, and where more than the camera moves, its first "
-                    "half too. With lens samples every sample has a point and a moment, and the larger number counts",
+        description="Moments at which the picture is rendered while the shutter is open, with Motion Blur. 1 disables "
+                    "it. The network renders the picture once per sample. Together with Lens Samples, each sample has "
+                    "a point and a moment, and the larger number is used",
     )
     light: EnumProperty(
         name="Light", update=_passes_change,
         items=(
-            ("TRACED", "Traced Hints", "Cycles traces direct light and what smooth mirrors and glass show, with the "
-             "samples below; the network adds all light that has bounced. Bundled network only", 0),
-            ("NETWORK", "Network Alone", "No ray is cast towards a light: all light is the network's", 1),
+            ("TRACED", "Traced Hints", "Cycles traces direct light and what smooth mirrors and glass show, with "
+                                       "the samples below. The network adds light that has bounced. Bundled "
+                                       "network only", 0),
+            ("NETWORK", "Network Alone", "Cycles finds only the first hits. All light comes from the network and "
+                                         "from estimates on its triangles", 1),
         ),
     )
     bake_unknown: BoolProperty(
         name="Bake Unknown Nodes",
-        description="Have Cycles bake the nodes that this engine cannot evaluate, such as Bevel, Ambient Occlusion, "
-                    "Wireframe and Script, on a copy of the scene in a Blender of its own. Costs a few seconds to "
-                    "start it, and for every such node and thousand triangles as much as Cycles takes to read the "
-                    "scene and render a small picture; without it the inputs behind such nodes keep their own values",
+        description="Let Cycles bake nodes that this engine cannot evaluate, such as Bevel, Ambient Occlusion, "
+                    "Wireframe and Script, on a copy of the scene in a Blender in the background. This takes a few "
+                    "seconds to start, and for each such node and thousand triangles about as long as Cycles needs to "
+                    "load the scene and render a small picture. Otherwise the inputs behind such nodes keep their own "
+                    "values",
     )
     threads_mode: EnumProperty(
         name="Threads Mode",
         items=(
-            ("AUTO", "Automatic", "As many threads as Blender's own setting says, by default one for each core", 0),
-            ("FIXED", "Fixed", "The number of threads below, to leave cores to other programs", 1),
+            ("AUTO", "Automatic", "Use Blender's own setting, by default one thread per core", 0),
+            ("FIXED", "Fixed", "Use the number of threads below, to leave cores to other programs", 1),
         ),
     )
     threads: IntProperty(name="Threads", default=1, min=1, max=1024,
-                         description="Processor threads of the first hits and of the network")
+                         description="Number of processor threads for the first hits and the network")
     reference: PointerProperty(type=ReferenceSettings)
 
     def weights(self) -> str:
@@ -121,16 +125,15 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         if self.weights_source == "BUNDLED":
             return BUNDLED
         if not self.weights_folder:
-            raise CheckpointError("Weights is set to Folder, and none is chosen: choose one in Render Properties > "
-                                  "RenderFormer-V2")
+            raise CheckpointError("Weights is set to Folder, but no folder is chosen: choose one in Render Properties "
+                                  "> RenderFormer-V2")
         return os.path.expanduser(bpy.path.abspath(self.weights_folder))
 
 
 class RenderFormerLayerSettings(bpy.types.PropertyGroup):
     samples: IntProperty(
         name="Samples", default=0, min=0, soft_max=64, max=1024,
-        description="Rays through each pixel of this view layer, instead of the Samples in Render Properties; "
-                    "0 takes those",
+        description="Samples per pixel for this view layer. 0 uses the Samples in Render Properties",
     )
 
 
@@ -165,7 +168,7 @@ class FrameSettings:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> FrameSettings:
-        """Of an evaluated scene and the view layer that is rendered, which may have samples of its own.
+        """Read from an evaluated scene and the view layer that is rendered, which may have its own samples.
 
         Raises CheckpointError as RenderFormerSettings.weights does.
         """

@@ -10,6 +10,7 @@ from tests.sources import ROOT, documents, python_files
 NUMBER = r"\d+(?:\.\d+)*"
 NUMBERS = rf"{NUMBER}(?:(?:-|, | and |, and ){NUMBER})*"
 CITATION = re.compile(rf'([\w./-]+\.md)(?: ({NUMBERS})|, "([^"]+)")?')  # document, sections by number or title
+MODULE = re.compile(r"[\w/.]*\w\.py\b")
 LINK = re.compile(r"\]\(([^)#:]+)\)")
 
 
@@ -46,3 +47,11 @@ def test_every_citation_of_the_code_resolves():
 def test_every_link_between_documents_leads_somewhere():
     links = [(path, link) for path in documents() for link in LINK.findall((ROOT / path).read_text(encoding="utf-8"))]
     assert len(links) > 10 and [link for link in links if not (ROOT / link[0].parent / link[1]).exists()] == []
+
+
+def test_every_module_that_a_document_names_exists():
+    files = [f"/{path.as_posix()}" for path in python_files()]
+    named = [(str(path), name) for path in documents()
+             for name in MODULE.findall((ROOT / path).read_text(encoding="utf-8"))]
+    assert len(named) > 100
+    assert [found for found in named if not any(file.endswith(f"/{found[1]}") for file in files)] == []

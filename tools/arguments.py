@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the command lines accept."""
+"""Types and checks of command line arguments."""
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How close two pictures are: PSNR, SSIM and FLIP of display-encoded images."""
+"""Compare two pictures: PSNR, SSIM and FLIP of display-encoded images."""
 from __future__ import annotations
 
 import numpy as np

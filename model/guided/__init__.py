@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the bundled preset adds to the network: guides, light prior, decoding of light (docs/architecture.md)."""
+"""The additions of the bundled network: guides, light prior, radiosity, decoding of light (docs/architecture.md)."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edges as more samples would show them: each pixel of the finished picture becomes a weighted mean of those around.
+"""Smooth noisy edges: each pixel of the finished picture becomes a weighted mean of those around it.
 
-With a few samples a pixel's coverage is noisy, in light that is traced as in light that is added. How much a pixel sees
-of each surface shows along the whole edge (kernel prediction, Bako et al. 2017; docs/architecture.md 4.2).
+With a few samples the coverage of a pixel is noisy, in traced light and in added light. The pixels along an edge
+together show it better (kernel prediction, Bako et al. 2017; docs/architecture.md 4.2).
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The guided network's decoder says light, not colour: visibility of the prior, and what the prior does not know."""
+"""Decode light, not colour: the visibility of the prior, and the light that the prior does not include."""
 from __future__ import annotations
 
 import math

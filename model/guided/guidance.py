@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What guidance embeds into tokens (docs/architecture.md). None of it exists in a network without guidance."""
+"""Layers that embed guides into tokens (docs/architecture.md 4.2). A network without guidance has none of them."""
 from __future__ import annotations
 
 import torch

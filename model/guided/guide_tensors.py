@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Guides of a view as tensors: what the guided preset knows about every pixel before the transformer runs."""
+"""Guides of a view as tensors: the data of every pixel that the guided network is given."""
 from __future__ import annotations
 
 from collections.abc import Callable

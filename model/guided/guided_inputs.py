@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the guided network is given: the same call for F12 and for training."""
+"""Make the inputs of the guided network, for F12 and for training alike."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The guided network: the paper's, told what first hits, traced light and two priors know (docs/architecture.md)."""
+"""The guided network: the paper's with first hits, traced light and two priors as inputs (docs/architecture.md 4.2)."""
 from __future__ import annotations
 
 import torch

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What mirrors and glass show of the token triangles: where the light of a pixel comes from, past smooth surfaces.
+"""Follow mirror reflections and refractions through the token triangles to the surface that a pixel shows.
 
 Whitted 1980, "An improved illumination model for shaded display", with one path per pixel and lobe.
 """
@@ -24,7 +24,7 @@ Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 
 @dataclass
 class Ends:
-    """Of P paths: the matte surfaces where they end."""
+    """The matte surfaces where P paths end."""
 
     position: np.ndarray  # (P, 3) f32, world
     normal: np.ndarray    # (P, 3) f32, unit, facing the path
@@ -73,17 +73,22 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
 
 def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
             direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of world points (P, 3) on triangles (P,) that are met along unit directions (P, 3).
+    """The surface at world points (P, 3) on triangles (P,) that are met along unit directions (P, 3).
 
     Unit shading normals (P, 3) facing the viewer, whether they are met from behind (P,), and material texels (P, C).
     """
     corners = scene.triangles[triangle]
     weights = barycentric(corners, point).clip(0, 1).astype(np.float32)
-    normal = np.einsum("pk,pkc->pc", weights, scene.normals[triangle])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12)
     x, y = texels(weights[:, :2])
     texel = scene.tiles[scene.tile_index[triangle], :, y, x].astype(np.float32)
-    return facing(normal, direction), (area_vectors(corners) * direction).sum(1) > 0, texel
+    normal = shading_normals(scene, triangle, weights, direction)
+    return normal, (area_vectors(corners) * direction).sum(1) > 0, texel
+
+
+def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """(P, 3) f32 unit normals on triangles (P,) with weights (P, 3) of their corners, facing who looks along (P, 3)."""
+    normal = np.einsum("pk,pkc->pc", weights, scene.normals[triangle])
+    return facing(normal / np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12), ray)
 
 
 def facing(normal: np.ndarray, ray: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What points see of each other past a scene's triangles: rays (model/rays.py) for tensors on any device."""
+"""Visibility between points, by rays (model/rays.py), for tensors on any device."""
 from __future__ import annotations
 
 import numpy as np
@@ -10,7 +10,7 @@ from ..rays import Rays
 
 
 class Visibility:
-    """Past triangles (T, 3, 3), in network units as all that is asked."""
+    """Rays against triangles (T, 3, 3); all arguments are in network units."""
 
     def __init__(self, triangles: np.ndarray):
         self._rays = Rays(triangles)

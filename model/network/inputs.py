@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the network is given: tensors of one scene and of its views (docs/network.md 2), on the model's device."""
+"""Inputs of the network: tensors of one scene and of its views (docs/network.md 2), on the model's device."""
 from __future__ import annotations
 
 from dataclasses import dataclass, fields

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Long sequences in pieces: bounded memory, and a report of progress (which may cancel) with every piece."""
+"""Process long sequences in pieces: this bounds memory, and every piece reports progress (which may cancel)."""
 from __future__ import annotations
 
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the published bundle consists of (docs/scene-input.md 12); known without importing PyTorch."""
+"""The files of the published bundle (docs/scene-input.md 12); this module does not import PyTorch."""
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an H5 file holds, checked while it is read; h5py is imported only when it is used."""
+"""Read the datasets of an H5 file and check them; h5py is imported only when it is used."""
 from __future__ import annotations
 
 import json

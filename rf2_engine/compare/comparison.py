@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The comparison that is shown: two pictures and how close they are. `events.py` says when they are read."""
+"""The comparison that is shown: two pictures and their metrics. `events.py` decides when they are read."""
 from __future__ import annotations
 
 import bpy
@@ -104,7 +104,7 @@ def _keys() -> tuple:
 
 
 def new_measurement() -> Measurement:
-    """Of the two pictures, which have to be there; not started."""
+    """A measurement of the two pictures, which must exist; not started."""
     return Measurement(a, b, Box(bpy.context.scene, settings().region, a.window))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""When the comparison is read, measured and drawn again: after renders, changes of settings and of the slot shown."""
+"""Read, measure and draw the comparison again after renders and after changes of the settings or the slot."""
 from __future__ import annotations
 
 import bpy

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Export Comparison: a sheet as PNG, and beside it the numbers as JSON."""
+"""Export Comparison: write a sheet as PNG, and the numbers as JSON beside it."""
 from __future__ import annotations
 
 import json
@@ -26,10 +26,10 @@ class RENDERFORMER_OT_compare_export(bpy.types.Operator, ExportHelper):
     @classmethod
     def poll(cls, context):
         if comparison.a is None:
-            cls.poll_message_set("Switch Compare on and choose two pictures first")
+            cls.poll_message_set("Enable Compare and choose two pictures first")
             return False
         if comparison.measurement and comparison.measurement.is_running:
-            cls.poll_message_set("Wait until the pictures are measured")
+            cls.poll_message_set("Wait until the metrics are computed")
             return False
         return True
 

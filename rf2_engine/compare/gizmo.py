@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The line of the split under the mouse. A gizmo, because it is asked before the tool that is active."""
+"""Drag the line of the split. A gizmo, because it gets the mouse before the active tool."""
 from __future__ import annotations
 
 import bpy

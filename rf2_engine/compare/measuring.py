@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Metrics on a thread of their own, because they take seconds; what is drawn does not wait for them."""
+"""Compute the metrics on a thread of their own, because they take seconds; drawing does not wait for them."""
 from __future__ import annotations
 
 import threading
@@ -18,7 +18,7 @@ class Box:
     """The part of a picture that is measured: pixels from the left and from the top."""
 
     def __init__(self, scene: bpy.types.Scene, region: str, window: Window):
-        """Of pictures that show this `window` of the frame; `region` is CompareSettings.region."""
+        """The box in pictures that show this `window` of the frame; `region` is CompareSettings.region."""
         part = window.selected(scene.render) if region == "BORDER" else window.all
         self.width, self.height, self.left, self.right = part[:4]
         self.top, self.bottom = self.height - part.top, self.height - part.bottom
@@ -48,7 +48,7 @@ class Measurement:
         try:
             self._thread.start()
         except RuntimeError as error:  # the system gives no more threads
-            self.error = f"Measuring could not begin: {error}"
+            self.error = f"Measuring could not start: {error}"
 
     def cancel(self) -> None:
         self._cancelled = True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panel's buttons do, besides Export."""
+"""The operators of the panel, except Export."""
 from __future__ import annotations
 
 import bpy

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is written and drawn beside the compared pictures: names, the line of the split, the scale of FLIP."""
+"""Draw names, the line of the split and the scale of FLIP over the compared pictures."""
 from __future__ import annotations
 
 import blf

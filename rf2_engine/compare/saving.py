@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene's file format, borrowed: `Image.save_render` takes it from nowhere else."""
+"""Change the scene's file format for a moment: `Image.save_render` reads it from there only."""
 from __future__ import annotations
 
 from contextlib import contextmanager

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the pictures come from: passes of the render result, of other slots, of loaded images; of any engine.
+"""Read the pictures to compare: passes of the render result, of other slots and of loaded images, of any engine.
 
-Blender gives Python no pixels of these passes, but it saves them: into a temporary file, which is read and forgotten.
+Blender gives Python no access to the pixels of these passes, but it can save them: to a temporary file, which is read
+and removed.
 """
 from __future__ import annotations
 

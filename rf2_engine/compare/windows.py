@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What part of the frame a render slot holds: all of it, unless the render was cropped to a render region."""
+"""The part of the frame that a render slot has: all of it, unless the render was cropped to a render region."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -42,7 +42,7 @@ def whole(width: int, height: int) -> Window:
 
 
 def of_slot(slot: int | None, width: int, height: int) -> Window:
-    """Of a picture of this size that was read from a slot; None is no slot."""
+    """The window of a picture of this size that was read from a slot; None is no slot."""
     window = _cropped.get(slot)
     return window if window and window.all[:2] == (width, height) else whole(width, height)
 

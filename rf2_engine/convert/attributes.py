@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Attributes that materials ask for by name: of the mesh, its object, what instances it, and the view layer."""
+"""Attributes that materials read by name: of the mesh, its object, its instancer and the view layer."""
 from __future__ import annotations
 
 import numpy as np

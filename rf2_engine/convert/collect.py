@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was copied of a scene as parts that shine and parts that do not, displaced, and media."""
+"""Divide the copied scene into parts that emit light, parts that do not, and media; displace them."""
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a scene is made of: meshes and where they stand, lamps, media."""
+"""The contents of a scene: meshes and their places, lamps, media."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field

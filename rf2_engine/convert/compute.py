@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was copied of a scene as a RenderScene, readable top to bottom. No module that this needs knows bpy."""
+"""Compute a RenderScene from a copied scene; read it top to bottom. No module that it imports uses bpy."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -65,8 +65,8 @@ class _Plan:
 
 def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: float, report, steady) -> _Plan:
     if not rays.has_embree():
-        report.approximated("Speed", "the package embreex is missing, so rays take ten times as long: Install Packages "
-                                     "in Preferences > Add-ons > RenderFormer-V2 brings it")
+        report.approximated("Speed", "the Python package embreex is missing, so rays take ten times as long: use "
+                                     "Install Packages in Preferences > Add-ons > RenderFormer-V2")
     with progress.part(0.0, 0.1, "Converting the world"):
         environment, suns = world_light(copied.world, copied.drawn, report)
     with progress.part(0.1, 0.3):
@@ -80,9 +80,9 @@ def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: flo
     progress.report(0.3)
     (low, high), beyond = framing.box, collected.beyond(framing.box)
     if beyond:
-        report.approximated("Scale", f"the network looks at {float((high - low).max()):.3g} m around "
-                            f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}); farther away, such as parts of "
-                            f"{', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}, it sees less")
+        report.approximated("Scale", f"the scene is scaled to the {float((high - low).max()):.3g} m around "
+                            f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}) that the camera sees: there is less "
+                            f"detail beyond, such as in {', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}")
     eye = None if view is None else view.camera_to_world[:3, 3]
     clear = add_fog(collected, copied.world, framing.box, eye, report)
     environment, suns = through_fog(environment, suns, clear)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All that a conversion knows of a Blender scene: arrays and plain objects, which any thread may work on."""
+"""The copy of a Blender scene that a conversion works on: arrays and plain objects, for any thread."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field

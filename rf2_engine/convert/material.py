@@ -98,7 +98,8 @@ class MaterialTiles:
         if emitters.any():
             index[emitters] = self._constant_index(EMITTER_TILE)
             if reflects:
-                self.report.approximated(material.name, "where it shines it reflects as if it were white and matt")
+                self.report.approximated(material.name, "where it emits light, it reflects like a white diffuse "
+                                                        "surface")
         index[nothing & ~emission.any(axis=1)] = -1
         return index, emission
 
@@ -127,9 +128,10 @@ class MaterialTiles:
             closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
             evaluator.depends_on_place |= lighting.depends_on_place
         if (closure.emission < 0).any():
-            self.report.approximated(material.name, "negative light is left out")
+            self.report.approximated(material.name, "negative light is ignored")
         if not closure.weight.any() and not closure.emission.any() and has_surface(material):
-            self.report.approximated(material.name, "no surface shader reaches the Material Output: it is black")
+            self.report.approximated(material.name, "no surface shader is connected to the Material Output, so it is "
+                                                    "black")
         displacement, surface = _displacement(material, output), parameters(closure)
         if material.displacement_method == "BUMP" and displacement.ndim > 1:
             surface.normal = bent_by(output, surface.normal, displacement)
@@ -184,7 +186,7 @@ def _displacement(material, output: NodeCall | None) -> np.ndarray:
     if n is None or n.points.is_displaced:
         return np.zeros(1, np.float32)
     if n.kind != "ShaderNodeDisplacement":
-        n.approximated(f"displacement by {n.node.bl_label} is left out")
+        n.approximated(f"displacement by {n.node.bl_label} is ignored")
         return np.zeros(1, np.float32)
     found = (n["Height"] - n["Midlevel"]) * n["Scale"]
     return found * _normal_scale(n) if n.node.space == "OBJECT" else found

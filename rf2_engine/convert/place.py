@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a material can know of the instance that wears it: where it stands, its colour, its random number."""
+"""The properties of an instance that a material can read: its place, colour and random number."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field

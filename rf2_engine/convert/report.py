@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the conversion of a scene approximated, skipped or refused, and why."""
+"""The report: what was approximated, skipped or refused, and why."""
 from __future__ import annotations
 
 import re
@@ -80,7 +80,7 @@ class Report:
         most = min(AS_GOOD_AS_INFINITE, float(np.finfo(values.dtype).max))
         if (np.abs(values) <= most).all():
             return values
-        self.refused(name, f"{what} holds values that are not finite, or as good as infinite")
+        self.refused(name, f"{what} has values that are infinite or too large")
         known = np.nan_to_num(values, posinf=np.inf, neginf=-np.inf)
         known = np.where(np.abs(known) <= most, known, np.copysign(HALF_MAX, known))
         return known.astype(values.dtype)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A depsgraph as a RenderScene: what Blender is asked for is copied first, then computed with."""
+"""Convert a depsgraph to a RenderScene: copy from Blender first, then compute."""
 from __future__ import annotations
 
 from ...model import progress

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles of all instances, dressed by their materials."""
+"""The triangles of all instances, with their materials."""
 from __future__ import annotations
 
 import numpy as np
@@ -37,14 +37,14 @@ def _instance(part: Part, place: Place, materials: MaterialTiles, shared: dict, 
     tile_index, emission = _materials(part, place, materials, shared)
     there = tile_index >= 0
     if not there.all():
-        report.approximated(part.name, f"{np.count_nonzero(~there)} of its {len(there)} triangles, transparent "
-                                       "nearly everywhere, are left out")
+        report.approximated(part.name, f"{np.count_nonzero(~there)} of its {len(there)} triangles are left out, "
+                                       "because they are almost fully transparent")
     corners, normals = meshes.transform(part.mesh, place.matrix)
     near, solid = meshes.within_reach(corners), meshes.has_area(corners)
     if not near.all():
-        report.refused(part.name, "it reaches farther than numbers do: reset its transform")
+        report.refused(part.name, "it is too large or too far away: reset its transform")
     elif not solid.any():
-        report.skipped(part.name, "it is scaled to nothing")
+        report.skipped(part.name, "its scale is 0")
     fields = {"triangles": corners, "normals": normals, "emission": emission, "tile_index": tile_index}
     return {name: values[near & solid & there] for name, values in fields.items()}
 

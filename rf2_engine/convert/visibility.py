@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which of the depsgraph's instances the rendered view layer shows, and what of their visibility is lost."""
+"""Find the instances that the rendered view layer shows, and report visibility settings that are ignored."""
 from __future__ import annotations
 
 RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow")

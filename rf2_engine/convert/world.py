@@ -40,7 +40,7 @@ def world_light(world: World | None, drawn: tuple | None, report) -> tuple[np.nd
     if world is None:
         return None, []
     if world.hidden_from:
-        report.approximated(world.name, "it lights everything although ray visibility is off for: "
+        report.approximated(world.name, "it lights everything, although ray visibility is off for: "
                                         f"{', '.join(world.hidden_from)}")
     if drawn:
         environment, suns = drawn
@@ -49,9 +49,9 @@ def world_light(world: World | None, drawn: tuple | None, report) -> tuple[np.nd
         if environment is not None:
             environment, suns = split_suns(environment)
     if suns:
-        what = f"{len(suns)} small bright places of it light" if len(suns) > 1 else "a small bright place of it lights"
-        report.approximated(world.name, f"{what} the scene as a sun lamp does, {math.degrees(SUN_ANGLE):.0f} degrees "
-                                        "wide or more")
+        what = f"{len(suns)} small bright areas become sun lights" if len(suns) > 1 else \
+            "a small bright area becomes a sun light"
+        report.approximated(world.name, f"{what}, at least {math.degrees(SUN_ANGLE):.0f} degrees wide")
     return environment, suns
 
 
@@ -116,7 +116,7 @@ def _band(output, first_row, fineness, report, world: World) -> np.ndarray:
     emission = closure_at(NodeCall(evaluator, output), "Surface").emission
     emission = report.finite(name, "its light", emission)
     if (emission < 0).any():
-        report.approximated(name, "negative light is left out")
+        report.approximated(name, "negative light is ignored")
     radiance = np.maximum(emission, 0)
     radiance = np.broadcast_to(radiance, (len(rows), width, 3)).reshape(BAND_ROWS, fineness, -1, fineness, 3)
     weight = np.sin(np.pi * (rows + 0.5) / height).reshape(BAND_ROWS, fineness)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles, run inside our own engine or in a Blender of its own."""
+"""Run Cycles inside our own engine, or in a Blender of its own."""

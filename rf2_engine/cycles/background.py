@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles in a Blender of its own, in the background, for when it cannot be run inside our engine.
+"""Run Cycles in a Blender of its own, in the background, if it cannot be run inside our engine.
 
 It renders a temporary copy of the scene: the user's file, preferences and online access are not touched.
 """
@@ -128,8 +128,8 @@ def _wait(process: subprocess.Popen) -> None:
     if code:
         print("".join(lines))
         last = next((line.strip() for line in reversed(lines) if line.strip()), f"it ended with code {code}")
-        raise SceneError(f"the background Blender failed: {last}. See the console; Cycles has to work in this Blender, "
-                         "so install it anew from blender.org")
+        raise SceneError(f"the background Blender failed: {last}. See the console; Cycles must work in this Blender, "
+                         "so install it again from blender.org")
 
 
 def _pixels(channels: dict[str, np.ndarray], order: str) -> np.ndarray:

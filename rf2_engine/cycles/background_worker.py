@@ -4,7 +4,7 @@
     blender --background --python background_worker.py -- COPY.blend JOB.json PASSES.exr
     python background_worker.py -- COPY.blend JOB.json PASSES.exr        # with the bpy module
 
-It sees nothing of the add-on but the module compat.
+It uses only the module compat of the add-on.
 """
 import json
 import os

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that only Cycles can evaluate, baked by one in a Blender of its own, on a temporary copy of the scene.
+"""Bake nodes that only Cycles can evaluate, in a Blender of its own, on a temporary copy of the scene.
 
-The copy is written and that Blender started when the first such node is met, and ended with the conversion.
+The copy is written and that Blender started at the first such node. It ends with the conversion.
 """
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Baker:
             self._broken = f"{what} could not be baked: {error}"
             raise RuntimeError(self._broken) from error
         if np.isnan(texels).all():
-            raise RuntimeError("Cycles found nothing to bake where its triangles are")
+            raise RuntimeError("Cycles baked nothing on its triangles")
         values = _resized(_filled(texels))
         return values[..., :1] if n.output.type in ("VALUE", "INT", "BOOLEAN") else values
 
@@ -113,7 +113,7 @@ class Baker:
         self._lines.put(None)
 
     def _wait_for(self, word: str) -> None:
-        said = ["nothing was said"]
+        said = ["no message"]
         while True:
             progress.report()
             try:
@@ -135,7 +135,7 @@ class Promise:
         pass
 
     def bake(self, n):
-        raise RuntimeError("only a render bakes it")
+        raise RuntimeError("it is baked only when rendering")
 
 
 def _filled(tiles: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a world's node trees are made of, as text: two alike look alike."""
+"""Describe the node trees of a world as text: equal texts mean equal worlds."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ def trees(world: bpy.types.World) -> Iterator[tuple[bpy.types.ID, str, bpy.types
 
 
 def of_tree(world: bpy.types.World) -> str:
-    """Of a world with nodes."""
+    """The text of a world with nodes."""
     parts = [world.name_full]
     for _, _, tree in trees(world):
         for node in tree.nodes:
@@ -34,7 +34,7 @@ def of_tree(world: bpy.types.World) -> str:
 
 
 def _values(data, depth: int = 2) -> list:
-    """Of a node or of what it holds: numbers, texts, and data-blocks by name; where objects are."""
+    """The text of a node or of its values: numbers, texts, data-blocks by name, and places of objects."""
     values = []
     for prop in data.bl_rna.properties:
         name = prop.identifier

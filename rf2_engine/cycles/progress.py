@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far Cycles is while it runs inside our engine.
+"""Find how far Cycles is while it runs inside our engine.
 
-Nobody tells Python. But Cycles writes its status into the text that every RenderEngine holds, so it is read there:
-found once by what we wrote into it ourselves, and never written to.
+There is no function for it. But Cycles writes its status into the text that every RenderEngine has, so it is read
+there. Its address is found once, by a text that we set ourselves. It is never written to.
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One run of Cycles inside our own engine: a session, settings for its time, and the passes that it wrote."""
+"""Run Cycles once inside our own engine: the session, its settings, and the passes that it wrote."""
 from __future__ import annotations
 
 from contextlib import contextmanager
@@ -103,8 +103,8 @@ def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[st
     except SceneError as error:
         raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), and {error}") from why
     report.approximated("Cycles", f"it cannot be run inside this Blender ({reason}), so a Blender in the background "
-                                  "rendered a copy of the scene: expect a few seconds more, and no simulation that is "
-                                  "not baked")
+                                  "rendered a copy of the scene: this takes a few seconds longer, and simulations "
+                                  "that are not baked are missing")
     return rendered
 
 

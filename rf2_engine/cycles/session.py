@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles run inside our own engine: the passes of a final render, with exact first hits for any material graph.
+"""Render passes with Cycles inside our own engine, with exact first hits for any material.
 
-Cycles computes the passes that our render result has and honours render border, resolution percentage, view layer,
+Cycles computes the passes that our render result has and obeys render border, resolution percentage, view layer,
 overrides and Esc by itself. It frees the evaluated scene when it ends (unless Persistent Data is on, or inside
-cycles_run.scene_kept), so everything else must be taken from the depsgraph before `render_passes`.
+`run.scene_kept`), so everything else must be read from the depsgraph before `render_passes`.
 """
 from __future__ import annotations
 

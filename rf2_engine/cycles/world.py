@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Worlds that only Cycles can evaluate: it draws panoramas of them, without any object, as they light the scene.
+"""Draw panoramas of worlds that only Cycles can evaluate, without any object, as they light the scene.
 
-The pictures have the size of the render, for a session draws into the render's own result.
+The pictures have the size of the render, because a session draws into the render's own result.
 """
 from __future__ import annotations
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The journey of one F12, and its steps."""
+"""One F12: render.py calls the steps in order."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the picture of a view layer will lack, and what cannot be rendered, found before it is."""
+"""Check a view layer before it is rendered: report what will be missing, and raise for what cannot be rendered."""
 from __future__ import annotations
 
 import bpy
@@ -29,5 +29,5 @@ def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Repor
     names += passes.REFERENCE if settings.reference else ()
     longest = max((p.blender_name for p in names), key=len)
     if (room := LONGEST_NAME - len(f".{longest}.X")) < len(layer.name.encode()):
-        report.approximated(layer.name, f"Blender cuts names in multilayer files: with more than {room} letters in the "
-                                        f'name of the view layer, passes such as "{longest}" get lost')
+        report.approximated(layer.name, "Blender shortens names in multilayer files: give the view layer a name of at "
+                                        f'most {room} letters, or passes such as "{longest}" are lost')

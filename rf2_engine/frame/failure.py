@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user is told when a render fails."""
+"""The message that the user gets if a render fails."""
 from __future__ import annotations
 
 import traceback

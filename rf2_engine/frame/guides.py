@@ -9,7 +9,8 @@ import numpy as np
 from ...model import denoise_media
 from ...model.camera import view_rays, view_rays_at
 from ...model.first_hits import guides_of_hits
-from ...model.geometry import barycentric
+from ...model.geometry import barycentric, corner_weights
+from ...model.guided.specular import shading_normals
 from ...model.progress import part
 from ...model.rays import Rays
 from ...model.scene import Guides, RenderScene, View
@@ -23,8 +24,9 @@ TOLERANCE = 0.01
 UNSEEN_LIGHT_TOLERANCE = 1e-4
 NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothing
 COVERED = 1e-3       # alpha below this is not worth a token's attention
+ONE_SURFACE = 0.95   # length of the mean of a pixel's unit normals from which it sees one surface
 FILL_RADIUS = 4      # pixels
-FINDING = "Finding the triangles that are seen"
+FINDING = "Finding visible triangles"
 
 
 def cast_guides(scene: RenderScene, view: View) -> Guides:
@@ -45,7 +47,8 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
     """First-hit guides of one view from `passes` (cycles_session.render_passes) and `scene` (world frame).
 
     Cycles gives Position for the pixel's centre only. Pixels that are partly covered although their centre hits nothing
-    (silhouettes, wires) take position and triangle from the nearest covered pixel. Normals become unit vectors.
+    (silhouettes, wires) take position and triangle from the nearest covered pixel. Normals become unit vectors; a pixel
+    that sees several surfaces takes that of the one in its middle, for the mean belongs to none.
 
     Raises ValueError when the passes do not have the size of `view`.
     """
@@ -64,6 +67,9 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
     source = _nearest(seen, covered)
     guides = replace(guides_of_no_triangle(passes), position=position.reshape(-1, 3)[source],
                      hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source])
+    several = (np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha) & (guides.hit_triangle >= 0)
+    weights, rays = corner_weights(guides.hit_barycentric[several]), view_rays(view)[1][several]
+    guides.normal[several] = shading_normals(scene, guides.hit_triangle[several], weights, rays)
     return denoise_media.smoothed(guides, scene.volumes, view)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Cycles sees of a view layer: first hits with direct light, alpha where holdouts are, shadow catchers."""
+"""Cycles' part of a view layer: first hits with direct light, alpha of holdouts, shadow catchers."""
 from __future__ import annotations
 
 import functools

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A view layer that is rendered: what is known of it, its camera and its scene."""
+"""A view layer that is rendered: its settings, camera, scene and stages."""
 from __future__ import annotations
 
 from collections.abc import Callable

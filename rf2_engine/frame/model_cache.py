@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The loaded network and the last scene after stage 1, kept between renders, for Blender makes an engine a frame."""
+"""Keep the loaded network and the last encoded scene between renders, because Blender makes an engine per frame."""
 from __future__ import annotations
 
 import gc

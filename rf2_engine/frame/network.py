@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The network's part of a view layer: the light that is added to what Cycles has seen, once or for every sample."""
+"""The network's part of a view layer: add light to Cycles' first hits, once or for every sample."""
 from __future__ import annotations
 
 from collections.abc import Callable

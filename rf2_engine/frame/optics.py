@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the network's pinhole camera lacks: depth of field, motion blur, a film that is transparent behind glass."""
+"""Effects that the network's pinhole camera lacks: depth of field, motion blur, transparent film behind glass."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from . import shutter
 
 @dataclass(frozen=True)
 class Optics:
-    """Of how many samples a picture is the mean: 1 of a kind leaves that kind of blur out.
+    """The number of samples that a picture is the mean of; 1 disables that kind of blur.
 
     With any of it Cycles sees the whole picture as it should be, and the network the samples, by a pinhole each.
     """
@@ -61,18 +61,17 @@ class Optics:
         """What can be had with this light; `report` says what the scene wants beyond that."""
         scene, wanted = depsgraph.scene_eval, _wanted(depsgraph)
         if "lens" in wanted and self.lens == 1:
-            report.approximated(scene.camera.name, "depth of field is left out: raise Samples in "
-                                                   "Render Properties > Depth of Field")
+            report.approximated(scene.camera.name, "no depth of field: raise Samples in Render Properties > "
+                                                   "Depth of Field")
         if "shutter" in wanted and self.shutter == 1:
-            report.approximated(scene.name, "motion blur is left out: raise Samples in "
-                                            "Render Properties > Motion Blur")
+            report.approximated(scene.name, "no motion blur: raise Samples in Render Properties > Motion Blur")
         for still in (obj for obj in depsgraph.objects if self.shutter > 1 and not obj.cycles.use_motion_blur):
-            report.approximated(still.name, "its Motion Blur is off, but it is blurred where it moves")
+            report.approximated(still.name, "its Motion Blur is off, but it is blurred")
         if self.shutter > 1 and scene.cycles.rolling_shutter_type != "NONE":
-            report.approximated(scene.name, "Rolling Shutter is left out: all rows see the same moments")
+            report.approximated(scene.name, "Rolling Shutter is ignored")
         allowed = self
         for catcher in shadow_catchers(depsgraph):
-            report.approximated(catcher.name, "a shadow catcher catches the shadows of direct light alone"
+            report.approximated(catcher.name, "a shadow catcher catches only shadows of direct light"
                                 if light is Light.TRACED else
                                 "a shadow catcher is shown like any object: its shadows need Light > Traced Hints")
             allowed = replace(allowed, catchers=light is Light.TRACED)

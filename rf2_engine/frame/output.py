@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the network's radiance to Blender's render result."""
+"""Write the network's radiance to Blender's render result."""
 from __future__ import annotations
 
 from contextlib import contextmanager

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a render will be made of, how long it will take and what it will lack: the scene converted, nothing rendered.
+"""Convert the scene without rendering it, to tell the size of a render, its time, and what will be approximated.
 
-Python gets no depsgraph of a render without rendering, so it is the viewport's that is converted; where a render will
-show something else is said. Nothing can be cancelled while Blender waits for an operator, so this is short.
+Python has no access to the depsgraph of a render without rendering, so the viewport's is converted, and differences are
+reported. Nothing can be cancelled while Blender waits for an operator, so this is short.
 """
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LONGEST = 10.0  # seconds
 
 @dataclass(frozen=True, eq=False)  # each is its own: panels remember what they have looked up for it
 class Preflight:
-    """Of one view layer. With an `error` the rest is empty but for what was found before it."""
+    """The result for one view layer. With an `error` the rest is empty except what was found before."""
 
     layer: str
     layers: int = 1                # that a frame renders
@@ -57,11 +57,11 @@ class Preflight:
             return [self.error]
         width, height = self.size
         several = f"View layer {self.layer}, one of {self.layers}" if self.layers > 1 else "A render"
-        time = memory = "unknown until a picture was rendered with these settings"
+        time = memory = "unknown until a picture is rendered with these settings"
         if self.seconds is not None:
-            time = f"about {_clock(self.seconds)}, judged by renders on this computer"
+            time = f"about {_clock(self.seconds)}, based on earlier renders on this computer"
         if self.memory is not None:
-            memory = f"Blender will hold about {self.memory / 1024:.1f} GB"
+            memory = f"Blender will use about {self.memory / 1024:.1f} GB"
         blur = [self.blur] if self.blur else []
         return [f"{several}: {width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens",
                 f"Time: {time}", *blur, f"Memory: {memory}"]
@@ -111,7 +111,7 @@ def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Prefligh
             return replace(_look(depsgraph, layer, report, begin), state=state)
     except RenderCancelled:
         return Preflight(layer, state=state, remarks=report.entries, error="This scene takes longer than "
-                         f"{LONGEST:.0f} s to convert: only a render knows all of it. Found so far:")
+                         f"{LONGEST:.0f} s to convert, so this is incomplete. Found so far:")
     except Exception as error:
         return Preflight(layer, state=state, error=failure.message(error), remarks=report.entries)
 
@@ -168,8 +168,8 @@ def _report_differences(depsgraph: bpy.types.Depsgraph, report: Report) -> None:
             hidden.append(obj.name)
         elif any(_differs(modifier) for modifier in obj.modifiers):
             other.append(obj.name)
-    for names, what in (hidden, "hidden in the viewport and not counted, but rendered"), (other, "rendered with other "
-                        "modifiers, or other levels of them, than in the viewport"):
+    for names, what in ((hidden, "hidden in the viewport, but rendered: not counted"),
+                        (other, "modifiers, or their levels, differ between viewport and render")):
         if names:
             report.approximated("Preflight", f"{', '.join(names[:SOME])}{' ...' if len(names) > SOME else ''}: {what}")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How large a frame is, and the part of it that is rendered."""
+"""The size of a frame, and the part of it that is rendered."""
 from __future__ import annotations
 
 import bpy

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles' own picture beside ours: a second session of Cycles for the view layer, once our picture is on screen.
+"""Render Cycles' own picture beside ours: a second session of Cycles for the view layer, after our picture is on
+screen.
 
-Film, seed, bounces, device and all else are the scene's Cycles settings, so that it is what Cycles would render.
+Film, seed, bounces, device and all else are the scene's Cycles settings, so the result is what Cycles would render.
 """
 from __future__ import annotations
 
@@ -64,7 +65,7 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
     finally:  # Cycles shows its picture in Combined
         output.write(engine, layer.name, picture | rendered)
     if rendered and 0 < chosen.time_limit < time.perf_counter() - begin:
-        report.approximated(NAME, f"its Time Limit may have ended it before it had {chosen.samples} samples")
+        report.approximated(NAME, f"it may have fewer than {chosen.samples} samples because of its Time Limit")
     if rendered and chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
     return chosen.samples if rendered else 0

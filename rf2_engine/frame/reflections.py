@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The part of the network's `Guides` that says what mirrors and glass show, by rays through the token triangles."""
+"""The part of `Guides` for mirrors and glass: the surfaces that they show, by rays through the token triangles."""
 from __future__ import annotations
 
 import math
@@ -40,7 +40,7 @@ def with_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
             return follow(scene, rays.closest, *_leaving(name, guides, scene, view, rows, columns))
 
         places = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
-        with part(0.0, 1.0, "Looking into mirrors and glass"):
+        with part(0.0, 1.0, "Tracing mirrors and glass"):
             parts = spread(ends, places)
         arrays = {kind: np.zeros((*pixels.shape, 3), dtype) for kind, dtype in ENDS.items()}
         for kind, array in arrays.items():

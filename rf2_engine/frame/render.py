@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The journey of one F12: Blender calls `render` once for every view layer of every frame."""
+"""Render one F12: Blender calls `render` once for every view layer of every frame."""
 from __future__ import annotations
 
 from collections import Counter

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Renders under way: Blender crashes when an engine's class is taken away under them.
+"""Keep track of running renders, because Blender crashes when an engine's class is unregistered during one.
 
 A render runs in the thread that asked for it in background mode, and in a thread of its own in the window. After
 `RenderEngine.render` has returned Blender still uses the engine, so a render ends where its last handler is called.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Key frames of an animation, which the frames after them are fitted by.
+"""Key frames of an animation: later frames use their box, view and shares of triangles.
 
 Light flickers in a scene that is fitted and simplified anew for every frame. So the box, the view that triangles are
 allotted by and the shares of the meshes are those of a key frame: the one in which the shot begins, for as long as the

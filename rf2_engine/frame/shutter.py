@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The moments at which the shutter is open, and the scene at each of them."""
+"""The moments while the shutter is open, and the scene at each of them."""
 from __future__ import annotations
 
 from contextlib import contextmanager

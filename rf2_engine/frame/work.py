@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The list of a frame's stages, and what each has to do."""
+"""The stages of a frame with the amount of work of each."""
 from __future__ import annotations
 
 import bpy

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels of Blender and Eevee that show what acts in this engine too."""
+"""Panels of Blender and Eevee whose settings this engine uses too."""
 from __future__ import annotations
 
 from collections.abc import Iterator

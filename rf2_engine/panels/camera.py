@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera Properties: what is ours below what Blender and Cycles draw."""
+"""Camera Properties: our settings, below those of Blender and Cycles."""
 from __future__ import annotations
 
 from ..registering import appended

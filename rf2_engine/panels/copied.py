@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels of Blender and Cycles once more, for this engine: what they draw is theirs, when and where is ours.
+"""Copies of Blender's and Cycles' panels for this engine: the same content, but our place and our conditions.
 
-Cycles' panels ask for Cycles by name, and Blender's were registered before ours and would stand above them.
+Cycles' panels check for Cycles by name, and Blender's were registered before ours and would be above them.
 """
 from __future__ import annotations
 

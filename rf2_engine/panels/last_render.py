@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Last Render: what the view layers of the last frame were made of, and what the picture lacks, by object."""
+"""Last Render: statistics of the view layers of the last frame, and the report by object."""
 from __future__ import annotations
 
 import bpy

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Material Properties: what Blender's own panels leave out."""
+"""Material Properties: settings that Blender's own panels do not show for this engine."""
 from ..registering import classes
 from .panel import EnginePanel
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What our panels have in common."""
+"""The base class of our panels."""
 import bpy
 
 from ..engine import RenderFormerEngine

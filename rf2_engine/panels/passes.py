@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""View Layer Properties > Passes: a tick for whatever the chosen weights can deliver, in Cycles' order."""
+"""View Layer Properties > Passes: a checkbox for each pass that the chosen weights can give, in Cycles' order."""
 from __future__ import annotations
 
 import bpy

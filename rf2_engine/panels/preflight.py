@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Preflight, below ours in Render Properties: what F12 will do, before it."""
+"""The panel Preflight in Render Properties: what F12 will do."""
 from __future__ import annotations
 
 import bpy
@@ -37,9 +37,9 @@ class RENDERFORMER_PT_preflight(EnginePanel):
 
 class RENDERFORMER_OT_preflight(bpy.types.Operator):
     bl_idname = "renderformer_v2.preflight"
-    bl_label = "Look at the Scene"
-    bl_description = ("Convert the scene as a render would, without rendering: how many tokens it has, how long a "
-                      f"render will take, and what it will approximate. Takes at most {preflight.LONGEST:.0f} seconds")
+    bl_label = "Check Scene"
+    bl_description = ("Convert the scene without rendering it, to show how many tokens it has, how long a render will "
+                      f"take, and what will be approximated. Takes at most {preflight.LONGEST:.0f} seconds")
     bl_options = {"INTERNAL"}
 
     @classmethod

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets of the engine's settings: some come with the add-on, in folders that Blender searches, the user adds more."""
+"""Presets of the engine's settings: some come with the add-on, and the user can add more."""
 from __future__ import annotations
 
 from functools import partial

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panel Cycles Reference, below ours in Render Properties."""
+"""The panel Cycles Reference in Render Properties."""
 from __future__ import annotations
 
 from ..registering import classes

@@ -63,7 +63,7 @@ def _draw_published(layout) -> None:
     bundle = published_weights.bundle_folder()
     if bundle is None or published_weights.missing_parts(bundle) or packages.missing(packages.PUBLISHED):
         column = layout.column()
-        draw_text(column, "The published weights or the packages for them are incomplete")
+        draw_text(column, "The published weights, or the packages for them, are incomplete")
         column.operator("preferences.addon_show", text="Open Preferences").module = packages.EXTENSION
 
 

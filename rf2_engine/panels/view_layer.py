@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""View Layer Properties: what the layer shows instead of the scene's own."""
+"""View Layer Properties: overrides of the scene's settings."""
 from __future__ import annotations
 
 from ..registering import classes

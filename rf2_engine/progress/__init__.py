@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user is told while a frame renders, and afterwards."""
+"""Progress of a render, and its statistics afterwards."""

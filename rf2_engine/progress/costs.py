@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the stages of a render cost on this machine when they last ran, kept between sessions of Blender.
+"""Remember the seconds that the stages of a render took on this machine, between sessions of Blender.
 
-Costs belong to a setup: whatever of the settings, beside the amount of work, decides how long a stage takes.
+They belong to a setup: the settings that decide, beside the amount of work, how long a stage takes.
 """
 from __future__ import annotations
 

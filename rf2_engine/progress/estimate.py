@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of a frame is done, judged by what its stages cost when they last ran on this machine (costs.py)."""
+"""Estimate how much of a frame is done, by the time that its stages took before on this machine (costs.py)."""
 from __future__ import annotations
 
 import time

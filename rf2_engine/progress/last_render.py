@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the view layers of the last frame were made of, how long they took, and what went wrong."""
+"""Statistics of the view layers of the last frame: size, seconds, report and errors."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of the computer's memory this process holds, the network included."""
+"""Measure the memory that this process uses, including the network."""
 from __future__ import annotations
 
 import ctypes

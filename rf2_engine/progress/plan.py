@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The stages of one view layer, and the one place where a stage is entered."""
+"""The stages of one view layer, and the only place where a stage is entered."""
 from __future__ import annotations
 
 import time

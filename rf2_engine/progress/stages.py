@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The stages of a frame: what the user reads, and what their cost is measured in."""
+"""The stages of a frame: their texts, and the units of their cost."""
 from __future__ import annotations
 
 from dataclasses import dataclass

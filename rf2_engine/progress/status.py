@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user sees while a frame renders: stage, time left, memory, progress bar; and what stops it: Esc."""
+"""Show stage, time left, memory and progress bar while a frame renders, and check Esc."""
 from __future__ import annotations
 
 import threading

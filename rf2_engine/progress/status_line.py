@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A line of ours in the Image Editors that show a render, in place of Blender's, which is Cycles' while that runs.
+"""Draw our status line in the Image Editors that show a render, over Blender's, which Cycles sets while it runs.
 
-Blender's own must not be set by two threads at once, and what Cycles says there is of one of its runs alone, so while
-Cycles sets it ours is drawn over it.
+Two threads must not set Blender's status text at once, and what Cycles says is about one of its runs alone.
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How sizes, long texts and progress look in our panels."""
+"""Draw sizes, long texts and progress in our panels."""
 from __future__ import annotations
 
 import shutil

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Distributions in a folder of packages: which are complete, by what lies there and not by a stamp.
+"""Find which distributions in a folder of packages are complete, by checking their files.
 
 pip lists in NAME-VERSION.dist-info/RECORD every file of a distribution with its size and hash. Used in Blender and in
 package_worker.py: standard library only.

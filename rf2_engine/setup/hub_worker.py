@@ -27,8 +27,8 @@ from pathlib import Path, PurePosixPath
 
 SUFFIXES = {".safetensors", ".json", ".yaml", ".yml"}  # never pickles
 INTERVAL = 0.2  # seconds between two messages
-KEPT = "what has arrived is kept, the next download goes on from there"
-LOGIN = "the answer was not what was asked for: does this network want a login in the browser?"
+KEPT = "what has arrived is kept, the next download continues from there"
+LOGIN = "unexpected answer: does this network require a login in the browser?"
 IN_THE_WAY = "a file is where a folder should be"
 REASONS = {errno.ENOENT: "it was removed or renamed", errno.EEXIST: IN_THE_WAY, errno.ENOTDIR: IN_THE_WAY}
 
@@ -166,7 +166,7 @@ def run(request: dict, tell) -> None:
     """tell(**message) is called with "total", "present", "text" whenever they change."""
     target, token = Path(request["target"]), request["token"]
     if not all("!" <= character <= "~" for character in token):
-        raise Explained("the access token has a character that none can have: copy it again", 401)
+        raise Explained("the access token has an invalid character: copy it again", 401)
     files = []
     for repository in request["repositories"]:
         tell(total=0, present=0, text=f"Asking for {repository['id']}")

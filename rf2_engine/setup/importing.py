@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Importing PyTorch: a process can try it only once, so the first failure is the one that is shown ever after."""
+"""Import PyTorch. A process can try it only once, so the first error is kept and shown from then on."""
 from __future__ import annotations
 
 import importlib

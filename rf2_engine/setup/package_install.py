@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An installation of packages as Blender sees it: a process that reports, and tidies up when it is ended."""
+"""An installation of packages as a process that reports its progress, and cleans up when it is ended."""
 from __future__ import annotations
 
 import dataclasses

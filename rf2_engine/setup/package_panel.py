@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panels show of the Python packages: missing, being installed, and the question before that."""
+"""Draw the state of the Python packages: missing, the question before they are installed, being installed."""
 from __future__ import annotations
 
 import sys

@@ -49,7 +49,7 @@ def install(request: dict, tell) -> None:
         shutil.rmtree(staging, ignore_errors=True)  # of a process that could not tidy up
         if not request["wheels"]:
             return
-        tell(total=0, present=0, text="Checking what is there")
+        tell(total=0, present=0, text="Checking installed files")
         there = distributions.intact(target, request["by_content"])
         wheels = [wheel for wheel in (Wheel(**fields) for fields in request["wheels"])
                   if there.get(wheel.name) != wheel.version]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Python packages that the network needs and Blender does not bring: found, asked for, never imported here.
+"""Find the Python packages that the network needs and Blender does not include, without importing them.
 
 They are taken from the running Python, or from a folder of our own that the Install operator fills. Blender's own
 site-packages are never written to, and numpy always stays Blender's.

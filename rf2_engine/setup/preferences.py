@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Add-on preferences: the Python packages, the published weights, how to get them and where they are."""
+"""Add-on preferences: the Python packages and the published weights."""
 from __future__ import annotations
 
 from os.path import isdir
@@ -42,12 +42,12 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
     )
     weights_folder: StringProperty(
         name="Own Folder", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
-        description="A copy of renderformer-v2 on this computer, with the VAE of Qwen-Image as its folder vae or in "
-                    "Qwen-Image/vae beside it. Empty: the downloaded weights are used",
+        description="A copy of renderformer-v2 on this computer, with the VAE of Qwen-Image in its folder vae or in "
+                    "Qwen-Image/vae beside it. If empty, the downloaded weights are used",
     )
     access_token: StringProperty(
         name="Access Token", subtype="PASSWORD", options={"SKIP_SAVE"}, get=lambda self: _token, set=_set_token,
-        description="Token of your Hugging Face account. It is forgotten when Blender is closed",
+        description="Token of your Hugging Face account. It is not saved when Blender is closed",
     )
 
     def draw(self, context):
@@ -96,7 +96,7 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
         return
     if download.state == "ready":
         left = download.total - download.present
-        have = f" ({amount(download.present)} are here)" if download.present else ""
+        have = f" ({amount(download.present)} are already here)" if download.present else ""
         layout.label(text=f"{amount(left)} to download{have}, {amount(free_space(download.target))} free on the disk")
         layout.operator("renderformer_v2.fetch_weights", text=f"Download {amount(left)}", icon="IMPORT")
     else:

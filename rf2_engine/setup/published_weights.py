@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The published weights on this computer: where they lie and whether they are complete (docs/scene-input.md 12)."""
+"""The published weights on this computer: where they are and whether they are complete (docs/scene-input.md 12)."""
 from __future__ import annotations
 
 import os

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keeps our panels up to date while something is downloaded or installed.
+"""Keep our panels up to date while something is downloaded or installed.
 
-A timer, and no modal operator: that would hold back Blender's autosave all the time, and end with every Esc.
+This uses a timer, because a modal operator would block Blender's autosave, and end with every Esc.
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A download of the published weights as Blender sees it: a process that reports, and can be ended at any time."""
+"""A download of the published weights as a process that reports its progress, and can be ended at any time."""
 from __future__ import annotations
 
 import os

@@ -50,8 +50,8 @@ class _Download(bpy.types.Operator):
 class RENDERFORMER_OT_download_weights(_Download):
     bl_idname = "renderformer_v2.download_weights"
     bl_label = "Download..."
-    bl_description = ("Ask the Hugging Face Hub how large the published weights (RenderFormer/renderformer-v2, and the "
-                      "VAE of Qwen/Qwen-Image) are. Nothing is downloaded before you have seen the size")
+    bl_description = ("Ask the Hugging Face Hub for the size of the published weights (RenderFormer/renderformer-v2, "
+                      "and the VAE of Qwen/Qwen-Image). You see the size before anything is downloaded")
 
     def execute(self, context):
         return self.run(weights_download.begin(published_weights.download_folder(), preferences.token()))

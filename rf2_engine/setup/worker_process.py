@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A program of ours that works beside Blender: it is told what to do, reports how far it is, and can be ended."""
+"""Run a program of ours beside Blender: it gets its task, reports its progress, and can be ended."""
 from __future__ import annotations
 
 import json

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a forward costs by formula (docs/network.md 12), and what this machine's matrix products can do."""
+"""Operations of a forward pass by formula (docs/network.md 12), and the rate of this machine's matrix products."""
 from __future__ import annotations
 
 import math

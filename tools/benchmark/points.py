@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is measured, and the table of what has been."""
+"""The points that are measured, and the table of results."""
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the scenes of the wide profile stand: in a room, on a small or a very large ground, or before the sky."""
+"""Grounds of the wide profile's scenes: in a room, on a small or a very large ground, or before the sky."""
 from __future__ import annotations
 
 import bpy

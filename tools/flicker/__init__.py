@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How steady the engine's pictures are from frame to frame."""
+"""Measure how much the engine's pictures flicker from frame to frame."""

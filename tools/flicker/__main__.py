@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much pictures flicker from frame to frame, beside Cycles.
+"""Measure how much pictures flicker from frame to frame, compared with Cycles.
 
     python -m tools.flicker SCENE.blend -o DIR [--frames 24] [--degrees 1] [--samples 1024] [--resolution WxH]
                             [--light TRACED|NETWORK] [--guide-samples N] [--weights rf2_small|DIR] [--threads N]

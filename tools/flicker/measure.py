@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What changes from one frame to the next on the same spots of the surfaces."""
+"""Measure the change from one frame to the next at the same points of the surfaces."""
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which file of the cache belongs to which sample, and whether it still says what would be made today."""
+"""Find the file of the cache that belongs to a sample, and whether it is still up to date."""
 from __future__ import annotations
 
 import functools

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How to train: preset, optimiser and the curriculum, read from a JSON file."""
+"""The configuration of a training: preset, optimiser and curriculum, read from a JSON file."""
 from __future__ import annotations
 
 import json

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ends a training run in one sentence that says what to do."""
+"""Errors that end a training, with one sentence that says what to do."""
 from __future__ import annotations
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training samples for a published bundle: what its pipeline feeds the network, and what should come out."""
+"""Training samples for a published bundle: the inputs that its pipeline makes, and the expected output."""
 from __future__ import annotations
 
 from collections.abc import Iterator

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training samples: what the renderer would feed the network for one scene, and what should come out."""
+"""Training samples: the inputs that the renderer makes for one scene, and the expected output."""
 from __future__ import annotations
 
 import os

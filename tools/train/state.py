@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What training must remember, as one safetensors file: weights, their running average, AdamW's moments, the step.
+"""The state of a training as one safetensors file: weights, their running average, AdamW's moments, the step.
 
 The file before the newest is kept beside it, and a run goes on from that one when the newest is damaged.
 """

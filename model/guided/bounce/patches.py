@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The patches that exchange light: a scene's triangles, the largest split, small ones merged to PATCHES at most."""
+"""Make the patches that exchange light: triangles, large ones split, small ones merged, at most PATCHES."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Smooth light at every pixel from what is gathered at some of them."""
+"""Compute light at some pixels (probes) and interpolate it to all others."""
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that has bounced between the token triangles, gathered by rays that know what stands in between.
+"""Light that has bounced between the token triangles: radiosity with visibility by rays.
 
-Radiosity (Goral et al. 1984) between patches whose form factors are counted by rays, as is what arrives at a point
-(Reichert 1992, "A two-pass radiosity method"). What shines on the patches first is the light prior's. Only what
-shines through glass, where that cannot reach, is looked for by the same rays.
+Form factors between patches (Goral et al. 1984), and the light that arrives at a point (Reichert 1992, "A two-pass
+radiosity method"), are estimated by rays. The direct light on the patches comes from the light prior. Light through
+glass, where the prior does not reach, is found by the same rays.
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which triangles of a scene stop the light that surfaces send each other."""
+"""Find the triangles of a scene that block light."""
 from __future__ import annotations
 
 import numpy as np

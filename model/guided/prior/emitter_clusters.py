@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Emitters with a closed form, and many of them merged into a few that give the same light from afar."""
+"""Emitters with a closed form, and merging many of them into a few that give the same light from a distance."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light triangles gathered into few emitters whose unshadowed light has a closed form."""
+"""Gather light triangles into a few emitters whose unshadowed light has a closed form."""
 from __future__ import annotations
 
 import numpy as np

@@ -3,8 +3,8 @@
 
 An emitter enters by its vector form factor, which a sphere of the same solid angle replaces for the horizon and the
 glossy lobe (Snyder 1996, "Area light sources for real-time graphics"; Heitz and Hill 2017, "Real-time line- and
-disk-light shading"). The lobes are unshadowed; `arriving` has the share of diffuse light that rays towards the lights
-let through.
+disk-light shading"). The lobes are unshadowed; `arriving` gives the share of diffuse light that reaches a surface,
+found by rays.
 """
 from __future__ import annotations
 

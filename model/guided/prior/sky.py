@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The share of the environment's light that reaches a surface past the scene's triangles and through its volumes."""
+"""The share of the environment's light that reaches a surface: not blocked by triangles, dimmed by volumes."""
 from __future__ import annotations
 
 import math

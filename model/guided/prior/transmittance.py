@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of the light that surfaces exchange a scene's volumes let through, on a coarse grid."""
+"""The share of light between surfaces that passes through the scene's volumes, on a coarse grid."""
 from __future__ import annotations
 
 import numpy as np

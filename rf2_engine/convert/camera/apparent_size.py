@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How large things look from the camera: what the Triangle Budget is spent by (docs/scene-input.md 2.3)."""
+"""The size of things as seen from the camera, by which the Triangle Budget is spent (docs/scene-input.md 2.3)."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class ApparentSize:
 
     @property
     def solid_angle(self) -> float:
-        """Of the picture, about, in steradians."""
+        """Solid angle of the picture, about, in steradians."""
         return self.view.width * self.view.height / abs(float(np.prod(self.view.focal.astype(np.float64))))
 
     def distance(self, corners: np.ndarray) -> np.ndarray:

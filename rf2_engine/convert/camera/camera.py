@@ -27,8 +27,8 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
         raise SceneError(f'"{camera.name}" is used as the camera but is a {camera.type.lower()}: choose a camera')
     if camera.data.type not in {"PERSP", "ORTHO"}:
         kind = "panoramic" if camera.data.type == "PANO" else camera.data.type.lower()
-        raise SceneError(f'Camera "{camera.name}" is {kind}, which no network was trained for: set its Type to '
-                         "Perspective with a wide lens, or to Orthographic, in Camera Properties > Lens")
+        raise SceneError(f'Camera "{camera.name}" is {kind}, which is not supported: set its Type to Perspective with '
+                         "a wide lens, or to Orthographic, in Camera Properties > Lens")
     projection = np.array(camera.calc_matrix_camera(
         depsgraph, x=width, y=height, scale_x=scene.render.pixel_aspect_x, scale_y=scene.render.pixel_aspect_y))
     if not (np.isfinite(projection).all() and projection[0, 0] and projection[1, 1]):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a picture is fitted to; that of a key frame is kept for the frames after it, so that little flickers."""
+"""The box and view that a scene is fitted to; later frames keep those of a key frame, against flicker."""
 from __future__ import annotations
 
 from dataclasses import dataclass

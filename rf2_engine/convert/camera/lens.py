@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A camera's lens as points to look from: aperture, focus and what moves with them, as in Cycles."""
+"""Points on the camera's lens to render from: aperture and focus, as in Cycles."""
 from __future__ import annotations
 
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panes of glass and transparent cards close before the camera: it looks through them, and so do we."""
+"""Find panes of glass and transparent cards close to the camera, to look through them."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the camera looks at: the box of the world that becomes the network's (docs/scene-input.md 1.2).
+"""Find the box of the world that is scaled to the network's box: what the camera sees (docs/scene-input.md 1.2).
 
-A ground to the horizon, a sky dome or a far mountain must not shrink what is looked at, and what the camera does not
-see far behind it must not either. So the box is that of the scene's surfaces, but no larger than what a picture of the
-usual distance shows. How finely surfaces are divided does not change it.
+A ground to the horizon, a sky dome, a far mountain or objects far behind the camera must not shrink the subject. So the
+box is that of the scene's surfaces, but no larger than what a picture at the usual distance shows. It does not depend
+on how finely surfaces are divided.
 """
 from __future__ import annotations
 

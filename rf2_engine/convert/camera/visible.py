@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A coarse raster of rays from the camera: what of the scene it sees, and where."""
+"""Find what the camera sees, and where, by a coarse raster of rays."""
 from __future__ import annotations
 
 from dataclasses import dataclass

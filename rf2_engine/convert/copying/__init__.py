@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The part of a conversion that reads Blender's data: what it gives is plain Python, and outlives them."""
+"""Copy from Blender's data: the result is plain Python and stays valid after the data are freed."""

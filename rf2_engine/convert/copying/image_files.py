@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels of Blender images: of their only picture, of a UDIM tile, or of a frame of a sequence.
+"""Read the pixels of Blender images: single images, UDIM tiles, frames of a sequence.
 
-The user's images are never changed, scaled, packed or saved; what Blender has to load besides is removed again.
+The user's images are never changed, scaled, packed or saved; other images that Blender has to load are removed again.
 """
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class Images:
         """What an Image Texture or Environment Texture shows."""
         image = node.image
         if image is None:
-            return Picture("", {None: _magenta()}, {None: "an image texture node holds no image: magenta is used"})
+            return Picture("", {None: _magenta()}, {None: "an Image Texture node has no image, so it is magenta"})
         frame = frame_number(node.image_user, self.frame) if image.source == "SEQUENCE" else None
         is_flat = node.bl_idname == "ShaderNodeTexImage"
         straight = is_flat and node.outputs["Alpha"].is_linked  # only for those who ask for alpha
@@ -45,7 +45,7 @@ class Images:
             pixels, remark = stored_pixels(image, frame, tile), ""
             if pixels is None:
                 which = f", frame {frame}" if frame is not None else f", tile {tile}" if tile is not None else ""
-                remark = (f'image "{image.name}"{which} cannot be read from "{image.filepath}": magenta is used; '
+                remark = (f'image "{image.name}"{which} cannot be read from "{image.filepath}", so it is magenta: '
                           "relink the file")
             self._known[key] = _magenta() if pixels is None else _reduced(_as_cycles(image, pixels, straight)), remark
         return self._known[key]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One walk over the instances of a depsgraph: what is there, copied out of Blender before anything is computed."""
+"""Copy the instances of a depsgraph in one walk, before anything is computed."""
 from __future__ import annotations
 
 import numpy as np
@@ -61,7 +61,7 @@ class _Walk:
             return
         matrix = np.array(instance.matrix_world, np.float64)
         if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
-            self.report.refused(obj.name, "its transform is not finite, or as good as infinite")
+            self.report.refused(obj.name, "its transform has values that are infinite or too large")
         elif obj.type == "VOLUME" or gas_domain(obj):
             made = gridded(obj, self._slots(obj)[0], self._place(instance), self._grids, self.report)
             self.copied.things += [made] if made else []
@@ -75,7 +75,8 @@ class _Walk:
                 self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data),
                                   self._place(instance))
         elif obj.type in DRAWINGS:
-            self.report.approximated(obj.name, "a drawing is laid over the picture, and neither lights it nor is lit")
+            self.report.approximated(obj.name, "it is drawn over the picture: it neither lights the scene nor "
+                                               "receives light")
         else:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
@@ -107,8 +108,8 @@ class _Walk:
         slots, is_dark = self._slots(obj), obj.original in self.dark
         key = pointer, None, obj.visible_camera, is_dark, *slots
         if key not in self._surfaces:
-            self.report.approximated(obj.name, "its hair or points are a few larger ones for the network: what is not "
-                                               "traced of their shadows and reflections is coarse")
+            self.report.approximated(obj.name, "its hair or points are replaced by fewer and larger ones: their "
+                                               "shadows and reflections are coarse where Cycles does not trace them")
             self._surfaces[key] = Surface(pointer, read(), slots, False, obj.visible_camera, is_dark,
                                           strands_slot=min(slot, len(slots) - 1))
         self.copied.things.append((self._surfaces[key], place))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The first half of a conversion: all that is asked of Blender, on the thread that it calls us on."""
+"""Copy a scene from Blender: the first half of a conversion, on the thread that Blender calls us on."""
 from __future__ import annotations
 
 from ....model import progress
@@ -18,8 +18,8 @@ def copy(depsgraph, report, by_cycles=None, baker=None) -> Copied:
     by_cycles: as drawn_by has it. baker: is made ready where nodes will have to be baked.
     """
     if (space := compat.working_space()) != REC709:
-        report.approximated("Working Space", f"{space} is taken for Linear Rec.709: skies and lamps by temperature are "
-                                             "off in colour")
+        report.approximated("Working Space", f"{space} is treated as Linear Rec.709: colors of skies and of lights "
+                                             "with a temperature are wrong")
     frame = depsgraph.scene_eval.frame_current
     with progress.part(0.0, 0.1, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
         world = Blocks(frame, depsgraph).of(shown_world(depsgraph))

@@ -39,6 +39,6 @@ def gridded(obj, material: Material | None, place: Place, known: dict[tuple, dic
         known[key] = gas_grids(domain, obj, names) if domain else read_grids(openvdb, obj.data, names)
     if known[key]:
         return replace(found, grids=known[key])
-    report.skipped(obj.name, f"it holds nothing called {' or '.join(names)}, which its shader asks for" if names
-                   else "its shader asks for no grid: Cycles shows nothing either")
+    report.skipped(obj.name, f"it has no grid {' or '.join(names)}, which its shader uses" if names
+                   else "its shader uses no grid, so it is invisible, as in Cycles")
     return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that leaves a lamp differently in every direction, as a few cones: tokens know no other beam.
+"""Approximate light that differs by direction with a few cones, the only beams that tokens have.
 
 Cones are chosen one after the other, each where most is missing (matching pursuit, Mallat and Zhang 1993).
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Flat triangles that stand in for lamps, and the black ones that keep their light together."""
+"""Flat triangles that replace lamps, and black ones that limit where they shine."""
 from __future__ import annotations
 
 import numpy as np

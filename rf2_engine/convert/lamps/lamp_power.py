@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much light a lamp gives: energy, colour, exposure, temperature, nodes and "Normalize" (measured in Cycles)."""
+"""The radiance of a lamp: energy, colour, exposure, temperature, nodes and "Normalize" (measured in Cycles)."""
 from __future__ import annotations
 
 import math
@@ -42,9 +42,9 @@ def lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> 
         strength = strength * _emission(light, name, report, frame, distance)
     strength = report.finite(name, "its strength", strength)
     if not light.use_shadow:
-        report.approximated(name, "a lamp without shadows casts shadows")
+        report.approximated(name, "it casts shadows, although its shadows are disabled")
     if (strength < 0).any():
-        report.approximated(name, "negative light is left out")
+        report.approximated(name, "negative light is ignored")
         strength = np.maximum(strength, 0)
     return _parts(strength) if strength.any() else None
 

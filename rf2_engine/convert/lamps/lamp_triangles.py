@@ -56,7 +56,7 @@ def _placed(matrix_world, light, name, report, center, radius, detail) -> Placed
         return None
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if not all(scale[axis] for axis in NEEDED_AXES[light.type]):
-        report.skipped(name, "a lamp scaled to nothing gives no light: reset its scale")
+        report.skipped(name, "its scale is 0, so it gives no light: reset its scale")
         return None
     return PlacedLamp(light, given, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail)
 
@@ -79,7 +79,8 @@ def _area(lamp: PlacedLamp) -> RenderScene:
         was, now = math.degrees(light.spread), math.degrees(LEAST_SPREAD)
         lamp.approximated(f"its spread is {now:.0f} instead of {was:.2g} degrees")
     elif spread < math.pi - 0.01:
-        lamp.approximated(f"a spread of {math.degrees(spread):.0f} degrees falls off a little differently")
+        lamp.approximated(f"with a spread of {math.degrees(spread):.0f} degrees its light falls off slightly "
+                          "differently")
     gain, border = spread_beam(spread)
     per_watt = 1 / (math.pi * (proxies.area(front) if normalized(light) else 1))
     scene = black(lamp.placed(back[:, ::-1] + [0, 0, 0.01 * size.min()]))
@@ -110,7 +111,7 @@ def _point(lamp: PlacedLamp) -> RenderScene:
 def _spot(lamp: PlacedLamp) -> RenderScene:
     x, y, z = lamp.scale
     if abs(x - y) > 1e-3 * max(x, y):
-        lamp.approximated("the elliptic cone of a spot scaled unevenly is shown round")
+        lamp.approximated("its scale is not uniform: its elliptic spot cone becomes round")
     cosines = spot_beam(lamp.light, math.sqrt(x * y) / max(z, 1e-12))
     return _ball(lamp, beams(lamp, Cone(lamp.strength, DOWN, cosines)), half_angle=math.acos(cosines[0]))
 

@@ -47,8 +47,8 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
     most = max(room * len(near) // max(sum(map(len, near)), 1), 1)
     while sum(map(len, fewer)) > room and most > 0:
         fewer, most = _merged(near, most, center, max(radius, 1e-6)), int(0.9 * most)
-    report.approximated("Lamps", f"{len(fewer) + len(distant)} stand for {len(near) + len(suns)}, each for those "
-                                 "around it: raise the Triangle Budget")
+    report.approximated("Lamps", f"{len(fewer) + len(distant)} lights replace {len(near) + len(suns)}, each with the "
+                                 "light of those near it: raise the Triangle Budget")
     return fewer + distant
 
 
@@ -63,7 +63,7 @@ def _distant(suns: list[Sun], center: np.ndarray, radius: float, detail, report)
 def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
     """The lamp, or no triangles if numbers cannot hold it; what is brighter than they can hold is said."""
     if not within_reach(shape.triangles).all():
-        report.refused(name, "its size or place is beyond what numbers can hold: reset them")
+        report.refused(name, "its size or location is too large: reset them")
         return RenderScene()
     return replace(shape, emission=report.finite(name, "its light", shape.emission))
 
@@ -82,7 +82,7 @@ def _merged(shapes: list[RenderScene], most: int, center: np.ndarray, radius: fl
 
 
 def _summary(shape: RenderScene) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Of one lamp: flux (3,), its middle (3,), where it faces (3,), 0 for all around, and its kind."""
+    """Flux (3,), middle (3,), direction (3,) (0 for all around) and kind of one lamp."""
     lit, vectors = shape.is_light, area_vectors(shape.triangles[shape.is_light].astype(np.float64))
     areas, emission, axis = np.linalg.norm(vectors, axis=-1), shape.emission[lit], shape.beam_axis[lit]
     flat = np.linalg.norm(vectors.sum(axis=0)) > 0.5 * areas.sum()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light linking: tokens light everything, so an emitter is either kept or, if what it lights is not there, left out."""
+"""Light linking: tokens light everything, so an emitter is left out only if nothing that it lights is there."""
 from __future__ import annotations
 
 RECEIVERS = {"MESH", "VOLUME"}  # curves, text and metaballs are instanced as meshes

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A lamp in its place, and in which directions it shines."""
+"""A lamp with its place and the directions in which it shines."""
 from __future__ import annotations
 
 import math
@@ -16,7 +16,7 @@ MOST_LIT = 0.95  # of a lamp's light is within its half angle
 
 @dataclass(frozen=True)
 class Detail:
-    """Of how many triangles the shapes are that stand in for lamps."""
+    """The number of triangles of the shapes that replace lamps."""
 
     ball_faces: int
     disk_corners: int
@@ -63,7 +63,8 @@ def beams(lamp: PlacedLamp, own: Cone, facing: bool = False) -> list[Cone]:
     if own.axis.any():
         light = light * smoothstep(*own.cosines, cosine)[:, None] * (own.strength / np.maximum(lamp.strength, 1e-30))
     found, wrong = cones(light, np.maximum(cosine, 0) if facing else np.ones_like(cosine))
-    lamp.approximated(f"{len(found)} cones stand for its light, {100 * wrong:.0f} % of which goes elsewhere")
+    lamp.approximated(f"{len(found)} cones approximate its light, and {100 * wrong:.0f} % of it goes in other "
+                      "directions")
     return found
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangle shapes that stand in for lamps: rectangles, disks, balls and shades.
+"""Triangle shapes that replace lamps: rectangles, disks, balls and shades.
 
 All return (n, 3, 3) f64, counter-clockwise from the front, in the frame of the lamp: it shines along -Z.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Suns in a sky or an HDRI as lights of their own: networks that see tokens alone then know where shadows fall."""
+"""Turn suns in a sky or an HDRI into lights, so that networks without traced hints know where shadows fall."""
 from __future__ import annotations
 
 import math

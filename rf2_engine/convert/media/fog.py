@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A volume that fills the world: a box of it around what the camera looks at, and no light from beyond."""
+"""A volume that fills the world becomes a box around what the camera sees, without light from beyond."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -36,7 +36,7 @@ def add_fog(collected: Collected, world, box: np.ndarray, eye: np.ndarray | None
         return np.ones(3)
     collected.media.append(medium)
     report.approximated(world.name, "its volume fills a box of " + " x ".join(f"{side:.3g}" for side in box.size)
-                        + " m around what the camera looks at; as in Cycles, no light of the world or of suns comes "
+                        + " m around what the camera sees. As in Cycles, light of the world and of suns does not pass "
                           "through it")
     return (extinction == 0).astype(np.float64)
 

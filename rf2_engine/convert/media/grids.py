@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Grids of numbers in the world, averaged onto the voxels of a box."""
+"""Average grids of numbers over the voxels of a box."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of each voxel of a box is inside of a closed mesh."""
+"""The share of each voxel of a box that is inside a closed mesh."""
 from __future__ import annotations
 
 import functools

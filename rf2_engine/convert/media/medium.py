@@ -118,7 +118,7 @@ def cells(media: list[Medium], report) -> Volumes | None:
         elif len(parts[i]) == 0:
             report.skipped(medium.name, "the volume is empty")
         elif per_axis[i] < medium.finest:
-            report.approximated(medium.name, f"drawn with {per_axis[i]} cells per axis instead of {medium.finest}")
+            report.approximated(medium.name, f"rendered with {per_axis[i]} cells per axis instead of {medium.finest}")
         room -= len(parts[i])
     return Volumes.concatenate(parts) if any(map(len, parts)) else None
 

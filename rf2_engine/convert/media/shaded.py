@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Media as their shaders make them: the same everywhere, or different from place to place."""
+"""Evaluate the shaders of media, homogeneous or textured."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: 
     thick = extinction.ravel() > 0
     tints = np.concatenate([scattering, each], axis=-1).reshape(-1, 6)[thick] / extinction.ravel()[thick, None]
     if len(tints) and np.ptp(tints, axis=0).max() > SAME_TINT:
-        report.approximated(name, "the colour of its volume varies, and is shown as its mean")
+        report.approximated(name, "the color of its volume varies: the mean is used")
     total = max(float(extinction.sum()), 1e-12)
 
     def density(resolution: int) -> np.ndarray:

@@ -30,7 +30,7 @@ def gridded(it: Gridded, report) -> Medium:
 
     if it.grids is not None:
         return grid_medium(it.name, it.place.matrix, it.grids, coefficients, report)
-    report.approximated(it.name, "its grid cannot be read without the openvdb module: shown as a uniform box")
+    report.approximated(it.name, "its grid cannot be read without the Python module openvdb: shown as a uniform box")
     return shaded_medium(it.name, box_around(it.place.matrix, it.box), lambda points: coefficients(
         points, lambda name: np.ones((*points.shape[:3], 1), np.float32)), report)
 

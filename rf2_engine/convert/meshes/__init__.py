@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes, and how many triangles of them the network is given."""
+"""Meshes, and the number of their triangles."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A large mesh in pieces, so that what Blender or QSlim does to it at one go is over before Esc has waited long."""
+"""Divide a large mesh into blocks, so that Esc does not wait for one long call of Blender or QSlim."""
 from __future__ import annotations
 
 import numpy as np

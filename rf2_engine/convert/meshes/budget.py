@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many triangles each mesh may keep, so that the Triangle Budget is spent where it shows (docs/scene-input.md 2.3).
+"""Decide how many triangles each mesh keeps, so that the Triangle Budget is spent where it is visible
+(docs/scene-input.md 2.3).
 
 A mesh of curvature k whose n triangles cover a of the picture is wrong by about k a sqrt(1 / n). The sum over all
 meshes is least where n is proportional to (k a)^(2/3).
@@ -145,7 +146,7 @@ def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None, hits: H
 
 
 def _middles_and_scales(part: Part) -> tuple[np.ndarray, np.ndarray]:
-    """Of its instances: where in the world (m, 3) and how many times as large as the mesh (m,)."""
+    """Places of its instances in the world (m, 3), and their scale compared with the mesh (m,)."""
     (low, high), matrix = part.mesh.bounds, np.array(part.matrices)
     scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
     return matrix[:, :3, :3] @ ((low + high) / 2) + matrix[:, :3, 3], scale
@@ -166,13 +167,13 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
     kept = []
     for part, share, want, keep in zip(parts, shown, wanted, np.split(fits, np.cumsum(copies)[:-1]), strict=True):
         if not keep.all():
-            lost = "it" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances"
-            room = f"no room for {lost}"
+            some = "it exceeds" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances exceed"
+            room = f"{some} the Triangle Budget"
             if keep.any() and len(part.mesh) <= COARSEST and not part.emits:  # as cards and leaves are
                 keep = _sampled(part, share, np.count_nonzero(keep))
-                report.approximated(part.name, f"{room}: others, enlarged, stand for them")
+                report.approximated(part.name, f"{room}: a sample is kept and enlarged to cover the same area")
             else:
-                report.unplaced(part.name, f"{room}: raise the Triangle Budget")
+                report.unplaced(part.name, f"{room}: raise it")
             part.places = [place for place, k in zip(part.places, keep, strict=True) if k]
         if part.places:
             kept.append((part, share[keep], want))

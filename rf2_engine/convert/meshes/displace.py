@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Displacement that moves the surface itself: more than the tiles' heights hold, or of a mesh that is diced."""
+"""Displace the mesh itself, if the displacement is more than the tiles' heights can store, or the mesh is diced."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -37,7 +37,7 @@ class CornerPoints(Points):
 
     @property
     def edges(self):
-        raise Unknown("a bent normal moves nothing")
+        raise Unknown("a changed normal does not displace")
 
 
 def displaced(mesh: TriangleMesh, slots: list, place: Place, is_diced: bool, report) -> TriangleMesh:
@@ -58,7 +58,8 @@ def displaced(mesh: TriangleMesh, slots: list, place: Place, is_diced: bool, rep
     if not is_diced and np.abs(offset * _stretch(mesh, place)).max() <= HEIGHT_UNIT:
         return mesh
     for i in movers:
-        report.approximated(slots[i].name, "its displacement moves the corners of triangles; what is finer is lost")
+        report.approximated(slots[i].name, "its displacement moves only the corners of triangles: finer detail is "
+                                           "lost")
     moved = mesh.corners + _shared(mesh.corners, offset * mesh.normals)
     return replace(mesh, corners=moved, normals=_normals(mesh, moved, is_diced), is_displaced=True)
 

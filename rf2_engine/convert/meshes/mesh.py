@@ -165,17 +165,17 @@ def unit_or(vectors: np.ndarray, fallback: np.ndarray) -> np.ndarray:
 def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
     finite = within_reach(mesh.corners)
     if not finite.all():
-        report.refused(name, f"{np.count_nonzero(~finite)} triangles with vertices that are not finite were dropped")
+        report.refused(name, f"{np.count_nonzero(~finite)} triangles with infinite or invalid vertices were removed")
         mesh = mesh.take(finite)
     progress.report()
     solid = has_area(mesh.corners)
     if not solid.all():
-        report.refused(name, f"{np.count_nonzero(~solid)} triangles without area were dropped")
+        report.refused(name, f"{np.count_nonzero(~solid)} triangles without area were removed")
         mesh = mesh.take(solid)
     progress.report()
     first = _first_of_its_place(mesh.corners)
     if len(first) < len(mesh):
-        report.approximated(name, f"{len(mesh) - len(first)} triangles that lie where others are were dropped")
+        report.approximated(name, f"{len(mesh) - len(first)} triangles were removed as duplicates")
         mesh = mesh.take(first)
     progress.report()
     if not (np.abs(lengths(mesh.normals) - 1) < ROUNDING).all():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which triangle of a mesh is nearest to a point."""
+"""Find the triangle of a mesh that is nearest to a point."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes of more pieces than there is room for, such as the leaves of a tree: some of them stand for all."""
+"""Sample meshes with more pieces than the budget allows, such as the leaves of a tree."""
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""QSlim (Garland and Heckbert 1997) as fast-simplification has it, on meshes of any size and fineness."""
+"""QSlim (Garland and Heckbert 1997) by the package fast-simplification, for meshes of any size."""
 from __future__ import annotations
 
 import numpy as np

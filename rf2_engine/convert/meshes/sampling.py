@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Many small things, such as leaves, hairs or the triangles of a fine mesh: some are kept, enlarged to the area of all.
+"""Keep a sample of many small things, such as leaves, hairs or triangles, and enlarge it to cover the same area.
 
-Cook et al. 2007, "Stochastic Simplification of Aggregate Detail": what looks large is kept as it is, and of the rest
-the more is left out the smaller it looks, spread evenly through space.
+Cook et al. 2007, "Stochastic Simplification of Aggregate Detail": large things are kept. Of the others, the smaller
+they look the more are left out, spread evenly through space.
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles that are large for the network, or in the picture, become smaller ones (docs/scene-input.md 2.3)."""
+"""Divide triangles that are large for the network or in the picture (docs/scene-input.md 2.3)."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hair and point clouds as a few triangles: some of them, enlarged to the area of all (sampling.py).
+"""Hair and point clouds as a few triangles: a sample of them, enlarged to cover the same area (sampling.py).
 
-They are chosen by their numbers, wherever they are: when they move these stay.
+They are chosen by their index, so the same ones are kept when they move.
 """
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Splitting triangles that are large in the scene: the network never saw such (docs/scene-input.md 2.3)."""
+"""Split triangles that are large in the scene: the network was not trained on them (docs/scene-input.md 2.3)."""
 from __future__ import annotations
 
 from dataclasses import replace

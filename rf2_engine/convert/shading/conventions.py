@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What numbers mean in the file and in the version of Blender that are rendered."""
+"""Conventions of the file and of the Blender version: working space of colours, hash of Voronoi textures."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a point lies: Texture Coordinate, UV Map, Geometry."""
+"""Coordinates of a point: Texture Coordinate, UV Map, Geometry."""
 from __future__ import annotations
 
 import numpy as np
@@ -10,8 +10,8 @@ from .node_call import DependsOnView, NodeCall, Unknown
 from .nodes import Frame
 
 WORLD_COORDINATES = ("Generated", "Object", "Normal", "Reflection", "UV")
-FRONT = {"Backfacing": "both sides of a face get the front side's material"}
-MIDDLE = {"Pointiness": "edges are not found, so all is as if it were flat",
+FRONT = {"Backfacing": "both sides of a face get the material of the front"}
+MIDDLE = {"Pointiness": "Pointiness is the same everywhere, as on a flat surface",
           "Random Per Island": "all islands of a mesh get the same number"}
 
 
@@ -51,7 +51,7 @@ def active_uv(n: NodeCall, name: str = "") -> np.ndarray:
     layer = n.points.uv.get(name or n.points.active_uv)
     if layer is None:
         which = f'UV map "{name}"' if name else "UV map"
-        n.approximated(f"the mesh has no {which}, so the whole texture shrinks to one texel; unwrap it")
+        n.approximated(f"the mesh has no {which}, so the texture becomes a single color: unwrap the mesh")
         return np.zeros(3, np.float32)
     return layer
 

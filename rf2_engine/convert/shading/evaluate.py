@@ -100,7 +100,7 @@ class Evaluator:
         if output is None:
             return self._cast(_default(end), socket.type, end.type)
         n = NodeCall(self, output.node, output, inner)
-        found = self.remembered(n, _computed, Unknown("so long a chain of nodes leads here"))
+        found = self.remembered(n, _computed, Unknown("the chain of nodes is too long"))
         if isinstance(found, Unknown):
             advice = "bake it to an image" if self.baker else "allow Bake Unknown Nodes, or bake it to an image"
             n.approximated(f'{found}, so "{socket.name}" of "{socket.node.name}" keeps its own value; {advice}')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""IES profiles (LM-63, photometry of type C): how much light a luminaire sends where."""
+"""IES profiles (LM-63, photometry of type C): the light of a luminaire by direction."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -29,7 +29,7 @@ def light_path(n: NodeCall):
 
 def fresnel(n: NodeCall):
     """Seen at normal incidence: a tile knows no viewing direction."""
-    n.approximated(f"{n.node.bl_label} depends on the view, its value at normal incidence is used")
+    n.approximated(f"{n.node.bl_label} depends on the view: its value for a view at right angles is used")
     if n.kind == "ShaderNodeLayerWeight":
         blend = np.clip(n["Blend"], 0, 0.999)
         return _normal_reflectance(1 / (1 - blend)) if n.output.name == "Fresnel" else np.zeros(1, np.float32)
@@ -42,7 +42,7 @@ def _normal_reflectance(ior):
 
 def passed_through(n: NodeCall):
     """Ambient Occlusion and the like: their colour without the effect."""
-    n.left_to_cycles(f"{n.node.bl_label} is left out")
+    n.left_to_cycles(f"{n.node.bl_label} is ignored")
     return n.get("Color", 1.0) if n.output.name == "Color" else np.ones(1, np.float32)
 
 
@@ -59,7 +59,7 @@ def attribute(n: NodeCall):
         name = name or points.active_color or ""
         found = points.attributes.get(name, points.uv[name][..., :2] if name in points.uv else None)
     if found is None:
-        n.approximated(f'there is no attribute "{name}" where it is asked for, so it is 0, as in Cycles')
+        n.approximated(f'there is no attribute "{name}", so it is 0, as in Cycles')
         found = np.zeros(1, np.float32)
     return _part(n, found)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that shape the light of a lamp: Light Falloff, IES Texture, and what coordinates mean there."""
+"""Nodes that shape the light of a lamp: Light Falloff, IES Texture, and coordinates."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ def coordinate(n: NodeCall):
         return in_world[name] @ lamp.frame.T
     if n.kind == "ShaderNodeTexCoord" and name == "Normal":
         return lamp.normal
-    n.approximated(f'"{name}" is not known of lamps, 0.5 is used')
+    n.approximated(f'"{name}" is not available for lights: 0.5 is used')
     return np.full(1, 0.5, np.float32)
 
 
@@ -49,14 +49,14 @@ def light_falloff(n: NodeCall):
     power, square = FALLOFF[n.output.name], distance ** 2
     smooth = np.maximum(n["Smooth"], 0)
     if power or np.any(smooth > 0):
-        n.approximated("light falls off as usual, and is right at the middle of what is looked at")
+        n.approximated("its falloff is the usual one, with the right brightness at the center of what the camera sees")
     return n["Strength"] * distance ** power * square / np.maximum(smooth + square, 1e-30)
 
 
 def ies_texture(n: NodeCall):
     profile = n.node.profile
     if profile is None:
-        n.approximated("its IES profile cannot be read, so the lamp is dark; relink the file")
+        n.approximated("its IES profile cannot be read, so the light is dark: relink the file")
         return np.zeros(1, np.float32)
     direction = n.linked("Vector")
     if direction is None:

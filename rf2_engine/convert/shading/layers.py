@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Coat, sheen and thin film as changes of what lies below them: the network knows no layers."""
+"""Apply coat, sheen and thin film to the surface below them, because the network has no layers."""
 from __future__ import annotations
 
 import numpy as np

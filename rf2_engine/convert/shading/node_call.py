@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the function of a node is given: the node, the values of its inputs, and where it is evaluated."""
+"""The argument of a node's function: the node, the values of its inputs, and where it is evaluated."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ class NodeCall:
         if points.direction is not None:
             return points.direction
         if points.corners is None:
-            self.approximated("a texture in the light of a lamp or in a volume is evaluated at one point")
+            self.approximated("a texture in a light or in a volume is evaluated at one point")
             return np.zeros(3, np.float32)
         return points.generated
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader node trees as plain objects, named as in `bpy.types`: what copying/trees.py copies out of Blender."""
+"""Shader node trees as plain objects, named as in `bpy.types`: made by copying/trees.py."""
 from __future__ import annotations
 
 from collections.abc import Iterator

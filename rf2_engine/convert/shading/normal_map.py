@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bent normals: Normal Map and Bump, in world space as values, in the triangle's UV frame for the tile."""
+"""Normal Map and Bump: normals in world space as values, in the triangle's UV frame for the tile."""
 from __future__ import annotations
 
 import numpy as np
@@ -36,7 +36,7 @@ def bump(n: NodeCall):
 def normal_map(n: NodeCall):
     node, bent = n.node, 2 * n["Color"] - 1
     if n.points.corners is None:
-        raise Unknown("there is no surface to bend")
+        raise Unknown("there is no surface whose normal it could change")
     if node.space == "TANGENT":
         if _is_flat(n):
             return normals_in_world(n, n.points.normal)
@@ -54,8 +54,8 @@ def _is_flat(n: NodeCall) -> bool:
     name = n.node.uv_map
     if n.points.corners is None or n.points.uv_edges(name) is not None:
         return False
-    n.approximated(f'the mesh has no UV map "{name}", so it bends nothing' if name else
-                   "the mesh has no UV map, so what it bends points elsewhere; unwrap the mesh")
+    n.approximated(f'the mesh has no UV map "{name}", so it has no effect' if name else
+                   "the mesh has no UV map, so its normals are wrong: unwrap the mesh")
     return bool(name)
 
 
@@ -109,7 +109,7 @@ def _frame(edges: np.ndarray, uv_edges: np.ndarray | None, normal: np.ndarray) -
 
 def _frame_in_world(n: NodeCall) -> np.ndarray:
     if n.points.corners is None:
-        raise Unknown("there is no surface to bend")
+        raise Unknown("there is no surface whose normal it could change")
     edges = n.points.edges @ np.float32(n.placed().matrix[:3, :3].T)
     return _frame(edges, n.points.uv_edges(), normals_in_world(n, n.points.normal))
 

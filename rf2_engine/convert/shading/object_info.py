@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an instance tells its material: Object Info, Particle Info, and attributes that are not the mesh's."""
+"""Properties of an instance: Object Info, Particle Info, and attributes that are not the mesh's."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sky Texture, which Cycles draws (cycles/world.py): where its sun is, and an even sky where nothing can be drawn."""
+"""Sky Texture, which Cycles draws (cycles/world.py): the place of its sun, and a uniform sky if Cycles cannot draw."""
 from __future__ import annotations
 
 import math
@@ -18,9 +18,9 @@ def sky_texture(n: NodeCall):
     node, direction = n.node, n.linked("Vector")
     direction = n.points.direction if direction is None else direction
     if direction is None:
-        n.approximated("a sky is only evaluated in the world, grey is used")
+        n.approximated("a Sky Texture works only in the world: grey is used")
         return np.full(3, 0.5, np.float32)
-    n.approximated("its sky is estimated, as an even one of about its brightness")
+    n.approximated("its Sky Texture is replaced by a uniform sky of about the same brightness")
     # Below the horizon it fades out over 24 degrees as in Cycles.
     radiance = COLOR * np.clip(1 + 2.5 * np.minimum(direction[..., 2:], 0), 0, 1) ** 3
     if is_physical(node) and node.sun_disc:

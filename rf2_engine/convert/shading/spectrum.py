@@ -33,7 +33,7 @@ def blackbody_color(kelvin: np.ndarray) -> np.ndarray:
 
 
 def wavelength(n: NodeCall):
-    n.approximated("the colour of a wavelength is right within a few percent")
+    n.approximated("the color of a wavelength is off by a few percent")
     xyz = np.moveaxis(observer(n[0][..., 0]), 0, -1)
     return np.maximum(n.conventions.from_rec709(xyz @ XYZ_TO_REC709.T / BRIGHTEST), 0)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader nodes to closures: which parameters each BSDF node means, and what of it is lost (docs/scene-input.md 3.3)."""
+"""Shader nodes to closures: the parameters of each BSDF node, and what is lost (docs/scene-input.md 3.3)."""
 from __future__ import annotations
 
 import numpy as np
@@ -35,17 +35,17 @@ def add(n: NodeCall):
 def _folded(n: NodeCall, first: Closure, second: Closure) -> Closure:
     """The sum of two closures; what of it one BSDF cannot show is reported."""
     if np.any((first.color.any(axis=-1)) & second.color.any(axis=-1)):
-        n.folded("two BSDFs are folded into one that lies between them")
+        n.folded("two shaders are replaced by one in between")
     return first + second
 
 
 APPROXIMATED = {  # input of Principled BSDF: what becomes of it when it is not 0
     "Coat Weight": "coat becomes a stronger, smoother reflection of the surface",
-    "Sheen Weight": "sheen is added to the base colour",
+    "Sheen Weight": "sheen is added to the base color",
     "Subsurface Weight": "subsurface scattering is shown as diffuse",
-    "Anisotropic": "anisotropy is left out: reflections are round",
-    "Thin Film Thickness": "thin film changes how much reflects, and not its colour",
-    "Diffuse Roughness": "diffuse roughness is left out",
+    "Anisotropic": "anisotropy is ignored",
+    "Thin Film Thickness": "thin film changes the strength of reflections, not their color",
+    "Diffuse Roughness": "diffuse roughness is ignored",
 }
 
 
@@ -63,7 +63,7 @@ def principled(n: NodeCall):
     if np.any(coat > 0):
         color = color * mixed(WHITE, n.get("Coat Tint", WHITE), coat)
         if n.source("Coat Normal"):
-            n.folded("its coat takes the normal of the surface")
+            n.folded("its coat uses the normal of the surface")
         coat = coat * layers.normal_reflectance(n.get("Coat IOR", 1.5))
         gloss = metallic + transmission + 2 * level * layers.normal_reflectance(ior)
         roughness = layers.shared_roughness(roughness, gloss, n.get("Coat Roughness"), coat)
@@ -81,7 +81,7 @@ def principled(n: NodeCall):
 
 def diffuse(n: NodeCall):
     if n.kind == "ShaderNodeBsdfDiffuse" and np.any(n["Roughness"] > 0):
-        n.folded("diffuse roughness is left out")
+        n.folded("diffuse roughness is ignored")
     return lobe(n["Color"], normal=tangent_normal(n))
 
 
@@ -105,7 +105,7 @@ def toon(n: NodeCall):
 
 def _report_film(n: NodeCall) -> None:
     if np.any(n.get("Thin Film Thickness") > 0):
-        n.folded("thin film is left out")
+        n.folded("thin film is ignored")
 
 
 def glossy(n: NodeCall):
@@ -115,9 +115,9 @@ def glossy(n: NodeCall):
     else:
         color = n["Base Color", "Color"]
         if np.any(np.abs(n.get("Edge Tint", WHITE) - 1) > 0.01):
-            n.folded("the tint of its edges is left out")
+            n.folded("its Edge Tint is ignored")
     if np.any(n.get("Anisotropy") != 0):
-        n.folded("anisotropy is left out")
+        n.folded("anisotropy is ignored")
     _report_film(n)
     return lobe(color, ONE, n["Roughness"], normal=tangent_normal(n))
 
@@ -131,7 +131,7 @@ def glass(n: NodeCall):
 
 
 def portal(n: NodeCall):
-    n.folded(f"{n.node.bl_label} is shown as Transparent: what lies elsewhere is not seen through it")
+    n.folded(f"{n.node.bl_label} is shown as Transparent: it does not show what is at another place")
     return window(n["Color"])
 
 
@@ -142,7 +142,7 @@ def transparent(n: NodeCall):
 
 def specular_workflow(n: NodeCall):
     """Diffuse plus a mirror lobe of its own colour."""
-    n.folded(f"{n.node.bl_label}, which Cycles does not know, is shown as in Eevee")
+    n.folded(f"{n.node.bl_label} is not supported by Cycles: it is shown as in Eevee")
     normal = tangent_normal(n)
     surface = lobe(n["Base Color"], normal=normal) + lobe(n["Specular"], ONE, n["Roughness"], normal=normal)
     surface.emission = n.get("Emissive Color", BLACK)

@@ -82,7 +82,7 @@ def vector_transform(n: NodeCall):
     node, vector = n.node, n["Vector"]
     spaces = node.convert_from, node.convert_to
     if "CAMERA" in spaces and spaces[0] != spaces[1]:
-        n.approximated("the camera's space is taken for the world's: a surface looks the same from all sides")
+        n.approximated("camera space is treated as world space")
     spaces = tuple(space.replace("CAMERA", "WORLD") for space in spaces)
     if spaces[0] != spaces[1] and n.points.corners is not None:
         matrix = n.placed().matrix

@@ -103,7 +103,7 @@ def coefficients_at(n: NodeCall, key) -> tuple[np.ndarray, np.ndarray]:
 
 
 def unknown(n: NodeCall):
-    n.approximated(f"{n.node.bl_label} is left out of the volume")
+    n.approximated(f"{n.node.bl_label} is ignored in the volume")
     return NONE, NONE
 
 
@@ -148,7 +148,7 @@ def _report_losses(n: NodeCall, *glow: str) -> None:
     if np.any(np.abs(n.get("Anisotropy")) > 0):
         n.approximated("anisotropic scattering is shown as isotropic")
     if any(np.any(n[name] > 0) for name in glow):
-        n.approximated("emission of a volume is left out")
+        n.approximated("emission of a volume is ignored")
 
 
 SHADERS = {

@@ -100,7 +100,7 @@ def test_a_measurement_that_gets_no_thread_says_so(settings, monkeypatch):
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
     events.read()
-    assert "could not begin: can't start new thread" in comparison.measurement.error
+    assert "could not start: can't start new thread" in comparison.measurement.error
 
 
 def test_equal_sides_ask_for_another(settings):

@@ -68,7 +68,7 @@ def drawing(scene, rock):
     (emit(0), ""), (emit(-1), "approximated Stone: negative light"), (dark_world, "approximated Grey: negative light"),
     (spotted_lamp, "approximated Lamp: node \"Noise Texture\""),
     (hair, "approximated Hair: its hair or points"), (bald, ""),
-    (drawing, "approximated Drawing: a drawing is laid over the picture"),
+    (drawing, "approximated Drawing: it is drawn over the picture"),
     (lambda scene, rock: setattr(rock, "scale", (1e25, 1e25, 1)), "refused Rock: its transform"),
     (lambda scene, rock: setattr(rock, "location", (NAN, 0, 0)), "refused Rock: its transform"),
     (lamp(shadow_soft_size=HUGE), "refused Lamp: its size"), (lamp(shadow_soft_size=1), ""),

@@ -67,7 +67,7 @@ def test_visibility_and_unsupported_kinds(converted, add_mesh, report):
     name = bpy.context.object.name
     assert len(converted()) == 1
     (remark,) = [remark for remark in report.entries if remark.name == name]
-    assert remark.kind == "approximated" and "laid over the picture" in remark.message
+    assert remark.kind == "approximated" and "drawn over the picture" in remark.message
 
 
 def test_lamps_and_surfaces_share_one_budget(converted):
@@ -87,7 +87,7 @@ def test_many_lamps_leave_half_of_the_budget(converted, report):
         scene = converted(token_budget=budget)
         assert len(scene) <= budget and np.count_nonzero(~scene.is_light) > budget / 2
         light.append(areas(scene.triangles) @ scene.emission)
-        assert any(name == "Lamps" and "stand for 40" in message for _, name, message in report.entries) == merged
+        assert any(name == "Lamps" and "replace 40" in message for _, name, message in report.entries) == merged
     np.testing.assert_allclose(light[0], light[1], rtol=1e-3)
 
 

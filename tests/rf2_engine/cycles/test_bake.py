@@ -128,7 +128,7 @@ def test_preflight_bakes_nothing_and_says_so(scene):
     cube(scene, Roughness=("Wireframe", "Fac", {}))
     scene.renderformer_v2.bake_unknown = True
     found = preflight.run(bpy.context.evaluated_depsgraph_get(), lambda text, fraction: None)
-    assert any("only a render bakes it" in str(remark) for remark in found.remarks)
+    assert any("it is baked only when rendering" in str(remark) for remark in found.remarks)
 
 
 def test_esc_ends_a_bake_and_leaves_nothing(scene, baked, tmp_path):

@@ -144,8 +144,8 @@ def test_failed_render_replaces_the_statistics_of_the_last(scene, tmp_path):
     cube(scene)
     press_f12(scene, tmp_path)
     scene.renderformer_v2.weights_source = "FOLDER"
-    expect_error(scene, tmp_path, "none is chosen")
-    assert "none is chosen" in last_frame[0].error
+    expect_error(scene, tmp_path, "no folder is chosen")
+    assert "no folder is chosen" in last_frame[0].error
 
 
 def test_zero_area_triangles_do_no_harm(scene, tmp_path):

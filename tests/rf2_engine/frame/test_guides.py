@@ -60,3 +60,30 @@ def test_pixels_belong_to_the_triangles_they_see(light):
     weights = np.concatenate([guides.hit_barycentric, 1 - guides.hit_barycentric.sum(-1, keepdims=True)], axis=-1)
     on_triangle = (scene.triangles[guides.hit_triangle] * weights[..., None]).sum(axis=-2)
     np.testing.assert_allclose(on_triangle[hit], position[hit], atol=2e-3)
+
+
+def test_a_pixel_of_several_surfaces_takes_the_normal_of_the_one_in_its_middle():
+    """Floor and wall meet in a row of pixels, in which Cycles gives the mean of their normals."""
+    wall = np.float32([[(-1, 0, 0), (1, 0, 0), (1, 1, 0)], [(-1, 0, 0), (1, 1, 0), (-1, 1, 0)]])
+    floor = np.float32([[(-1, 0, 0), (1, 0, 1), (1, 0, 0)], [(-1, 0, 0), (-1, 0, 1), (1, 0, 1)]])
+    normals = np.repeat(np.float32([(0, 0, 1)] * 2 + [(0, 1, 0)] * 2)[:, None], 3, axis=1)
+    rows = np.zeros((4, 3), np.float32)
+    scene = RenderScene(np.concatenate([wall, floor]), normals, rows, rows, rows[:, :2], np.zeros(4, np.int32),
+                        constant_tile((0.8, 0.8, 0.8))[None])
+    camera = np.eye(4, dtype=np.float32)
+    camera[:3, 3] = 0, 0.5, 2
+    view = square_view(camera, 45, SIZE)
+    origin, rays = view_rays(view)
+    distance = np.minimum(2 / -rays[..., 2], 0.5 / -rays[..., 1].clip(None, -1e-9))
+    position = (origin + rays * distance[..., None]).astype(np.float32)
+    on_wall = position[..., 2] < 1e-4
+    exact = np.where(on_wall[..., None], np.float32((0, 0, 1)), np.float32((0, 1, 0)))
+    edge = np.zeros((SIZE, SIZE), bool)
+    edge[1:] = on_wall[1:] != on_wall[:-1]
+    assert SIZE <= edge.sum() < 3 * SIZE
+    mean = np.where(edge[..., None], np.float32((0, 0.5, 0.5)), exact)
+    zero, ones = np.zeros_like(position), np.ones((SIZE, SIZE, 1), np.float32)
+    passes = {name: zero for name in ("diffuse_color", "glossy_color", "transmission_color", "emission", "environment")}
+    guides = make_guides(passes | {"normal": mean, "alpha": ones, "depth": distance[..., None].astype(np.float32),
+                                   "position": position}, scene, view)
+    np.testing.assert_allclose(guides.normal, exact, atol=1e-5)

@@ -102,7 +102,7 @@ def test_what_renders_hide_is_not_counted_and_what_the_viewport_hides_is_named(s
     rough = cube(scene, "Rough", (4, 0, 0)).modifiers.new("Smooth", "SUBSURF")
     rough.levels, rough.render_levels = 0, 2
     lines = preflight.as_text(scene) if look(scene) else ""
-    assert "Curtain: hidden in the viewport" in lines and "Rough: rendered with other modifiers" in lines
+    assert "Curtain: hidden in the viewport" in lines and "Rough: modifiers, or their levels, differ" in lines
     assert "Unseen" not in lines and "Behind" not in lines
 
 
@@ -154,7 +154,7 @@ def test_less_than_a_minute_is_told_in_seconds(seconds, words):
 def test_it_never_takes_long(scene, monkeypatch):
     cube(scene)
     monkeypatch.setattr(preflight, "LONGEST", -1.0)
-    assert "only a render knows" in look(scene).error
+    assert "so this is incomplete" in look(scene).error
 
 
 def test_in_edit_mode_it_asks_to_leave_it(scene):

@@ -205,7 +205,7 @@ def test_while_the_network_works_the_frame_shows_unlit_colours(scene, tmp_path, 
     assert np.allclose(unlit / unlit[0], (1, 0.5, 0.25), atol=0.05) and unlit[0] > 0.8  # base colour and specular
 
 
-@pytest.mark.parametrize("stage", ["Finding the triangles that are seen", "Network"])
+@pytest.mark.parametrize("stage", ["Finding visible triangles", "Network"])
 def test_esc_leaves_an_empty_combined_and_the_other_passes(scene, tmp_path, monkeypatch, stage):
     shining = material("Shining")
     shining.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 2

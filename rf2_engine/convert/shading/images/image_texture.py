@@ -16,7 +16,7 @@ from .pyramid import sample
 def image_texture(n: NodeCall):
     node, vector = n.node, n.linked("Vector")
     if node.image.source == "MOVIE":
-        n.left_to_cycles("a movie cannot be read, so it is magenta: render it to a sequence of pictures")
+        n.left_to_cycles("movies are not supported, so it is magenta: render it to an image sequence")
     if vector is None:
         vector = active_uv(n) if n.points.direction is None else n.points.direction
     if node.projection == "BOX" and n.points.corners is not None:
@@ -68,7 +68,7 @@ def environment_texture(n: NodeCall):
     direction, level = n.linked("Vector"), 0
     direction = n.points.direction if direction is None else direction
     if direction is None:
-        n.approximated("an environment texture on a surface needs directions, its average is used")
+        n.approximated("an Environment Texture on a surface is replaced by its mean color")
         direction, level = UP, 16
     pixels = n.node.image.pyramid(n).level(level)
     direction = direction / np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-12)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How an Image Texture lays its picture on coordinates: flat, around a ball or tube, or from the sides of a box."""
+"""Projections of Image Texture: flat, sphere, tube and box."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lookup in pixels, and ever smaller versions of them for surfaces that show many at once."""
+"""Look up pixels in an image, or in smaller versions of it for surfaces that show many pixels at once."""
 from __future__ import annotations
 
 import numpy as np

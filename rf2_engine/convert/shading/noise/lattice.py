@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Functions of integer lattice points, as noises ask for them around the cells in which their points lie."""
+"""Functions of integer lattice points, for the noises: evaluated around the cells in which points lie."""
 from __future__ import annotations
 
 import numpy as np

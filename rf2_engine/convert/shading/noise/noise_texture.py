@@ -28,7 +28,7 @@ def noise_texture(n: NodeCall):
 
 
 def white_noise(n: NodeCall):
-    """Of the very numbers it is given: without a link these are not coordinates."""
+    """Of its input as it is: without a link the input is not coordinates."""
     dimensions = n.node.noise_dimensions
     parts = [] if dimensions == "1D" else [n["Vector"][..., :2 if dimensions == "2D" else 3]]
     parts += [n["W"]] if dimensions in ("1D", "4D") else []

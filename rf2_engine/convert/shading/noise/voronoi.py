@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voronoi Texture: octaves of what voronoi_cells.py finds."""
+"""Voronoi Texture: octaves of the distances of voronoi_cells.py."""
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Points scattered over a lattice, one in each cell, and what lies nearest to a place among them (Worley 1996)."""
+"""Scatter one point in each cell of a lattice, and find the nearest ones to a place (Worley 1996)."""
 from __future__ import annotations
 
 from dataclasses import dataclass

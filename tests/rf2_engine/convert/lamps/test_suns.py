@@ -34,12 +34,12 @@ def test_the_sun_of_a_sky_becomes_a_light_and_nothing_is_lost(converted, report,
     np.testing.assert_allclose(np.arctan2(toward[0], toward[1]), 0.7, atol=0.01)
     for normal in NORMALS:
         np.testing.assert_allclose(light(scene, normal), gathered(whole, normal), rtol=0.02)
-    assert any(name == made.name and "sun lamp" in message for _, name, message in report.entries)
+    assert any(name == made.name and "sun light" in message for _, name, message in report.entries)
 
 
 def test_a_sky_without_its_sun_has_none(converted, report):
     sky_world(0.7, disc=False)
-    assert len(converted()) == 0 and all("estimated" in line for line in report.lines())
+    assert len(converted()) == 0 and all("uniform sky" in line for line in report.lines())
 
 
 def test_light_of_an_hdri_with_a_sun_is_as_in_cycles(converted):
