@@ -20,9 +20,8 @@ from ..progress import last_render
 from ..progress.last_render import LayerStatistics
 from ..progress.stages import CONVERT, DIVIDE, WRITE
 from ..progress.status import Status
-from ..settings import light_passes
 from ..setup import packages
-from . import failure, model_cache, output, reference, running, unasked
+from . import failure, model_cache, output, reference, running
 from .hits import first_hits
 from .layer import Layer
 from .network import Network, Picture
@@ -38,12 +37,11 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     name = depsgraph.view_layer_eval.name  # Cycles frees the depsgraph: whatever is needed later is read now
     running.mark(engine.bl_idname)
     status, report = Status(engine, name if layers(depsgraph.scene_eval) > 1 else ""), Report()
-    optics, asked = Optics.of(depsgraph), _asked(depsgraph)
+    optics = Optics.of(depsgraph)
     twice = optics.sessions > 1 or reference.is_wanted(depsgraph.scene_eval)
     try:
         with progress.reporting(status), cycles_run.scene_kept(engine, twice):
             done = _render_layer(engine, depsgraph, optics, status, report)
-            unasked.remove(engine, name, asked)
     except RenderCancelled:
         last_render.add(LayerStatistics(name, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
@@ -54,12 +52,6 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         last_render.add(done)
         last_render.stamp(engine)
         _tell(engine, done)
-
-
-def _asked(depsgraph: bpy.types.Depsgraph) -> set[str]:
-    """Blender's names of the passes that the view layer has ticked and the weights can give."""
-    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-    return {p.blender_name for p in pass_table.of_view_layer(layer, light_passes(scene), scene)}
 
 
 def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, optics: Optics, status: Status,

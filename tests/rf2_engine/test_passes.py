@@ -110,21 +110,6 @@ def test_the_noisy_image_is_the_picture_before_the_denoiser(still_life, tmp_path
     np.testing.assert_array_equal(*rendered())
 
 
-@pytest.mark.parametrize("ticked", [set(), {"normal"}, {"diffuse_direct"}, {"emission", "vector"}])
-@pytest.mark.parametrize("reference", [False, True])
-def test_the_file_has_what_is_ticked_and_nothing_else(still_life, tmp_path, ticked, reference):
-    layer, chosen = still_life.view_layers[0], still_life.renderformer_v2.reference
-    layer.use_pass_z = False
-    tick(layer, ticked)
-    chosen.use, chosen.samples, chosen.use_light_passes = reference, 1, True
-    named = {p.blender_name for p in passes.PASSES if p.key in ticked} | {"Combined"}
-    named |= passes.REFERENCE_NAMES if reference else set()
-    for _ in range(2):
-        found = press_f12(still_life, tmp_path)
-        assert set(found) == {f"ViewLayer.{name}" for name in named}
-    assert all(pixels.any() for name, pixels in found.items() if "Cycles" not in name)
-
-
 def test_unticked_passes_have_no_sockets(scene):
     layer = scene.view_layers[0]
     layer.use_pass_z = False
