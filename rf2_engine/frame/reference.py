@@ -43,20 +43,24 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
     """Render the reference and write it beside `picture`, the passes of our frame, which stay if Cycles is stopped.
 
     Must be called inside cycles_run.scene_kept, begun before the first run of this frame. Where Cycles renders on a
-    GPU, the network leaves it. Returns the samples of the reference, 0 when there is none. Raises RenderCancelled when
-    the add-on is being disabled; whatever else ends the reference is a line of `report`.
+    GPU, the network leaves it. A reference that is stopped has the samples that it had by then. Returns its samples, 0
+    when there is none. Raises RenderCancelled when the add-on is being disabled; whatever else ends the reference is a
+    line of `report`.
     """
     engine, chosen, rendered, begin = layer.engine, layer.settings.reference, {}, time.perf_counter()
+    samples = chosen.samples
     if layer.depsgraph.scene_eval.cycles.device == "GPU":
         model_cache.leave_gpu()
     try:
         with layer.plan.enter(REFERENCE):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
-            with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit):
+            with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit) as status:
                 rendered = _render(engine, layer.depsgraph, chosen, layer.settings.threads, report)
-    except RenderCancelled:
-        rendered = {}  # it may have come after the last sample
-        report.skipped(NAME, "it was stopped")
+                if layer.status.esc_pressed():
+                    samples = status.samples(chosen.samples)
+                    raise RenderCancelled()
+    except RenderCancelled:  # it may have come after the last sample, too
+        rendered = _kept(rendered, samples, picture, chosen, report)
         if running.is_stopping():
             raise
     except Exception as error:
@@ -68,7 +72,20 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
         report.approximated(NAME, f"it may have fewer than {chosen.samples} samples because of its Time Limit")
     if rendered and chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
-    return chosen.samples if rendered else 0
+    return samples if rendered else 0
+
+
+def _kept(rendered: dict[str, np.ndarray], samples: int, picture: dict[str, np.ndarray], chosen: FrameReference,
+          report: Report) -> dict[str, np.ndarray]:
+    """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then."""
+    shown = rendered.get("cycles_reference")
+    if not samples or shown is None or np.array_equal(shown, picture["combined"], equal_nan=True):
+        report.skipped(NAME, "it was stopped before every pixel had a sample")
+        return {}
+    if samples < chosen.samples:
+        report.approximated(NAME, f"it was stopped after {samples} of {chosen.samples} samples" +
+                            (", and is not denoised" if chosen.denoise else ""))
+    return rendered
 
 
 def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chosen: FrameReference,
@@ -90,5 +107,5 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
             override(depsgraph.scene_eval, {"cycles.denoiser": "OPENIMAGEDENOISE"})
         if threads:
             override(depsgraph.scene_eval, {"render.threads_mode": "FIXED", "render.threads": threads})
-        rendered = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report)
+        rendered = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report, partial=True)
     return {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in rendered.items()}
