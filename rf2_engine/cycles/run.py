@@ -63,7 +63,8 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     Returns {key: (H, W, C) f32} of the `wanted` passes, row 0 on top; the result of `engine` must have them. Where
     Cycles cannot be run inside Blender a Blender in the background renders, with the `changes` that `overrides` gave
     to the settings, and the report says so.
-    Raises RenderCancelled after Esc, unless it was `partial`ly rendered and that is wanted; SceneError when Cycles stops with an error.
+    After Esc it raises RenderCancelled, or gives what was `partial`ly rendered where that is wanted.
+    Raises SceneError when Cycles stops with an error.
     """
     job = background_cycles.Job.of(depsgraph, layer, wanted, changes)
     try:

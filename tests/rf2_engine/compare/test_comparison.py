@@ -2,6 +2,7 @@
 """Two pictures are read, measured, exported and forgotten."""
 import dataclasses
 import json
+import re
 import threading
 
 import bpy
@@ -10,6 +11,7 @@ import pytest
 
 import addon_utils
 from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, events
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
 from tools import metrics as with_libraries
 
@@ -110,11 +112,55 @@ def test_equal_sides_ask_for_another(settings):
 
 
 def test_the_reference_is_chosen_when_it_is_there(settings, two_slots):
-    two_slots.view_layers[0].aovs.add().name = comparison.REFERENCE  # a pass of that name in any engine's result
-    bpy.ops.render.render()
+    render_with_reference(two_slots)
     settings.a.kind = settings.b.kind = "SHOWN"
     comparison.read()
-    assert settings.b.pass_name == "Cycles Reference" and comparison.b.name == "Slot 2, Cycles Reference"
+    assert settings.b.pass_name == "Cycles Reference"
+    assert comparison.a.name == "Slot 2, ViewLayer, Combined"
+    assert comparison.b.name == "Slot 2, ViewLayer, Cycles Reference"
+    assert re.fullmatch(r"RenderFormer-V2, [\d.]+ s \(Slot 2, ViewLayer, Combined\)", comparison.a.label)
+    assert re.fullmatch(r"Cycles, 2 samples, [\d.]+ s \(Slot 2, .*\)", comparison.b.label)
+    assert comparison.a.credits.seconds != comparison.b.credits.seconds
+
+
+def render_with_reference(scene):
+    scene.render.engine, scene.renderformer_v2.reference.use = "RENDERFORMER_V2", True
+    scene.renderformer_v2.reference.samples = 2
+    bpy.ops.render.render()
+
+
+def test_after_a_reference_both_are_shown_unless_the_user_does_not_want_it(settings, two_slots):
+    addon, settings.show = bpy.context.preferences.addons.new(), False
+    addon.module = PACKAGE
+    preferences = addon.preferences
+    preferences.show_reference = False
+    render_with_reference(two_slots)
+    assert not bpy.app.timers.is_registered(events.show_reference)
+    preferences.show_reference = True
+    bpy.ops.render.render()
+    assert bpy.app.timers.is_registered(events.show_reference)
+    bpy.app.timers.unregister(events.show_reference)
+    events.show_reference()
+    assert settings.show
+    comparison.read()
+    assert comparison.b.name == "Slot 2, ViewLayer, Cycles Reference"
+    bpy.ops.renderformer_v2.compare_swap()
+    events.show_reference()
+    assert settings.a.pass_name == "Cycles Reference"  # the user's own sides are kept
+    two_slots.renderformer_v2.reference.use = False
+    bpy.ops.render.render()
+    assert not bpy.app.timers.is_registered(events.show_reference)
+
+
+def test_a_reference_that_is_not_there_is_neither_compared_nor_exported(settings, two_slots, monkeypatch):
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0].endswith("Cycles Reference"))
+    render_with_reference(two_slots)
+    settings.a.kind = settings.b.kind = "SHOWN"
+    settings.b.pass_name = "Cycles Reference"
+    comparison.read()
+    assert comparison.a is None
+    assert "Slot 2 has no Cycles Reference in 'ViewLayer': it was stopped" in comparison.message
+    assert not bpy.ops.renderformer_v2.compare_export.poll()
 
 
 def test_another_render_slot_or_region_outdates_what_was_read(settings, two_slots):
@@ -162,7 +208,7 @@ def test_export_writes_a_sheet_and_numbers(settings, two_slots, tmp_path):
     assert bpy.ops.renderformer_v2.compare_export(filepath=str(tmp_path / "sheet.png")) == {"FINISHED"}
     numbers = json.loads((tmp_path / "sheet.json").read_text())
     assert numbers["flip"] == measured.closeness.flip and numbers["psnr"] == measured.closeness.psnr
-    assert numbers["a"]["name"] == "Slot 1, Combined" and (numbers["width"], numbers["height"]) == (50, 37)
+    assert numbers["a"]["name"] == "Slot 1, ViewLayer, Combined" and (numbers["width"], numbers["height"]) == (50, 37)
     assert set(bpy.data.images) == images and two_slots.render.image_settings.file_format == before
     sheet = _pixels(tmp_path / "sheet.png")
 
