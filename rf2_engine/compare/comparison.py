@@ -123,7 +123,7 @@ def _keys() -> tuple:
 
 def new_measurement() -> Measurement:
     """A measurement of the two pictures, which must exist; not started."""
-    return Measurement(a, b, Box(bpy.context.scene, settings().region, a.window))
+    return Measurement(a, b, Box(bpy.context.scene, settings().region, a, b))
 
 
 def forget() -> None:

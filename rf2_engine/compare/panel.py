@@ -65,6 +65,8 @@ class RENDERFORMER_PT_compare_metrics(bpy.types.Panel):
             return
         if measured.closeness:
             _draw_closeness(layout.column(align=True), measured.closeness)
+            for note in measured.notes:
+                draw_text(layout, note)
         elif measured.error:
             draw_text(layout, measured.error)
         else:

@@ -68,7 +68,7 @@ class CompareSettings(bpy.types.PropertyGroup):
     interval: FloatProperty(name="Interval", default=0.5, min=0.05, soft_max=5, subtype="TIME", unit="TIME_ABSOLUTE",
                             description="Time for which each picture is shown")
     region: EnumProperty(name="Measure", update=_read_again, items=(
-        ("WHOLE", "Whole Picture", "Compute the metrics of all pixels"),
+        ("WHOLE", "Whole Picture", "Compute the metrics of all pixels that were rendered"),
         ("BORDER", "Render Region", "Compute the metrics inside the render region. Use View > Render Region to set "
                                     "it")))
 

@@ -34,6 +34,7 @@ class Picture:
     name: str
     pixels: np.ndarray  # (H, W, 4) f32, scene-linear, premultiplied, row 0 on top
     window: Window      # the part of the frame that it shows
+    rendered: Window    # the part of it that was rendered, in its own pixels
     credits: Credits = Credits()
 
     @property
@@ -55,7 +56,7 @@ class Reader:
         if side.kind == "IMAGE":
             image, name = image_of(side), side.image
             if len(image.pixels):  # which loads it; empty for a multilayer EXR
-                return Picture(name, _plain(image), windows.whole(*image.size))
+                return Picture(name, _plain(image), *[windows.whole(*image.size)] * 2)
         layer, of = self.chosen(side)
         return _pass_of(self.files[key(side)], layer, of, slot_number(side), _name(side))
 
@@ -167,7 +168,7 @@ def _pass_of(file: exr.Multilayer, layer: str, of: str, slot: int | None, name: 
         raise SourceError(f"{name} has no {of} in '{layer}': it was stopped before every pixel had a sample, or failed")
     height, width, _ = pixels.shape
     return Picture(f"{name}, {layer}, {of}", pixels, windows.of_slot(slot, width, height),
-                   credits.of_pass(file.metadata, layer, of))
+                   windows.rendered_of_slot(slot, width, height), credits.of_pass(file.metadata, layer, of))
 
 
 def _rgba(channels: dict[str, np.ndarray]) -> np.ndarray:

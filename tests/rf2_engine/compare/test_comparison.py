@@ -72,6 +72,33 @@ def test_the_region_is_found_in_pictures_that_were_cropped_to_another(settings, 
     assert measured(0.3, 0.62, 0.21, 0.7).closeness.psnr == pytest.approx(whole.closeness.psnr, abs=0.01)
 
 
+def test_only_what_was_rendered_is_measured(settings, two_slots):
+    whole = _measured()
+    assert whole.box.is_whole and "Measured" not in str(whole.notes)
+    two_slots.render.use_border = True
+    two_slots.render.border_min_x, two_slots.render.border_max_x = 0.0, 0.5
+    two_slots.render.border_min_y, two_slots.render.border_max_y = 0.25, 1.0
+    bpy.ops.render.render()
+    two_slots.render.use_border = False  # the picture stays what it is
+    part = _measured()
+    assert part.notes[0] == "Measured: 25 x 28 pixels" and part.closeness.flip_map.shape == (28, 25)
+    assert part.closeness.psnr == pytest.approx(with_libraries.compare(
+        comparison.a.pixels[:28, :25, :3], comparison.b.pixels[:28, :25, :3])["psnr"], abs=1e-3)
+    bpy.ops.render.render()
+    assert _measured().closeness.psnr == pytest.approx(whole.closeness.psnr, abs=1e-3)
+
+
+def test_clipped_values_and_alpha_are_said(settings, two_slots):
+    image = bpy.data.images.new("Bright", 50, 37, float_buffer=True, alpha=True)
+    pixels = np.full((37, 50, 4), (0.5, 0.5, 0.5, 1), np.float32)
+    pixels[:, :5, 1], pixels[:, :10, 3] = 2, 0
+    image.pixels.foreach_set(pixels.ravel())
+    settings.a.kind, settings.a.image, settings.b.slot = "IMAGE", image.name, 1
+    clipped, alpha = _measured().notes
+    assert clipped == "Values above 1 are clipped: 10.0 % of A's pixels, 0.0 % of B's"
+    assert "Alpha is not in the metrics" in alpha and "0.2000 off" in alpha
+
+
 def test_a_region_too_small_is_said(settings, two_slots):
     two_slots.render.border_max_x, two_slots.render.border_min_x = 0.1, 0.0
     settings.region = "BORDER"
