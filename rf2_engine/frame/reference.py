@@ -23,10 +23,17 @@ from . import failure, model_cache, output, running
 from .layer import Layer
 
 NAME = REFERENCE.text  # of the pass, too
+LOST = "the files of an animation do not have it: choose OpenEXR MultiLayer as file format, or switch it off"
 
 
 def is_wanted(scene: bpy.types.Scene) -> bool:
     return scene.renderformer_v2.reference.use
+
+
+def is_lost(scene: bpy.types.Scene) -> bool:
+    """Whether the files of an animation will not have the reference."""
+    composed = scene.render.use_compositing and compat.compositor(scene)
+    return is_wanted(scene) and scene.render.image_settings.file_format != "OPEN_EXR_MULTILAYER" and not composed
 
 
 def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
@@ -70,6 +77,8 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
         output.write(engine, layer.name, picture | rendered)
     if rendered and 0 < chosen.time_limit < time.perf_counter() - begin:
         report.approximated(NAME, f"it may have fewer than {chosen.samples} samples because of its Time Limit")
+    if engine.is_animation and is_lost(layer.depsgraph.scene):
+        report.approximated(NAME, LOST)
     if rendered and chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
     return samples if rendered else 0
@@ -103,8 +112,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
             "cycles.time_limit": chosen.time_limit,
             "cycles.use_denoising": chosen.denoise,
         })
-        if chosen.denoise and compat.has_openimagedenoise():
-            override(depsgraph.scene_eval, {"cycles.denoiser": "OPENIMAGEDENOISE"})
+        override(depsgraph.scene_eval, dict(chosen.settings))
         if threads:
             override(depsgraph.scene_eval, {"render.threads_mode": "FIXED", "render.threads": threads})
         rendered = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report, partial=True)
