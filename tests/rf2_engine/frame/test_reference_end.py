@@ -101,7 +101,7 @@ def test_a_reference_that_is_stopped_keeps_its_samples_so_far(lit, tmp_path, pre
     chosen.use_denoising, chosen.samples, lit.cycles.use_adaptive_sampling = denoise, 2048, False
     found = press_f12(lit, tmp_path)
     (last,) = last_render.last_frame
-    assert found[REFERENCE].any() and 0 < last.reference_samples < 2048
+    assert found[REFERENCE].any() and 0 < last.reference_samples < 2048 and last.reference_seconds > 0
     assert any(f"stopped after {last.reference_samples} of 2048 samples" in line and ("not denoised" in line) == denoise
                for line in last.report)
     with OpenEXR.File(str(tmp_path / "picture.exr")) as file:
