@@ -18,7 +18,7 @@ class Credits(NamedTuple):
 
     def __str__(self) -> str:
         """"Cycles, 256 samples, 78 s"."""
-        said = [self.engine, "" if self.samples is None else f"{self.samples} samples",
+        said = [self.engine, "" if self.samples is None else f"{self.samples} sample{'s' * (self.samples != 1)}",
                 "" if self.seconds is None else f"{self.seconds:.{0 if self.seconds > 9.95 else 1}f} s"]
         return ", ".join(filter(None, said))
 

@@ -42,6 +42,8 @@ def _after_image() -> None:
     chosen, textures = comparison.settings(), _current_textures()
     show = partial(shader.draw, _shader, opaque=bpy.context.space_data.display_channels == "COLOR")
     gpu.state.blend_set("NONE")
+    if chosen.mode == "SIDE":
+        shader.erase(1 + overlay.GAP)
     with _scene_linear.bind():
         if chosen.mode == "SIDE":
             show(textures["a"])

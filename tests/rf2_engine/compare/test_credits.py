@@ -23,6 +23,7 @@ def test_seconds_of_a_pass_beside_another_engines():
     (WITH_REFERENCE, "Composite", "Combined", "RenderFormer-V2, 7.0 s"),
     (WITH_REFERENCE, "Layer", "Cycles Reference", "Cycles, 256 samples, 78 s"),
     (WITH_REFERENCE, "Layer", "Cycles Diffuse Direct", "Cycles, 256 samples, 78 s"),
+    (BY_CYCLES | {"cycles.Layer.samples": "1"}, "Layer", "Combined", "Cycles, 1 sample, 62 s"),
     ({"RenderTime": "00:03.00"}, "Layer", "Combined", "3.0 s"),
     ({}, "Layer", "Combined", ""),
 ])
