@@ -37,9 +37,13 @@ def is_compared(image: bpy.types.Image | None) -> bool:
 
 
 def show_reference() -> None:
-    """Compare the picture that was rendered with the reference beside it, whichever side the user has put it on."""
+    """Compare the picture that was rendered with the reference beside it, whichever side the user has put it on.
+
+    What is compared already goes on being compared.
+    """
     chosen = settings()
-    if {(side.kind, side.pass_name) for side in (chosen.a, chosen.b)} != {("SHOWN", ""), ("SHOWN", REFERENCE)}:
+    sides = {(side.kind, side.pass_name) for side in (chosen.a, chosen.b)}
+    if not chosen.show and sides != {("SHOWN", ""), ("SHOWN", REFERENCE)}:
         for side, name in ((chosen.a, ""), (chosen.b, REFERENCE)):
             side.kind, side.layer, side.pass_name = "SHOWN", "", name
     chosen.show = True

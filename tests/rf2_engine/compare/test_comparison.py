@@ -174,6 +174,9 @@ def test_after_a_reference_both_are_shown_unless_the_user_does_not_want_it(setti
     bpy.ops.renderformer_v2.compare_swap()
     events.show_reference()
     assert settings.a.pass_name == "Cycles Reference"  # the user's own sides are kept
+    settings.a.kind = "SLOT"
+    events.show_reference()
+    assert settings.a.kind == "SLOT"  # and what is being compared
     two_slots.renderformer_v2.reference.use = False
     bpy.ops.render.render()
     assert not bpy.app.timers.is_registered(events.show_reference)
