@@ -23,6 +23,13 @@ def set_file_format(settings: bpy.types.ImageFormatSettings, file_format: str) -
         settings.use_exr_interleave = True
 
 
+def compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """The nodes that the pictures of a scene go through, if there are any."""
+    if hasattr(scene, "compositing_node_group"):
+        return scene.compositing_node_group
+    return scene.node_tree if scene.use_nodes else None
+
+
 def has_openimagedenoise() -> bool:
     """False in builds of Blender that were made without it."""
     import _cycles

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from .registering import classes
+
+BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces")
 
 
 def _update_sockets(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -25,10 +27,26 @@ class ReferenceSettings(bpy.types.PropertyGroup):
     )
     samples: IntProperty(name="Samples", default=128, min=1, soft_max=4096, max=1 << 24,
                          description="Samples per pixel of the reference")
+    use_scene_samples: BoolProperty(
+        name="Samples as in Cycles", description="As many samples as the scene's Cycles settings have")
     time_limit: FloatProperty(name="Time Limit", default=0.0, min=0.0, step=100, subtype="TIME", unit="TIME_ABSOLUTE",
                               description="Stop the reference after this time and keep the samples rendered so far. 0 "
                                           "is no limit")
-    use_denoising: BoolProperty(name="Denoise", default=True, description="Denoise the reference with OpenImageDenoise")
+    use_denoising: BoolProperty(name="Denoise", default=True, description="Denoise the reference")
+    denoiser: EnumProperty(
+        name="Denoiser", items=(("SCENE", "As in Cycles", "The denoiser of the scene's Cycles settings"),
+                                ("OPENIMAGEDENOISE", "OpenImageDenoise", "Intel's, on the processor or a GPU")))
+    light_paths: EnumProperty(
+        name="Light Paths", description="Bounces, clamping and caustics of the reference",
+        items=(("SCENE", "As in Cycles", "Those of the scene's Cycles settings"), ("OWN", "Own", "Those below")))
+    max_bounces: IntProperty(name="Max Bounces", default=12, min=0, max=1024,
+                             description="Most bounces of a ray of the reference, whatever it bounces off")
+    clamp_direct: FloatProperty(name="Clamp Direct", default=0.0, min=0.0,
+                                description="Largest value of a sample of direct light; 0 is no limit")
+    clamp_indirect: FloatProperty(name="Clamp Indirect", default=10.0, min=0.0,
+                                  description="Largest value of a sample of light that has bounced; 0 is no limit")
+    use_caustics: BoolProperty(name="Caustics", default=True,
+                               description="Light that mirrors and glass throw on other surfaces")
     use_light_passes: BoolProperty(
         name="Light Passes", options=set(), update=_update_sockets,
         description="Also keep Cycles' light passes: Cycles Diffuse Direct and so on, not denoised",
@@ -43,6 +61,7 @@ class FrameReference:
     time_limit: float  # seconds; 0 is no limit
     denoise: bool
     light_passes: bool
+    settings: tuple[tuple[str, object], ...]  # of the scene, that are others than Cycles' own
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> FrameReference | None:
@@ -50,7 +69,21 @@ class FrameReference:
         chosen = scene.renderformer_v2.reference
         if not chosen.use:
             return None
-        return cls(chosen.samples, chosen.time_limit, chosen.use_denoising, chosen.use_light_passes)
+        samples = scene.cycles.samples if chosen.use_scene_samples else chosen.samples
+        return cls(samples, chosen.time_limit, chosen.use_denoising, chosen.use_light_passes, _own(chosen))
+
+
+def _own(chosen: ReferenceSettings) -> tuple[tuple[str, object], ...]:
+    settings = {}
+    if chosen.denoiser != "SCENE":
+        settings["cycles.denoiser"] = chosen.denoiser
+    if chosen.light_paths == "OWN":
+        settings |= {f"cycles.{name}": chosen.max_bounces for name in BOUNCES}
+        settings |= {"cycles.sample_clamp_direct": chosen.clamp_direct,
+                     "cycles.sample_clamp_indirect": chosen.clamp_indirect,
+                     "cycles.caustics_reflective": chosen.use_caustics,
+                     "cycles.caustics_refractive": chosen.use_caustics}
+    return tuple(settings.items())
 
 
 register, unregister = classes(ReferenceSettings)

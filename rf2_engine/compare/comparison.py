@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import sources
+from . import header, sources
 from .measuring import Box, Measurement
 
 REFERENCE = "Cycles Reference"  # a pass of our own engine
@@ -27,6 +27,26 @@ def settings():
 def is_shown() -> bool:
     """While Blender renders, the picture that grows is shown instead."""
     return settings().show and a is not None and not bpy.app.is_job_running("RENDER")
+
+
+def is_compared(image: bpy.types.Image | None) -> bool:
+    """Whether A or B may be taken from it."""
+    return image is not None and any(
+        image.name == side.image if side.kind == "IMAGE" else image.type == "RENDER_RESULT"
+        for side in (settings().a, settings().b))
+
+
+def show_reference() -> None:
+    """Compare the picture that was rendered with the reference beside it, whichever side the user has put it on.
+
+    What is compared already goes on being compared.
+    """
+    chosen = settings()
+    sides = {(side.kind, side.pass_name) for side in (chosen.a, chosen.b)}
+    if not chosen.show and sides != {("SHOWN", ""), ("SHOWN", REFERENCE)}:
+        for side, name in ((chosen.a, ""), (chosen.b, REFERENCE)):
+            side.kind, side.layer, side.pass_name = "SHOWN", "", name
+    chosen.show = True
 
 
 def known_passes(side) -> list[tuple[str, str]]:
@@ -73,11 +93,12 @@ def _pictures(reader: sources.Reader, manager) -> tuple[sources.Picture, sources
 def _tell_apart(chosen, reader: sources.Reader) -> None:
     """B is the reference beside A when nothing else was chosen. Raises SourceError when there is none."""
     def what(side):
-        return sources.key(side), side.layer, side.pass_name
+        return sources.key(side), (side.layer, side.pass_name) if side.kind == "IMAGE" else reader.chosen(side)
 
     if what(chosen.a) == what(chosen.b):
         reader.picture(chosen.a)
-        if REFERENCE not in (name for _, name in reader.names(chosen.b)):
+        is_reference = REFERENCE in (chosen.a.pass_name, what(chosen.a)[1][1])
+        if is_reference or REFERENCE not in (name for _, name in reader.names(chosen.b)):
             raise sources.SourceError("A and B are the same picture: choose another pass, slot or image for one")
         chosen.b.pass_name = REFERENCE
 
@@ -98,14 +119,15 @@ def _keys() -> tuple:
     chosen, render = settings(), bpy.context.scene.render
     region = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
     try:
-        return sources.key(chosen.a), sources.key(chosen.b), sources.slots(), chosen.region == "BORDER" and region
+        sides = [(sources.key(side), header.numbers(sources.image_of(side))) for side in (chosen.a, chosen.b)]
+        return *sides, sources.slots(), chosen.region == "BORDER" and region
     except sources.SourceError:
         return ()
 
 
 def new_measurement() -> Measurement:
     """A measurement of the two pictures, which must exist; not started."""
-    return Measurement(a, b, Box(bpy.context.scene, settings().region, a.window))
+    return Measurement(a, b, Box(bpy.context.scene, settings().region, a, b))
 
 
 def forget() -> None:

@@ -24,11 +24,7 @@ _handles: list = []
 
 def is_drawn(context) -> bool:
     """Whether this Image Editor shows what is compared."""
-    image = context.space_data.image
-    if image is None or not comparison.is_shown():
-        return False
-    sides = comparison.settings().a, comparison.settings().b
-    return any(image.name == side.image if side.kind == "IMAGE" else image.type == "RENDER_RESULT" for side in sides)
+    return comparison.is_shown() and comparison.is_compared(context.space_data.image)
 
 
 def _before_image() -> None:
@@ -46,6 +42,8 @@ def _after_image() -> None:
     chosen, textures = comparison.settings(), _current_textures()
     show = partial(shader.draw, _shader, opaque=bpy.context.space_data.display_channels == "COLOR")
     gpu.state.blend_set("NONE")
+    if chosen.mode == "SIDE":
+        shader.erase(1 + overlay.GAP)
     with _scene_linear.bind():
         if chosen.mode == "SIDE":
             show(textures["a"])
@@ -63,8 +61,11 @@ def _after_image() -> None:
 
 
 def _over_image() -> None:
-    if is_drawn(bpy.context):
-        overlay.draw(bpy.context)
+    context = bpy.context
+    if is_drawn(context):
+        overlay.draw(context)
+    elif comparison.settings().show and comparison.message and comparison.is_compared(context.space_data.image):
+        overlay.say(context, comparison.message)
 
 
 def _current_textures() -> dict[str, object]:

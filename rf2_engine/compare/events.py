@@ -5,12 +5,15 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
+from ..progress import last_render
 from ..registering import handlers
-from . import comparison
+from ..setup import packages
+from . import comparison, fitting
 
 INTERVAL = 0.2  # seconds between two looks at what goes on
 
 blink = False   # B is shown
+_fitted = False  # the editors were zoomed out for two pictures
 
 
 def read() -> None:
@@ -36,12 +39,18 @@ def look_again() -> None:
 
 
 def switch(show: bool) -> None:
+    fit_soon()
     if show:
         read_soon()
         _call(_blink, 0.0)
     else:
         comparison.forget()
         redraw()
+
+
+def fit_soon() -> None:
+    """As soon as Blender is idle, if two pictures come side by side, or one takes their place."""
+    _call(_fit, 0.0)
 
 
 def redraw() -> None:
@@ -57,6 +66,18 @@ def _read() -> float | None:
     if bpy.app.is_job_running("RENDER"):
         return INTERVAL
     read()
+    return None
+
+
+def _fit() -> float | None:
+    global _fitted
+    chosen = comparison.settings()
+    if comparison.is_reading or chosen.show and comparison.a is None and not comparison.message:
+        return INTERVAL
+    wanted = chosen.show and comparison.a is not None and chosen.mode == "SIDE"
+    if wanted != _fitted:
+        _fitted = wanted
+        fitting.fit(wanted)
     return None
 
 
@@ -82,8 +103,20 @@ def _call(action, seconds: float) -> None:
 
 
 @persistent
-def _rendered(*_):
+def _rendered(scene, *_):
     comparison.outdate()  # and nothing more: this may be the thread of the render. The editor is drawn again anyway
+    chosen = packages.preferences()  # none where a script enabled the add-on
+    if (chosen is None or chosen.show_reference) and any(layer.reference_samples for layer in last_render.last_frame):
+        _call(show_reference, 0.0)
+
+
+def show_reference() -> float | None:
+    """Once the render has ended."""
+    if bpy.app.is_job_running("RENDER"):
+        return INTERVAL
+    comparison.show_reference()
+    read_soon()
+    return None
 
 
 @persistent
@@ -98,7 +131,7 @@ register, _remove_handlers = handlers(("render_complete", _rendered), ("render_c
 
 def unregister() -> None:
     _remove_handlers()
-    for action in (_read, _watch, _blink):
+    for action in (_read, _fit, _watch, _blink, show_reference):
         if bpy.app.timers.is_registered(action):
             bpy.app.timers.unregister(action)
     comparison.forget_all()

@@ -79,13 +79,14 @@ def numbers(a, b, measured: Measurement) -> dict:
     """What the JSON file holds."""
     close = measured.closeness
     return {
-        "a": {"name": a.name, "seconds": a.seconds},
-        "b": {"name": b.name, "seconds": b.seconds},
+        "a": {"name": a.name, **a.credits._asdict()},
+        "b": {"name": b.name, **b.credits._asdict()},
         "width": a.pixels.shape[1], "height": a.pixels.shape[0],
         "region": dict(zip(("left", "bottom", "right", "top"), measured.box.area)),
         "psnr": close.psnr, "ssim": close.ssim, "flip": close.flip, "lpips": close.lpips,
+        "notes": measured.notes,
         "pixels_per_degree": flip.PIXELS_PER_DEGREE,
-        "measured": "clipped to [0, 1] and sRGB-encoded, without the view transform",
+        "measured": "clipped to [0, 1] and sRGB-encoded, without the view transform and alpha",
     }
 
 

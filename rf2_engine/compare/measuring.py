@@ -11,21 +11,27 @@ import numpy as np
 from ...model import metrics, progress
 from ...model.errors import RenderCancelled
 from .sources import Picture
-from .windows import Window
 
 
 class Box:
     """The part of a picture that is measured: pixels from the left and from the top."""
 
-    def __init__(self, scene: bpy.types.Scene, region: str, window: Window):
-        """The box in pictures that show this `window` of the frame; `region` is CompareSettings.region."""
-        part = window.selected(scene.render) if region == "BORDER" else window.all
-        self.width, self.height, self.left, self.right = part[:4]
-        self.top, self.bottom = self.height - part.top, self.height - part.bottom
+    def __init__(self, scene: bpy.types.Scene, region: str, a: Picture, b: Picture):
+        """The box in pictures of one size, where both were rendered; `region` is CompareSettings.region."""
+        parts = [a.window.selected(scene.render) if region == "BORDER" else a.window.all, a.rendered, b.rendered]
+        self.width, self.height = parts[0][:2]
+        self.left, bottom = (max(values) for values in ([p.left for p in parts], [p.bottom for p in parts]))
+        self.right, top = (min(values) for values in ([p.right for p in parts], [p.top for p in parts]))
+        self.right = max(self.left, self.right)
+        self.top, self.bottom = self.height - max(bottom, top), self.height - bottom
 
     def cut(self, pixels: np.ndarray) -> np.ndarray:
-        """(H, W, 4) -> the colours of the part."""
-        return pixels[self.top:self.bottom, self.left:self.right, :3]
+        """(H, W, C) -> the part."""
+        return pixels[self.top:self.bottom, self.left:self.right]
+
+    @property
+    def is_whole(self) -> bool:
+        return self.area == (0, 0, 1, 1)
 
     @property
     def area(self) -> tuple[float, float, float, float]:
@@ -39,6 +45,7 @@ class Measurement:
 
     def __init__(self, a: Picture, b: Picture, box: Box):
         self.closeness: metrics.Closeness | None = None
+        self.notes: list[str] = []  # what the numbers do not tell
         self.error, self.fraction, self.box = "", 0.0, box
         self._cancelled = False
         self._pixels = box.cut(a.pixels), box.cut(b.pixels)
@@ -64,7 +71,8 @@ class Measurement:
         """Measure in the calling thread."""
         try:
             with progress.reporting(self._listen):
-                self.closeness = metrics.closeness(*self._pixels)
+                self.notes = notes(*self._pixels, self.box)
+                self.closeness = metrics.closeness(*(pixels[..., :3] for pixels in self._pixels))
         except RenderCancelled:
             self.error = "Measuring was cancelled"
         except ValueError as error:  # too small
@@ -79,3 +87,15 @@ class Measurement:
         self.fraction = fraction
         if self._cancelled:
             raise RenderCancelled
+
+
+def notes(a: np.ndarray, b: np.ndarray, box: Box) -> list[str]:
+    """What the metrics of two parts (H, W, 4) leave out, a line each."""
+    found = [] if box.is_whole else [f"Measured: {box.right - box.left} x {box.bottom - box.top} pixels"]
+    above = [100 * float((pixels[..., :3] > 1).any(-1).mean()) if pixels.size else 0.0 for pixels in (a, b)]
+    if any(above):
+        found.append(f"Values above 1 are clipped: {above[0]:.1f} % of A's pixels, {above[1]:.1f} % of B's")
+    if (a[..., 3] < 1).any() or (b[..., 3] < 1).any():
+        off = float(np.abs(a[..., 3] - b[..., 3]).mean())
+        found.append(f"Alpha is not in the metrics, colours count as over black: it is {off:.4f} off on average")
+    return found

@@ -9,7 +9,7 @@ from . import comparison, events
 
 
 class RENDERFORMER_OT_compare(bpy.types.Operator):
-    """Compare two pictures in the Image Editor: side by side, in turn, or by their difference"""
+    """Show both pictures that are compared in the Image Editor, or only the one that its header names"""
     bl_idname = "renderformer_v2.compare"
     bl_label = "Compare"
 

@@ -2,6 +2,8 @@
 """Draw names, the line of the split and the scale of FLIP over the compared pictures."""
 from __future__ import annotations
 
+import textwrap
+
 import blf
 
 from ...model.magma import STOPS
@@ -11,13 +13,14 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 SHADE = (0.0, 0.0, 0.0, 0.6)
 SIZE = 13            # of text, in pixels at an interface scale of 1
 SCALE_WIDTH = 200
+ICONS = 56           # pixels of Blender's own gizmos at the right edge, at an interface scale of 1
 GAP = 0.02           # between pictures side by side, of their width
 
 
 def draw(context) -> None:
     """In pixels of the region."""
     chosen, unit = comparison.settings(), context.preferences.system.ui_scale
-    a, b = f"A: {comparison.a.name}", f"B: {comparison.b.name}"
+    a, b = f"A: {comparison.a.label}", f"B: {comparison.b.label}"
     left, bottom, right, top = _place(context)
     line = min(top + 8 * unit, context.region.height - 48 * unit)  # below the header, however large the picture is
     if chosen.mode == "SIDE":
@@ -36,13 +39,34 @@ def draw(context) -> None:
         _flip(f"{a}    {b}", left, right, max(bottom, 64 * unit), line, unit)
 
 
+def say(context, message: str) -> None:
+    """Instead of a comparison."""
+    unit = context.preferences.system.ui_scale
+    left, _, right, top = _place(context)
+    lines = textwrap.wrap(f"Compare: {message}", max(int((right - left) / _width("n", unit)), 20))
+    line = min(top + 8 * unit, context.region.height - 48 * unit)
+    for i, text in enumerate(lines):
+        _text(text, left, line - 2 * SIZE * unit * i, unit)
+
+
 def _place(context) -> tuple[float, float, float, float]:
     """Left, bottom, right and top of what is seen of the picture, in pixels of the region."""
-    view, sidebar = context.region.view2d, [r for r in context.area.regions if r.type == "UI" and r.width > 1]
+    view = context.region.view2d
     left, bottom = view.view_to_region(0, 0, clip=False)
     right, top = view.view_to_region(1, 1, clip=False)
-    visible = context.region.width - sum(region.width for region in sidebar)
-    return max(left, 32), bottom, min(right, visible), top
+    first, last = free(context)
+    return max(left, first + 32), bottom, min(right, last), top
+
+
+def free(context) -> tuple[float, float]:
+    """Left and right end of what toolbar, sidebar and Blender's gizmos leave of the region, in its pixels."""
+    left, right = 0, context.region.width
+    for other in context.area.regions:
+        if other.width > 1 and other.type == "TOOLS":
+            left = max(left, other.x + other.width - context.region.x)
+        elif other.width > 1 and other.type == "UI":
+            right = min(right, other.x - context.region.x)
+    return left, right - ICONS * context.preferences.system.ui_scale
 
 
 def _flip(names, left, right, bottom, line, unit) -> None:

@@ -65,6 +65,8 @@ class RENDERFORMER_PT_compare_metrics(bpy.types.Panel):
             return
         if measured.closeness:
             _draw_closeness(layout.column(align=True), measured.closeness)
+            for note in measured.notes:
+                draw_text(layout, note)
         elif measured.error:
             draw_text(layout, measured.error)
         else:
@@ -88,7 +90,8 @@ def _draw_closeness(column, closeness) -> None:
 
 
 def _seconds(picture) -> str:
-    return "not known" if picture.seconds is None else f"{picture.seconds:.2f}"
+    seconds = picture.credits.seconds
+    return "not known" if seconds is None else f"{seconds:.2f}"
 
 
 class RENDERFORMER_MT_compare(bpy.types.Menu):
@@ -114,6 +117,12 @@ def _menu(self, context):
         self.layout.menu("RENDERFORMER_MT_compare")
 
 
+def _button(self, context):
+    if _is_image_editor(context):
+        show = comparison.settings().show
+        self.layout.operator("renderformer_v2.compare", text="Both", icon="MOD_MIRROR", depress=show)
+
+
 register, unregister = pairs(
     classes(RENDERFORMER_PT_compare, RENDERFORMER_PT_compare_metrics, RENDERFORMER_MT_compare),
-    appended("IMAGE_MT_editor_menus", _menu))
+    appended("IMAGE_MT_editor_menus", _menu), appended("IMAGE_HT_header", _button))

@@ -17,6 +17,11 @@ def _redraw(settings, context):
     events.redraw()
 
 
+def _change_mode(settings, context):
+    events.redraw()
+    events.fit_soon()
+
+
 def _switch(settings, context):
     events.switch(settings.show)
 
@@ -39,9 +44,10 @@ class Side(bpy.types.PropertyGroup):
     slot: IntProperty(name="Slot", default=1, min=1, update=_read_again, description="Number of the render slot")
     image: StringProperty(name="Image", update=_read_again, description="A loaded image")
     layer: StringProperty(name="Layer", update=_read_again, search=_layers,
-                          description="View layer. If empty, the first one that has the pass")
-    pass_name: StringProperty(name="Pass", default="Combined", update=_read_again, search=_passes,
-                              description="Render pass, named as in the Image Editor")
+                          description="View layer. If empty, the one that the header shows")
+    pass_name: StringProperty(name="Pass", update=_read_again, search=_passes,
+                              description="Render pass, named as in the Image Editor. If empty, the one that the "
+                                          "header shows")
 
 
 class CompareSettings(bpy.types.PropertyGroup):
@@ -49,7 +55,7 @@ class CompareSettings(bpy.types.PropertyGroup):
                        description="Draw the comparison over the image. The image itself does not change")
     a: PointerProperty(type=Side)
     b: PointerProperty(type=Side)
-    mode: EnumProperty(name="Mode", default="SPLIT", update=_redraw, items=(
+    mode: EnumProperty(name="Mode", default="SPLIT", update=_change_mode, items=(
         ("SIDE", "Side by Side", "A where the image is, B to its right"),
         ("SPLIT", "Split", "A to the left of a line, B to its right; drag the line with the mouse"),
         ("BLINK", "Blink", "A and B alternately"),
@@ -62,7 +68,7 @@ class CompareSettings(bpy.types.PropertyGroup):
     interval: FloatProperty(name="Interval", default=0.5, min=0.05, soft_max=5, subtype="TIME", unit="TIME_ABSOLUTE",
                             description="Time for which each picture is shown")
     region: EnumProperty(name="Measure", update=_read_again, items=(
-        ("WHOLE", "Whole Picture", "Compute the metrics of all pixels"),
+        ("WHOLE", "Whole Picture", "Compute the metrics of all pixels that were rendered"),
         ("BORDER", "Render Region", "Compute the metrics inside the render region. Use View > Render Region to set "
                                     "it")))
 

@@ -101,3 +101,14 @@ def draw(shader, picture, other=None, *, part=(0, 0, 1, 1), area=(0, 0, 1, 1), s
     shader.uniform_sampler("picture", picture)
     shader.uniform_sampler("other", other or picture)
     batch.draw(shader)
+
+
+def erase(left: float) -> None:
+    """Take the editor's background away where a picture beside the image is drawn: it would shine through."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    plain = gpu.shader.from_builtin("UNIFORM_COLOR")
+    corners = [(left, 0), (left + 1, 0), (left, 1), (left + 1, 1)]
+    plain.uniform_float("color", (0, 0, 0, 0))
+    batch_for_shader(plain, "TRI_STRIP", {"pos": corners}).draw(plain)

@@ -49,7 +49,7 @@ def write(path: Path, scene: bpy.types.Scene, a: Picture, b: Picture, closeness:
 
 
 def _described(side: str, picture: Picture) -> str:
-    return f"{side}: {picture.name}" + ("" if picture.seconds is None else f"    {picture.seconds:.2f} s")
+    return f"{side}: {picture.label}"
 
 
 def _fitting(text: str, size: int, width: int) -> str:

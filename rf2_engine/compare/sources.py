@@ -16,7 +16,9 @@ import numpy as np
 
 from ...model.color import srgb_to_linear
 from .. import compat, exr
-from . import windows
+from .. import passes as pass_table
+from . import credits, header, windows
+from .credits import Credits
 from .saving import file_format
 from .windows import Window
 
@@ -31,8 +33,15 @@ class SourceError(Exception):
 class Picture:
     name: str
     pixels: np.ndarray  # (H, W, 4) f32, scene-linear, premultiplied, row 0 on top
-    seconds: float | None  # that it took to render, if that is known
-    window: Window         # the part of the frame that it shows
+    window: Window      # the part of the frame that it shows
+    rendered: Window    # the part of it that was rendered, in its own pixels
+    credits: Credits = Credits()
+
+    @property
+    def label(self) -> str:
+        """"Cycles, 256 samples, 78 s (Slot 1, ViewLayer, Combined)"."""
+        credits = str(self.credits)
+        return f"{credits} ({self.name})" if credits else self.name
 
 
 class Reader:
@@ -45,16 +54,27 @@ class Reader:
     def picture(self, side) -> Picture:
         """What `side` (settings.Side) asks for. Raises SourceError."""
         if side.kind == "IMAGE":
-            image, name = bpy.data.images.get(side.image), side.image
-            if image is None:
-                raise SourceError("Choose an image that is loaded" if not name else f"There is no image '{name}'")
+            image, name = image_of(side), side.image
             if len(image.pixels):  # which loads it; empty for a multilayer EXR
-                return Picture(name, _plain(image), None, windows.whole(*image.size))
-        else:
-            image, name = _render_result(), f"Slot {slot_number(side)}"
+                return Picture(name, _plain(image), *[windows.whole(*image.size)] * 2)
+        layer, of = self.chosen(side)
+        return _pass_of(self.files[key(side)], layer, of, slot_number(side), _name(side))
+
+    def chosen(self, side) -> tuple[str, str]:
+        """(layer, pass) of what `side` asks for; what it leaves open is as in the header. Raises SourceError."""
+        image = image_of(side)
         if key(side) not in self.files:
             self.files[key(side)] = self._saved(image, slot_number(side))
-        return _pass_of(self.files[key(side)], side, name, slot_number(side))
+        file = self.files[key(side)]
+        layer, of = header.shown(file, image, self._scene)
+        if side.layer and not side.pass_name:
+            of = header.passes(file, side.layer, self._scene)[:1]
+            of = of[0] if of else "Combined"
+        of = side.pass_name or of
+        having = [name for name in header.layers(file, self._scene) if (name, of) in file.passes]
+        if side.layer or layer in having:
+            return side.layer or layer, of
+        return next((name for name in having if name != header.COMPOSITE), layer), of
 
     def names(self, side) -> list[tuple[str, str]]:
         """(layer, pass) of what was read for a side."""
@@ -75,6 +95,19 @@ class Reader:
                                   f"The passes of '{image.name}' cannot be read") from error
             except (OSError, ValueError) as error:
                 raise SourceError(f"The passes of '{image.name}' cannot be read: {error}") from error
+
+
+def image_of(side) -> bpy.types.Image:
+    """Raises SourceError."""
+    if side.kind != "IMAGE":
+        return _render_result()
+    if side.image not in bpy.data.images:
+        raise SourceError("Choose an image that is loaded" if not side.image else f"There is no image '{side.image}'")
+    return bpy.data.images[side.image]
+
+
+def _name(side) -> str:
+    return side.image if side.kind == "IMAGE" else f"Slot {slot_number(side)}"
 
 
 def slot_number(side) -> int | None:
@@ -126,17 +159,16 @@ def _plain(image: bpy.types.Image) -> np.ndarray:
     return np.concatenate([color, np.broadcast_to(alpha, (height, width, 1))], -1).astype(np.float32)
 
 
-def _pass_of(file: exr.Multilayer, side, name: str, slot: int | None) -> Picture:
-    layers = sorted((layer for layer, of in file.passes if of == side.pass_name and side.layer in ("", layer)),
-                    key=lambda layer: layer == "Composite")  # what the compositor made of it comes last
-    if not layers:
-        there = ", ".join(sorted({of for layer, of in file.passes if side.layer in ("", layer)}))
-        raise SourceError(f"{name} has no pass '{side.pass_name}'" + (f" in '{side.layer}'" if side.layer else "") +
-                          f". Choose one of: {there or 'none in this layer'}")
-    pixels = _rgba(file.passes[layers[0], side.pass_name])
+def _pass_of(file: exr.Multilayer, layer: str, of: str, slot: int | None, name: str) -> Picture:
+    if (layer, of) not in file.passes:
+        there = ", ".join(sorted({each for each_layer, each in file.passes if each_layer == layer}))
+        raise SourceError(f"{name} has no pass '{of}' in '{layer}'. Choose one of: {there or 'none in this layer'}")
+    pixels = _rgba(file.passes[layer, of])
+    if of in pass_table.REFERENCE_NAMES and credits.lacks_reference(file.metadata, layer) and not pixels[..., :3].any():
+        raise SourceError(f"{name} has no {of} in '{layer}': it was stopped before every pixel had a sample, or failed")
     height, width, _ = pixels.shape
-    return Picture(f"{name}, {side.pass_name}", pixels, seconds(file.metadata, layers[0], side.pass_name),
-                   windows.of_slot(slot, width, height))
+    return Picture(f"{name}, {layer}, {of}", pixels, windows.of_slot(slot, width, height),
+                   windows.rendered_of_slot(slot, width, height), credits.of_pass(file.metadata, layer, of))
 
 
 def _rgba(channels: dict[str, np.ndarray]) -> np.ndarray:
@@ -145,20 +177,3 @@ def _rgba(channels: dict[str, np.ndarray]) -> np.ndarray:
     alpha = ordered[3] if "R" in channels and len(ordered) > 3 else np.ones_like(ordered[0])
     color = ordered[:1] * 3 if len(ordered) == 1 else (ordered + [np.zeros_like(alpha)])[:3]
     return np.stack([*color, alpha], -1).astype(np.float32)
-
-
-def seconds(metadata: dict[str, str], layer: str, name: str) -> float | None:
-    """How long a pass took, from what Blender and Cycles note in the file; None if they did not.
-
-    `LAYER.PASS.seconds` counts first; a pass of Cycles beside another engine's has Cycles' own time; else it is the
-    whole render's.
-    """
-    keys = [f"{layer}.{name}.seconds", "RenderTime"]
-    if name.startswith("Cycles "):
-        keys = [keys[0], f"cycles.{layer}.total_time"]
-    for text in (metadata[k] for k in keys if k in metadata):
-        try:
-            return sum(float(part) * 60 ** i for i, part in enumerate(reversed(text.split(":"))))
-        except ValueError:
-            continue
-    return None

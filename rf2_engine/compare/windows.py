@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The part of the frame that a render slot has: all of it, unless the render was cropped to a render region."""
+"""The part of the frame that a render slot has: all of it, unless there was a render region."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -34,7 +34,8 @@ class Window(NamedTuple):
         return self.all._replace(left=left, right=max(left, right), bottom=bottom, top=max(bottom, top))
 
 
-_cropped: dict[int, Window] = {}  # by slot number
+_cropped: dict[int, Window] = {}   # by slot number
+_bordered: dict[int, Window] = {}  # the same of renders that show all of the frame, and hold nothing elsewhere
 
 
 def whole(width: int, height: int) -> Window:
@@ -47,20 +48,29 @@ def of_slot(slot: int | None, width: int, height: int) -> Window:
     return window if window and window.all[:2] == (width, height) else whole(width, height)
 
 
+def rendered_of_slot(slot: int | None, width: int, height: int) -> Window:
+    """The part of a picture of this size that was rendered, in its pixels."""
+    part = _bordered.get(slot)
+    return part if part and part[:2] == (width, height) else whole(width, height)
+
+
 @persistent
 def _begins(scene, *_):
     """Note what the slot that is shown will hold."""
     for image in bpy.data.images:
         if image.type == "RENDER_RESULT":
             _cropped.pop(slot := image.render_slots.active_index + 1, None)
-            if scene.render.use_border and scene.render.use_crop_to_border:
+            _bordered.pop(slot, None)
+            if scene.render.use_border:
                 width, height = rectangle.size(scene.render)
-                _cropped[slot] = Window(width, height, *rectangle.region(width, height, scene.render))
+                of = _cropped if scene.render.use_crop_to_border else _bordered
+                of[slot] = Window(width, height, *rectangle.region(width, height, scene.render))
 
 
 @persistent
 def _loaded(*_):
     _cropped.clear()
+    _bordered.clear()
 
 
 register, unregister = handlers(("render_init", _begins), ("load_post", _loaded))

@@ -25,9 +25,23 @@ class EngineText:
         start, wanted = engine.as_pointer(), shown.encode()
         at = ctypes.string_at(start, FARTHEST + len(wanted)).find(wanted) if wanted else -1
         self._address = start + at if at >= 0 else None
+        self._samples = 0
 
     def read(self) -> str:
-        return ctypes.string_at(self._address).decode(errors="replace") if self._address else ""
+        text = ctypes.string_at(self._address).decode(errors="replace") if self._address else ""
+        self._samples = max(self._samples, _samples(text))
+        return text
+
+    def samples(self, wanted: int) -> int:
+        """Of the `wanted` samples those that every pixel had by the last time anybody read; 0 while tiles miss."""
+        return wanted if "Finished" in self.read() else self._samples
+
+
+def _samples(text: str) -> int:
+    if (tiles := _TILES.search(text)) and int(tiles[1]) < int(tiles[2]):
+        return 0
+    found = _SAMPLES.search(text)
+    return int(found[1]) if found else 0
 
 
 def fraction(text: str, elapsed: float = 0.0, time_limit: float = 0.0) -> float:

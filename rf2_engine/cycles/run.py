@@ -57,22 +57,25 @@ def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Non
 
 
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
-        wanted: list[pass_table.Pass], changes: list, report: Report) -> dict[str, np.ndarray]:
+        wanted: list[pass_table.Pass], changes: list, report: Report, partial: bool = False) -> dict[str, np.ndarray]:
     """Render the view layer of `depsgraph`, called `layer`, with its settings as they are.
 
     Returns {key: (H, W, C) f32} of the `wanted` passes, row 0 on top; the result of `engine` must have them. Where
     Cycles cannot be run inside Blender a Blender in the background renders, with the `changes` that `overrides` gave
     to the settings, and the report says so.
-    Raises RenderCancelled after Esc, SceneError when Cycles stops with an error.
+    After Esc it raises RenderCancelled, or gives what was `partial`ly rendered where that is wanted.
+    Raises SceneError when Cycles stops with an error.
     """
     job = background_cycles.Job.of(depsgraph, layer, wanted, changes)
     try:
-        rendered = inside(engine, depsgraph, layer, wanted)
+        rendered = inside(engine, depsgraph, layer, wanted, partial)
     except CyclesFailed as error:
         if failure.is_out_of_memory(error.__cause__):
             raise error.__cause__ from None
         rendered = _run_outside(engine, job, wanted, error.__cause__, report)
     if engine.test_break():
+        if partial:
+            return rendered
         raise RenderCancelled()
     missing = [p.blender_name for p in wanted if p.key not in rendered]
     if missing:
@@ -81,7 +84,7 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
 
 
 def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
-           wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+           wanted: list[pass_table.Pass], partial: bool = False) -> dict[str, np.ndarray]:
     """As `run`, but where Cycles fails CyclesFailed comes out, and passes may be missing."""
     emptied = _empties(engine, depsgraph)
     with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
@@ -89,7 +92,7 @@ def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer
             cycles_engine.reset(engine, bpy.data, depsgraph)
             cycles_engine.render(engine, depsgraph)
             cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
-        if engine.test_break():
+        if engine.test_break() and not partial:
             raise RenderCancelled()
         rendered = _read(engine.get_result(), layer, wanted)
     engine.emptied = emptied

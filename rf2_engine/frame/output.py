@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...model import lobes as model_lobes
+from ...model.errors import RenderCancelled
 from ...model.lobes import Lobes
 from ...model.scene import Guides
 from .. import passes as pass_table
@@ -75,12 +76,18 @@ def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarr
 def unless_stopped(engine: bpy.types.RenderEngine, layer: str):
     """A dict of passes (as in `write`) to be filled inside; they alone are left when that ends without a picture.
 
-    Combined is then empty: whatever Cycles or `write` showed in it meanwhile is taken back.
+    Whatever Cycles or `write` showed in Combined meanwhile is taken back. A Combined among the passes is what there is
+    of the picture so far: it is left when the user ends the render, and not when an error does.
     """
     passes: dict[str, np.ndarray] = {}
     try:
         yield passes
-    except BaseException:
+    except BaseException as error:
+        if not isinstance(error, RenderCancelled):
+            passes.pop("combined", None)
+        elif "combined" in passes:
+            engine.report({"INFO"}, "RenderFormer-V2 was stopped: the picture has the light that was traced, and not "
+                                    "all of the network's")
         write(engine, layer, passes)
         raise
 

@@ -23,10 +23,17 @@ from . import failure, model_cache, output, running
 from .layer import Layer
 
 NAME = REFERENCE.text  # of the pass, too
+LOST = "the files of an animation do not have it: choose OpenEXR MultiLayer as file format, or switch it off"
 
 
 def is_wanted(scene: bpy.types.Scene) -> bool:
     return scene.renderformer_v2.reference.use
+
+
+def is_lost(scene: bpy.types.Scene) -> bool:
+    """Whether the files of an animation will not have the reference."""
+    composed = scene.render.use_compositing and compat.compositor(scene)
+    return is_wanted(scene) and scene.render.image_settings.file_format != "OPEN_EXR_MULTILAYER" and not composed
 
 
 def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
@@ -43,20 +50,24 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
     """Render the reference and write it beside `picture`, the passes of our frame, which stay if Cycles is stopped.
 
     Must be called inside cycles_run.scene_kept, begun before the first run of this frame. Where Cycles renders on a
-    GPU, the network leaves it. Returns the samples of the reference, 0 when there is none. Raises RenderCancelled when
-    the add-on is being disabled; whatever else ends the reference is a line of `report`.
+    GPU, the network leaves it. A reference that is stopped has the samples that it had by then. Returns its samples, 0
+    when there is none. Raises RenderCancelled when the add-on is being disabled; whatever else ends the reference is a
+    line of `report`.
     """
     engine, chosen, rendered, begin = layer.engine, layer.settings.reference, {}, time.perf_counter()
+    samples = chosen.samples
     if layer.depsgraph.scene_eval.cycles.device == "GPU":
         model_cache.leave_gpu()
     try:
         with layer.plan.enter(REFERENCE):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
-            with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit):
+            with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit) as status:
                 rendered = _render(engine, layer.depsgraph, chosen, layer.settings.threads, report)
-    except RenderCancelled:
-        rendered = {}  # it may have come after the last sample
-        report.skipped(NAME, "it was stopped")
+                if layer.status.esc_pressed():
+                    samples = status.samples(chosen.samples)
+                    raise RenderCancelled()
+    except RenderCancelled:  # it may have come after the last sample, too
+        rendered = _kept(rendered, samples, picture, chosen, report)
         if running.is_stopping():
             raise
     except Exception as error:
@@ -66,9 +77,24 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
         output.write(engine, layer.name, picture | rendered)
     if rendered and 0 < chosen.time_limit < time.perf_counter() - begin:
         report.approximated(NAME, f"it may have fewer than {chosen.samples} samples because of its Time Limit")
+    if engine.is_animation and is_lost(layer.depsgraph.scene):
+        report.approximated(NAME, LOST)
     if rendered and chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
-    return chosen.samples if rendered else 0
+    return samples if rendered else 0
+
+
+def _kept(rendered: dict[str, np.ndarray], samples: int, picture: dict[str, np.ndarray], chosen: FrameReference,
+          report: Report) -> dict[str, np.ndarray]:
+    """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then."""
+    shown = rendered.get("cycles_reference")
+    if not samples or shown is None or np.array_equal(shown, picture["combined"], equal_nan=True):
+        report.skipped(NAME, "it was stopped before every pixel had a sample")
+        return {}
+    if samples < chosen.samples:
+        report.approximated(NAME, f"it was stopped after {samples} of {chosen.samples} samples" +
+                            (", and is not denoised" if chosen.denoise else ""))
+    return rendered
 
 
 def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chosen: FrameReference,
@@ -86,9 +112,8 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
             "cycles.time_limit": chosen.time_limit,
             "cycles.use_denoising": chosen.denoise,
         })
-        if chosen.denoise and compat.has_openimagedenoise():
-            override(depsgraph.scene_eval, {"cycles.denoiser": "OPENIMAGEDENOISE"})
+        override(depsgraph.scene_eval, dict(chosen.settings))
         if threads:
             override(depsgraph.scene_eval, {"render.threads_mode": "FIXED", "render.threads": threads})
-        rendered = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report)
+        rendered = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report, partial=True)
     return {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in rendered.items()}

@@ -88,8 +88,10 @@ def _passes(layer: Layer, view: View, scene: RenderScene) -> tuple[dict[str, np.
         hits = first_hits(layer, scene, view, passes)                               # 4. First hits
 
         def show(lobes: Lobes) -> None:
-            combined = hits.combined(lobes.radiance, exposure)
-            output.write(layer.engine, layer.name, passes | {"combined": combined})
+            combined = {"combined": hits.combined(lobes.radiance, exposure)}
+            output.write(layer.engine, layer.name, passes | combined)
+            if hits.guides.traced is not None:  # else what is shown at first has no light
+                passes.update(combined)
 
         show(Lobes(hits.preview))
         picture, light = Picture.dark(hits, exposure), {}

@@ -2,8 +2,12 @@
 """The panel Cycles Reference in Render Properties."""
 from __future__ import annotations
 
+from ..frame import reference
 from ..registering import classes
+from ..setup.display import draw_text
 from .panel import EnginePanel
+
+LIGHT_PATHS = ("max_bounces", "clamp_direct", "clamp_indirect", "use_caustics")
 
 
 class RENDERFORMER_PT_reference(EnginePanel):
@@ -19,9 +23,20 @@ class RENDERFORMER_PT_reference(EnginePanel):
         chosen = context.scene.renderformer_v2.reference
         column = self.split_layout().column()
         column.active = chosen.use
-        column.prop(chosen, "samples")
+        if chosen.use and reference.is_lost(context.scene):
+            draw_text(column, f"Animations: {reference.LOST}")
+        samples = column.column()
+        samples.active = not chosen.use_scene_samples
+        samples.prop(chosen, "samples")
+        column.prop(chosen, "use_scene_samples")
         column.prop(chosen, "time_limit")
         column.prop(chosen, "use_denoising")
+        if chosen.use_denoising:
+            column.prop(chosen, "denoiser")
+        column.prop(chosen, "light_paths")
+        if chosen.light_paths == "OWN":
+            for name in LIGHT_PATHS:
+                column.prop(chosen, name)
         column.prop(chosen, "use_light_passes")
         if hasattr(context.scene, "cycles"):  # Cycles is an add-on, too
             column.prop(context.scene.cycles, "device")

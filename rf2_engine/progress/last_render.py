@@ -71,6 +71,7 @@ def stamp(engine: bpy.types.RenderEngine) -> None:
         result.stamp_data_add_field(f"{layer.layer}.Combined.seconds", f"{layer.picture_seconds:.2f}")
         if layer.reference_samples:
             result.stamp_data_add_field(f"{layer.layer}.{REFERENCE}.seconds", f"{layer.reference_seconds:.2f}")
+            result.stamp_data_add_field(f"{layer.layer}.{REFERENCE}.samples", str(layer.reference_samples))
     result.stamp_data_add_field("RenderFormer-V2 seconds", f"{sum(layer.picture_seconds for layer in done):.2f}")
     if report := "\n".join(dict.fromkeys(line for layer in done for line in layer.report)):
         result.stamp_data_add_field("RenderFormer-V2 report", report)

@@ -27,9 +27,11 @@ class Plan:
             estimate.frame.begin_stage(stage, 1 / max(times, 1))
             progress.report(0.0)
             begin = time.perf_counter()
-            yield
-            took = time.perf_counter() - begin
-            self.seconds[stage.text] = self.seconds.get(stage.text, 0.0) + took
+            try:
+                yield
+            finally:  # what was stopped took time, too
+                took = time.perf_counter() - begin
+                self.seconds[stage.text] = self.seconds.get(stage.text, 0.0) + took
             costs.learn(stage, units, took, self._setup)
             progress.report(1.0)
 

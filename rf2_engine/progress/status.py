@@ -36,7 +36,8 @@ class Status:
                       window: bool = not bpy.app.background):
         """Inside, while Cycles runs, a line says how far it is, and the bar goes on at our pace.
 
-        `words` get Cycles' percentage; its run is this `share` of the stage; `time_limit` is its own, in seconds.
+        It gives the text that Cycles writes. `words` get Cycles' percentage; its run is this `share` of the
+        stage; `time_limit` is its own, in seconds.
         Cycles moves the bar too, from 0 to 1, and sets Blender's text, which two threads must not do at the same time.
         """
         done, begin = threading.Event(), time.perf_counter()
@@ -63,7 +64,7 @@ class Status:
         follower = threading.Thread(target=follow, daemon=True)
         follower.start()
         try:
-            yield
+            yield text
         finally:
             done.set()
             follower.join()

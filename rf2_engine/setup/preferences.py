@@ -5,7 +5,7 @@ from __future__ import annotations
 from os.path import isdir
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..frame import model_cache
 from . import package_panel, packages, published_weights, weights_download
@@ -50,8 +50,15 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
         description="Token of your Hugging Face account. It is not saved when Blender is closed",
     )
 
+    show_reference: BoolProperty(
+        name="Show Both After a Cycles Reference", default=True,
+        description="After a render with a Cycles reference the Image Editor shows the picture and the reference, "
+                    "divided by a line. The button Both in its header switches that off and on",
+    )
+
     def draw(self, context):
         layout = self.layout
+        layout.prop(self, "show_reference")
         layout.label(text="Python packages")
         box = layout.box()
         package_panel.draw_packages(box, packages.PACKAGES)

@@ -2,6 +2,7 @@
 """Two pictures are read, measured, exported and forgotten."""
 import dataclasses
 import json
+import re
 import threading
 
 import bpy
@@ -10,6 +11,7 @@ import pytest
 
 import addon_utils
 from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, events
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
 from tools import metrics as with_libraries
 
@@ -70,6 +72,33 @@ def test_the_region_is_found_in_pictures_that_were_cropped_to_another(settings, 
     assert measured(0.3, 0.62, 0.21, 0.7).closeness.psnr == pytest.approx(whole.closeness.psnr, abs=0.01)
 
 
+def test_only_what_was_rendered_is_measured(settings, two_slots):
+    whole = _measured()
+    assert whole.box.is_whole and "Measured" not in str(whole.notes)
+    two_slots.render.use_border = True
+    two_slots.render.border_min_x, two_slots.render.border_max_x = 0.0, 0.5
+    two_slots.render.border_min_y, two_slots.render.border_max_y = 0.25, 1.0
+    bpy.ops.render.render()
+    two_slots.render.use_border = False  # the picture stays what it is
+    part = _measured()
+    assert part.notes[0] == "Measured: 25 x 28 pixels" and part.closeness.flip_map.shape == (28, 25)
+    assert part.closeness.psnr == pytest.approx(with_libraries.compare(
+        comparison.a.pixels[:28, :25, :3], comparison.b.pixels[:28, :25, :3])["psnr"], abs=1e-3)
+    bpy.ops.render.render()
+    assert _measured().closeness.psnr == pytest.approx(whole.closeness.psnr, abs=1e-3)
+
+
+def test_clipped_values_and_alpha_are_said(settings, two_slots):
+    image = bpy.data.images.new("Bright", 50, 37, float_buffer=True, alpha=True)
+    pixels = np.full((37, 50, 4), (0.5, 0.5, 0.5, 1), np.float32)
+    pixels[:, :5, 1], pixels[:, :10, 3] = 2, 0
+    image.pixels.foreach_set(pixels.ravel())
+    settings.a.kind, settings.a.image, settings.b.slot = "IMAGE", image.name, 1
+    clipped, alpha = _measured().notes
+    assert clipped == "Values above 1 are clipped: 10.0 % of A's pixels, 0.0 % of B's"
+    assert "Alpha is not in the metrics" in alpha and "0.2000 off" in alpha
+
+
 def test_a_region_too_small_is_said(settings, two_slots):
     two_slots.render.border_max_x, two_slots.render.border_min_x = 0.1, 0.0
     settings.region = "BORDER"
@@ -110,11 +139,58 @@ def test_equal_sides_ask_for_another(settings):
 
 
 def test_the_reference_is_chosen_when_it_is_there(settings, two_slots):
-    two_slots.view_layers[0].aovs.add().name = comparison.REFERENCE  # a pass of that name in any engine's result
-    bpy.ops.render.render()
+    render_with_reference(two_slots)
     settings.a.kind = settings.b.kind = "SHOWN"
     comparison.read()
-    assert settings.b.pass_name == "Cycles Reference" and comparison.b.name == "Slot 2, Cycles Reference"
+    assert settings.b.pass_name == "Cycles Reference"
+    assert comparison.a.name == "Slot 2, ViewLayer, Combined"
+    assert comparison.b.name == "Slot 2, ViewLayer, Cycles Reference"
+    assert re.fullmatch(r"RenderFormer-V2, [\d.]+ s \(Slot 2, ViewLayer, Combined\)", comparison.a.label)
+    assert re.fullmatch(r"Cycles, 2 samples, [\d.]+ s \(Slot 2, .*\)", comparison.b.label)
+    assert comparison.a.credits.seconds != comparison.b.credits.seconds
+
+
+def render_with_reference(scene):
+    scene.render.engine, scene.renderformer_v2.reference.use = "RENDERFORMER_V2", True
+    scene.renderformer_v2.reference.samples = 2
+    bpy.ops.render.render()
+
+
+def test_after_a_reference_both_are_shown_unless_the_user_does_not_want_it(settings, two_slots):
+    addon, settings.show = bpy.context.preferences.addons.new(), False
+    addon.module = PACKAGE
+    preferences = addon.preferences
+    preferences.show_reference = False
+    render_with_reference(two_slots)
+    assert not bpy.app.timers.is_registered(events.show_reference)
+    preferences.show_reference = True
+    bpy.ops.render.render()
+    assert bpy.app.timers.is_registered(events.show_reference)
+    bpy.app.timers.unregister(events.show_reference)
+    events.show_reference()
+    assert settings.show
+    comparison.read()
+    assert comparison.b.name == "Slot 2, ViewLayer, Cycles Reference"
+    bpy.ops.renderformer_v2.compare_swap()
+    events.show_reference()
+    assert settings.a.pass_name == "Cycles Reference"  # the user's own sides are kept
+    settings.a.kind = "SLOT"
+    events.show_reference()
+    assert settings.a.kind == "SLOT"  # and what is being compared
+    two_slots.renderformer_v2.reference.use = False
+    bpy.ops.render.render()
+    assert not bpy.app.timers.is_registered(events.show_reference)
+
+
+def test_a_reference_that_is_not_there_is_neither_compared_nor_exported(settings, two_slots, monkeypatch):
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0].endswith("Cycles Reference"))
+    render_with_reference(two_slots)
+    settings.a.kind = settings.b.kind = "SHOWN"
+    settings.b.pass_name = "Cycles Reference"
+    comparison.read()
+    assert comparison.a is None
+    assert "Slot 2 has no Cycles Reference in 'ViewLayer': it was stopped" in comparison.message
+    assert not bpy.ops.renderformer_v2.compare_export.poll()
 
 
 def test_another_render_slot_or_region_outdates_what_was_read(settings, two_slots):
@@ -162,7 +238,7 @@ def test_export_writes_a_sheet_and_numbers(settings, two_slots, tmp_path):
     assert bpy.ops.renderformer_v2.compare_export(filepath=str(tmp_path / "sheet.png")) == {"FINISHED"}
     numbers = json.loads((tmp_path / "sheet.json").read_text())
     assert numbers["flip"] == measured.closeness.flip and numbers["psnr"] == measured.closeness.psnr
-    assert numbers["a"]["name"] == "Slot 1, Combined" and (numbers["width"], numbers["height"]) == (50, 37)
+    assert numbers["a"]["name"] == "Slot 1, ViewLayer, Combined" and (numbers["width"], numbers["height"]) == (50, 37)
     assert set(bpy.data.images) == images and two_slots.render.image_settings.file_format == before
     sheet = _pixels(tmp_path / "sheet.png")
 

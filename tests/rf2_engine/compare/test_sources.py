@@ -40,8 +40,8 @@ def test_slots_are_read_whichever_is_shown(two_slots, settings):
     np.testing.assert_allclose(a.pixels[..., :3], 0.25, atol=1e-6)
     assert b.pixels[0, 0] == pytest.approx([0.5, 0.6, 0.7, 1])  # the row on top has no cube
     assert np.ptp(b.pixels[18]) > 0.1
-    assert a.name == "Slot 1, Combined"
-    assert a.seconds is not None and a.seconds < 60
+    assert a.name == "Slot 1, ViewLayer, Combined"
+    assert a.credits.seconds is not None and a.credits.seconds < 60
     assert bpy.data.images["Render Result"].render_slots.active_index == 1
 
 
@@ -61,9 +61,9 @@ def test_loaded_multilayer_files_give_their_passes(settings, two_slots, save_exr
     settings.b.pass_name = "Normal"
     found = sources.Reader(two_slots).picture(settings.b)
     np.testing.assert_array_equal(found.pixels[..., 1], expected["ViewLayer.Normal.Y"])
-    assert found.name == "loaded.exr, Normal"
+    assert found.name == "loaded.exr, ViewLayer, Normal"
     settings.b.pass_name = "Combined"
-    assert sources.Reader(two_slots).picture(settings.b).seconds is not None
+    assert sources.Reader(two_slots).picture(settings.b).credits.seconds is not None
 
 
 def test_plain_images_are_linear(settings, two_slots):
@@ -80,7 +80,7 @@ def test_what_is_missing_is_named(settings, two_slots):
         return str(error.value)
 
     settings.a.pass_name = "Mist"
-    assert "Slot 1 has no pass 'Mist'" in message() and "Combined, Depth" in message()
+    assert "Slot 1 has no pass 'Mist' in 'ViewLayer'" in message() and "Combined, Depth" in message()
     settings.a.pass_name, settings.a.layer = "Combined", "Fog"
     assert "in 'Fog'" in message()
     settings.a.layer, settings.a.slot = "", 7
@@ -98,11 +98,3 @@ def test_reading_changes_no_settings(settings, two_slots):
             before = {key: getattr(of_scene, key) for key in saving.KEPT if hasattr(of_scene, key)}
             sources.Reader(two_slots).picture(settings.a)
             assert {key: getattr(of_scene, key) for key in before} == before
-
-
-def test_seconds_of_a_pass_beside_another_engines():
-    metadata = {"RenderTime": "01:02.50", "cycles.Layer.total_time": "00:30.25"}
-    assert sources.seconds(metadata, "Layer", "Combined") == 62.5
-    assert sources.seconds(metadata, "Layer", "Cycles Reference") == 30.25
-    assert sources.seconds(metadata | {"Layer.Combined.seconds": "5.5"}, "Layer", "Combined") == 5.5
-    assert sources.seconds({}, "Layer", "Combined") is None

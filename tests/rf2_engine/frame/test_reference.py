@@ -6,8 +6,10 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat, passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.engine import RenderFormerEngine
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels.reference import RENDERFORMER_PT_reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.reference_settings import BOUNCES
 
 from tests.rf2_engine.f12 import press_f12, read_exr
 
@@ -38,6 +40,37 @@ def test_the_reference_is_what_cycles_renders_and_our_picture_stays_what_it_was(
     assert set(found) == {*alone, REFERENCE}
     for name in alone:
         np.testing.assert_allclose(found[name], alone[name], rtol=1e-4, atol=1e-5, err_msg=name)
+
+
+def test_light_paths_and_samples_are_the_scenes_or_its_own(lit, tmp_path):
+    lit.cycles.samples, lit.cycles.max_bounces, lit.cycles.sample_clamp_direct = 4, 3, 0.1
+    chosen = lit.renderformer_v2.reference
+    chosen.samples, chosen.use_scene_samples = 1, True
+    as_the_scene = press_f12(lit, tmp_path)[REFERENCE]
+    np.testing.assert_array_equal(as_the_scene, by_cycles(lit, tmp_path)["ViewLayer.Combined"])
+    chosen.light_paths, chosen.max_bounces, chosen.clamp_indirect, chosen.use_caustics = "OWN", 0, 1.5, False
+    own = press_f12(lit, tmp_path)[REFERENCE]
+    assert not np.array_equal(own, as_the_scene) and lit.cycles.max_bounces == 3
+    cycles = lit.cycles
+    cycles.caustics_reflective = cycles.caustics_refractive = False
+    cycles.sample_clamp_direct, cycles.sample_clamp_indirect = 0, 1.5
+    for name in BOUNCES:
+        setattr(cycles, name, 0)
+    np.testing.assert_array_equal(own, by_cycles(lit, tmp_path)["ViewLayer.Combined"])
+
+
+@pytest.mark.parametrize("file_format, said", [("PNG", True), ("OPEN_EXR_MULTILAYER", False)])
+def test_an_animation_whose_files_lack_the_reference_says_so(lit, tmp_path, file_format, said):
+    compat.set_file_format(lit.render.image_settings, file_format)
+    lit.frame_start = lit.frame_end = 1
+    lit.render.filepath = str(tmp_path / "frame")
+    bpy.ops.render.render(animation=True, scene=lit.name)
+    assert any(reference.LOST in line for line in last_render.last_frame[0].report) == said
+    bpy.ops.render.render(scene=lit.name)
+    assert not any(reference.LOST in line for line in last_render.last_frame[0].report)
+    if said:
+        compositor_input(lit)  # which may write it
+        assert not reference.is_lost(lit)
 
 
 @pytest.mark.parametrize("transparent, exposure, denoise", [(False, 2.0, True), (True, 0.5, False)])
@@ -179,6 +212,7 @@ def compositor_input(scene):
 
 def test_every_setting_has_its_place_in_the_panel(scene):
     settings, drawn = scene.renderformer_v2.reference, set()
+    settings.light_paths = "OWN"
 
     class Layout:
         def column(self):

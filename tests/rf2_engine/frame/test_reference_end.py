@@ -10,10 +10,13 @@ import torch
 
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import run as cycles_run
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.progress import EngineText
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache, reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
+from bl_ext.user_default.renderformer_v2.rf2_engine.reference_settings import FrameReference
 
 from tests.rf2_engine.f12 import press_f12
 
@@ -75,6 +78,49 @@ def test_our_picture_stays_when_the_reference_ends_early(lit, tmp_path, monkeypa
     (last,) = last_render.last_frame
     assert any("Cycles Reference" in line and reason in line for line in last.report) and last.reference_samples == 0
     np.testing.assert_array_equal(press_f12(lit, tmp_path)[REFERENCE], whole[REFERENCE])
+
+
+@pytest.fixture
+def pressed_esc(monkeypatch):
+    """Esc as Python sees it while the reference is rendered; Cycles does not hear of it."""
+    pressed = []
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: bool(pressed))
+
+    def press(*arguments, real=reference._render):
+        pressed.append(True)
+        return real(*arguments)
+    monkeypatch.setattr(reference, "_render", press)
+
+
+@pytest.mark.parametrize("denoise", [False, True])
+def test_a_reference_that_is_stopped_keeps_its_samples_so_far(lit, tmp_path, pressed_esc, monkeypatch, denoise):
+    def until_esc(text, real=EngineText.read):
+        return real(text).replace("Finished", "")
+    monkeypatch.setattr(EngineText, "read", until_esc)
+    chosen = lit.renderformer_v2.reference
+    chosen.use_denoising, chosen.samples, lit.cycles.use_adaptive_sampling = denoise, 2048, False
+    found = press_f12(lit, tmp_path)
+    (last,) = last_render.last_frame
+    assert found[REFERENCE].any() and 0 < last.reference_samples < 2048 and last.reference_seconds > 0
+    assert any(f"stopped after {last.reference_samples} of 2048 samples" in line and ("not denoised" in line) == denoise
+               for line in last.report)
+    with OpenEXR.File(str(tmp_path / "picture.exr")) as file:
+        assert dict(file.header())["ViewLayer.Cycles Reference.samples"] == str(last.reference_samples)
+
+
+def test_a_reference_that_is_stopped_after_its_last_sample_is_whole(lit, tmp_path, pressed_esc):
+    press_f12(lit, tmp_path)
+    (last,) = last_render.last_frame
+    assert last.reference_samples == 4 and not any("stopped" in line for line in last.report)
+
+
+@pytest.mark.parametrize("samples, same, kept", [(0, False, False), (3, True, False), (3, False, True)])
+def test_what_cycles_did_not_write_is_no_reference(lit, samples, same, kept):
+    """Combined is still ours until it writes its first samples."""
+    picture = np.full((2, 2, 4), np.nan, np.float32)
+    rendered = {"cycles_reference": picture.copy() if same else np.ones_like(picture)}
+    found = reference._kept(rendered, samples, {"combined": picture}, FrameReference.of(lit), report := Report())
+    assert bool(found) == kept and len(report.entries) == 1
 
 
 def test_esc_before_cycles_starts_keeps_our_picture(lit, tmp_path, monkeypatch):

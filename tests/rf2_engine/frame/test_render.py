@@ -205,8 +205,11 @@ def test_while_the_network_works_the_frame_shows_unlit_colours(scene, tmp_path, 
     assert np.allclose(unlit / unlit[0], (1, 0.5, 0.25), atol=0.05) and unlit[0] > 0.8  # base colour and specular
 
 
-@pytest.mark.parametrize("stage", ["Finding visible triangles", "Network"])
-def test_esc_leaves_an_empty_combined_and_the_other_passes(scene, tmp_path, monkeypatch, stage):
+@pytest.mark.parametrize("stage, light, kept", [
+    ("Finding visible triangles", "TRACED", False), ("Network", "TRACED", True), ("Network", "NETWORK", False)])
+def test_esc_leaves_what_was_traced_and_the_other_passes(scene, tmp_path, monkeypatch, capfd, stage, light, kept):
+    scene.renderformer_v2.light = light
+    sun(scene)
     shining = material("Shining")
     shining.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 2
     cube(scene, of=shining)
@@ -215,7 +218,9 @@ def test_esc_leaves_an_empty_combined_and_the_other_passes(scene, tmp_path, monk
     monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0] == stage)
     cancelled = press_f12(scene, tmp_path)
     assert last_render.last_frame[-1].cancelled and not last_render.last_frame[-1].triangles
-    assert (cancelled["ViewLayer.Combined"] == 0).all()
+    traced = cancelled["ViewLayer.Combined"]
+    assert traced.any() == kept == ("has the light that was traced" in capfd.readouterr().out)
+    assert not kept or 0 < traced[15:22, 20:30, :3].mean() < finished["ViewLayer.Combined"][15:22, 20:30, :3].mean()
     smoothed = {f"ViewLayer.{p.blender_name}" for p in passes.PASSES
                 if p.key in ("combined", "emission", "environment")}
     assert all(np.array_equal(cancelled[name], finished[name]) for name in finished if name not in smoothed)

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The view layer and the pass that the header of an Image Editor shows.
+
+Blender tells their numbers and not their names. The numbers count in the order in which the engine announced the
+passes, and the saved file, from which the names come, has them sorted.
+"""
+from __future__ import annotations
+
+import bpy
+
+from .. import exr, settings
+from .. import passes as pass_table
+
+COMPOSITE = "Composite"  # what the compositor made
+
+
+def numbers(image: bpy.types.Image) -> tuple[int, int]:
+    """(layer, pass) in the first Image Editor that shows the image; those of a new editor when none does."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            space = area.spaces.active
+            if area.type == "IMAGE_EDITOR" and space.image == image:
+                return space.image_user.multilayer_layer, space.image_user.multilayer_pass
+    return 0, 0
+
+
+def layers(file: exr.Multilayer, scene: bpy.types.Scene) -> list[str]:
+    """The file's layers as the header lists them."""
+    there = dict.fromkeys(layer for layer, _ in file.passes)
+    return [name for name in dict.fromkeys([COMPOSITE, *scene.view_layers.keys(), *there]) if name in there]
+
+
+def passes(file: exr.Multilayer, layer: str, scene: bpy.types.Scene) -> list[str]:
+    """The passes of a layer as the header lists them."""
+    there = dict.fromkeys(name for of, name in file.passes if of == layer)
+    announced = _announced(file, scene.view_layers[layer], scene) if layer in scene.view_layers else []
+    table = [p.blender_name for p in pass_table.PASSES]
+    return [name for name in dict.fromkeys(["Combined", *announced, *table, *there]) if name in there]
+
+
+def shown(file: exr.Multilayer, image: bpy.types.Image, scene: bpy.types.Scene) -> tuple[str, str]:
+    """(layer, pass) by name; the first where the file has not so many."""
+    layer_number, pass_number = numbers(image)
+    layer = _at(layers(file, scene), layer_number)
+    return layer, _at(passes(file, layer, scene), pass_number)
+
+
+def _at(names: list[str], number: int) -> str:
+    return names[number if number < len(names) else 0] if names else ""
+
+
+def _announced(file: exr.Multilayer, view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> list[str]:
+    if "RenderFormer-V2 seconds" in file.metadata:
+        ticked = pass_table.of_view_layer(view_layer, settings.light_passes(scene), scene)
+        return [p.blender_name for p in (*ticked, *pass_table.REFERENCE)]
+    try:
+        from cycles.engine import list_render_passes
+        return [name for name, *_ in list_render_passes(scene, view_layer)]
+    except (ImportError, AttributeError, TypeError):
+        return []  # a Cycles that does not tell

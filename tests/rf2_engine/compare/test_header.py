@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compare shows the view layer and the pass that the header of the Image Editor shows."""
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, header, sources
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+
+
+@pytest.fixture
+def editor(settings, two_slots, monkeypatch):
+    """What an Image Editor shows of the render result, which only the mouse can choose: what Compare shows follows."""
+    space = SimpleNamespace(layer=0, number=0)
+    monkeypatch.setattr(header, "numbers", lambda image: (space.layer, space.number))
+    settings.a.kind, settings.a.pass_name, settings.b.pass_name = "SHOWN", "", ""
+    return space
+
+
+def test_a_new_image_editor_shows_the_first_of_all(two_slots):
+    area = bpy.context.window_manager.windows[0].screen.areas[0]
+    before, area.type = area.type, "IMAGE_EDITOR"
+    area.spaces.active.image = bpy.data.images["Render Result"]
+    assert header.numbers(area.spaces.active.image) == (0, 0)
+    area.type = before
+
+
+def test_the_pass_of_the_header_is_compared(editor, settings):
+    comparison.read()
+    settings.b.pass_name = "Combined"
+    editor.number = 2
+    assert comparison.is_outdated()
+    comparison.read()
+    assert comparison.a.name == "Slot 2, ViewLayer, Normal"
+
+
+def test_the_layer_of_the_header_is_compared_and_not_the_first_by_name(editor, settings, two_slots):
+    two_slots.view_layers.new("A")
+    bpy.ops.render.render()
+    settings.b.slot, settings.b.pass_name, settings.b.layer = 2, "Depth", "ViewLayer"
+    found = []
+    for editor.layer in (0, 1):
+        comparison.read()
+        found.append(comparison.a.name)
+    assert found == ["Slot 2, ViewLayer, Combined", "Slot 2, A, Combined"]
+
+
+def test_what_the_compositor_made_is_compared_where_the_header_shows_it(editor, settings, two_slots):
+    compose(two_slots)
+    bpy.ops.render.render()
+    settings.b.kind, settings.b.pass_name = "SHOWN", "Depth"
+    comparison.read()
+    assert comparison.a.name == "Slot 2, Composite, Combined" and comparison.b.name == "Slot 2, ViewLayer, Depth"
+    editor.layer = 1
+    comparison.read()
+    assert comparison.a.name == "Slot 2, ViewLayer, Combined"
+
+
+def compose(scene):
+    """Through a compositor that changes nothing."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        out = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        out = tree.nodes.new("CompositorNodeComposite")
+    tree.links.new(tree.nodes.new("CompositorNodeRLayers").outputs["Image"], out.inputs[0])
+
+
+@pytest.mark.parametrize("engine", ["CYCLES", "RENDERFORMER_V2"])
+def test_passes_are_in_the_order_of_the_result(editor, settings, two_slots, engine, monkeypatch):
+    layer, orders = two_slots.view_layers[0], []
+    layer.use_pass_mist = layer.use_pass_diffuse_color = layer.use_pass_emit = True
+    layer.cycles.denoising_store_passes = True
+    layer.use_pass_cryptomatte_object, two_slots.render.engine = True, engine
+    layer.aovs.add().name = "Aa"
+    two_slots.renderformer_v2.reference.use, two_slots.renderformer_v2.reference.samples = True, 1
+
+    def look(engine, real=last_render.stamp):
+        orders.append([p.name for p in engine.get_result().layers[0].passes])
+        real(engine)
+    monkeypatch.setattr(last_render, "stamp", look)
+    bpy.ops.render.render()
+    if engine == "CYCLES":
+        from cycles.engine import list_render_passes
+        orders.append([name for name, *_ in list_render_passes(two_slots, layer)])
+    reader = sources.Reader(two_slots)
+    reader.picture(settings.a)
+    (file,), ticked = reader.files.values(), orders[0]
+    ours = header.passes(file, "ViewLayer", two_slots)
+    assert ours[0] == "Combined" and len(ours) > 8 and ours == [name for name in ticked if name in ours]
