@@ -19,6 +19,7 @@ from ..presets import rf2_200m
 from ..progress import part, report
 from ..scene import Guides, RenderScene, View
 from ..tensors import view_inputs
+from .as_trained import as_trained, emitters
 from .bundle import Bundle, load_transformer, transformer_name
 from .image_encoder import ImageEncoder, find_vae
 from .processed_scene import ProcessedScene, square_fov
@@ -31,7 +32,7 @@ MAPPERS = ("diffspec_mapper", "metallic_mapper", "metallic_transmission_mapper")
 class PublishedContext:
     """A scene after stage 1, and the network that made it."""
 
-    emitters: np.ndarray  # (N,) bool
+    emitters: np.ndarray  # (N,) bool, of the scene that was given
     network: RenderFormer
     context: SceneContext
 
@@ -51,11 +52,12 @@ class PublishedPipeline:
         return transformer_name(picture_size)
 
     def encode(self, scene: RenderScene, variant: str) -> PublishedContext:
+        emits = emitters(scene)
         with part(0.0, 0.4):
-            inputs = self.encoder.inputs(self.encoder.process(scene))
+            inputs = self.encoder.inputs(self.encoder.process(as_trained(scene, emits)))
         with part(0.4, 1.0):
             network, context = self._stage1(inputs, variant)
-        return PublishedContext(scene.is_light, network, context)
+        return PublishedContext(emits, network, context)
 
     def image(self, encoded: PublishedContext, view: View, guides: Guides) -> torch.Tensor:
         return self._view(encoded, view) * torch.from_numpy(shown(guides, encoded.emitters)).to(self.device)
@@ -69,7 +71,8 @@ class PublishedPipeline:
         normalization = Normalization.of(scene)
         fov = np.float32([square_fov(view) for view in views])
         with torch.inference_mode():
-            processed = self.encoder.process(normalization.scene(scene))
+            normalized = normalization.scene(scene)
+            processed = self.encoder.process(as_trained(normalized, emitters(normalized)))
         cameras = np.stack([normalization.view(view).camera_to_world for view in views])
         return replace(processed, camera_to_world=cameras, fov=fov,
                        metadata={"normalization": {"center": normalization.center.tolist(),
@@ -117,7 +120,7 @@ class PublishedPipeline:
 
 
 def shown(guides: Guides, emitters: np.ndarray) -> np.ndarray:
-    """(H, W) bool, where the network's picture is taken; emitters: (N,) bool, which triangles of the scene shine.
+    """(H, W) bool, where the network's picture is taken; emitters: (N,) bool, which triangles of the scene are lights.
 
     Training pictures have a transparent film, so partly covered pixels are premultiplied by the network itself: the
     guides' coverage only clears pixels that show nothing. Lights were invisible to the camera: where one is seen, the
