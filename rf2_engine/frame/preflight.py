@@ -27,6 +27,7 @@ from ..settings import FrameSettings
 from . import checks, failure, model_cache, rectangle
 from .limits import report_limits
 from .optics import Optics
+from .trained import told
 from .work import layers, work
 
 LONGEST = 10.0  # seconds
@@ -114,10 +115,11 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
         CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter)}
     others = costs.measured_seconds(to_do, settings.setup)
     added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(converted))
-    lights, cells = int(converted.is_light.sum()), len(converted.volumes or ())
+    tokens = told(converted, settings, report)
+    lights, cells = int(tokens.is_light.sum()), len(tokens.volumes or ())
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
     return Preflight(layer, count, size=(view.width, view.height), triangles=len(converted),
-                     tokens=config.sequence_length(lights, len(converted) - lights + cells),
+                     tokens=config.sequence_length(lights, len(tokens) - lights + cells),
                      seconds=None if others is None else count * (converting + others),
                      memory=None if added is None else memory.held()[0] + added, remarks=report.entries)
 
