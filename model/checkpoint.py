@@ -24,6 +24,7 @@ from .presets import WEIGHTS
 MATERIAL_MAPPER = WEIGHTS / "material" / "metallic_transmission_mapper"
 FORMAT = {"format": "renderformer-model", "format_version": 2}
 FLOATS = ("F16", "BF16", "F32", "F64")  # safetensors' names
+SOME = 8  # names in a message
 PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl")
 
 
@@ -55,12 +56,15 @@ def explained():
 def load_network(folder: Path, name: str = "config.json") -> RenderFormer:
     """The network of one folder in this project's format; `name` is the file that describes it."""
     if folder.is_dir() and not (folder / name).is_file():
-        raise CheckpointError(f"{folder} holds no weights: choose the folder renderformer-v2 (with model_index.json), "
-                              f"or one that tools.train.network wrote (with {name})")
+        raise CheckpointError(f"{folder} holds no weights: choose the folder renderformer-v2 (with transformer_512 or "
+                              "transformer_2048, and the mappers), or one that tools.train.network wrote (with "
+                              f"{name}); it holds {listing(folder)}")
     description = read_json(require(folder, name))
-    if {key: description.get(key) for key in FORMAT} != FORMAT:
-        raise CheckpointError(f"{folder / name} does not describe a RenderFormer-V2 network of this add-on "
-                              "(such a config.json belongs to a RenderFormer-V1 checkpoint, which cannot be used)")
+    found = {key: description.get(key) for key in FORMAT}
+    if "format" not in description:
+        raise version_one(folder / name)
+    if found != FORMAT:
+        raise CheckpointError(f"{folder / name} is of an unknown format: expected {FORMAT}, found {found}")
     model_config = description.get("model_config", {})
     if not isinstance(model_config, dict):
         raise CheckpointError(f"{folder / name}: model_config is not a JSON object: download or copy it again")
@@ -142,18 +146,39 @@ def weights_file(folder: Path) -> Path:
     return require(folder, "model.safetensors")
 
 
+def version_one(file: Path) -> CheckpointError:
+    """For a config.json without our format, as the authors' first model has one."""
+    return CheckpointError(f"{file} belongs to a RenderFormer-V1 checkpoint (such as microsoft/renderformer-v1-base or "
+                           "renderformer-v1.1-swin-large), another network, which knows no environment and "
+                           "no volumes and cannot be used: expected is the folder of RenderFormer/renderformer-v2")
+
+
 @explained()
-def require(folder: Path, name: str) -> Path:
-    """folder / name, which must exist."""
+def listing(folder: Path) -> str:
+    """The first names in a folder, for messages."""
+    names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+    return ", ".join(names[:SOME]) + (f" and {len(names) - SOME} more" if len(names) > SOME else "") or "nothing"
+
+
+@explained()
+def require_folder(folder: Path) -> None:
+    """The weights folder must exist."""
     if folder.suffix in PICKLES:
         raise CheckpointError(f"{folder} is a pickle, which can run any program when opened: use safetensors weights")
     if folder.is_file():
         raise CheckpointError(f"{folder} is a file: choose the folder that it lies in")
     if not folder.is_dir():
         raise CheckpointError(f"there is no weights folder {folder}")
+
+
+@explained()
+def require(folder: Path, name: str) -> Path:
+    """folder / name, which must exist."""
+    require_folder(folder)
     file = folder / name
     if not file.is_file():
-        raise CheckpointError(f"{file} is missing: the weights folder is incomplete, download or copy it again")
+        raise CheckpointError(f"{file} is missing: the weights folder is incomplete (it holds {listing(folder)}), "
+                              "download or copy it again")
     return file
 
 
@@ -165,5 +190,5 @@ def read_json(file: Path) -> dict:
     except ValueError as error:
         raise CheckpointError(f"{file} cannot be read ({error}): download or copy it again") from error
     if not isinstance(content, dict):
-        raise CheckpointError(f"{file} does not hold a JSON object")
+        raise CheckpointError(f"{file} does not hold a JSON object: found {type(content).__name__}")
     return content

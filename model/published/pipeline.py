@@ -20,12 +20,11 @@ from ..progress import part, report
 from ..scene import Guides, RenderScene, View
 from ..tensors import view_inputs
 from .as_trained import as_trained, emitters
-from .bundle import Bundle, load_transformer, transformer_name
+from .bundle import Bundle, load_transformer
+from .bundle_files import AUTOMATIC, MAPPERS, transformer_for
 from .image_encoder import ImageEncoder, find_vae
 from .processed_scene import ProcessedScene, square_fov
 from .scene_encoder import SceneEncoder
-
-MAPPERS = ("diffspec_mapper", "metallic_mapper", "metallic_transmission_mapper")
 
 
 @dataclass
@@ -38,18 +37,19 @@ class PublishedContext:
 
 
 class PublishedPipeline:
-    """Two networks, for pictures below and from 2048 pixels; the one in use is in memory."""
+    """Two networks, for pictures below and from 2048 pixels, or the chosen one; the one in use is in memory."""
 
-    def __init__(self, folder: str | Path, device: torch.device, dtype: torch.dtype):
+    def __init__(self, folder: str | Path, device: torch.device, dtype: torch.dtype, transformer: str = AUTOMATIC):
         """Raises CheckpointError for what is missing from the bundle, the VAE's folder and diffusers included."""
-        self.device, self.dtype, self.bundle = device, dtype, Bundle(folder)
+        self.device, self.dtype, self.bundle = device, dtype, Bundle(folder).require_parts()
+        self.chosen = transformer
         self.granularity = rf2_200m().granularity
         mappers = (self.bundle.mapper(name).to(device) for name in MAPPERS)
         self.encoder = SceneEncoder(Appearance(*mappers), ImageEncoder(find_vae(self.bundle.folder), device))
         self._network: tuple[str, RenderFormer] | None = None
 
     def variant(self, picture_size: int) -> str:
-        return transformer_name(picture_size)
+        return transformer_for(self.bundle.folder, picture_size, self.chosen)
 
     def encode(self, scene: RenderScene, variant: str) -> PublishedContext:
         emits = emitters(scene)
@@ -91,7 +91,7 @@ class PublishedPipeline:
             with part(0.0, 0.3):
                 inputs = self.encoder.inputs(scene)
             with part(0.3, 0.6):
-                network, context = self._stage1(inputs, transformer_name(resolution))
+                network, context = self._stage1(inputs, self.variant(resolution))
             encoded = PublishedContext(inputs.is_light.numpy(), network, context)
             for i, view in enumerate(views):
                 with part(0.6 + 0.4 * i / len(views), 0.6 + 0.4 * (i + 1) / len(views)):
@@ -99,7 +99,7 @@ class PublishedPipeline:
         return np.stack([image[:, :resolution, :resolution].permute(1, 2, 0).cpu().numpy() for image in images])
 
     def load(self, variant: str) -> RenderFormer:
-        """The network of one of `transformer_name`, on the CPU in float32. Raises CheckpointError."""
+        """The network of one `variant`, on the CPU in float32. Raises CheckpointError."""
         network = load_transformer(self.bundle.folder / variant)
         if network.config.texture_channels != 5 * self.encoder.images.channels:
             raise CheckpointError(f"{self.bundle.folder / variant} reads {network.config.texture_channels} texture "
