@@ -15,6 +15,7 @@ from ...model import background
 from ...model.errors import CheckpointError
 from ...model.presets import weights_folder
 from ...model.progress import part
+from ...model.published.bundle_files import AUTOMATIC
 from ...model.scene import RenderScene
 from ..setup import importing
 
@@ -33,18 +34,18 @@ def begin_import() -> Future:
     return background.begin(load)
 
 
-def renderer(weights: str, device: str, precision: str):
+def renderer(weights: str, device: str, precision: str, transformer: str = AUTOMATIC):
     """The model.renderer.Renderer for these settings, loaded at the first call and when its files have changed.
 
     Raises CheckpointError when the weights, the device or the precision cannot be used.
     """
-    key = (weights, device, precision, _state_of_files(weights_folder(weights)))
+    key = (weights, device, precision, transformer, _state_of_files(weights_folder(weights)))
     if key not in _cached:
         with part(0.0, 1.0, "Loading PyTorch"):
             network = background.finish(begin_import())
         free()
         try:
-            _cached[key] = network.Renderer(weights, device=device, precision=precision)
+            _cached[key] = network.Renderer(weights, device, precision, transformer)
         except ValueError as error:
             raise CheckpointError(str(error)) from error
     return _cached[key]

@@ -51,7 +51,8 @@ class Network:
         if self._renderer is None:
             settings = self._layer.settings
             with self._layer.plan.enter(LOAD):
-                self._renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
+                self._renderer = model_cache.renderer(settings.weights, settings.device, settings.precision,
+                                                      settings.transformer)
 
     def has_work(self, guides: Guides) -> bool:
         """Whether anything is seen that it could light."""

@@ -115,7 +115,7 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
         CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter)}
     others = costs.measured_seconds(to_do, settings.setup)
     added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(converted))
-    tokens = told(converted, settings, report)
+    tokens = told(converted, view, settings, report)
     lights, cells = int(tokens.is_light.sum()), len(tokens.volumes or ())
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
     return Preflight(layer, count, size=(view.width, view.height), triangles=len(converted),

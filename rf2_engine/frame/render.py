@@ -64,7 +64,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         with layer.plan.enter(CONVERT):
             view = layer.view()                                                     # 2. Camera
             scene = layer.scene()                                                   # 3. Scene
-            told(scene, settings, report)
+            told(scene, view, settings, report)
         layer.plan.has_triangles(len(scene))
         passes, tokens = _passes(layer, view, scene)                                # 4. to 7.
     with layer.plan.enter(WRITE):

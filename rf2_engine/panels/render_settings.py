@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..frame import model_cache
 from ..registering import classes
+from ..settings import light_passes
 from ..setup import package_panel, packages, published_weights
 from ..setup.display import draw_text
 from .panel import EnginePanel
@@ -29,6 +30,8 @@ class RENDERFORMER_PT_settings(EnginePanel):
             column.prop(settings, "weights_folder")
         elif settings.weights_source == "PUBLISHED":
             _draw_published(layout)
+        if not light_passes(context.scene):  # of guided weights there are some
+            column.prop(settings, "transformer")
         column.prop(settings, "device")
         column.prop(settings, "precision")
         column.prop(settings, "light")

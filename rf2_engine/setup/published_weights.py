@@ -12,13 +12,21 @@ from ...model.errors import CheckpointError
 from ...model.published import bundle_files
 from . import packages
 
+NEEDED = (*bundle_files.TRANSFORMERS, *bundle_files.MAPPERS)  # by a render
 BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
 # A "revision" of None is the head; "sha256" of a file, where it is known, is asked of whatever the Hub sends.
 REPOSITORIES = [
     {"id": "RenderFormer/renderformer-v2", "revision": None, "folder": BUNDLE,
-     "parts": [bundle_files.INDEX, *(f"{name}/" for name in bundle_files.COMPONENTS)], "sha256": {}},
-    {"id": "Qwen/Qwen-Image", "revision": None, "folder": VAE, "parts": ["vae/"], "sha256": {}},
+     "parts": [bundle_files.INDEX, *(f"{name}/" for name in NEEDED)], "sha256": {}},
+    {"id": "Qwen/Qwen-Image", "revision": "75e0b4be04f60ec59a75f475837eced720f823b6",  # docs/scene-input.md 4.5
+     "folder": VAE, "parts": ["vae/"], "sha256": {}},
 ]
+
+
+def repositories(transformers: tuple[str, ...]) -> list[dict]:
+    """REPOSITORIES with no more than these of bundle_files.TRANSFORMERS."""
+    unwanted = {f"{name}/" for name in bundle_files.TRANSFORMERS if name not in transformers}
+    return [entry | {"parts": [part for part in entry["parts"] if part not in unwanted]} for entry in REPOSITORIES]
 
 
 def download_folder() -> Path | None:

@@ -54,7 +54,7 @@ def test_it_tells_what_the_render_then_tells(scene, tmp_path):
 
 
 def test_published_weights_say_what_they_were_not_trained_for(scene, tmp_path):
-    folder = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
+    folder = write_bundle(tmp_path / "renderformer-v2", tiny_published_config(), ("transformer_2048",))
     scene.renderformer_v2.weights_source, scene.renderformer_v2.weights_folder = "FOLDER", str(folder)
     cube(scene)
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
@@ -66,6 +66,12 @@ def test_published_weights_say_what_they_were_not_trained_for(scene, tmp_path):
     assert before.remarks == rendered.remarks
     lines = [remark.message for remark in rendered.remarks if remark.name == "Published Weights"]
     assert any("inside the scene" in line for line in lines)
+    assert any("has only transformer_2048" in line for line in lines)
+    scene.renderformer_v2.transformer = "transformer_2048"
+    assert not any("has only" in remark.message for remark in look(scene).remarks)
+    scene.renderformer_v2.transformer = "transformer_512"
+    with pytest.raises(RuntimeError, match="transformer_512"):
+        press_f12(scene, tmp_path)
 
 
 def test_all_view_layers_are_counted(scene, tmp_path):
