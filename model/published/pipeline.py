@@ -23,6 +23,7 @@ from .as_trained import as_trained, emitters
 from .bundle import Bundle, load_transformer
 from .bundle_files import AUTOMATIC, MAPPERS, transformer_for
 from .image_encoder import ImageEncoder, find_vae
+from .latent_store import LatentStore
 from .processed_scene import ProcessedScene, square_fov
 from .scene_encoder import SceneEncoder
 
@@ -39,17 +40,23 @@ class PublishedContext:
 class PublishedPipeline:
     """Two networks, for pictures below and from 2048 pixels, or the chosen one; the one in use is in memory."""
 
-    def __init__(self, folder: str | Path, device: torch.device, dtype: torch.dtype, transformer: str = AUTOMATIC):
-        """Raises CheckpointError for what is missing from the bundle, the VAE's folder and diffusers included."""
+    def __init__(self, folder: str | Path, device: torch.device, dtype: torch.dtype, transformer: str = AUTOMATIC,
+                 latents: Path | None = None):
+        """latents: file of a LatentStore. Raises CheckpointError for what is missing, VAE and diffusers included."""
         self.device, self.dtype, self.bundle = device, dtype, Bundle(folder).require_parts()
         self.chosen = transformer
         self.granularity = rf2_200m().granularity
         mappers = (self.bundle.mapper(name).to(device) for name in MAPPERS)
-        self.encoder = SceneEncoder(Appearance(*mappers), ImageEncoder(find_vae(self.bundle.folder), device))
+        images = ImageEncoder(find_vae(self.bundle.folder), device, dtype)
+        self.encoder = SceneEncoder(Appearance(*mappers), images, LatentStore(latents))
         self._network: tuple[str, RenderFormer] | None = None
 
     def variant(self, picture_size: int) -> str:
         return transformer_for(self.bundle.folder, picture_size, self.chosen)
+
+    def prepare(self, scene: RenderScene) -> None:
+        """The part of `encode` that can be kept for other renders: textures and environment."""
+        self.encoder.encode(as_trained(scene, emitters(scene)))
 
     def encode(self, scene: RenderScene, variant: str) -> PublishedContext:
         emits = emitters(scene)

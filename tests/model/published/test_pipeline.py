@@ -21,6 +21,7 @@ from renderformer_v2.model.published.bundle_files import AUTOMATIC, TRANSFORMERS
 from renderformer_v2.model.published.h5 import read_h5, write_h5
 from renderformer_v2.model.published.image_encoder import ImageEncoder, OneFrameEncoder, find_vae
 from renderformer_v2.model.published.processed_scene import square_fov
+from renderformer_v2.model.published.scene_encoder import SceneEncoder
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.scene import BASE_COLOR
 from tests.model.published.bundles import tiny_vae, write_bundle
@@ -84,7 +85,7 @@ def test_appearance_takes_the_mapper_of_the_material():
 def test_constant_materials_equal_direct_encoding_and_are_encoded_once(renderer, vae, published_bundle, monkeypatch):
     pipeline = renderer.pipeline
     images = ImageEncoder(published_bundle / "vae")
-    monkeypatch.setattr(pipeline.encoder, "images", images)
+    monkeypatch.setattr(pipeline, "encoder", SceneEncoder(pipeline.encoder.appearance, images))
     encoded, encode = [], images._encode
     monkeypatch.setattr(images, "_encode", lambda batch: encoded.append(len(batch)) or encode(batch))
     scene = floor_scene()
@@ -118,9 +119,14 @@ def test_textures_report_progress_and_can_be_cancelled(renderer):
         if text.startswith("Encoding textures, 64 of"):
             raise RenderCancelled()
 
+    renderer.encode(floor_scene())  # knows the light's tile
     with pytest.raises(RenderCancelled), progress.reporting(cancel):
         renderer.encode(scene)
-    assert "Encoding textures, 0 of 101" in steps
+    assert "Encoding textures, 0 of 100" in steps
+    steps.clear()
+    with progress.reporting(cancel):  # goes on where it stopped
+        renderer.encode(scene)
+    assert "Encoding textures, 0 of 36" in steps
 
 
 def test_picture_is_finite_empty_where_nothing_is_seen_and_again_the_same(renderer):
