@@ -17,7 +17,7 @@ from ...model.presets import weights_folder
 from ...model.progress import part
 from ...model.published.bundle_files import AUTOMATIC
 from ...model.scene import RenderScene
-from ..setup import importing
+from ..setup import importing, published_weights
 
 SUFFIXES = (".safetensors", ".json", ".yaml", ".yml")  # of weights and what describes them
 
@@ -45,19 +45,30 @@ def renderer(weights: str, device: str, precision: str, transformer: str = AUTOM
             network = background.finish(begin_import())
         free()
         try:
-            _cached[key] = network.Renderer(weights, device, precision, transformer)
+            _cached[key] = network.Renderer(weights, device, precision, transformer,
+                                            published_weights.latents_file())
         except ValueError as error:
             raise CheckpointError(str(error)) from error
     return _cached[key]
 
 
+def prepare(network, scene: RenderScene, picture_size: int) -> None:
+    """Encode the textures that `encoded` will need, for this render and for later ones."""
+    if _key(network, scene, picture_size) not in _encoded:
+        network.prepare(scene)
+
+
 def encoded(network, scene: RenderScene, picture_size: int):
     """The model.renderer.EncodedScene of `scene` by that renderer, or what is kept of it when nothing has changed."""
-    key = (id(network), fingerprint(scene), network.pipeline.variant(picture_size))
+    key = _key(network, scene, picture_size)
     if key not in _encoded:
         _encoded.clear()
         _encoded[key] = network.encode(scene, picture_size)
     return _encoded[key]
+
+
+def _key(network, scene: RenderScene, picture_size: int) -> tuple:
+    return id(network), fingerprint(scene), network.pipeline.variant(picture_size)
 
 
 def is_loaded() -> bool:

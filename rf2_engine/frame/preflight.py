@@ -21,7 +21,7 @@ from ..convert.scene import convert
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible
 from ..progress import costs, memory
-from ..progress.stages import CONVERT, ENCODE, Work
+from ..progress.stages import CONVERT, ENCODE, TEXTURES, Work
 from ..registering import handlers
 from ..settings import FrameSettings
 from . import checks, failure, model_cache, rectangle
@@ -112,7 +112,8 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     converting, count, loaded = time.perf_counter() - begin, layers(scene), model_cache.is_loaded()
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
     to_do = work(width, height, border, settings, optics, lit) | {
-        CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter)}
+        CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter),
+        TEXTURES: Work(len(converted), 0 if settings.guided else optics.shutter)}
     others = costs.measured_seconds(to_do, settings.setup)
     added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(converted))
     tokens = told(converted, view, settings, report)

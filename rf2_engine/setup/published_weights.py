@@ -36,6 +36,13 @@ def download_folder() -> Path | None:
     return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="weights"))
 
 
+def latents_file() -> Path | None:
+    """Where encoded textures are kept between renders, of limited size; None when run from the source tree."""
+    if not packages.is_extension():
+        return None
+    return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="latents")) / "latents.sqlite"
+
+
 def bundle_folder() -> Path | None:
     """The folder of renderformer-v2: the user's own, else the downloaded one, whether it is there or not."""
     chosen = packages.preferences() and packages.preferences().weights_folder
