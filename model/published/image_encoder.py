@@ -41,10 +41,10 @@ class ImageEncoder:
     The network is read at the first call, because importing diffusers takes seconds.
     """
 
-    def __init__(self, folder: Path, device: torch.device | str = "cpu", dtype: torch.dtype = torch.float32):
+    def __init__(self, folder: Path, device: torch.device | str = "cpu", dtype: torch.dtype | None = None):
         """folder: config.json and diffusion_pytorch_model.safetensors, as diffusers writes them.
 
-        dtype: of a render; a processor encodes in it, graphics cards in float32 as in training.
+        dtype: of a render; a processor encodes in bfloat16 with it, all else in float32 as in training.
 
         Raises CheckpointError when diffusers is missing, or the folder is not a complete Qwen-Image VAE.
         """
@@ -57,7 +57,8 @@ class ImageEncoder:
             raise CheckpointError(f"{folder / 'config.json'} describes {self.config['_class_name']}, not {CLASS}")
         self.channels = self.config.get("z_dim", 16)
         self.file, self.device = require(folder, "diffusion_pytorch_model.safetensors"), torch.device(device)
-        self.dtype = dtype if self.device.type == "cpu" else torch.float32
+        half = dtype == torch.bfloat16 and self.device.type == "cpu"
+        self.dtype = torch.bfloat16 if half else torch.float32
         self._network: OneFrameEncoder | None = None
         self._known: dict[bytes, torch.Tensor] = {}
         self._bytes = 0
