@@ -79,17 +79,22 @@ def _bounds(scene: RenderScene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _exposure(scene: RenderScene, center: np.ndarray, scale: float) -> float:
+    irradiance = central_irradiance(scene, center, scale).sum()
+    if scene.environment is not None:
+        rows = np.sin(np.pi * (np.arange(scene.environment.shape[0]) + 0.5) / scene.environment.shape[0])
+        irradiance += np.pi * np.average(scene.environment.mean(axis=(1, 2)), weights=rows)
+    return CENTRAL_IRRADIANCE / max(abs(float(irradiance)), DARK)  # what a network draws without light is divided away
+
+
+def central_irradiance(scene: RenderScene, center: np.ndarray, scale: float) -> np.ndarray:
+    """(L,) W/m^2 that each of the scene's lights brings to `center`, in network units of length."""
     lights = scene.is_light
     to_center = (center - scene.triangles[lights].mean(axis=1)) * scale
     distance = np.linalg.norm(to_center, axis=1).clip(1e-9)
     # Half the area is what a triangle shows to a random direction: stable when a lamp turns.
     projected = np.linalg.norm(area_vectors(scene.triangles[lights]), axis=1) * scale**2 / 2
     beam = _beam(scene.beam_axis[lights], scene.beam_cosine[lights], to_center / distance[:, None])
-    irradiance = (scene.emission[lights].mean(axis=1) * beam * projected / distance.clip(NEAREST_LIGHT) ** 2).sum()
-    if scene.environment is not None:
-        rows = np.sin(np.pi * (np.arange(scene.environment.shape[0]) + 0.5) / scene.environment.shape[0])
-        irradiance += np.pi * np.average(scene.environment.mean(axis=(1, 2)), weights=rows)
-    return CENTRAL_IRRADIANCE / max(abs(float(irradiance)), DARK)  # what a network draws without light is divided away
+    return scene.emission[lights].mean(axis=1) * beam * projected / distance.clip(NEAREST_LIGHT) ** 2
 
 
 def _beam(axis: np.ndarray, cosine: np.ndarray, direction: np.ndarray) -> np.ndarray:

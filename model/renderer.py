@@ -29,7 +29,7 @@ from .normalize import Normalization
 from .precision import choose_device, choose_precision
 from .presets import BUNDLED, weights_folder
 from .progress import report
-from .published.bundle_files import is_bundle
+from .published.bundle_files import AUTOMATIC, is_bundle
 from .published.pipeline import PublishedPipeline
 from .scene import Guides, RenderScene, View
 from .weights_files import explained
@@ -38,8 +38,10 @@ from .weights_files import explained
 class Renderer:
     """A network ready to render. Not thread-safe; keep one per process and set of weights."""
 
-    def __init__(self, weights: str | Path = BUNDLED, device: str = "auto", precision: str = "auto"):
-        """weights: a preset that comes with the add-on, a folder of this project's format, or a published bundle.
+    def __init__(self, weights: str | Path = BUNDLED, device: str = "auto", precision: str = "auto",
+                 transformer: str = AUTOMATIC, latents: Path | None = None):
+        """weights: a preset that comes with the add-on, a folder of this project's format, or a published bundle, of
+        which a transformer may be chosen (published/bundle_files.py), and which keeps textures in the file `latents`.
 
         Raises CheckpointError for unusable weights, ValueError for a device or precision that is not there.
         """
@@ -47,8 +49,14 @@ class Renderer:
         self.dtype = choose_precision(precision, self.device)
         with explained():
             published = is_bundle(weights_folder(weights))
-        pipeline = PublishedPipeline if published else GuidedPipeline
-        self.pipeline = pipeline(weights, self.device, self.dtype)
+        self.pipeline = (PublishedPipeline(weights, self.device, self.dtype, transformer, latents) if published
+                         else GuidedPipeline(weights, self.device, self.dtype))
+
+    def prepare(self, scene: RenderScene) -> None:
+        """What `encode` can keep of a scene in world units for later renders: published weights' textures."""
+        if isinstance(self.pipeline, PublishedPipeline):
+            with torch.inference_mode():
+                self.pipeline.prepare(Normalization.of(scene).scene(scene))
 
     def encode(self, scene: RenderScene, picture_size: int = 512) -> EncodedScene:
         """Stage 1 of a scene in world units, for pictures whose longer side has so many pixels."""

@@ -10,9 +10,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import CheckpointError
-from .published.bundle_files import INDEX, is_bundle
+from .published.bundle_files import is_bundle, missing_parts
 
 FORMAT = {"format": "renderformer-model", "format_version": 2}
+SOME = 8  # names in a message
 PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl")
 
 
@@ -29,7 +30,7 @@ def explained():
 def check(folder: Path) -> None:
     """Look for a network in a folder, as a render would before it reads tensors."""
     if is_bundle(folder):
-        read_json(require(folder, INDEX))
+        require_parts(folder)
     else:
         described(folder)
         weights_file(folder)
@@ -38,12 +39,15 @@ def check(folder: Path) -> None:
 def described(folder: Path, name: str = "config.json") -> dict:
     """What the file `name` says of a network in this project's format: the arguments of its ModelConfig."""
     if folder.is_dir() and not (folder / name).is_file():
-        raise CheckpointError(f"{folder} holds no weights: choose the folder renderformer-v2 (with model_index.json), "
-                              f"or one that tools.train.network wrote (with {name})")
+        raise CheckpointError(f"{folder} holds no weights: choose the folder renderformer-v2 (with transformer_512 or "
+                              "transformer_2048, and the mappers), or one that tools.train.network wrote (with "
+                              f"{name}); it holds {listing(folder)}")
     description = read_json(require(folder, name))
-    if {key: description.get(key) for key in FORMAT} != FORMAT:
-        raise CheckpointError(f"{folder / name} does not describe a RenderFormer-V2 network of this add-on "
-                              "(such a config.json belongs to a RenderFormer-V1 checkpoint, which cannot be used)")
+    found = {key: description.get(key) for key in FORMAT}
+    if "format" not in description:
+        raise version_one(folder / name)
+    if found != FORMAT:
+        raise CheckpointError(f"{folder / name} is of an unknown format: expected {FORMAT}, found {found}")
     model_config = description.get("model_config", {})
     if not isinstance(model_config, dict):
         raise CheckpointError(f"{folder / name}: model_config is not a JSON object: download or copy it again")
@@ -62,18 +66,48 @@ def weights_file(folder: Path) -> Path:
     return require(folder, "model.safetensors")
 
 
+def version_one(file: Path) -> CheckpointError:
+    """For a config.json without our format, as the authors' first model has one."""
+    return CheckpointError(f"{file} belongs to a RenderFormer-V1 checkpoint (such as microsoft/renderformer-v1-base or "
+                           "renderformer-v1.1-swin-large), another network, which knows no environment and "
+                           "no volumes and cannot be used: expected is the folder of RenderFormer/renderformer-v2")
+
+
 @explained()
-def require(folder: Path, name: str) -> Path:
-    """folder / name, which must exist."""
+def listing(folder: Path) -> str:
+    """The first names in a folder, for messages."""
+    names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+    return ", ".join(names[:SOME]) + (f" and {len(names) - SOME} more" if len(names) > SOME else "") or "nothing"
+
+
+@explained()
+def require_folder(folder: Path) -> None:
+    """The weights folder must exist."""
     if folder.suffix in PICKLES:
         raise CheckpointError(f"{folder} is a pickle, which can run any program when opened: use safetensors weights")
     if folder.is_file():
         raise CheckpointError(f"{folder} is a file: choose the folder that it lies in")
     if not folder.is_dir():
         raise CheckpointError(f"There is no weights folder {folder}")
+
+
+@explained()
+def require_parts(bundle: Path) -> None:
+    """A published bundle must hold what a render needs."""
+    if parts := missing_parts(bundle):
+        raise CheckpointError(f"{bundle} is incomplete: a render needs {', '.join(parts)}, each a folder with its "
+                              f"configuration and model.safetensors, and it holds {listing(bundle)}. Download or copy "
+                              "them again")
+
+
+@explained()
+def require(folder: Path, name: str) -> Path:
+    """folder / name, which must exist."""
+    require_folder(folder)
     file = folder / name
     if not file.is_file():
-        raise CheckpointError(f"{file} is missing: the weights folder is incomplete, download or copy it again")
+        raise CheckpointError(f"{file} is missing: the weights folder is incomplete (it holds {listing(folder)}), "
+                              "download or copy it again")
     return file
 
 
@@ -85,5 +119,5 @@ def read_json(file: Path) -> dict:
     except ValueError as error:
         raise CheckpointError(f"{file} cannot be read ({error}): download or copy it again") from error
     if not isinstance(content, dict):
-        raise CheckpointError(f"{file} does not hold a JSON object")
+        raise CheckpointError(f"{file} does not hold a JSON object: found {type(content).__name__}")
     return content

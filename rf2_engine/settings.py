@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from ..model.errors import CheckpointError
 from ..model.presets import BUNDLED, weights_folder
-from ..model.published.bundle_files import is_bundle
+from ..model.published.bundle_files import AUTOMATIC, LARGE, SMALL, is_bundle
 from . import passes
 from .cycles import session as cycles_session
 from .reference_settings import FrameReference, ReferenceSettings
@@ -38,6 +38,17 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     weights_folder: StringProperty(
         name="Folder", update=_passes_change, subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         description="Folder that holds the weights, for example renderformer-v2",
+    )
+    transformer: EnumProperty(
+        name="Published Network",
+        description="Which of the two published networks draws the picture. Both know scenes of up to 65536 triangles: "
+                    "raise the Triangle Budget as far as memory and time allow",
+        items=(
+            (AUTOMATIC, "Automatic", "The second for pictures from 2048 pixels, else the first; or the one that is "
+             "there", 0),
+            (SMALL, "512", "Trained with pictures of 512 x 512 pixels, all of them whole scenes", 1),
+            (LARGE, "2048", "Trained with parts of pictures of 2048 x 2048 pixels: for fine detail", 2),
+        ),
     )
     device: EnumProperty(
         name="Device",
@@ -142,6 +153,7 @@ class FrameSettings:
     """What was chosen for one frame, keyframes included; it outlives the evaluated scene that it was read from."""
 
     weights: str
+    transformer: str  # of published weights: one of bundle_files.TRANSFORMERS, or AUTOMATIC
     device: str
     precision: str
     token_budget: int
@@ -175,7 +187,7 @@ class FrameSettings:
         ours, blenders = scene.renderformer_v2, scene.render
         weights, holder = ours.weights(), ours if ours.threads_mode == "FIXED" else blenders
         samples = view_layer.renderformer_v2.samples if view_layer else 0
-        return cls(weights, ours.device, ours.precision, ours.token_budget, ours.max_edge,
+        return cls(weights, ours.transformer, ours.device, ours.precision, ours.token_budget, ours.max_edge,
                    samples or ours.guide_samples, ours.bake_unknown, _light(ours.light, weights), light_passes(scene),
                    holder.threads if holder.threads_mode == "FIXED" else 0,
                    blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))

@@ -22,6 +22,10 @@ class Appearance:
     def __init__(self, diffuse_specular: Mapper, metallic: Mapper, transmission: Mapper):
         self.diffuse_specular, self.metallic, self.transmission = diffuse_specular, metallic, transmission
 
+    @property
+    def mappers(self) -> tuple[Mapper, Mapper, Mapper]:
+        return self.diffuse_specular, self.metallic, self.transmission
+
     def __call__(self, parameters: torch.Tensor) -> torch.Tensor:
         """(..., 7) base RGB, metallic, roughness, effective IOR, transmission -> (..., 9) in (-1, 1)."""
         p = parameters.reshape(-1, parameters.shape[-1])

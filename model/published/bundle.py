@@ -11,35 +11,48 @@ from ..material.autoencoder import MaterialAutoencoder
 from ..material.mappers import MAPPERS, Mapper
 from ..network.config import ModelConfig
 from ..network.renderformer import RenderFormer
-from ..weights_files import explained, read_json, require, weights_file
-from .bundle_files import INDEX, TRANSFORMER
+from ..weights_files import (
+    FORMAT,
+    explained,
+    read_json,
+    require,
+    require_folder,
+    require_parts,
+    version_one,
+    weights_file,
+)
+from .bundle_files import AUTOMATIC, MODEL_CONFIG, TRANSFORMER, transformer_for
 from .model_config import model_config
 
-LARGE_RESOLUTION = 2048  # pixels from which the second transformer is used
 SECTIONS = {"model_config", "dataset_config", "trainer_config"}
 # Trainer switches that change what the network is fed or returns; this implementation has the released position.
 RELEASED_TRAINER = {"turn_to_cam_coord": False, "learn_ldr": False, "emission_area_encoding": False,
                     "clamped_hdr": False}
+STANDALONE = FORMAT | {"format_version": 1}  # what the authors' code writes, with their names of the settings
 
 
 @dataclass
 class Bundle:
-    """A folder with `model_index.json`; its parts are read when they are asked for."""
+    """The folder of renderformer-v2; its parts are read when they are asked for."""
 
     folder: Path
 
     @explained()
     def __post_init__(self) -> None:
-        """Raises CheckpointError when the folder is not a published bundle."""
+        """Raises CheckpointError when there is no such folder, or it is of another model."""
         self.folder = Path(self.folder)
-        if (self.folder / "config.json").is_file() and not (self.folder / INDEX).is_file():
-            raise CheckpointError(f"{self.folder} looks like a RenderFormer-V1 checkpoint, which cannot be used: "
-                                  "choose the folder of renderformer-v2")
-        read_json(require(self.folder, INDEX))
+        require_folder(self.folder)
+        if (self.folder / "config.json").is_file():
+            raise version_one(self.folder / "config.json")
 
-    def transformer(self, resolution: int) -> RenderFormer:
-        """The network for pictures whose longer side is `resolution` pixels."""
-        return load_transformer(self.folder / transformer_name(resolution))
+    def require_parts(self) -> Bundle:
+        """Raises CheckpointError when a render would not find what it needs."""
+        require_parts(self.folder)
+        return self
+
+    def transformer(self, resolution: int, chosen: str = AUTOMATIC) -> RenderFormer:
+        """The network for pictures whose longer side is `resolution` pixels; chosen: as of transformer_for."""
+        return load_transformer(self.folder / transformer_for(self.folder, resolution, chosen))
 
     def mapper(self, name: str) -> Mapper:
         """"diffspec_mapper", "metallic_mapper" or "metallic_transmission_mapper"."""
@@ -53,22 +66,36 @@ class Bundle:
         return load_component(MaterialAutoencoder, folder)
 
 
-def transformer_name(resolution: int) -> str:
-    """The bundle's folder with the network for pictures whose longer side is `resolution` pixels."""
-    return "transformer_2048" if resolution >= LARGE_RESOLUTION else "transformer_512"
-
-
 @explained()
 def load_transformer(folder: Path) -> RenderFormer:
-    """One transformer folder: config.yaml, or the standalone model_config.json, beside model.safetensors."""
+    """One transformer folder: model_config.json as it is saved by itself, or config.yaml, beside model.safetensors."""
     present = [name for name in TRANSFORMER if (folder / name).is_file()]
     if (folder / "config.json").is_file():
         if present:
             raise CheckpointError(f"{folder} holds both config.json and {present[0]}: it mixes two checkpoints")
-        raise CheckpointError(f"{folder} holds a RenderFormer-V1 checkpoint (config.json), which cannot be used")
-    if present == ["model_config.json"]:
-        return load_network(folder, "model_config.json")
-    return build_network(read_yaml_config(require(folder, (present or ["config.yaml"])[0])), weights_file(folder))
+        raise version_one(folder / "config.json")
+    if present[:1] != [MODEL_CONFIG]:
+        return build_network(read_yaml_config(require(folder, (present or ["config.yaml"])[0])), weights_file(folder))
+    file = folder / MODEL_CONFIG
+    description = read_json(file)
+    found = {key: description.get(key) for key in FORMAT}
+    if found == FORMAT:
+        return load_network(folder, MODEL_CONFIG)
+    if found != STANDALONE:
+        raise CheckpointError(f"{file} is of an unknown format: expected {STANDALONE}, found {found}")
+    return build_network(_config(description, file), weights_file(folder))
+
+
+def _config(content: dict, file: Path) -> ModelConfig:
+    """`model_config` of what the file holds."""
+    section = content.get("model_config")
+    if not isinstance(section, dict):
+        raise CheckpointError(f"{file} has no model_config section: expected a mapping, found "
+                              f"{type(section).__name__}")
+    try:
+        return model_config(section)
+    except CheckpointError as error:
+        raise CheckpointError(f"{file}: {error}") from error
 
 
 def read_yaml_config(file: Path) -> ModelConfig:
@@ -83,15 +110,17 @@ def read_yaml_config(file: Path) -> ModelConfig:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         reason = " ".join(str(error).split())
         raise CheckpointError(f"{file} cannot be read ({reason}): download or copy it again") from error
-    if not isinstance(content, dict) or not isinstance(content.get("model_config"), dict):
-        raise CheckpointError(f"{file} has no model_config section")
-    unknown = sorted(set(content) - SECTIONS)
+    if not isinstance(content, dict):
+        raise CheckpointError(f"{file} has no model_config section: expected a mapping, found "
+                              f"{type(content).__name__}")
+    unknown = sorted(map(str, set(content) - SECTIONS))
     if unknown:
-        raise CheckpointError(f"{file} has unknown sections: {', '.join(unknown)}")
+        raise CheckpointError(f"{file} has unknown sections: {', '.join(unknown)}; expected are "
+                              f"{', '.join(sorted(SECTIONS))}")
     trainer = content.get("trainer_config") or {}
     if not isinstance(trainer, dict):
         raise CheckpointError(f"{file}: trainer_config is not a mapping")
     for name, value in RELEASED_TRAINER.items():
         if trainer.get(name, value) != value:
             raise CheckpointError(f"{file}: {name} = {trainer[name]!r} is not supported, only {value!r}")
-    return model_config(content["model_config"])
+    return _config(content, file)

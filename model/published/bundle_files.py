@@ -2,17 +2,45 @@
 """The files of the published bundle (docs/scene-input.md 12); this module does not import PyTorch."""
 from __future__ import annotations
 
+from os.path import isdir, isfile
 from pathlib import Path
 
-INDEX = "model_index.json"
+INDEX = "model_index.json"  # of the whole; nothing is read from it
+MODEL_CONFIG = "model_config.json"  # of a transformer that was saved by itself; it counts before the others
 CONFIG = ("config.json",)
-TRANSFORMER = ("config.yaml", "config.yml", "model_config.json")
+TRANSFORMER = (MODEL_CONFIG, "config.yaml", "config.yml")
+SMALL, LARGE = TRANSFORMERS = ("transformer_512", "transformer_2048")
+MAPPERS = ("diffspec_mapper", "metallic_mapper", "metallic_transmission_mapper")
 COMPONENTS = {  # folder: names of which one describes it
-    "transformer_512": TRANSFORMER, "transformer_2048": TRANSFORMER, "material_autoencoder": CONFIG,
-    "diffspec_mapper": CONFIG, "metallic_mapper": CONFIG, "metallic_transmission_mapper": CONFIG,
-}
+    SMALL: TRANSFORMER, LARGE: TRANSFORMER, "material_autoencoder": CONFIG, **dict.fromkeys(MAPPERS, CONFIG)}
+LARGE_RESOLUTION = 2048  # pixels from which the second transformer was trained
+AUTOMATIC = "auto"
 
 
 def is_bundle(folder: str | Path) -> bool:
     """Whether the folder is a published bundle, or what a partial download left of it. Raises OSError."""
     return any((Path(folder) / name).exists() for name in (INDEX, *COMPONENTS))
+
+
+def transformer_for(bundle: Path, picture_size: int, chosen: str = AUTOMATIC) -> str:
+    """The folder of the network for pictures whose longer side has so many pixels: the chosen one of TRANSFORMERS.
+
+    Automatic takes the one that was trained for that size, or the only one that is there.
+    """
+    if chosen != AUTOMATIC:
+        return chosen
+    wanted, other = (LARGE, SMALL) if picture_size >= LARGE_RESOLUTION else (SMALL, LARGE)
+    return other if isdir(bundle / other) and not isdir(bundle / wanted) else wanted
+
+
+def missing_parts(bundle: Path) -> list[str]:
+    """What a render would not find: one transformer and all mappers are needed, the VAE is elsewhere.
+
+    Names of files are proof enough: a download gives them to complete files only.
+    """
+    def complete(name: str) -> bool:  # False where a path may not be looked at, and no error
+        return isfile(bundle / name / "model.safetensors") and any(
+            isfile(bundle / name / config) for config in COMPONENTS[name])
+
+    parts = [] if any(map(complete, TRANSFORMERS)) else [" or ".join(TRANSFORMERS)]
+    return parts + [name for name in MAPPERS if not complete(name)]

@@ -19,43 +19,52 @@ from ..presets import rf2_200m
 from ..progress import part, report
 from ..scene import Guides, RenderScene, View
 from ..tensors import view_inputs
-from .bundle import Bundle, load_transformer, transformer_name
+from .as_trained import as_trained, emitters
+from .bundle import Bundle, load_transformer
+from .bundle_files import AUTOMATIC, MAPPERS, transformer_for
 from .image_encoder import ImageEncoder, find_vae
+from .latent_store import LatentStore
 from .processed_scene import ProcessedScene, square_fov
 from .scene_encoder import SceneEncoder
-
-MAPPERS = ("diffspec_mapper", "metallic_mapper", "metallic_transmission_mapper")
 
 
 @dataclass
 class PublishedContext:
     """A scene after stage 1, and the network that made it."""
 
-    emitters: np.ndarray  # (N,) bool
+    emitters: np.ndarray  # (N,) bool, of the scene that was given
     network: RenderFormer
     context: SceneContext
 
 
 class PublishedPipeline:
-    """Two networks, for pictures below and from 2048 pixels; the one in use is in memory."""
+    """Two networks, for pictures below and from 2048 pixels, or the chosen one; the one in use is in memory."""
 
-    def __init__(self, folder: str | Path, device: torch.device, dtype: torch.dtype):
-        """Raises CheckpointError for what is missing from the bundle, the VAE's folder and diffusers included."""
-        self.device, self.dtype, self.bundle = device, dtype, Bundle(folder)
+    def __init__(self, folder: str | Path, device: torch.device, dtype: torch.dtype, transformer: str = AUTOMATIC,
+                 latents: Path | None = None):
+        """latents: file of a LatentStore. Raises CheckpointError for what is missing, VAE and diffusers included."""
+        self.device, self.dtype, self.bundle = device, dtype, Bundle(folder).require_parts()
+        self.chosen = transformer
         self.granularity = rf2_200m().granularity
         mappers = (self.bundle.mapper(name).to(device) for name in MAPPERS)
-        self.encoder = SceneEncoder(Appearance(*mappers), ImageEncoder(find_vae(self.bundle.folder), device))
+        images = ImageEncoder(find_vae(self.bundle.folder), device, dtype)
+        self.encoder = SceneEncoder(Appearance(*mappers), images, LatentStore(latents))
         self._network: tuple[str, RenderFormer] | None = None
 
     def variant(self, picture_size: int) -> str:
-        return transformer_name(picture_size)
+        return transformer_for(self.bundle.folder, picture_size, self.chosen)
+
+    def prepare(self, scene: RenderScene) -> None:
+        """The part of `encode` that can be kept for other renders: textures and environment."""
+        self.encoder.encode(as_trained(scene, emitters(scene)))
 
     def encode(self, scene: RenderScene, variant: str) -> PublishedContext:
+        emits = emitters(scene)
         with part(0.0, 0.4):
-            inputs = self.encoder.inputs(self.encoder.process(scene))
+            inputs = self.encoder.inputs(self.encoder.process(as_trained(scene, emits)))
         with part(0.4, 1.0):
             network, context = self._stage1(inputs, variant)
-        return PublishedContext(scene.is_light, network, context)
+        return PublishedContext(emits, network, context)
 
     def image(self, encoded: PublishedContext, view: View, guides: Guides) -> torch.Tensor:
         return self._view(encoded, view) * torch.from_numpy(shown(guides, encoded.emitters)).to(self.device)
@@ -69,7 +78,8 @@ class PublishedPipeline:
         normalization = Normalization.of(scene)
         fov = np.float32([square_fov(view) for view in views])
         with torch.inference_mode():
-            processed = self.encoder.process(normalization.scene(scene))
+            normalized = normalization.scene(scene)
+            processed = self.encoder.process(as_trained(normalized, emitters(normalized)))
         cameras = np.stack([normalization.view(view).camera_to_world for view in views])
         return replace(processed, camera_to_world=cameras, fov=fov,
                        metadata={"normalization": {"center": normalization.center.tolist(),
@@ -88,7 +98,7 @@ class PublishedPipeline:
             with part(0.0, 0.3):
                 inputs = self.encoder.inputs(scene)
             with part(0.3, 0.6):
-                network, context = self._stage1(inputs, transformer_name(resolution))
+                network, context = self._stage1(inputs, self.variant(resolution))
             encoded = PublishedContext(inputs.is_light.numpy(), network, context)
             for i, view in enumerate(views):
                 with part(0.6 + 0.4 * i / len(views), 0.6 + 0.4 * (i + 1) / len(views)):
@@ -96,7 +106,7 @@ class PublishedPipeline:
         return np.stack([image[:, :resolution, :resolution].permute(1, 2, 0).cpu().numpy() for image in images])
 
     def load(self, variant: str) -> RenderFormer:
-        """The network of one of `transformer_name`, on the CPU in float32. Raises CheckpointError."""
+        """The network of one `variant`, on the CPU in float32. Raises CheckpointError."""
         network = load_transformer(self.bundle.folder / variant)
         if network.config.texture_channels != 5 * self.encoder.images.channels:
             raise CheckpointError(f"{self.bundle.folder / variant} reads {network.config.texture_channels} texture "
@@ -117,7 +127,7 @@ class PublishedPipeline:
 
 
 def shown(guides: Guides, emitters: np.ndarray) -> np.ndarray:
-    """(H, W) bool, where the network's picture is taken; emitters: (N,) bool, which triangles of the scene shine.
+    """(H, W) bool, where the network's picture is taken; emitters: (N,) bool, which triangles of the scene are lights.
 
     Training pictures have a transparent film, so partly covered pixels are premultiplied by the network itself: the
     guides' coverage only clears pixels that show nothing. Lights were invisible to the camera: where one is seen, the

@@ -2,6 +2,9 @@
 """RenderScene -> inputs of the published network (docs/scene-input.md 3.3, 3.5, 4.1, 4.5, 7.4)."""
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable
+
 import numpy as np
 import torch
 
@@ -13,30 +16,39 @@ from ..progress import part, report
 from ..scene import ENVIRONMENT_SHAPE, RenderScene, constant_tile
 from ..tensors import material_tiles, nearer_lights, volume_inputs
 from .image_encoder import ImageEncoder
+from .latent_store import LatentStore
 from .processed_scene import ProcessedScene
 
-CHUNK = 64  # tiles whose texels go through the mappers at once
+CHUNK = 64       # tiles whose texels go through the mappers at once
+PREPARATION = 1  # rises when the same tile or environment begins to be prepared otherwise: what is stored is then old
 LIGHT_TILE = constant_tile((1, 1, 1), roughness=1, ior=1)  # what every emitter was in training
 
 
 class SceneEncoder:
-    """Mappers and image encoder in line; latents that it has seen are not computed again."""
+    """Mappers and image encoder in line; latents that it has seen, or the store, are not computed again."""
 
-    def __init__(self, appearance: Appearance, images: ImageEncoder):
-        self.appearance, self.images = appearance, images
+    def __init__(self, appearance: Appearance, images: ImageEncoder, store: LatentStore | None = None):
+        self.appearance, self.images, self.store = appearance, images, store or LatentStore()
+        self._identity = digest(images.identity, str(PREPARATION).encode(),
+                                *(p.cpu().numpy() for mapper in appearance.mappers for p in mapper.parameters()))
+
+    def encode(self, scene: RenderScene) -> None:
+        """Latents of a normalised scene into the store, so that `process` and `inputs` find them there."""
+        self.process(scene)
+        self._environment(scene.environment)
 
     def process(self, scene: RenderScene) -> ProcessedScene:
         """A normalised scene, without views."""
         tiles = np.concatenate([scene.tiles, LIGHT_TILE[None]])
         used, index = np.unique(np.where(scene.is_light, len(scene.tiles), scene.tile_index), return_inverse=True)
-        return ProcessedScene(nearer_lights(scene), scene.normals, self._tile_latents(tiles, used),
+        return ProcessedScene(nearer_lights(scene), scene.normals, self._tile_latents(tiles[used]),
                               index.reshape(-1), scene.emission, scene.environment, scene.volumes)
 
     def inputs(self, scene: ProcessedScene) -> NetworkInputs:
         """Tensors on the CPU; a raw texture is encoded, and no environment is a black one (m = 0)."""
         texture = torch.from_numpy(scene.texture)
         if scene.is_raw:
-            texture = self._in_chunks(len(texture), lambda rows: texture[rows])
+            texture = self._latents(scene.texture, torch.from_numpy, b"raw")
         elif texture.shape[1] != 5 * self.images.channels:
             raise SceneError(f"the scene's texture latents have {texture.shape[1]} channels, "
                              f"the network reads {5 * self.images.channels}")
@@ -50,29 +62,51 @@ class SceneEncoder:
         if radiance is None:
             radiance = np.zeros(ENVIRONMENT_SHAPE, np.float32)
         ldr, hdr, strength = environment_images(radiance)
-        with part(1.0, 1.0, "Encoding the environment"):
-            latents = self.images(torch.from_numpy(np.stack([ldr, hdr])))
+        key, shape = digest(self._identity, b"environment", radiance), (2, self.images.channels, 32, 64)
+        known = self.store.get([key]).get(key)
+        if known is None:
+            with part(1.0, 1.0, "Encoding the environment"):
+                known = self.images(torch.from_numpy(np.stack([ldr, hdr]))).numpy().tobytes()
+            self.store.put({key: known})
+        latents = torch.from_numpy(np.frombuffer(known, np.float32).reshape(shape).copy())
         return EnvironmentInputs(latents[0], latents[1], torch.tensor([strength]))
 
-    def _tile_latents(self, tiles: np.ndarray, used: np.ndarray) -> np.ndarray:
-        def raw(rows: slice) -> torch.Tensor:
-            parts = material_tiles(torch.from_numpy(tiles[used[rows]]).float().to(self.images.device), self.appearance)
+    def _tile_latents(self, tiles: np.ndarray) -> np.ndarray:
+        def raw(tiles: np.ndarray) -> torch.Tensor:
+            parts = material_tiles(torch.from_numpy(tiles).float().to(self.images.device), self.appearance)
             emission = parts.new_zeros(len(parts), 3, *parts.shape[2:])  # never encoded
             return torch.cat([parts[:, :12], emission, parts[:, 12:]], 1).half().cpu()  # as files store it
 
-        return self._in_chunks(len(used), raw).numpy()
+        return self._latents(tiles, raw, b"material").numpy()
 
-    def _in_chunks(self, count: int, raw) -> torch.Tensor:
-        """(count, 80, 4, 4) f16 latents of the raw tiles raw(slice)."""
-        if not count:
-            return torch.zeros(0, 5 * self.images.channels, 4, 4, dtype=torch.float16)
-        chunks = []
-        for begin in range(0, count, CHUNK):
-            with part(begin / count, min(begin + CHUNK, count) / count, f"Encoding textures, {begin} of {count}"):
+    def _latents(self, tiles: np.ndarray, raw: Callable[[np.ndarray], torch.Tensor], kind: bytes) -> torch.Tensor:
+        """(T, 80, 4, 4) f16 of tiles (T, ...), of which raw makes those of docs/scene-input.md 4.1; each once."""
+        keys = [digest(self._identity, kind, tile) for tile in tiles]
+        latents = self.store.get(keys)
+        new = [i for key, i in {key: i for i, key in enumerate(keys)}.items() if key not in latents]
+        for begin in range(0, len(new), CHUNK):
+            with part(begin / len(new), min(begin + CHUNK, len(new)) / len(new),
+                      f"Encoding textures, {begin} of {len(new)}"):
                 report()
-                groups = image_groups(raw(slice(begin, begin + CHUNK)))
-                chunks.append(self.images(groups.flatten(0, 1)).unflatten(0, (-1, 5)).flatten(1, 2).half())
-        return torch.cat(chunks)
+                some = new[begin:begin + CHUNK]
+                images = self.images(image_groups(raw(tiles[some])).flatten(0, 1))
+                made = images.unflatten(0, (-1, 5)).flatten(1, 2).half().numpy()
+            fresh = {keys[i]: tile.tobytes() for i, tile in zip(some, made, strict=True)}
+            self.store.put(fresh)
+            latents |= fresh
+        shape = (len(tiles), 5 * self.images.channels, 4, 4)
+        return torch.from_numpy(np.frombuffer(b"".join(map(latents.get, keys)), np.float16).reshape(shape).copy())
+
+
+def digest(*parts: bytes | np.ndarray) -> bytes:
+    """Of contents, shapes and dtypes."""
+    found = hashlib.blake2b(digest_size=16)
+    for each in parts:
+        if isinstance(each, np.ndarray):
+            found.update(f"{each.shape}{each.dtype}".encode())
+            each = np.ascontiguousarray(each)
+        found.update(each)
+    return found.digest()
 
 
 def image_groups(raw: torch.Tensor) -> torch.Tensor:

@@ -15,8 +15,9 @@ from ...model import background
 from ...model.errors import CheckpointError
 from ...model.presets import weights_folder
 from ...model.progress import part
+from ...model.published.bundle_files import AUTOMATIC
 from ...model.scene import RenderScene
-from ..setup import importing
+from ..setup import importing, published_weights
 
 SUFFIXES = (".safetensors", ".json", ".yaml", ".yml")  # of weights and what describes them
 
@@ -33,30 +34,41 @@ def begin_import() -> Future:
     return background.begin(load)
 
 
-def renderer(weights: str, device: str, precision: str):
+def renderer(weights: str, device: str, precision: str, transformer: str = AUTOMATIC):
     """The model.renderer.Renderer for these settings, loaded at the first call and when its files have changed.
 
     Raises CheckpointError when the weights, the device or the precision cannot be used.
     """
-    key = (weights, device, precision, _state_of_files(weights_folder(weights)))
+    key = (weights, device, precision, transformer, _state_of_files(weights_folder(weights)))
     if key not in _cached:
         with part(0.0, 1.0, "Loading PyTorch"):
             network = background.finish(begin_import())
         free()
         try:
-            _cached[key] = network.Renderer(weights, device=device, precision=precision)
+            _cached[key] = network.Renderer(weights, device, precision, transformer,
+                                            published_weights.latents_file())
         except ValueError as error:
             raise CheckpointError(str(error)) from error
     return _cached[key]
 
 
+def prepare(network, scene: RenderScene, picture_size: int) -> None:
+    """Encode the textures that `encoded` will need, for this render and for later ones."""
+    if _key(network, scene, picture_size) not in _encoded:
+        network.prepare(scene)
+
+
 def encoded(network, scene: RenderScene, picture_size: int):
     """The model.renderer.EncodedScene of `scene` by that renderer, or what is kept of it when nothing has changed."""
-    key = (id(network), fingerprint(scene), network.pipeline.variant(picture_size))
+    key = _key(network, scene, picture_size)
     if key not in _encoded:
         _encoded.clear()
         _encoded[key] = network.encode(scene, picture_size)
     return _encoded[key]
+
+
+def _key(network, scene: RenderScene, picture_size: int) -> tuple:
+    return id(network), fingerprint(scene), network.pipeline.variant(picture_size)
 
 
 def is_loaded() -> bool:

@@ -12,7 +12,7 @@ from ...model.lobes import Lobes, MeanLobes
 from ...model.presets import BUNDLED
 from ...model.scene import Guides, RenderScene, View
 from ..convert.camera.lens import Lens
-from ..progress.stages import CONVERT, EDGES, ENCODE, LOAD, VIEW
+from ..progress.stages import CONVERT, EDGES, ENCODE, LOAD, TEXTURES, VIEW
 from . import model_cache, shutter
 from .hits import Hits, sample_hits
 from .layer import Layer
@@ -51,7 +51,8 @@ class Network:
         if self._renderer is None:
             settings = self._layer.settings
             with self._layer.plan.enter(LOAD):
-                self._renderer = model_cache.renderer(settings.weights, settings.device, settings.precision)
+                self._renderer = model_cache.renderer(settings.weights, settings.device, settings.precision,
+                                                      settings.transformer)
 
     def has_work(self, guides: Guides) -> bool:
         """Whether anything is seen that it could light."""
@@ -97,6 +98,9 @@ class Network:
 
     def _encoded(self, view: View):
         """The scene after stage 1, for this view and others of the same size."""
+        if not self._layer.settings.guided:
+            with self._layer.plan.enter(TEXTURES):
+                model_cache.prepare(self._renderer, self._scene, view.longer_side)
         with self._layer.plan.enter(ENCODE):
             return model_cache.encoded(self._renderer, self._scene, view.longer_side)
 

@@ -22,13 +22,14 @@ from ..cycles import session as cycles_session
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible
 from ..progress import costs, memory
-from ..progress.stages import CONVERT, ENCODE, Work
+from ..progress.stages import CONVERT, ENCODE, TEXTURES, Work
 from ..registering import handlers
 from ..settings import FrameSettings
 from ..setup import packages
 from . import checks, failure, model_cache, rectangle
 from .limits import report_limits
 from .optics import Optics
+from .trained import told
 from .work import layers, work
 
 LONGEST = 10.0  # seconds
@@ -135,15 +136,17 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     converting, count, loaded = time.perf_counter() - begin, layers(scene), model_cache.is_loaded()
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
     to_do = work(width, height, border, settings, optics, lit) | {
-        CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter)}
+        CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter),
+        TEXTURES: Work(len(converted), 0 if settings.guided else optics.shutter)}
     others = costs.measured_seconds(to_do, settings.setup)
     sharp = costs.measured_seconds(work(width, height, border, settings, replace(optics, lens=1, shutter=1), lit),
                                    settings.setup)
     added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(converted))
-    lights, cells = int(converted.is_light.sum()), len(converted.volumes or ())
+    tokens = told(converted, view, settings, report)
+    lights, cells = int(tokens.is_light.sum()), len(tokens.volumes or ())
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
     return Preflight(layer, count, size=(view.width, view.height), triangles=len(converted),
-                     tokens=config.sequence_length(lights, len(converted) - lights + cells),
+                     tokens=config.sequence_length(lights, len(tokens) - lights + cells),
                      blur=_blur(optics, others, sharp),
                      seconds=None if others is None else count * (converting + others),
                      memory=None if added is None else memory.held()[0] + added, remarks=report.entries)

@@ -26,6 +26,7 @@ from .hits import first_hits
 from .layer import Layer
 from .network import Network, Picture
 from .optics import Optics
+from .trained import told
 from .work import layers
 
 LOST = {"unplaced": "without room within the Triangle Budget (seen, but not by the network)",
@@ -68,6 +69,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         with layer.plan.enter(CONVERT):
             view = layer.view()                                                     # 2. Camera
             scene = layer.scene()                                                   # 3. Scene
+            told(scene, view, settings, report)
         layer.plan.has_triangles(len(scene))
         passes, tokens = _passes(layer, view, scene)                                # 4. to 7.
     with layer.plan.enter(WRITE):

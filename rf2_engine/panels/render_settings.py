@@ -36,6 +36,8 @@ class RENDERFORMER_PT_settings(EnginePanel):
                 draw_text(column, problem)
         elif settings.weights_source == "PUBLISHED":
             _draw_published(column)
+        if not light_passes(context.scene):  # of guided weights there are some
+            column.prop(settings, "transformer")
         column.prop(settings, "device")
         column.prop(settings, "precision")
         light = column.row()

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from ...model import progress
 from . import costs, estimate
-from .stages import ENCODE, LOAD, Stage, Work
+from .stages import ENCODE, LOAD, TEXTURES, Stage, Work
 
 
 class Plan:
@@ -42,8 +42,9 @@ class Plan:
 
     def has_triangles(self, count: int) -> None:
         """So many are in the scene; before it was converted its budget was all that was known."""
-        self._work[ENCODE] = self._work[ENCODE]._replace(units=count)
-        estimate.frame.expect(ENCODE, self._expected(ENCODE))
+        for stage in {TEXTURES, ENCODE} & self._work.keys():
+            self._work[stage] = self._work[stage]._replace(units=count)
+            estimate.frame.expect(stage, self._expected(stage))
 
     def learn_memory(self, added: float, pixels: int, triangles: int) -> None:
         """Remember that a render of that size made Blender hold `added` MiB more."""

@@ -39,6 +39,7 @@ ALPHA = Stage("First hits", "sample of a pixel", 2.5e-6, "alpha")
 CATCHERS = Stage("First hits", "sample of a pixel", 2.5e-6, "shadow catchers")
 FIRST_HITS = Stage("First hits", "sample of a pixel", 2.5e-6)
 SAMPLE_HITS = Stage("First hits", "sample of a pixel", 2.5e-6, "blur")  # for a sample on the lens or in the shutter
+TEXTURES = Stage("Encoding textures", "triangle", 1e-3)  # for published weights
 ENCODE = Stage("Network", "triangle", 3e-4, "scene")
 VIEW = Stage("Network", "pixel", 2e-5, "view")
 EDGES = Stage("Network", "pixel", 2e-6, "edges")

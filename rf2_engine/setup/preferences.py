@@ -7,6 +7,7 @@ from os.path import isdir
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
+from ...model.published.bundle_files import LARGE, SMALL, TRANSFORMERS
 from ..frame import model_cache
 from . import package_panel, packages, published_weights, weights_download
 from .display import amount, draw_progress, draw_text, free_space
@@ -16,6 +17,12 @@ _token = ""  # only for this session: a property of Blender's own would be saved
 
 def token() -> str:
     return _token
+
+
+def networks() -> tuple[str, ...]:
+    """Of bundle_files.TRANSFORMERS, what is to be downloaded."""
+    chosen = packages.preferences().networks
+    return TRANSFORMERS if chosen == "BOTH" else (SMALL if chosen == "SMALL" else LARGE,)
 
 
 def _set_token(self, value: str) -> None:
@@ -44,6 +51,12 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
         name="Own Folder", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         description="A copy of renderformer-v2 on this computer, with the VAE of Qwen-Image in its folder vae or in "
                     "Qwen-Image/vae beside it. If empty, the downloaded weights are used",
+    )
+    networks: EnumProperty(
+        name="Networks", description="Which of the two published networks to download", default="SMALL",
+        items=(("SMALL", "512", "Trained for pictures of 512 x 512 pixels: 0.8 GB", 0),
+               ("LARGE", "2048", "Trained for pictures of 2048 x 2048 pixels: 0.8 GB", 1),
+               ("BOTH", "Both", "Pictures from 2048 pixels are drawn by the second: 1.7 GB", 2)),
     )
     access_token: StringProperty(
         name="Access Token", subtype="PASSWORD", options={"SKIP_SAVE"}, get=lambda self: _token, set=_set_token,
@@ -99,6 +112,7 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
             draw_text(layout, download.error)
             if download.needs_token or token():
                 layout.prop(preferences, "access_token")
+        layout.row().prop(preferences, "networks", expand=True)
         layout.operator("renderformer_v2.download_weights", icon="IMPORT")
         return
     if download.state == "ready":

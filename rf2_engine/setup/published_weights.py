@@ -9,16 +9,24 @@ from pathlib import Path
 import bpy
 
 from ...model.errors import CheckpointError
-from ...model.published.bundle_files import COMPONENTS, INDEX
+from ...model.published import bundle_files
 from . import packages
 
+NEEDED = (*bundle_files.TRANSFORMERS, *bundle_files.MAPPERS)  # by a render
 BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
 # A "revision" of None is the head; "sha256" of a file, where it is known, is asked of whatever the Hub sends.
 REPOSITORIES = [
     {"id": "RenderFormer/renderformer-v2", "revision": None, "folder": BUNDLE,
-     "parts": [INDEX, *(f"{name}/" for name in COMPONENTS)], "sha256": {}},
-    {"id": "Qwen/Qwen-Image", "revision": None, "folder": VAE, "parts": ["vae/"], "sha256": {}},
+     "parts": [bundle_files.INDEX, *(f"{name}/" for name in NEEDED)], "sha256": {}},
+    {"id": "Qwen/Qwen-Image", "revision": "75e0b4be04f60ec59a75f475837eced720f823b6",  # docs/scene-input.md 4.5
+     "folder": VAE, "parts": ["vae/"], "sha256": {}},
 ]
+
+
+def repositories(transformers: tuple[str, ...]) -> list[dict]:
+    """REPOSITORIES with no more than these of bundle_files.TRANSFORMERS."""
+    unwanted = {f"{name}/" for name in bundle_files.TRANSFORMERS if name not in transformers}
+    return [entry | {"parts": [part for part in entry["parts"] if part not in unwanted]} for entry in REPOSITORIES]
 
 
 def download_folder() -> Path | None:
@@ -26,6 +34,13 @@ def download_folder() -> Path | None:
     if not packages.is_extension():
         return None
     return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="weights"))
+
+
+def latents_file() -> Path | None:
+    """Where encoded textures are kept between renders, of limited size; None when run from the source tree."""
+    if not packages.is_extension():
+        return None
+    return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="latents")) / "latents.sqlite"
 
 
 def bundle_folder() -> Path | None:
@@ -38,12 +53,8 @@ def bundle_folder() -> Path | None:
 
 
 def missing_parts(bundle: Path) -> list[str]:
-    """What a render would not find. Names of files are proof enough: a download gives them to complete files only."""
-    parts = [] if isfile(bundle / INDEX) else [INDEX]  # False where a path may not be looked at, and no error
-    for name, configs in COMPONENTS.items():
-        folder = bundle / name
-        if not isfile(folder / "model.safetensors") or not any(isfile(folder / config) for config in configs):
-            parts.append(name)
+    """What a render would not find, the VAE included."""
+    parts = bundle_files.missing_parts(bundle)
     # The places where model.image_encoder.find_vae looks; it cannot be asked without importing torch.
     vae = bundle / "vae" if isdir(bundle / "vae") else bundle.parent / VAE / "vae"
     if not all(isfile(vae / name) for name in ("config.json", "diffusion_pytorch_model.safetensors")):

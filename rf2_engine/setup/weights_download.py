@@ -6,7 +6,8 @@ import os
 import sys
 from pathlib import Path
 
-from .published_weights import REPOSITORIES
+from ...model.published.bundle_files import TRANSFORMERS
+from .published_weights import repositories
 from .worker_process import WorkerProcess
 
 WORKER = Path(__file__).with_name("hub_worker.py")
@@ -22,10 +23,10 @@ class Download(WorkerProcess):
 
     RUNNING = ("asking", "fetching")
 
-    def __init__(self, target: Path, token: str = ""):
+    def __init__(self, target: Path, token: str = "", transformers: tuple[str, ...] = TRANSFORMERS):
         """Asks the Hub for names and sizes only; raises OSError when no process can be started."""
         super().__init__()
-        self.target, self.token = target, token
+        self.target, self.token, self.transformers = target, token, transformers
         self._begin("asking", "ready")
 
     def fetch(self) -> None:
@@ -40,7 +41,7 @@ class Download(WorkerProcess):
         environment = {"HF_HUB_DOWNLOAD_TIMEOUT": str(TIMEOUT)} | os.environ | ENVIRONMENT
         environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
         request = {"fetch": state == "fetching", "target": str(self.target), "token": self.token,
-                   "repositories": REPOSITORIES}
+                   "repositories": repositories(self.transformers)}
         self._start(state, afterwards, [sys.executable, "-P", str(WORKER)], request, environment)
 
 
@@ -59,9 +60,9 @@ def forget() -> None:
     current = None
 
 
-def begin(target: Path, token: str) -> Download:
+def begin(target: Path, token: str, transformers: tuple[str, ...] = TRANSFORMERS) -> Download:
     """Ask for the sizes; the result is `current`."""
     global current
     forget()
-    current = Download(target, token)
+    current = Download(target, token, transformers)
     return current

@@ -54,7 +54,8 @@ class RENDERFORMER_OT_download_weights(_Download):
                       "and the VAE of Qwen/Qwen-Image). You see the size before anything is downloaded")
 
     def execute(self, context):
-        return self.run(weights_download.begin(published_weights.download_folder(), preferences.token()))
+        return self.run(weights_download.begin(published_weights.download_folder(), preferences.token(),
+                                               preferences.networks()))
 
 
 class RENDERFORMER_OT_fetch_weights(_Download):

@@ -38,7 +38,6 @@ def bundle(tmp_path, tiny_config, tiny_network):
     (folder / "metallic_mapper" / "config.json").write_text(
         json.dumps({"hidden_dim": 16, "num_layers": 2, "latent_dim": 9}))
     save_file(mapper.state_dict(), folder / "metallic_mapper" / "model.safetensors")
-    (folder / "model_index.json").write_text("{}")
     return folder
 
 
@@ -108,10 +107,9 @@ def test_wrong_choice_of_a_folder_is_explained(bundle, tmp_path):
         Renderer(tmp_path / "empty")
     with pytest.raises(CheckpointError, match="transformer_512 holds no weights"):
         Renderer(bundle / "transformer_512")
-    with pytest.raises(CheckpointError, match="model_index.json is a file"):
-        Renderer(bundle / "model_index.json")
-    (bundle / "model_index.json").unlink()
-    with pytest.raises(CheckpointError, match="model_index.json is missing: the weights folder is incomplete"):
+    with pytest.raises(CheckpointError, match="config.yaml is a file"):
+        Renderer(bundle / "transformer_512" / "config.yaml")
+    with pytest.raises(CheckpointError, match="needs diffspec_mapper, metallic_transmission_mapper,"):
         Renderer(bundle)
     with pytest.raises(CheckpointError, match="cannot be read .*too long"):
         Renderer(tmp_path / ("long" * 100))
@@ -137,8 +135,11 @@ def test_pickles_and_version_one_are_refused(saved, bundle):
     with pytest.raises(CheckpointError, match="both"):
         Bundle(bundle).transformer(512)
     (transformer / "config.yaml").unlink()
-    with pytest.raises(CheckpointError, match="V1"):
+    with pytest.raises(CheckpointError, match="config.json belongs to a RenderFormer-V1 checkpoint"):
         Bundle(bundle).transformer(512)
+    (bundle / "config.json").write_text("{}")
+    with pytest.raises(CheckpointError, match="expected is the folder of RenderFormer/renderformer-v2"):
+        Bundle(bundle)
 
 
 @pytest.mark.parametrize("key, value, message", [

@@ -12,6 +12,7 @@ import torch
 from renderformer_v2.model.camera import place_in
 from renderformer_v2.model.network.inputs import NetworkInputs, TensorGroup, ViewInputs, stacked
 from renderformer_v2.model.normalize import Normalization
+from renderformer_v2.model.published.as_trained import as_trained, emitters
 from renderformer_v2.model.published.pipeline import PublishedPipeline, shown
 from renderformer_v2.model.renderer import padded
 from renderformer_v2.model.scene import Guides, View
@@ -64,12 +65,14 @@ def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
     """From one file of tools.datagen, with the encoder that rendering uses."""
     scene, views, guides, passes = load_sample(path)
     normalization = Normalization.of(scene)
+    normalized = normalization.scene(scene)
+    emits = emitters(normalized)
     with torch.no_grad():
-        inputs = pipeline.encoder.inputs(pipeline.encoder.process(normalization.scene(scene)))
+        inputs = pipeline.encoder.inputs(pipeline.encoder.process(as_trained(normalized, emits)))
     rays, pictures, masks = [], [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):
         surface = (reference["combined"][..., :3] - reference["emission"]).clip(0) * np.float32(normalization.exposure)
-        larger, picture, mask = compared(view, guide, surface, scene.is_light, pipeline.granularity)
+        larger, picture, mask = compared(view, guide, surface, emits, pipeline.granularity)
         rays.append(view_inputs(normalization.view(larger)))
         pictures.append(picture)
         masks.append(mask)

@@ -35,13 +35,15 @@ def tiny_vae() -> torch.nn.Module:
     return with_recipe_weights(AutoencoderKLQwenImage(base_dim=4, num_res_blocks=1))
 
 
-def write_bundle(folder: Path, config: ModelConfig) -> Path:
+def write_bundle(folder: Path, config: ModelConfig, transformers: tuple[str, ...] = ("transformer_512",)) -> Path:
+    """What a render needs; every transformer has weights of its own."""
     config = replace(config, texture_channels=80, envmap_latent_channels=16)
-    network = recipe_network(config)
-    (folder / "transformer_512").mkdir(parents=True)
-    (folder / "transformer_512" / "config.yaml").write_text(yaml.safe_dump({"model_config": published_mapping(config)}))
-    save_file({k: v.contiguous() for k, v in network.state_dict().items()},
-              folder / "transformer_512" / "model.safetensors")
+    state = recipe_network(config).state_dict()
+    for i, name in enumerate(transformers):
+        (folder / name).mkdir(parents=True)
+        (folder / name / "config.yaml").write_text(yaml.safe_dump({"model_config": published_mapping(config)}))
+        save_file({k: v.contiguous() * (1 if "freqs" in k else 0.9 ** i) for k, v in state.items()},
+                  folder / name / "model.safetensors")
     for name, mapper in MAPPERS.items():
         size = {"hidden_dim": 16, "num_layers": 3, "latent_dim": 9}
         (folder / name).mkdir()
@@ -49,5 +51,4 @@ def write_bundle(folder: Path, config: ModelConfig) -> Path:
         save_file(with_recipe_weights(mapper(**size), prefix=f"{name}/").state_dict(),
                   folder / name / "model.safetensors")
     tiny_vae().save_pretrained(folder / "vae")
-    (folder / "model_index.json").write_text("{}")
     return folder

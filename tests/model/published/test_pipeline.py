@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rendering with a published bundle: latents as the specification says, each computed once, and a picture."""
+import json
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+import yaml
 
 from renderformer_v2.model import progress
 from renderformer_v2.model.camera import square_view
@@ -14,12 +17,14 @@ from renderformer_v2.model.material.appearance import Appearance
 from renderformer_v2.model.material.mappers import MAPPERS
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.published import image_encoder
+from renderformer_v2.model.published.bundle_files import AUTOMATIC, TRANSFORMERS
 from renderformer_v2.model.published.h5 import read_h5, write_h5
 from renderformer_v2.model.published.image_encoder import ImageEncoder, OneFrameEncoder, find_vae
 from renderformer_v2.model.published.processed_scene import square_fov
+from renderformer_v2.model.published.scene_encoder import SceneEncoder
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.scene import BASE_COLOR
-from tests.model.published.bundles import tiny_vae
+from tests.model.published.bundles import tiny_vae, write_bundle
 from tests.model.samples import floor_scene, floor_view
 from tools.parity.cases import with_recipe_weights
 
@@ -80,7 +85,7 @@ def test_appearance_takes_the_mapper_of_the_material():
 def test_constant_materials_equal_direct_encoding_and_are_encoded_once(renderer, vae, published_bundle, monkeypatch):
     pipeline = renderer.pipeline
     images = ImageEncoder(published_bundle / "vae")
-    monkeypatch.setattr(pipeline.encoder, "images", images)
+    monkeypatch.setattr(pipeline, "encoder", SceneEncoder(pipeline.encoder.appearance, images))
     encoded, encode = [], images._encode
     monkeypatch.setattr(images, "_encode", lambda batch: encoded.append(len(batch)) or encode(batch))
     scene = floor_scene()
@@ -114,9 +119,14 @@ def test_textures_report_progress_and_can_be_cancelled(renderer):
         if text.startswith("Encoding textures, 64 of"):
             raise RenderCancelled()
 
+    renderer.encode(floor_scene())  # knows the light's tile
     with pytest.raises(RenderCancelled), progress.reporting(cancel):
         renderer.encode(scene)
-    assert "Encoding textures, 0 of 101" in steps
+    assert "Encoding textures, 0 of 100" in steps
+    steps.clear()
+    with progress.reporting(cancel):  # goes on where it stopped
+        renderer.encode(scene)
+    assert "Encoding textures, 0 of 36" in steps
 
 
 def test_picture_is_finite_empty_where_nothing_is_seen_and_again_the_same(renderer):
@@ -136,8 +146,50 @@ def test_picture_is_finite_empty_where_nothing_is_seen_and_again_the_same(render
     np.testing.assert_array_equal(picture, encoded.view(view, guides))
 
 
-def test_a_border_is_rendered_by_the_network_of_the_whole_picture(renderer):
+@pytest.fixture(scope="module")
+def both(tmp_path_factory, tiny_config):
+    """A bundle with two transformers of different weights."""
+    return write_bundle(tmp_path_factory.mktemp("both") / "renderformer-v2", tiny_config, TRANSFORMERS)
+
+
+def picture(bundle: Path, size: int, transformer: str = AUTOMATIC) -> np.ndarray:
+    """The floor, as a part of a picture of that size."""
     view, guides = floor_view()
+    renderer = Renderer(bundle, device="cpu", precision="fp32", transformer=transformer)
+    return renderer.encode(floor_scene(), size).view(replace(view, picture_size=size), guides)
+
+
+def test_large_pictures_are_drawn_by_the_network_for_them_unless_another_is_chosen(both, tmp_path):
+    small, large = picture(both, 1920), picture(both, 2048)
+    assert np.abs(small - large).max() > 0.01 * small.max() and large.max() > 0
+    np.testing.assert_array_equal(picture(both, 1920, "transformer_2048"), large)
+    np.testing.assert_array_equal(picture(both, 2048, "transformer_512"), small)
+    shutil.copytree(both, tmp_path / "large", ignore=shutil.ignore_patterns("transformer_512"))
+    np.testing.assert_array_equal(picture(tmp_path / "large", 1920), large)
+    with pytest.raises(CheckpointError, match="transformer_512"):
+        picture(tmp_path / "large", 1920, "transformer_512")
+
+
+def test_a_transformer_that_its_authors_code_saved_is_read(published_bundle, tmp_path):
+    folder = tmp_path / "renderformer-v2"
+    shutil.copytree(published_bundle, folder)
+    file = folder / "transformer_512" / "config.yaml"
+    section = yaml.safe_load(file.read_text())["model_config"]
+    file.unlink()
+    saved = {"format": "renderformer-model", "format_version": 1, "model_config": section}
+    file.with_name("model_config.json").write_text(json.dumps(saved))
+    np.testing.assert_array_equal(picture(folder, 512), picture(published_bundle, 512))
+    file.with_name("model_config.json").write_text(json.dumps(saved | {"format_version": 3}))
+    with pytest.raises(CheckpointError, match="model_config.json .* expected .*'format_version': 1.* found .*3"):
+        picture(folder, 512)
+    file.with_name("model_config.json").write_text(json.dumps(saved | {"model_config": section | {"colour": 1}}))
+    with pytest.raises(CheckpointError, match="model_config.json: unknown keys in model_config: colour"):
+        picture(folder, 512)
+
+
+def test_a_border_is_rendered_by_the_network_of_the_whole_picture(both):
+    view, guides = floor_view()
+    renderer = Renderer(both, device="cpu", precision="fp32")
     assert renderer.pipeline.variant(replace(view, picture_size=4096).longer_side) == "transformer_2048"
     assert renderer.pipeline.variant(view.longer_side) == "transformer_512"
     with pytest.raises(ValueError, match="transformer_2048"):
@@ -164,11 +216,17 @@ def test_a_square_picture_is_what_the_file_can_hold():
 
 def test_what_is_missing_is_named(published_bundle, tmp_path, monkeypatch):
     folder = tmp_path / "renderformer-v2"
-    shutil.copytree(published_bundle, folder, ignore=shutil.ignore_patterns("vae", "transformer*"))
+    shutil.copytree(published_bundle, folder, ignore=shutil.ignore_patterns("vae"))
     with pytest.raises(CheckpointError, match="VAE of Qwen/Qwen-Image"):
         Renderer(folder, device="cpu", precision="fp32")
     shutil.copytree(published_bundle / "vae", tmp_path / "Qwen-Image" / "vae")
     assert find_vae(folder) == tmp_path / "Qwen-Image" / "vae"
-    monkeypatch.setattr(image_encoder.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(CheckpointError, match="pip install diffusers"):
+    with monkeypatch.context() as patch:
+        patch.setattr(image_encoder.importlib.util, "find_spec", lambda name: None)
+        with pytest.raises(CheckpointError, match="pip install diffusers"):
+            Renderer(folder, device="cpu", precision="fp32")
+    shutil.rmtree(folder / "metallic_mapper")
+    (folder / "transformer_512" / "model.safetensors").unlink()
+    with pytest.raises(CheckpointError, match="needs transformer_512 or transformer_2048, metallic_mapper, .* it holds "
+                                              "diffspec_mapper, metallic_transmission_mapper, transformer_512"):
         Renderer(folder, device="cpu", precision="fp32")

@@ -7,6 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model.renderer import EncodedScene
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.rf2_engine.f12 import cube, material, press_f12
@@ -129,5 +130,6 @@ def test_the_published_network_draws_edges_alone_and_gives_no_light(still_life, 
     tick(still_life.view_layers[0], OF_THE_RECIPE)
     found = by_key(press_f12(still_life, tmp_path))
     assert not passes.LIGHTING & set(found)
+    assert "Encoding textures" in last_render.last_frame[0].seconds and published_weights.latents_file().is_file()
     expected = drawn[0] + found["emission"] + found["environment"]
     np.testing.assert_allclose(found["combined"][..., :3], expected, rtol=1e-5, atol=1e-6)

@@ -7,6 +7,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.frame import preflight
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import preflight as panel_module
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import costs, last_render
 
+from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.rf2_engine.f12 import cube, mesh_object, press_f12, sun
 from tests.rf2_engine.layout import Layout
 
@@ -50,6 +51,27 @@ def test_it_tells_what_the_render_then_tells(scene, tmp_path):
     assert any("Catcher" in getattr(o, "name", "") for o in layout.operators)
     assert "tokens" in preflight.as_text(scene) and "Catcher" in preflight.as_text(scene)
     assert bpy.ops.renderformer_v2.copy_report(source="PREFLIGHT") == {"FINISHED"}
+
+
+def test_published_weights_say_what_they_were_not_trained_for(scene, tmp_path):
+    folder = write_bundle(tmp_path / "renderformer-v2", tiny_published_config(), ("transformer_2048",))
+    scene.renderformer_v2.weights_source, scene.renderformer_v2.weights_folder = "FOLDER", str(folder)
+    cube(scene)
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
+    lamp.data.energy, lamp.location = 50, (0, 0, 0.5)
+    scene.collection.objects.link(lamp)
+    before = look(scene)
+    press_f12(scene, tmp_path)
+    (rendered,) = last_render.last_frame
+    assert before.remarks == rendered.remarks
+    lines = [remark.message for remark in rendered.remarks if remark.name == "Published Weights"]
+    assert any("inside the scene" in line for line in lines)
+    assert any("has only transformer_2048" in line for line in lines)
+    scene.renderformer_v2.transformer = "transformer_2048"
+    assert not any("has only" in remark.message for remark in look(scene).remarks)
+    scene.renderformer_v2.transformer = "transformer_512"
+    with pytest.raises(RuntimeError, match="transformer_512"):
+        press_f12(scene, tmp_path)
 
 
 def test_all_view_layers_are_counted(scene, tmp_path):

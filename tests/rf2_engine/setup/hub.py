@@ -10,6 +10,7 @@ from tests.rf2_engine.setup.local_server import LocalServer
 BUNDLE, VAE = "RenderFormer/renderformer-v2", "Qwen/Qwen-Image"
 LARGE = "transformer_512/model.safetensors"  # large enough to break off in the middle
 REVISION = "5" * 40
+TRAINED = "75e0b4be04f60ec59a75f475837eced720f823b6"  # of the VAE, docs/scene-input.md 4.5
 MAPPERS = ("diffspec_mapper", "metallic_mapper", "metallic_transmission_mapper")
 
 
@@ -49,7 +50,8 @@ class _Handler(BaseHTTPRequestHandler):
         if hub.token and hub.gate in path and self.headers["Authorization"] != f"Bearer {hub.token}":
             return self._answer(401, b"{}")
         for repository, files in hub.files.items():
-            if path in (f"/api/models/{repository}", f"/api/models/{repository}/revision/{REVISION}"):
+            revisions = (REVISION, TRAINED) if repository == VAE else (REVISION,)
+            if path in (f"/api/models/{repository}", *(f"/api/models/{repository}/revision/{r}" for r in revisions)):
                 return self._answer(200, _listing(repository, files, hub.claimed))
             name = path.removeprefix(f"/{repository}/resolve/{REVISION}/")
             if name in files:

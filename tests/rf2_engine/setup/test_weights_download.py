@@ -21,9 +21,9 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup.weights_download import Download
 
 from tests.rf2_engine.installed import PACKAGE
-from tests.rf2_engine.setup.hub import BUNDLE, LARGE, REVISION, VAE, Hub
+from tests.rf2_engine.setup.hub import BUNDLE, LARGE, REVISION, TRAINED, VAE, Hub
 
-WANTED = 16  # files: 14 of the bundle, 2 of the VAE
+WANTED = 13  # files: 11 of the bundle, 2 of the VAE
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_sizes_come_first_then_a_complete_bundle_that_a_scene_can_choose(hub, on
 
     assert bpy.ops.renderformer_v2.fetch_weights() == {"FINISHED"}
     found = files(folder)
-    assert len(found) == WANTED and sum(found.values()) == total
+    assert len(found) == WANTED - 2 and sum(found.values()) == total  # one network is enough
     assert {name.rpartition(".")[2] for name in found} == {"json", "yaml", "safetensors"}
     assert (folder / "renderformer-v2" / LARGE).read_bytes() == hub.files[BUNDLE][LARGE]
     bundle = published_weights.bundle_folder()
@@ -110,12 +110,26 @@ def test_sizes_come_first_then_a_complete_bundle_that_a_scene_can_choose(hub, on
     (bundle / "metallic_mapper/model.safetensors").unlink()
     with pytest.raises(CheckpointError, match="metallic_mapper"):
         settings.weights()
-    again = Download(folder)
+    again = Download(folder, transformers=("transformer_512",))
     again.wait()
     assert again.total - again.present == len(b"a: 2") + len(b"metallic_mapper")
 
     assert bpy.ops.renderformer_v2.remove_weights() == {"FINISHED"}
     assert not folder.exists()
+
+
+@pytest.mark.parametrize("networks, expected", [("SMALL", {"transformer_512"}), ("LARGE", {"transformer_2048"}),
+                                                ("BOTH", {"transformer_512", "transformer_2048"})])
+def test_the_chosen_networks_are_downloaded_and_nothing_that_no_render_needs(hub, online, networks, expected):
+    kept = bpy.context.preferences.addons[PACKAGE].preferences
+    kept.networks = networks
+    assert bpy.ops.renderformer_v2.download_weights() == {"FINISHED"}
+    assert bpy.ops.renderformer_v2.fetch_weights() == {"FINISHED"}
+    kept.networks = "SMALL"
+    folder = published_weights.bundle_folder()
+    mappers = {"diffspec_mapper", "metallic_mapper", "metallic_transmission_mapper"}
+    assert {path.name for path in folder.iterdir() if path.is_dir()} == expected | mappers
+    assert not published_weights.missing_parts(folder)
 
 
 def test_goes_on_after_a_stall(hub, tmp_path):
@@ -152,7 +166,7 @@ def pinned(hub, monkeypatch):
 def test_a_pinned_revision_is_asked_for(hub, pinned, tmp_path):
     assert finished(Download(tmp_path)).state == "done"
     listings = {path for path, _, _ in hub.requests if path.startswith("/api/models/")}
-    assert listings == {f"/api/models/{BUNDLE}/revision/{REVISION}", f"/api/models/{VAE}"}
+    assert listings == {f"/api/models/{BUNDLE}/revision/{REVISION}", f"/api/models/{VAE}/revision/{TRAINED}"}
     pinned["revision"] = "6" * 40
     download = finished(Download(tmp_path))
     assert download.state == "failed" and f"{BUNDLE} was not found" in download.error

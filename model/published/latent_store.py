@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Latents that were computed once, by a hash of what they were computed from: in memory, or in a file for later."""
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+LIMIT = 1 << 28  # bytes; 100,000 tiles
+KEPT = 0.75      # of them, when it is full
+AT_ONCE = 500    # keys in a question; SQLite takes 999
+DAY = 86400
+SCHEMA = ("CREATE TABLE IF NOT EXISTS latents (key BLOB PRIMARY KEY, day INTEGER NOT NULL, value BLOB NOT NULL)",
+          "CREATE INDEX IF NOT EXISTS days ON latents (day)")
+
+
+class LatentStore:
+    """What has not been asked for longest goes first when it is full.
+
+    It never stops a render: what cannot be read or written is computed again. Several processes may share a file.
+    """
+
+    def __init__(self, file: Path | None = None, limit: int = LIMIT):
+        """file: made with its folder when it is not there; None: in memory."""
+        self.limit, self._connection = limit, None
+        with suppress(ImportError):  # some Pythons are built without it
+            import sqlite3
+            self._error = sqlite3.Error
+            self._connection = _opened(sqlite3, file) or _opened(sqlite3, None)
+
+    def get(self, keys: Iterable[bytes]) -> dict[bytes, bytes]:
+        """Those values that are there."""
+        found, wanted, day = {}, list(dict.fromkeys(keys)), today()
+        for i in range(0, len(wanted) if self._connection else 0, AT_ONCE):
+            some = wanted[i:i + AT_ONCE]
+            among = f"WHERE key IN ({','.join('?' * len(some))})"
+            with suppress(self._error), self._connection:
+                found |= dict(self._connection.execute(f"SELECT key, value FROM latents {among}", some))
+                self._connection.execute(f"UPDATE latents SET day = ? {among} AND day < ?", [day, *some, day])
+        return found
+
+    def put(self, values: dict[bytes, bytes]) -> None:
+        """Keep them, and forget the oldest for them."""
+        if not self._connection:
+            return
+        day = today()
+        with suppress(self._error), self._connection:
+            self._connection.executemany("INSERT OR REPLACE INTO latents VALUES (?, ?, ?)",
+                                         [(key, day, value) for key, value in values.items()])
+            self._shrink()
+
+    def bytes(self) -> int:
+        """In use."""
+        pages, free, size = (self._connection.execute(f"PRAGMA {name}").fetchone()[0]
+                             for name in ("page_count", "freelist_count", "page_size"))
+        return (pages - free) * size
+
+    def _shrink(self) -> None:
+        used = self.bytes()
+        if used > self.limit:
+            (count,) = self._connection.execute("SELECT COUNT(*) FROM latents").fetchone()
+            surplus = max(1, round(count * (1 - KEPT * self.limit / used)))
+            self._connection.execute("DELETE FROM latents WHERE key IN "
+                                     "(SELECT key FROM latents ORDER BY day, rowid LIMIT ?)", [surplus])
+
+
+def today() -> int:
+    return int(time.time()) // DAY
+
+
+def _opened(sqlite3, file: Path | None):
+    """A connection, or None; a file that is damaged is made anew."""
+    for _ in range(2):
+        try:
+            if file is not None:
+                file.parent.mkdir(parents=True, exist_ok=True)
+            connection = sqlite3.connect(file or ":memory:", timeout=1.0, check_same_thread=False)
+            for statement in SCHEMA:
+                connection.execute(statement)
+            connection.execute("SELECT COUNT(*) FROM latents")
+            return connection
+        except sqlite3.OperationalError:  # no permission, no space, or locked: not ours to remove
+            return None
+        except (sqlite3.DatabaseError, OSError):
+            with suppress(sqlite3.Error, UnboundLocalError):
+                connection.close()
+            with suppress(OSError):
+                file.unlink()
+    return None

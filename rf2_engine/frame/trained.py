@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What published weights are told of a scene, and what of it they were not trained for."""
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...model.normalize import Normalization
+from ...model.published import training_range
+from ...model.published.as_trained import as_trained, emitters
+from ...model.published.bundle_files import transformer_for
+from ...model.scene import RenderScene, View
+from ..convert.report import Report
+from ..settings import FrameSettings
+
+NAME = "Published Weights"
+
+
+def told(scene: RenderScene, view: View, settings: FrameSettings, report: Report) -> RenderScene:
+    """The scene as its weights are told it, published ones in network units; reported is what is unlike training."""
+    if settings.guided:
+        return scene
+    wanted, found = (transformer_for(folder, view.longer_side, settings.transformer)
+                     for folder in (Path(), Path(settings.weights)))
+    if wanted != found:
+        report.approximated(NAME, f"{wanted} was trained for pictures of this size, but {settings.weights} has only "
+                                  f"{found}")
+    normalized = Normalization.of(scene).scene(scene)
+    tokens = as_trained(normalized, emitters(normalized))
+    for remark in training_range.remarks(tokens):
+        report.approximated(NAME, remark)
+    return tokens
