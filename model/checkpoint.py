@@ -8,7 +8,6 @@ bundle.
 from __future__ import annotations
 
 import json
-from contextlib import contextmanager
 from pathlib import Path
 
 import torch
@@ -20,11 +19,11 @@ from .material.mappers import Mapper, MetallicTransmissionMapper
 from .network.config import ModelConfig
 from .network.renderformer import RenderFormer
 from .presets import WEIGHTS
+from .weights_files import description_file, explained, read_json, require, weights_file
 
 MATERIAL_MAPPER = WEIGHTS / "material" / "metallic_transmission_mapper"
 FORMAT = {"format": "renderformer-model", "format_version": 2}
 FLOATS = ("F16", "BF16", "F32", "F64")  # safetensors' names
-PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl")
 
 
 def save_network(folder: str | Path, config: ModelConfig, state: dict[str, torch.Tensor]) -> None:
@@ -42,22 +41,10 @@ def save_network(folder: str | Path, config: ModelConfig, state: dict[str, torch
     (folder / "config.json").write_text(json.dumps(FORMAT | {"model_config": config.to_dict()}, indent=1) + "\n")
 
 
-@contextmanager
-def explained():
-    """What the operating system refuses becomes a CheckpointError; around everything that looks into folders."""
-    try:
-        yield
-    except OSError as error:
-        raise CheckpointError(f"{error.filename} cannot be read ({error.strerror}): check its permissions") from error
-
-
 @explained()
 def load_network(folder: Path, name: str = "config.json") -> RenderFormer:
     """The network of one folder in this project's format; `name` is the file that describes it."""
-    if folder.is_dir() and not (folder / name).is_file():
-        raise CheckpointError(f"{folder} holds no weights: choose the folder renderformer-v2 (with model_index.json), "
-                              f"or one that tools.train.network wrote (with {name})")
-    description = read_json(require(folder, name))
+    description = read_json(description_file(folder, name))
     if {key: description.get(key) for key in FORMAT} != FORMAT:
         raise CheckpointError(f"{folder / name} does not describe a RenderFormer-V2 network of this add-on "
                               "(such a config.json belongs to a RenderFormer-V1 checkpoint, which cannot be used)")
@@ -128,42 +115,3 @@ def _compare(wanted: dict[str, tuple], found: dict[str, tuple], file: Path) -> N
     for key, shape in wanted.items():
         if found[key] != shape:
             raise CheckpointError(f"{file}: {key} has shape {found[key]}, the configuration asks for {shape}")
-
-
-@explained()
-def weights_file(folder: Path) -> Path:
-    """The folder's model.safetensors; explains why pickled weights are refused."""
-    file = folder / "model.safetensors"
-    if not file.is_file() and folder.is_dir():
-        pickles = sorted(p.name for p in folder.iterdir() if p.suffix in PICKLES)
-        if pickles:
-            raise CheckpointError(f"{folder / pickles[0]} is a pickle, which can run any program when it is opened: "
-                                  "use the safetensors version of these weights")
-    return require(folder, "model.safetensors")
-
-
-@explained()
-def require(folder: Path, name: str) -> Path:
-    """folder / name, which must exist."""
-    if folder.suffix in PICKLES:
-        raise CheckpointError(f"{folder} is a pickle, which can run any program when opened: use safetensors weights")
-    if folder.is_file():
-        raise CheckpointError(f"{folder} is a file: choose the folder that it lies in")
-    if not folder.is_dir():
-        raise CheckpointError(f"there is no weights folder {folder}")
-    file = folder / name
-    if not file.is_file():
-        raise CheckpointError(f"{file} is missing: the weights folder is incomplete, download or copy it again")
-    return file
-
-
-@explained()
-def read_json(file: Path) -> dict:
-    """A JSON object."""
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise CheckpointError(f"{file} cannot be read ({error}): download or copy it again") from error
-    if not isinstance(content, dict):
-        raise CheckpointError(f"{file} does not hold a JSON object")
-    return content

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...model import progress, threads
+from ...model import progress, threads, weights_files
 from ...model.errors import RenderCancelled
 from ...model.lobes import Lobes
 from ...model.presets import BUNDLED
@@ -31,12 +31,8 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     """Render one view layer into `engine`'s result, or say by name what prevents it and leave a frame that shows so."""
     name = depsgraph.view_layer_eval.name  # Cycles frees the depsgraph: whatever is needed later is read now
     running.mark(engine.bl_idname)
-    status, report = Status(engine, name if layers(depsgraph.scene_eval) > 1 else ""), Report()
-    optics = Optics.of(depsgraph)
-    twice = optics.sessions > 1 or reference.is_wanted(depsgraph.scene_eval)
-    try:
-        with progress.reporting(status), cycles_run.scene_kept(engine, twice):
-            done = _render_layer(engine, depsgraph, optics, status, report)
+    try:  # whatever is raised outside of it leaves an empty frame, which Blender takes for a picture and saves
+        done = _render(engine, depsgraph, name)
     except RenderCancelled:
         last_render.last_frame.append(LayerStatistics(name, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
@@ -49,6 +45,15 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         _tell(engine, done)
 
 
+def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, name: str) -> LayerStatistics:
+    """The view layer of that name, its progress shown."""
+    status, report = Status(engine, name if layers(depsgraph.scene_eval) > 1 else ""), Report()
+    optics = Optics.of(depsgraph)
+    twice = optics.sessions > 1 or reference.is_wanted(depsgraph.scene_eval)
+    with progress.reporting(status), cycles_run.scene_kept(engine, twice):
+        return _render_layer(engine, depsgraph, optics, status, report)
+
+
 def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, optics: Optics, status: Status,
                   report: Report) -> LayerStatistics:
     """The steps of docs/architecture.md, section 2."""
@@ -57,6 +62,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     threads.sleep_while_waiting()
     layer = Layer.of(engine, depsgraph, optics, status, report)
     settings = layer.settings
+    weights_files.check(settings.weights)
     if settings.weights != BUNDLED:
         model_cache.begin_import()
     with threads.limited(settings.threads):
