@@ -5,11 +5,11 @@ from .cycles import world as world_session
 from .frame import model_cache, preflight, running, shot
 from .progress import costs, frame_lines, last_render, status_line
 from .registering import modules
-from .setup import package_operators, preferences, weights_operators
+from .setup import command, package_operators, preferences, weights_operators
 
 MODULES = (running, shot, world_session, costs, last_render, frame_lines, status_line, preflight,
            reference_settings, settings, preferences, engine, package_operators, weights_operators, panels, viewport,
-           compare)
+           compare, command)
 _register_all, _unregister_all = modules(MODULES)
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import bpy
 
 from ...model.errors import CheckpointError
-from ...model.published.bundle_files import COMPONENTS, INDEX
-from . import packages
+from ...model.published.bundle_files import COMPONENTS, INDEX, is_bundle
+from . import packages, shared_folders
 
 BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
 # A "revision" of None is the head; "sha256" of a file, where it is known, is asked of whatever the Hub sends.
@@ -22,14 +22,21 @@ REPOSITORIES = [
 
 
 def download_folder() -> Path | None:
-    """Where downloads go, under Blender's path for this extension; None when run from the source tree."""
+    """Where downloads go: the shared folder, or under Blender's path for this extension.
+
+    None when run from the source tree without a shared one.
+    """
+    if shared := shared_folders.named(shared_folders.WEIGHTS):
+        return shared.parent if is_bundle(shared) else shared
     if not packages.is_extension():
         return None
     return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="weights"))
 
 
 def bundle_folder() -> Path | None:
-    """The folder of renderformer-v2: the user's own, else the downloaded one, whether it is there or not."""
+    """The folder of renderformer-v2: the shared one, else the user's own, else the downloaded one, there or not."""
+    if shared := shared_folders.named(shared_folders.WEIGHTS):
+        return shared if is_bundle(shared) else shared / BUNDLE
     chosen = packages.preferences() and packages.preferences().weights_folder
     if chosen:
         return Path(bpy.path.abspath(chosen)).expanduser()
