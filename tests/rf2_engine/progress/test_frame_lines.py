@@ -58,7 +58,7 @@ def test_a_frame_that_failed_says_why(scene, lines, how):
     scene.renderformer_v2.weights_source = "FOLDER"
     scene.frame_set(5)
     (line,) = lines(**{how: True})
-    assert (line["frame"], line["state"], line["layers"]) == (5, "failed", []) and "none is chosen" in line["errors"][0]
+    assert (line["frame"], line["state"], line["layers"]) == (5, "failed", []) and "Weights" in line["errors"][0]
 
 
 def test_a_render_that_blender_refuses_has_a_line(scene, lines):
