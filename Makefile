@@ -28,7 +28,7 @@ lint: .venv/.ready-$(FIRST)
 	.venv/bin/python -m ruff check
 
 extension: $(READY)
-	$(RUN) -m tools.build
+	$(RUN) -m tools.build --without-wheels
 
 $(OUT)/room.blend: examples/room.py | $(READY)
 	mkdir -p $(OUT)

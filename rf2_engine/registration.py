@@ -3,12 +3,13 @@
 from . import compare, engine, panels, reference_settings, settings, viewport
 from .cycles import world as world_session
 from .frame import model_cache, preflight, running, shot
-from .progress import costs, last_render, status_line
+from .progress import costs, frame_lines, last_render, status_line
 from .registering import modules
-from .setup import package_operators, preferences, weights_operators
+from .setup import command, package_operators, preferences, weights_operators
 
-MODULES = (running, shot, world_session, costs, last_render, status_line, preflight, reference_settings, settings,
-           preferences, engine, package_operators, weights_operators, panels, viewport, compare)
+MODULES = (running, shot, world_session, costs, last_render, frame_lines, status_line, preflight,
+           reference_settings, settings, preferences, engine, package_operators, weights_operators, panels, viewport,
+           compare, command)
 _register_all, _unregister_all = modules(MODULES)
 
 

@@ -185,12 +185,19 @@ class FrameSettings:
         Raises CheckpointError as RenderFormerSettings.weights does.
         """
         ours, blenders = scene.renderformer_v2, scene.render
-        weights, holder = ours.weights(), ours if ours.threads_mode == "FIXED" else blenders
+        weights = ours.weights()
         samples = view_layer.renderformer_v2.samples if view_layer else 0
         return cls(weights, ours.transformer, ours.device, ours.precision, ours.token_budget, ours.max_edge,
                    samples or ours.guide_samples, ours.bake_unknown, _light(ours.light, weights), light_passes(scene),
-                   holder.threads if holder.threads_mode == "FIXED" else 0,
+                   threads(scene),
                    blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
+
+
+def threads(scene: bpy.types.Scene) -> int:
+    """How many threads render it, 0 for all: our own setting, else Blender's, or what `blender -t` says."""
+    ours, blenders = scene.renderformer_v2, scene.render
+    holder = ours if ours.threads_mode == "FIXED" else blenders
+    return holder.threads if holder.threads_mode == "FIXED" else 0
 
 
 def light_passes(scene: bpy.types.Scene) -> frozenset[str]:

@@ -121,10 +121,11 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
                   "tokens": None, "triangles": None, "report": [], "output": list(map(str, arguments.output))}
     if arguments.engine == "cycles":
         statistics["samples"] = scene.cycles.samples
+    from renderformer_v2.rf2_engine.progress.frame_lines import of_layer
     from renderformer_v2.rf2_engine.progress.last_render import last_frame
     # Without the engine there are none: Cycles rendered, or compositor or sequencer made the picture alone.
     if last_frame:
-        layers = [_of_layer(layer) for layer in last_frame]
+        layers = [of_layer(layer) for layer in last_frame]
         stages = dict.fromkeys(stage for layer in layers for stage in layer["seconds"])
         statistics["seconds"] = {stage: round(sum(layer["seconds"].get(stage, 0.0) for layer in layers), 3)
                                  for stage in stages} | statistics["seconds"]
@@ -143,12 +144,6 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
             if len(layers) == 1:
                 statistics |= {key: layers[0][key] for key in ("reference_samples", "comparison")}
     return statistics
-
-
-def _of_layer(layer) -> dict:
-    keys = ("layer", "size", "triangles", "tokens", "weights", "report", "reference_samples")
-    return {key: getattr(layer, key) for key in keys} | {
-        "seconds": {stage: round(seconds, 3) for stage, seconds in layer.seconds.items()}}
 
 
 if __name__ == "__main__":

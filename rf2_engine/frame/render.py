@@ -37,12 +37,8 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     """Render one view layer into `engine`'s result, or say by name what prevents it and leave a frame that shows so."""
     name = depsgraph.view_layer_eval.name  # Cycles frees the depsgraph: whatever is needed later is read now
     running.mark(engine.bl_idname)
-    status, report = Status(engine, name if layers(depsgraph.scene_eval) > 1 else ""), Report()
-    optics = Optics.of(depsgraph)
-    twice = optics.sessions > 1 or reference.is_wanted(depsgraph.scene_eval)
-    try:
-        with progress.reporting(status), cycles_run.scene_kept(engine, twice):
-            done = _render_layer(engine, depsgraph, optics, status, report)
+    try:  # whatever is raised outside of it leaves an empty frame, which Blender takes for a picture and saves
+        done = _render(engine, depsgraph, name)
     except RenderCancelled:
         last_render.add(LayerStatistics(name, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
@@ -53,6 +49,15 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         last_render.add(done)
         last_render.stamp(engine)
         _tell(engine, done)
+
+
+def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, name: str) -> LayerStatistics:
+    """The view layer of that name, its progress shown."""
+    status, report = Status(engine, name if layers(depsgraph.scene_eval) > 1 else ""), Report()
+    optics = Optics.of(depsgraph)
+    twice = optics.sessions > 1 or reference.is_wanted(depsgraph.scene_eval)
+    with progress.reporting(status), cycles_run.scene_kept(engine, twice):
+        return _render_layer(engine, depsgraph, optics, status, report)
 
 
 def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, optics: Optics, status: Status,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..registering import classes
-from . import package_install, package_panel, packages, redraw, wheels
+from . import package_install, package_panel, packages, redraw, shared_folders, wheels
 from .display import amount, draw_text, free_space
 
 
@@ -114,7 +114,8 @@ _register, _unregister = classes(
 
 def register() -> None:
     _register()
-    package_install.tidy_up(packages.folder())
+    if not shared_folders.named(shared_folders.PACKAGES):  # another machine may be at work there
+        package_install.tidy_up(packages.folder())
 
 
 def unregister() -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import bpy
 
-from . import distributions, package_install, wheels
+from . import distributions, package_install, shared_folders, wheels
 
 PACKAGES = {"torch": "torch", "safetensors": "safetensors", "fast_simplification": "fast-simplification",
             "embreex": "embreex"}
@@ -54,7 +54,12 @@ def offline() -> str:
 
 
 def folder(create: bool = False) -> Path | None:
-    """Our folder of packages, under Blender's path for this extension; None when run from the source tree."""
+    """Our folder of packages: the shared one, or under Blender's path for this extension.
+
+    None when run from the source tree without a shared one.
+    """
+    if shared := shared_folders.named(shared_folders.PACKAGES):
+        return shared
     if not is_extension():
         return None
     return Path(bpy.utils.extension_path_user(EXTENSION, path="runtime", create=create))
@@ -104,6 +109,12 @@ def _version(distribution: str, folder: Path) -> str:
     return next((found.version for found in metadata.distributions(name=distribution, path=[str(folder)])), "")
 
 
+def version_elsewhere(name: str) -> str:
+    """Of the package with this import name outside of our folder, or "" where there is none or nothing says so."""
+    folder = elsewhere(name)
+    return _version((PACKAGES | PUBLISHED)[name], folder) if folder else ""
+
+
 def _numbers(version: str) -> list[int]:
     """[2, 4, 1] of "2.4.1+cu121"."""
     return [int(number) for number in re.findall(r"\d+", version.partition("+")[0])]
@@ -112,13 +123,12 @@ def _numbers(version: str) -> list[int]:
 def too_old() -> str:
     """Which package outside of our folder is older than the MINIMUM, where it is and what to do; or ""."""
     for name, minimum in MINIMUM.items():
-        folder = elsewhere(name)
-        version = _version(PACKAGES[name], folder) if folder else ""
+        version = version_elsewhere(name)
         if version and _numbers(version) < _numbers(minimum):
             update = f"{sys.executable} -m pip install --upgrade {wheels.requirement(PACKAGES[name])}"
-            return (f"{name} {version} in {folder} is too old: this add-on needs {name} {minimum} or newer. Update it "
-                    f"with {update}, or remove it and use Render Properties > RenderFormer-V2 > Install Packages. Then "
-                    "start Blender again")
+            return (f"{name} {version} in {elsewhere(name)} is too old: this add-on needs {name} {minimum} or newer. "
+                    f"Update it with {update}, or remove it and use Render Properties > RenderFormer-V2 > Install "
+                    "Packages. Then start Blender again")
     return ""
 
 

@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...model.published.bundle_files import LARGE, SMALL, TRANSFORMERS
 from ..frame import model_cache
-from . import package_panel, packages, published_weights, weights_download
+from . import package_panel, packages, published_weights, shared_folders, weights_download
 from .display import amount, draw_progress, draw_text, free_space
 
 _token = ""  # only for this session: a property of Blender's own would be saved with the preferences
@@ -82,7 +82,10 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
         if not self.weights_folder:
             package_panel.draw_packages(box, packages.PUBLISHED, published=True)
             _draw_download(box, self)
-        box.prop(self, "weights_folder")
+        if shared := shared_folders.named(shared_folders.WEIGHTS):
+            box.label(text=f"{shared_folders.WEIGHTS} names {shared}", icon="INFO")
+        else:
+            box.prop(self, "weights_folder")
         if model_cache.is_loaded():
             layout.operator("renderformer_v2.free_model")
 

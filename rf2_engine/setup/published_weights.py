@@ -10,7 +10,8 @@ import bpy
 
 from ...model.errors import CheckpointError
 from ...model.published import bundle_files
-from . import packages
+from ...model.published.bundle_files import is_bundle
+from . import packages, shared_folders
 
 NEEDED = (*bundle_files.TRANSFORMERS, *bundle_files.MAPPERS)  # by a render
 BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
@@ -30,7 +31,12 @@ def repositories(transformers: tuple[str, ...]) -> list[dict]:
 
 
 def download_folder() -> Path | None:
-    """Where downloads go, under Blender's path for this extension; None when run from the source tree."""
+    """Where downloads go: the shared folder, or under Blender's path for this extension.
+
+    None when run from the source tree without a shared one.
+    """
+    if shared := shared_folders.named(shared_folders.WEIGHTS):
+        return shared.parent if is_bundle(shared) else shared
     if not packages.is_extension():
         return None
     return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="weights"))
@@ -44,7 +50,9 @@ def latents_file() -> Path | None:
 
 
 def bundle_folder() -> Path | None:
-    """The folder of renderformer-v2: the user's own, else the downloaded one, whether it is there or not."""
+    """The folder of renderformer-v2: the shared one, else the user's own, else the downloaded one, there or not."""
+    if shared := shared_folders.named(shared_folders.WEIGHTS):
+        return shared if is_bundle(shared) else shared / BUNDLE
     chosen = packages.preferences() and packages.preferences().weights_folder
     if chosen:
         return Path(bpy.path.abspath(chosen)).expanduser()

@@ -8,7 +8,7 @@ import bpy
 
 from ..frame import model_cache, running
 from ..registering import classes
-from . import packages, preferences, published_weights, redraw, weights_download
+from . import packages, preferences, published_weights, redraw, shared_folders, weights_download
 
 RENDERING = "A render is running"
 
@@ -96,6 +96,8 @@ class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         folder = published_weights.download_folder()
+        if shared_folders.named(shared_folders.WEIGHTS):
+            return False  # others use them
         return folder is not None and folder.is_dir() and not weights_download.is_running() and not is_rendering()
 
     def invoke(self, context, event):

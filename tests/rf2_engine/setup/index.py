@@ -11,6 +11,7 @@ from urllib.parse import unquote, urlsplit
 from tests.rf2_engine.setup.local_server import LocalServer
 
 TAG = "py3-none-any"
+NAMES = {"tiny_one": "tiny-one", "tiny_two": "tiny-two"}  # as packages.PACKAGES
 
 
 def wheel(name: str, version: str = "1.0", payload: int = 200_000) -> bytes:

@@ -20,43 +20,9 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
 )
 
 from tests.rf2_engine.installed import PACKAGE
-from tests.rf2_engine.setup.index import Index, wheel
+from tests.rf2_engine.setup.index import NAMES, Index, wheel
 
-NAMES = {"tiny_one": "tiny-one", "tiny_two": "tiny-two"}
 SETUP = os.path.dirname(package_install.__file__)
-
-
-@pytest.fixture
-def index(monkeypatch):
-    """An index with both packages, whose hashes are the pinned ones."""
-    server = Index(tiny_one="1.0", tiny_two="2.0")
-    for variable in ("HTTP_PROXY", "HTTPS_PROXY", "http_proxy", "https_proxy"):
-        monkeypatch.delenv(variable, raising=False)
-    pins = server.pins()
-    monkeypatch.setattr(wheels, "pins", lambda: pins)
-    yield server
-    package_install.forget()
-    server.stop()
-
-
-@pytest.fixture
-def target(scene, index, monkeypatch, tmp_path):
-    """Our folder of packages, empty; the add-on asks the index for NAMES."""
-    monkeypatch.setattr(packages, "PACKAGES", NAMES)
-    monkeypatch.setattr(packages, "PUBLISHED", {})
-    monkeypatch.setattr(packages, "folder", lambda create=False: tmp_path / "runtime")
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    addon_utils.enable(PACKAGE, default_set=True)
-    bpy.context.preferences.system.use_online_access = True
-    packages.preferences().package_index = index.address
-    packages.look_again()
-    yield tmp_path / "runtime"
-    package_install.forget()
-    packages.look_again()
-    packages.preferences().package_index = ""
-    bpy.context.preferences.system.use_online_access = False
-    for name in NAMES:
-        sys.modules.pop(name, None)
 
 
 def wanted() -> list[wheels.Wheel]:

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Renders that nobody watches: a frame that failed leaves no file, and what is wrong is said before any work."""
+import bpy
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import render
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+
+from tests.rf2_engine.f12 import cube
+
+
+@pytest.fixture
+def saved(scene, tmp_path):
+    """Renders frames 1 to 3 of the scene; the names of the files that are there afterwards."""
+    cube(scene)
+    scene.frame_start, scene.frame_end = 1, 3
+    scene.render.filepath = str(tmp_path / "picture_")
+
+    def run(**how) -> list[str]:
+        try:
+            bpy.ops.render.render(scene=scene.name, **how)
+        except RuntimeError:
+            pass
+        return sorted(path.name for path in tmp_path.glob("*"))
+    return run
+
+
+def wrong_weights_from_frame_2(scene):
+    ours = scene.renderformer_v2
+    ours.weights_folder = "/there/is/no/such/folder"
+    for frame, source in ((1, "BUNDLED"), (2, "FOLDER")):
+        ours.weights_source = source
+        ours.keyframe_insert("weights_source", frame=frame)
+
+
+def test_an_animation_ends_at_the_frame_that_failed_and_saves_nothing_of_it(scene, saved):
+    wrong_weights_from_frame_2(scene)
+    assert saved(animation=True) == ["picture_0001.png"]
+    assert "/there/is/no/such/folder" in last_render.last_frame[0].error
+
+
+def test_a_still_picture_that_failed_is_not_saved(scene, saved):
+    wrong_weights_from_frame_2(scene)
+    scene.frame_set(2)
+    assert saved(write_still=True) == []
+
+
+@pytest.mark.parametrize("how", ["animation", "write_still"])
+def test_a_fault_of_ours_saves_no_empty_frame(scene, saved, monkeypatch, how):
+    def broken(depsgraph):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(render.Optics, "of", broken)
+    assert saved(**{how: True}) == []
+    assert "ZeroDivisionError" in last_render.last_frame[0].error
+
+
+@pytest.mark.parametrize("content", [None, [], ["config.json"], ["model_index.json.txt"], ["transformer_512"]])
+def test_a_folder_without_weights_is_found_before_the_scene_is_converted(scene, saved, tmp_path_factory, monkeypatch,
+                                                                         content):
+    def convert(layer):
+        raise AssertionError("the scene was converted")
+
+    folder = tmp_path_factory.mktemp("weights") / "mine"
+    if content is not None:
+        folder.mkdir()
+        for name in content:
+            (folder / name).write_text("{}")
+    monkeypatch.setattr(render.Layer, "scene", convert)
+    scene.renderformer_v2.weights_source, scene.renderformer_v2.weights_folder = "FOLDER", str(folder)
+    assert saved(write_still=True) == []
+    assert str(folder) in last_render.last_frame[0].error and "converted" not in last_render.last_frame[0].error
