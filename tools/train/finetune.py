@@ -28,7 +28,7 @@ def main() -> int:
     published = is_bundle(start)
     if not published and not (start / "model.safetensors").is_file():
         print(f"--start {options.start}: there are no weights in {start}: choose {BUNDLED}, a folder that "
-              "tools.train.network wrote, or a published bundle (with model_index.json)", file=sys.stderr)
+              "tools.train.network wrote, or a published bundle", file=sys.stderr)
         return 2
     resolution = options.resolution or (256 if published else 128)
     if not published and resolution % SIDE:
