@@ -79,5 +79,5 @@ def test_two_sessions_side_by_side_make_the_pictures_of_one(job):
 def test_a_worker_without_the_weights_renders_nothing_and_fails(job):
     folder, start = job
     code, output = ended(start("none", ["1-2"], weights="/there/is/no/such/folder"))
-    assert code != 0 and "there is no weights folder /there/is/no/such/folder" in output
+    assert code != 0 and "There is no weights folder /there/is/no/such/folder" in output
     assert not (folder / "none").exists()

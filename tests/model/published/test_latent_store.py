@@ -53,7 +53,9 @@ def test_another_process_finds_textures_and_environment_again(published_bundle, 
     scene.tiles[[0, 6], 0, 0, 0] += 0.5
     assert np.abs(picture(published_bundle, file, scene) - first).max() > 0
     assert sum(encoded) == 5  # of that tile alone
-    np.testing.assert_array_equal(picture(published_bundle, None, scene), picture(published_bundle, file, scene))
+    # Other images in the batch change the last digits.
+    np.testing.assert_allclose(picture(published_bundle, None, scene), picture(published_bundle, file, scene),
+                               rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("part", ["vae/diffusion_pytorch_model", "metallic_transmission_mapper/model"])

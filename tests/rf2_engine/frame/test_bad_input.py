@@ -190,7 +190,7 @@ def test_unusable_weights_are_named(scene, tmp_path, files):
 
 
 def test_missing_packages_come_with_instructions(scene, tmp_path, monkeypatch):
-    monkeypatch.setitem(packages.PACKAGES, "torch_that_is_not_there", "torch-that-is-not-there==1.0")
+    monkeypatch.setitem(packages.PACKAGES, "torch_that_is_not_there", "safetensors")
     monkeypatch.setattr(packages, "NETWORK", (*packages.NETWORK, "torch_that_is_not_there"))
     expect_error(scene, tmp_path, "torch_that_is_not_there", "Install Packages", "pip install")
 
