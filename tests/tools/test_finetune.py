@@ -101,7 +101,8 @@ def bundle(tmp_path_factory) -> Path:
 
 def options(tmp_path: Path, start: Path, **more) -> argparse.Namespace:
     return argparse.Namespace(data=tmp_path / "data", start=start, out=tmp_path / "run", device="cpu", seed=0,
-                              cooldown=0.0, save_every=1000.0, **{"minutes": 0.02, **more})
+                              cooldown=0.0, save_every=1000.0, steps=None, scenes_per_step=None, log_every=50,
+                              precision="bf16", compile=False, **{"minutes": 0.02, **more})
 
 
 def test_a_published_network_learns_one_sample(tmp_path, bundle):

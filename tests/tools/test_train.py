@@ -16,12 +16,12 @@ from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
 from renderformer_v2.model.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
+from tools.datagen.facts import facts
 from tools.datagen.shards import load_sample, save_sample
 from tools.train import cache_key, config
 from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
-from tools.train.loader import admitted
 from tools.train.losses import PSNR_WEIGHT, image_loss, structure_loss
 from tools.train.network import sample_loss
 from tools.train.samples import build_sample, cached_sample, with_latents
@@ -153,13 +153,19 @@ def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
         torch.testing.assert_close(a, b, atol=1e-6, rtol=1e-4, msg=lambda m, name=name: f"{name}: {m}")
 
 
-def test_the_curriculum_admits_scenes_by_what_they_hold(stored):
-    sample = build_sample(stored)
-    assert admitted(sample, Stage(1, volumes=False, transmission=False))
-    assert not admitted(sample, Stage(1, max_triangles=10))
-    guides = replace(sample.view.guides, colors=torch.ones_like(sample.view.guides.colors))
-    glass = replace(sample, view=replace(sample.view, guides=guides))
-    assert not admitted(glass, Stage(1, transmission=False)) and admitted(glass, Stage(1))
+def test_the_curriculum_admits_scenes_by_what_they_hold(stored, tmp_path):
+    plain = facts(stored)
+    assert plain.environment and not (plain.volumes or plain.transmission) and plain.views == 1
+    assert (plain.triangles, plain.width, plain.height) == (len(floor_scene()), 64, 64)
+    assert Stage(1, volumes=False, transmission=False).admits(plain) and not Stage(1, environment=False).admits(plain)
+    assert not Stage(1, max_triangles=10).admits(plain) and Stage(1).admits_all()
+    scene, views, guides, passes = load_sample(stored)
+    glass = [replace(guide, transmission_color=np.ones_like(guide.transmission_color)) for guide in guides]
+    tiles = np.random.default_rng(0).random(scene.tiles.shape, np.float32)
+    save_sample(tmp_path / "scene_2.npz", replace(scene, tiles=tiles, environment=None), views, glass, passes)
+    other = facts(tmp_path / "scene_2.npz")
+    assert other.transmission and not other.environment and not Stage(1, transmission=False).admits(other)
+    assert other.textures and not plain.textures and not Stage(1, textures=False).admits(other)
 
 
 def changed(**values) -> str:

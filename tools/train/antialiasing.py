@@ -23,13 +23,14 @@ from renderformer_v2.model.guided.pipeline import GuidedPipeline
 from renderformer_v2.model.renderer import Renderer
 from tools.datagen.shards import load_sample
 
-from . import apart
+from . import apart, ranks
 from .augment import mirrored, recolored, turn_about_z
-from .errors import SampleError, TrainingError
+from .errors import TrainingError
+from .samples import unreadable
 
 CHANNELS = len(SEEN), 4, 4  # what is seen, the picture and its alpha, and both as they should be
 SIDE = 48                   # pixels of a part
-PARTS = 16                  # at a time
+PARTS = 16                  # at a time, by all processes together
 SURE = 5.0                  # of the pixel itself, to begin with
 WEIGHT_DECAY = 1e-4
 
@@ -39,7 +40,7 @@ def pixels(renderer: Renderer, path: Path) -> Tensor:
     try:
         scene, views, guides, passes = load_sample(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
-        raise SampleError(f"{path} cannot be read ({error}): delete it, and tools.datagen makes it again") from error
+        raise unreadable(path, error) from error
     encoded, found = renderer.encode(scene), []
     for view, guide, reference in zip(views, guides, passes, strict=True):
         radiance = encoded.view(view, guide)
@@ -62,8 +63,12 @@ def augmented(parts: Tensor) -> Tensor:
 
 
 def train(predictor: KernelPredictor, samples: list[Tensor], seconds: float, write) -> None:
-    """Fit a predictor to `pixels` of samples; `write()` is called in between and in the end."""
+    """Fit a predictor to `pixels` of samples; `write()` is called in between and in the end.
+
+    All processes draw the same parts, and each learns from its share of them.
+    """
     predictor.forget(SURE)
+    ranks.share(PARTS, "parts of a step")
 
     def display(picture: Tensor) -> Tensor:
         return torch.cat([shown(picture[:, :3]), picture[:, 3:]], 1)
@@ -71,7 +76,8 @@ def train(predictor: KernelPredictor, samples: list[Tensor], seconds: float, wri
     def gained() -> Tensor:
         chosen = (samples[i] for i in torch.randint(len(samples), (PARTS,)).tolist())
         parts = torch.stack([_part(sample) for sample in chosen])
-        known, ours, wanted = augmented(parts.float()).split(CHANNELS, 1)
+        own = augmented(parts.float())[ranks.rank()::ranks.count()]
+        known, ours, wanted = own.split(CHANNELS, 1)
         return apart.decibels(*map(display, (weighted(ours, predictor(known)), ours, wanted)))
 
     apart.gain_decibels(predictor, gained, seconds, WEIGHT_DECAY, write)

@@ -21,7 +21,7 @@ from renderformer_v2.model.threads import team
 from tools.arguments import whole_number
 from tools.datagen.shards import sample_paths
 
-from . import cache_key
+from . import cache_key, ranks
 from .errors import SampleError, TrainingError
 from .run import explained
 
@@ -42,20 +42,26 @@ def command(name: str, description: str, fit: Callable[[argparse.Namespace], Non
     parser.add_argument("--threads", type=whole_number(0), default=0, help="that train (default: all)")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    with team(options.threads):
+    options.device = "cpu"
+    with team(options.threads), ranks.joined(options):
         return explained(lambda: fit(options))
 
 
 def rendered(options: argparse.Namespace, network: GuidedRenderFormer, apart: Iterable[str],
              render: Callable[[Path], Tensor]) -> list[Tensor]:
-    """(V, C, h, w) f16 of every sample, as `RenderedFiles` has it; raises TrainingError if there is none."""
+    """(V, C, h, w) f16 of every sample, as `RenderedFiles` has it; raises TrainingError if there is none.
+
+    Each process that trains renders its share of them, and reads those of the others.
+    """
     files = RenderedFiles(options.data, options.rendered or options.data.parent / "rendered", network, apart, render)
-    found = []
-    for file in DataLoader(files, batch_size=None, num_workers=options.processes or os.cpu_count() or 1):
-        if file is not None:
-            found.append(load_file(file)["views"])
-            if len(found) % 50 == 0:
-                print(f"{len(found)} of {len(files)} samples", flush=True)
+    own, done = range(ranks.rank(), len(files), ranks.count()), {}
+    for i, file in zip(own, DataLoader(files, batch_size=None, sampler=own,
+                                       num_workers=options.processes or os.cpu_count() or 1)):
+        done[i] = file
+        if ranks.first() and len(done) % 50 == 0:
+            print(f"{len(done)} of {len(own)} samples", flush=True)
+    done = ranks.gathered(done)
+    found = [load_file(done[i])["views"] for i in sorted(done) if done[i] is not None]
     if not found:
         raise TrainingError(f"{options.data} holds no samples that can be read: make some with tools.datagen")
     return found
@@ -100,20 +106,30 @@ def decibels(after: Tensor, before: Tensor, wanted: Tensor) -> Tensor:
 
 
 def gain_decibels(part: nn.Module, gained: Callable[[], Tensor], seconds: float, weight_decay: float, write) -> None:
-    """Train a part by what is `gained()` at every step; `write()` is called in between and in the end."""
+    """Train a part by what is `gained()` at every step; `write()` is called in between and in the end.
+
+    With several processes `gained()` is of each one's share of a step.
+    """
     optimizer = torch.optim.AdamW((p for p in part.parameters() if p.requires_grad), LEARNING_RATE,
                                   weight_decay=weight_decay)
     begin, step, log = time.monotonic(), 0, []
     part.train()
-    while (left := 1 - (time.monotonic() - begin) / seconds) > 0:
+    mean_gain = ranks.with_shared_gradients(part, lambda: gained().mean())
+
+    def save() -> None:
+        if ranks.first():
+            write()
+
+    while (left := ranks.agreed(1 - (time.monotonic() - begin) / seconds)) > 0:
         optimizer.param_groups[0]["lr"] = LEARNING_RATE * min(1, (step + 1) / WARM_UP) * left
-        gain = gained().mean()
+        gain = mean_gain()
         optimizer.zero_grad()
         (-gain).backward()
         optimizer.step()
-        step, log = step + 1, [*log, float(gain.detach())]
+        step, log = step + 1, [*log, ranks.means({"gain": gain})["gain"]]
         if step % LOG_EVERY == 0:
-            print(f"step {step}: {sum(log) / len(log):.3f} dB gained", flush=True)
+            if ranks.first():
+                print(f"step {step}: {sum(log) / len(log):.3f} dB gained", flush=True)
             log = []
-            write()
-    write()
+            save()
+    save()

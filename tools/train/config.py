@@ -9,8 +9,11 @@ from pathlib import Path
 from torch import nn
 
 from renderformer_v2.model.presets import PRESETS
+from tools.datagen.facts import Facts
 
 from .errors import TrainingError
+
+KINDS = "textures", "environment", "volumes", "transmission"  # that a stage admits or does not
 
 
 @dataclass(frozen=True)
@@ -18,10 +21,21 @@ class Stage:
     """A stretch of the curriculum: until `steps` in total, only scenes that pass the limits."""
 
     steps: int                   # counted from the start of training
-    max_triangles: int = 10**9
+    max_triangles: int | None = None
+    textures: bool = True        # scenes with materials that vary within a triangle
+    environment: bool = True     # scenes that the world lights
     volumes: bool = True         # scenes with participating media
     transmission: bool = True    # scenes with glass
     unhinted: float = 0.2        # share of samples whose traced light is withheld, for "Network Alone"
+    dense: bool = False          # stage 1 of the network sees all tokens instead of a window
+
+    def admits_all(self) -> bool:
+        return self.max_triangles is None and all(getattr(self, kind) for kind in KINDS)
+
+    def admits(self, scene: Facts) -> bool:
+        """Whether a scene belongs to this stage."""
+        few = self.max_triangles is None or scene.triangles <= self.max_triangles
+        return few and all(getattr(self, kind) or not getattr(scene, kind) for kind in KINDS)
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch.utils.data import DataLoader, IterableDataset
+from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
+from tools.datagen.facts import Facts, facts
 from tools.datagen.shards import sample_paths
 
+from . import ranks
 from .augment import augment
 from .config import Stage
 from .errors import SampleError, TrainingError
-from .samples import TrainingSample, cached_sample, with_latents
+from .samples import TrainingSample, cached_sample, unreadable, with_latents
 
 LOOK_AGAIN = 1.0  # seconds
 
@@ -23,40 +25,77 @@ LOOK_AGAIN = 1.0  # seconds
 class SampleStream(IterableDataset):
     """Epoch after epoch in random order; the folder is read again at every epoch.
 
-    `seed` is the run's seed and the step at which the stream begins, so that a resumed run gets an order of its own.
+    Of `count` streams that differ in nothing but their `place` 0, 1, ... among them, each yields every count-th sample,
+    so together, in turn, they yield what one alone would. `seed` is the run's seed and the step at which the stream
+    begins, so that a resumed run gets an order of its own.
     `patience` is how many seconds to wait for more samples when none can be used. When they have passed, the stream
     yields a TrainingError, because one that is raised here would reach the reader with a traceback in its message.
     """
 
-    def __init__(self, folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float):
+    def __init__(self, folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,
+                 place: int = 0, count: int = 1):
         self.folder, self.cache, self.mapper, self.stage = folder, cache, mapper, stage
-        self.seed, self.patience, self.unreadable = seed, patience, set()
+        self.seed, self.patience, self.place, self.count = seed, patience, place, count
+        self.unreadable: set[Path] = set()
+        self.useless: set[Path] = set()  # those, and what the stage does not admit
+        self.facts: dict[Path, Facts] = {}
 
     def __iter__(self) -> Iterator[TrainingSample | TrainingError]:
         torch.set_num_threads(1)
-        generator = torch.Generator().manual_seed(int(np.random.SeedSequence(self.seed).generate_state(1)[0]))
+        worker, number = get_worker_info(), 0
+        place, count = ((self.place + self.count * worker.id, self.count * worker.num_workers) if worker
+                        else (self.place, self.count))
+        order = _generator(*self.seed)
         while True:
-            paths, useful = sample_paths(self.folder), 0
-            for i in torch.randperm(len(paths), generator=generator).tolist():
+            paths = sample_paths(self.folder)
+            for i in torch.randperm(len(paths), generator=order).tolist():
+                if not self._is_admitted(paths[i]):
+                    continue
+                number += 1
+                if number % count != place:
+                    continue
                 sample = self._sample(paths[i])
-                if sample is not None and admitted(sample, self.stage):
-                    useful += 1
-                    yield with_latents(augment(sample, generator, self.stage.unhinted), self.mapper)
-            if not useful and not self._grows(len(paths)):
-                yield TrainingError(self._problem(len(paths)))
-                return
+                if sample is not None:
+                    augmented = augment(sample, _generator(*self.seed, number), self.stage.unhinted)
+                    yield with_latents(augmented, self.mapper)
+            if self.useless.issuperset(paths):
+                if not self._grows(len(paths)):
+                    yield TrainingError(self._problem(len(paths)))
+                    return
+                self.useless.clear()
+
+    def _is_admitted(self, path: Path) -> bool:
+        """The same for all streams, so that they count alike."""
+        if self.stage.admits_all():
+            return True
+        if path not in self.facts:
+            try:
+                self.facts[path] = facts(path)
+            except Exception as error:  # a damaged archive raises whatever the damage leads to
+                self._leave_out(path, unreadable(path, error))
+                return False
+        if self.stage.admits(self.facts[path]):
+            return True
+        self.useless.add(path)
+        return False
 
     def _sample(self, path: Path) -> TrainingSample | None:
-        """None for a file that cannot be read, which is said once."""
+        """None for a file that cannot be read."""
         try:
             sample = cached_sample(path, self.cache)
         except SampleError as error:
-            if path not in self.unreadable:
-                print(f"{error} (left out)", flush=True)
-            self.unreadable.add(path)
+            self._leave_out(path, error)
             return None
+        self.useless.discard(path)
         self.unreadable.discard(path)
         return sample
+
+    def _leave_out(self, path: Path, error: SampleError) -> None:
+        """Said once."""
+        if path not in self.unreadable:
+            print(f"{error} (left out)", flush=True)
+        self.unreadable.add(path)
+        self.useless.add(path)
 
     def _grows(self, known: int) -> bool:
         """Wait until the folder holds more than `known` samples; whether it does in time."""
@@ -80,22 +119,20 @@ class SampleStream(IterableDataset):
                 "make more of them, or change the stages of --config")
 
 
-def admitted(sample: TrainingSample, stage: Stage) -> bool:
-    """Whether this scene belongs to this stage of the curriculum."""
-    glass = bool(sample.view.guides.colors[:, 2].amax() > 0.01)
-    return (len(sample.inputs.triangles) <= stage.max_triangles and (stage.volumes or sample.inputs.volumes is None)
-            and (stage.transmission or not glass))
+def _generator(*seed: int) -> torch.Generator:
+    return torch.Generator().manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
 
 
-def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int],
-           patience: float) -> Iterator[TrainingSample]:
-    """Samples prepared in a process of their own. Raises TrainingError when there are none of use."""
+def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,
+           workers: int = 1) -> Iterator[TrainingSample]:
+    """This process's share of the samples, prepared by `workers` other ones. Raises TrainingError without any of use.
+    """
     if not folder.is_dir():
         raise TrainingError(f"there is no folder {folder}: check --data, "
                             f"or make samples with python -m tools.datagen {folder}")
     cache.mkdir(parents=True, exist_ok=True)
-    samples = SampleStream(folder, cache, mapper, stage, seed, patience)
-    for sample in DataLoader(samples, batch_size=None, num_workers=1, prefetch_factor=4):
+    samples = SampleStream(folder, cache, mapper, stage, seed, patience, ranks.rank(), ranks.count())
+    for sample in DataLoader(samples, batch_size=None, num_workers=workers, prefetch_factor=4):
         if isinstance(sample, TrainingError):
             raise sample
         yield sample

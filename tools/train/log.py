@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The diary of a run: one JSON object a line, which a resumed run goes on with."""
+"""The diary of a run: one JSON object a line, which a resumed run goes on with; the first process keeps it."""
 from __future__ import annotations
 
 import json
 import time
 from pathlib import Path
 
-from torch import Tensor
+from . import ranks
 
 
 class Log:
@@ -14,21 +14,22 @@ class Log:
         self.path, self.begin = path, time.monotonic()
         self.sums: dict[str, float] = {}
         self.count = 0
-        if path.is_file() and not path.read_bytes().endswith(b"\n"):  # killed within a line
+        if ranks.first() and path.is_file() and not path.read_bytes().endswith(b"\n"):  # killed within a line
             self._append("\n")
 
-    def add(self, losses: dict[str, Tensor]) -> None:
-        """Count the losses of one scene into the means of the next line."""
+    def add(self, losses: dict[str, float]) -> None:
+        """Count the losses of one step into the means of the next line."""
         for name, value in losses.items():
-            self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
+            self.sums[name] = self.sums.get(name, 0.0) + value
         self.count += 1
 
     def write(self, step: int, **more) -> None:
         """A line with the means since the last one, also printed."""
         record = {"step": step, "minutes": round((time.monotonic() - self.begin) / 60, 2)}
-        record |= {name: round(total / self.count, 5) for name, total in self.sums.items()} | more
-        self._append(json.dumps(record) + "\n")
-        print(record, flush=True)
+        record |= {name: round(total / self.count, 7) for name, total in self.sums.items()} | more
+        if ranks.first():
+            self._append(json.dumps(record) + "\n")
+            print(record, flush=True)
         self.sums, self.count = {}, 0
 
     def _append(self, text: str) -> None:

@@ -26,8 +26,9 @@ from torch import Tensor, nn
 from renderformer_v2.model.material.autoencoder import MaterialAutoencoder
 from renderformer_v2.model.material.mappers import MetallicTransmissionMapper
 
+from . import ranks
 from .errors import TrainingError
-from .run import explained
+from .run import explained, resume
 from .state import TrainingState
 
 AUTOENCODER = {"image_size": 64, "widths": (32, 64, 128), "residual_blocks": 1, "groups": 8}
@@ -78,18 +79,23 @@ def _load_shard(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fit(model: nn.Module, loss_of_batch, count: int, path: Path, *, steps: int, batch: int, rate: float) -> None:
-    """AdamW with a one-cycle learning rate over `count` samples; `loss_of_batch(indices)` gives the loss."""
+    """AdamW with a one-cycle learning rate over `count` samples; `loss_of_batch(indices)` gives the loss.
+
+    Each process takes its share of the `batch`.
+    """
+    ranks.share(batch, "spheres of a step")
     state = TrainingState(model, rate, weight_decay=0.01, average_decay=0.0)
-    state.resume(path)
+    resume(state, path)
+    loss_of_batch = ranks.with_shared_gradients(model, loss_of_batch)
     average, start = None, time.time()
     while state.step < steps:
         indices = torch.randint(count, (batch,), generator=torch.Generator().manual_seed(state.step + state.skipped))
-        loss = loss_of_batch(indices)
+        loss = loss_of_batch(indices[ranks.rank()::ranks.count()])
         loss.backward()
         if not state.advance(rate * one_cycle(state.step / steps), clip_norm=1.0):
             continue
         average = loss.item() if average is None else 0.98 * average + 0.02 * loss.item()
-        if state.step % 100 == 0 or state.step == steps:
+        if ranks.first() and (state.step % 100 == 0 or state.step == steps):
             print(f"{path.stem} {state.step}/{steps}: loss {average:.5f}, {time.time() - start:.0f} s", flush=True)
             state.save(path)
 
@@ -170,6 +176,8 @@ def train(args: argparse.Namespace) -> None:
     model, mapper = MaterialAutoencoder(**AUTOENCODER), MetallicTransmissionMapper(**MAPPER)
     train_mapper(mapper, model, parameters[HELD_OUT:], images[HELD_OUT:], args.work, args.mapper_steps)
     train_encoder(mapper, model, parameters[HELD_OUT:], images[HELD_OUT:], args.work, args.encoder_steps)
+    if not ranks.first():
+        return
     print(json.dumps(held_out_errors(mapper, model, parameters[:HELD_OUT], images[:HELD_OUT])))
     save(mapper, args.out / "metallic_transmission_mapper", MAPPER)
     save(model, args.out / "material_autoencoder", AUTOENCODER)
@@ -183,7 +191,9 @@ def main() -> int:
     parser.add_argument("--mapper-steps", type=int, default=2000, help="of mapper and decoder")
     parser.add_argument("--encoder-steps", type=int, default=500)
     args = parser.parse_args()
-    return explained(lambda: train(args))
+    args.device = "cpu"
+    with ranks.joined(args):
+        return explained(lambda: train(args))
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from renderformer_v2.model.guided.decoding import decode_light
 from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import PRESETS
+from tools.arguments import whole_number
 
 from .config import TrainConfig
 from .loader import stream
@@ -64,7 +65,8 @@ def _scenes(options: argparse.Namespace, config: TrainConfig, state: TrainingSta
     while True:
         if config.stage(state.step) != stage:
             stage = config.stage(state.step)
-            samples = stream(options.data, options.cache, mapper, stage, (options.seed, state.step), options.wait * 60)
+            samples = stream(options.data, options.cache, mapper, stage, (options.seed, state.step), options.wait * 60,
+                             options.workers)
         yield next(samples)
 
 
@@ -72,6 +74,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.train.network", description=__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of samples, may still be growing")
     parser.add_argument("--cache", type=Path, help="prepared samples (default: DATA/../cache)")
+    parser.add_argument("--workers", type=whole_number(1), default=1, help="that prepare samples, of each process")
     parser.add_argument("--start", type=Path, metavar="WEIGHTS_DIR", help="begin with these weights: fine-tuning")
     parser.add_argument("--wait", type=float, default=5.0, help="minutes, for samples where there are none of use yet")
     add_arguments(parser, "rf2_small.json")

@@ -20,6 +20,7 @@ from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
 from renderformer_v2.model.published.image_encoder import find_vae
 from renderformer_v2.model.published.pipeline import PublishedPipeline
 
+from . import ranks
 from .config import TrainConfig
 from .errors import TrainingError
 from .losses import image_loss, perceptual_term
@@ -50,10 +51,11 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     del pipeline  # and with it the image encoder
     state = TrainingState(network, config.learning_rate, config.weight_decay, config.average_decay)
     perceptual = perceptual_term(device)
-    copy_bundle(options.start, bundle, {f"{variant}/{WEIGHTS}"})
+    if ranks.first():
+        copy_bundle(options.start, bundle, {f"{variant}/{WEIGHTS}"})
 
     def scenes() -> Iterator[PublishedSample]:
-        yield from endless(samples, (options.seed, state.step))
+        yield from endless(samples, (options.seed, state.step), ranks.rank(), ranks.count())
 
     run(state, config, options, scenes(), lambda sample: sample_loss(network, sample, perceptual),
         lambda: write_transformer(bundle / variant, network, state.average))

@@ -2,6 +2,7 @@
 """Training samples for a published bundle: the inputs that its pipeline makes, and the expected output."""
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.tensors import view_inputs
 from tools.datagen.shards import load_sample, sample_paths
 
+from . import ranks
 from .errors import SampleError, TrainingError
 
 
@@ -49,16 +51,17 @@ def load_samples(folder: Path, pipeline: PublishedPipeline) -> list[PublishedSam
             samples.append(build_sample(path, pipeline))
         except Exception as error:  # a damaged archive raises whatever the damage leads to
             raise SampleError(f"{path} cannot be used ({error}): delete it, and make it again") from error
-        print(f"{path.name}: {len(samples[-1].inputs.texture)} textures encoded", flush=True)
+        if ranks.first():
+            print(f"{path.name}: {len(samples[-1].inputs.texture)} textures encoded", flush=True)
     return samples
 
 
-def endless(samples: list, seed: tuple[int, int]) -> Iterator:
-    """Epoch after epoch in random order."""
+def endless(samples: list, seed: tuple[int, int], place: int = 0, count: int = 1) -> Iterator:
+    """Epoch after epoch in random order; of those, every count-th one from `place` on."""
     random = np.random.default_rng(seed)
-    while True:
-        for i in random.permutation(len(samples)):
-            yield samples[i]
+    orders = (random.permutation(len(samples)) for _ in itertools.count())
+    for i in itertools.islice(itertools.chain.from_iterable(orders), place, None, count):
+        yield samples[i]
 
 
 def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The training loop: so many minutes of steps, with a diary, and saved so that another run goes on from there."""
+"""The training loop: steps for some minutes or up to a number, with a diary, saved so that another run goes on from
+there, with as many processes as torchrun starts.
+"""
 from __future__ import annotations
 
 import argparse
@@ -15,48 +17,59 @@ from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.threads import team
 from tools.arguments import whole_number
 
+from . import ranks
+from .compiled import compile_parts
 from .config import TrainConfig
 from .errors import TrainingError
 from .log import Log
 from .state import TrainingState
 
-LOG_EVERY = 50  # steps
+PRECISIONS = {"bf16": torch.bfloat16, "fp32": torch.float32}
 
 
 def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, scenes: Iterator,
         losses_of: Callable[..., dict[str, Tensor]], write_weights: Callable[[], None]) -> None:
-    """Go on from what `options.out` holds, for `options.minutes`.
+    """Go on from what `options.out` holds, for `options.minutes` or until `options.steps` are done in all.
 
-    scenes: endless samples, asked for after the state is restored. losses_of(sample): losses on the sample's device,
-    the one to minimise under "total". write_weights: saves the running average for rendering.
+    scenes: endless samples of this process, asked for after the state is restored. losses_of(sample): losses on the
+    sample's device, the one to minimise under "total". write_weights: saves the running average for rendering.
     Raises TrainingError when training has gone wrong.
     """
     device, saved = torch.device(options.device), options.out / "state.safetensors"
+    scenes_per_step = ranks.share(options.scenes_per_step or config.scenes_per_step, "--scenes-per-step")
     options.out.mkdir(parents=True, exist_ok=True)
-    state.resume(saved)
-    print(f"{sum(p.numel() for p in state.model.parameters()):,} parameters, step {state.step}", flush=True)
+    resume(state, saved)
+    if options.compile:
+        compile_parts(state.model)
+    losses_of = ranks.with_shared_gradients(state.model, losses_of)
+    precision = PRECISIONS[options.precision]
+    if ranks.first():
+        size = sum(p.numel() for p in state.model.parameters())
+        print(f"{ranks.count()} process(es), {size:,} parameters, step {state.step}", flush=True)
     log, begin = Log(options.out / "log.jsonl"), time.monotonic()
-    last_save, seconds, cooldown = begin, options.minutes * 60, options.cooldown * 60
+    last_save = begin
 
     def save() -> None:
-        state.save(saved)
-        write_weights()
+        if ranks.first():
+            state.save(saved)
+            write_weights()
 
-    while (elapsed := time.monotonic() - begin) < seconds:
-        left = min(1.0, (seconds - elapsed) / cooldown) if cooldown else 1.0
+    while left := ranks.agreed(_left(options, state.step, time.monotonic() - begin)):
         rate = config.learning_rate * min(1.0, (state.step + 1) / config.warmup_steps) * left
         found = []
-        for _ in range(config.scenes_per_step):
+        for i in range(scenes_per_step):
             sample = next(scenes).to(device)
-            with torch.autocast(device.type, torch.bfloat16):
-                found.append(losses_of(sample))
-            (found[-1]["total"] / config.scenes_per_step).backward()
+            with ranks.accumulating(losses_of, last=i == scenes_per_step - 1):
+                with torch.autocast(device.type, precision, enabled=precision != torch.float32):
+                    found.append(losses_of(sample))
+                (found[-1]["total"] / scenes_per_step).backward()
+        losses = ranks.means({name: sum(losses[name].detach() for losses in found) / scenes_per_step
+                              for name in found[0]})
         if state.advance(rate, config.clip_norm):
-            for losses in found:
-                log.add(losses)
-            if state.step % LOG_EVERY == 0:
+            log.add(losses)
+            if state.step % options.log_every == 0:
                 log.write(state.step, skipped=state.skipped)
-        else:
+        elif ranks.first():
             print(f"step {state.step + 1}: skipped, its gradients are not finite", flush=True)
         if time.monotonic() - last_save > options.save_every:
             save()
@@ -66,12 +79,39 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
     save()
 
 
+def resume(state: TrainingState, saved: Path) -> None:
+    """Every process reads the file; the first one comes first, because it sets damaged ones aside."""
+    ranks.one_after_another(lambda: state.resume(saved))
+    if state.step != ranks.agreed(state.step):
+        raise TrainingError(f"{saved} is not the same file for all processes: choose an --out that all machines share")
+
+
+def _left(options: argparse.Namespace, step: int, elapsed: float) -> float:
+    """What remains of the learning rate after so many steps and seconds: 1, falling at the end, 0 when it is over."""
+    if options.steps is not None and step >= options.steps:
+        return 0.0
+    if options.minutes is None:
+        return 1.0
+    left = 60 * options.minutes - elapsed
+    if left <= 0:
+        return 0.0
+    return min(1.0, left / (60 * options.cooldown)) if options.cooldown else 1.0
+
+
 def add_arguments(parser: argparse.ArgumentParser, config: str) -> None:
     """What every training takes; `config` is the file beside this one that holds the defaults."""
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--config", type=Path, default=Path(__file__).with_name(config))
-    parser.add_argument("--minutes", type=float, required=True)
-    parser.add_argument("--cooldown", type=float, default=0.0, help="minutes at the end with a falling learning rate")
+    length = parser.add_argument_group("how long, of which one is needed")
+    length.add_argument("--minutes", type=float, help="of this run")
+    length.add_argument("--steps", type=whole_number(1), help="of this and earlier runs in --out, all together")
+    parser.add_argument("--cooldown", type=float, default=0.0,
+                        help="of the --minutes, those at the end with a falling learning rate")
+    parser.add_argument("--scenes-per-step", type=whole_number(1), metavar="N",
+                        help="of all processes together (default: the configuration's)")
+    parser.add_argument("--precision", choices=PRECISIONS, default="bf16", help="of the products (default bf16)")
+    parser.add_argument("--compile", action="store_true", help="let torch.compile join small operations, for cards")
+    parser.add_argument("--log-every", type=whole_number(1), default=50, metavar="STEPS", help="default 50")
     parser.add_argument("--save-every", type=float, default=180.0, help="seconds")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--threads", type=whole_number(0), default=0, help="processor threads (default: all)")
@@ -80,8 +120,13 @@ def add_arguments(parser: argparse.ArgumentParser, config: str) -> None:
 
 def status(train: Callable[[argparse.Namespace, TrainConfig], None], options: argparse.Namespace) -> int:
     """Train with `add_arguments`, and return the exit status as `explained` does."""
-    with team(options.threads):
-        return explained(lambda: train(options, TrainConfig.load(options.config)))
+    def work() -> None:
+        if options.minutes is None and options.steps is None:
+            raise TrainingError("--minutes or --steps: say for how long to train")
+        train(options, TrainConfig.load(options.config))
+
+    with team(options.threads), ranks.joined(options):
+        return explained(work)
 
 
 def explained(work: Callable[[], None]) -> int:

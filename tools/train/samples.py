@@ -47,12 +47,16 @@ def with_latents(sample: TrainingSample, mapper) -> TrainingSample:
     return replace(sample, inputs=replace(sample.inputs, texture=material_tiles(sample.inputs.texture, mapper)))
 
 
+def unreadable(path: Path, error: Exception) -> SampleError:
+    return SampleError(f"{path} cannot be read ({error}): delete it, and tools.datagen makes it again")
+
+
 def build_sample(path: Path) -> TrainingSample:
     """From one file of tools.datagen. Raises SampleError when it cannot be read."""
     try:
         scene, views, guides, passes = load_sample(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
-        raise SampleError(f"{path} cannot be read ({error}): delete it, and tools.datagen makes it again") from error
+        raise unreadable(path, error) from error
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
     prior = LightPrior(normalized)

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What `test_train_ranks.py` has two processes do: `torchrun ... -m tests.tools.rank_program FOLDER`."""
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import torch
+from torch import nn
+
+import tools  # noqa: F401  makes the package `renderformer_v2` importable
+from renderformer_v2.model.guided.antialiasing import KernelPredictor
+from tools.train import antialiasing, material, ranks
+from tools.train.errors import TrainingError
+
+
+def spheres(work: Path) -> list[float]:
+    """Weights of a small part after three steps of `material.fit`."""
+    torch.manual_seed(0)
+    model = nn.Sequential(nn.Linear(3, 4), nn.ReLU(), nn.Linear(4, 2))
+    x = torch.linspace(0, 1, 90).view(30, 3)
+    work.mkdir(exist_ok=True)
+    material.fit(model, lambda indices: (model(x[indices]) - 1).square().mean(), len(x), work / "part.safetensors",
+                 steps=3, batch=8, rate=0.1)
+    return torch.cat([p.detach().flatten() for p in model.parameters()]).tolist()
+
+
+def kernels(work: Path) -> list[float]:
+    """The same after a second of `antialiasing.train`, which the first process alone writes."""
+    torch.manual_seed(0)
+    predictor = KernelPredictor(4)
+    samples = [torch.rand(1, sum(antialiasing.CHANNELS), 48, 48).half() for _ in range(2)]
+    antialiasing.train(predictor, samples, 1.0, lambda: (work / f"written-by-{ranks.rank()}").touch())
+    return torch.cat([p.detach().flatten() for p in predictor.parameters()]).tolist()
+
+
+def shared_out() -> str:
+    try:
+        return str(ranks.share(3, "--scenes-per-step"))
+    except TrainingError as error:
+        return str(error)
+
+
+def main() -> None:
+    folder, options = Path(sys.argv[1]), argparse.Namespace(device="cpu")
+    torch.set_num_threads(1)
+    with ranks.joined(options):
+        found = {"spheres": spheres(folder / f"work-{ranks.count()}"), "kernels": kernels(folder),
+                 "share": shared_out(), "agreed": ranks.agreed(float(ranks.rank() + 5)),
+                 "means": ranks.means({"a": torch.tensor(float(ranks.rank()))})["a"],
+                 "gathered": sorted(ranks.gathered({ranks.rank(): None}))}
+        (folder / f"{ranks.rank()}-of-{ranks.count()}.json").write_text(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()
