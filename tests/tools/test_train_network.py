@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from tests.model.samples import floor_scene, floor_view
+from tools.datagen import manifest
 from tools.datagen.shards import save_sample
 from tools.evaluate import __main__ as evaluate
 from tools.train import losses, network
@@ -65,6 +66,18 @@ def test_data_that_gives_nothing_is_an_error_and_no_endless_wait(tmp_path, count
         (tmp_path / "data").mkdir()
     with pytest.raises(TrainingError, match=message):
         next(stream(tmp_path / "data", tmp_path / "cache", mapper, stage, (0, 0), 0.0))
+
+
+def test_what_the_manifest_says_of_a_sample_spares_reading_it(tmp_path):
+    for seed in (1, 2):
+        write(tmp_path / "data", seed)
+    lines = [manifest.line(path) for path in sorted((tmp_path / "data").glob("scene_*.npz"))]
+    lines[0]["volumes"] = True  # which is not so
+    manifest.append(tmp_path / "data" / "manifest_00000001.jsonl", lines)
+    samples = stream(tmp_path / "data", tmp_path / "cache", mapper, Stage(1, volumes=False), (0, 0), 0.0)
+    plain = iter(SampleStream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 0.0))
+    assert {float(next(samples).direct.mean()) for _ in range(4)} == {
+        max(float(next(plain).direct.mean()) for _ in range(2))}
 
 
 def test_a_broken_file_is_named_once_and_left_out(tmp_path, capfd):

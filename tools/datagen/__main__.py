@@ -3,7 +3,8 @@
 
 One file per seed; seeds whose file is there are skipped, so a killed run goes on where it was. A seed always gives the
 same scene. --profile simple has no textures, glass or volumes and at most four lights; mixed makes every third seed
-(those that 3 divides) simple and the others full. What wide holds is said in wide.py.
+(those that 3 divides) simple and the others full. What wide and paper hold is said in wide.py and paper.py. A line of
+each sample goes into a manifest (manifest.py). --hdris, --meshes and --textures name folders of your own files.
 
 python -m tools.datagen OUT_DIR --blend FILE.blend [FILE.blend ...]: samples of your own scenes (blend_files.py). The
 files are opened and never saved; a sample is made again when its file is newer.
@@ -22,6 +23,7 @@ import numpy as np
 
 from tools.arguments import whole_number
 
+from . import manifest, own
 from .console import silence_blender
 from .shards import sample_path, save_sample
 
@@ -30,10 +32,11 @@ ATTEMPTS = 8
 
 
 def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int, threads: int,
-             resolution: int | None = None, equal: int = 0) -> int:
+             resolution: int | None = None, triangles: int | None = None, equal: int = 0) -> int:
     """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed.
 
-    resolution: pixels, in place of the scenes' own. equal: samples of a second picture by Cycles, for comparison.
+    resolution: pixels, triangles: the most of a scene; in place of the scenes' own. equal: samples of a second
+    picture by Cycles, for comparison.
     Raises OSError when `out` cannot be written.
     """
     from . import reference
@@ -41,17 +44,19 @@ def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int,
     out.mkdir(parents=True, exist_ok=True)
     reference.prepare(threads)
     made, failed, start = 0, 0, time.time()
+    lines = out / f"manifest_{seeds.start:08d}.jsonl"
     for seed in seeds:
         path = sample_path(out, seed)
         if path.exists():
             continue
         try:
-            sample, attempt = make(seed, profile, views, samples, resolution, equal)
+            sample, attempt = make(seed, profile, views, samples, resolution, triangles, equal)
         except Exception:  # one odd scene must not end a run of days
             print(f"seed {seed} failed:", traceback.format_exc(), sep="\n")
             failed += 1
             continue
         save_sample(path, sample.scene, sample.views, sample.guides, sample.passes)
+        manifest.append(lines, [manifest.line(path)])
         made += 1
         times = " ".join(f"{stage} {seconds:.2f}" for stage, seconds in sample.seconds.items())
         print(f"{path.name}: {len(sample.scene)} triangles, attempt {attempt + 1}, {times} s; "
@@ -59,7 +64,8 @@ def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int,
     return failed
 
 
-def make(seed: int, profile: str, views: int, samples: int, resolution: int | None, equal: int = 0):
+def make(seed: int, profile: str, views: int, samples: int, resolution: int | None, triangles: int | None = None,
+         equal: int = 0):
     """The first well exposed reference.Sample of a seed, or its last one, and the number of attempts before it."""
     from . import reference, scene_generator
 
@@ -67,7 +73,7 @@ def make(seed: int, profile: str, views: int, samples: int, resolution: int | No
         profile = "full" if seed % 3 else "simple"
     for attempt in range(ATTEMPTS):
         last = attempt == ATTEMPTS - 1
-        setup = scene_generator.build_scene((seed, attempt), profile, views)
+        setup = scene_generator.build_scene((seed, attempt), profile, views, triangles)
         if resolution:
             setup = setup._replace(resolution=resolution)
         sample = reference.make_sample(setup, samples,
@@ -90,12 +96,18 @@ def main() -> int:
     parser.add_argument("--first-seed", type=whole_number(0))
     parser.add_argument("--views", type=whole_number(1), help="of a scene (default 2), or of a file (default 8)")
     parser.add_argument("--resolution", type=whole_number(1),
-                        help="of all pictures (default 128; wide: 128 to 512 by chance)")
+                        help="of all pictures (default 128; paper: 256; wide: 128 to 512 by chance)")
+    parser.add_argument("--triangles", type=whole_number(256),
+                        help="of a scene at most (default 3072; paper: 1024; wide: 2048 to 16384 by chance)")
     parser.add_argument("--samples", type=whole_number(1), default=32,
                         help="of the reference, before OpenImageDenoise")
     parser.add_argument("--equal", type=whole_number(0), default=0, metavar="N",
                         help="also store Cycles with N samples and OpenImageDenoise, for tools.evaluate")
-    parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide"), default="full")
+    parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide", "paper"), default="full")
+    for option, what in (("--hdris", "panoramas"), ("--meshes", "objects"), ("--textures", "sets of texture maps")):
+        parser.add_argument(option, type=Path, metavar="DIR", help=f"your own {what}, beside those that are built in")
+    parser.add_argument("--own", type=float, default=0.5, metavar="SHARE",
+                        help="of what is chosen, how much is yours: 0 to 1 (default 0.5)")
     parser.add_argument("--processes", type=whole_number(0), default=0,
                         help="each takes every n-th seed; 0 = one per core")
     parser.add_argument("--threads", type=whole_number(0), default=0,
@@ -106,6 +118,11 @@ def main() -> int:
         return blend_samples(args)
     if args.scenes is None or args.first_seed is None:
         parser.error("either --blend, or --scenes and --first-seed are needed")
+    try:
+        own.use(args.hdris, args.meshes, args.textures, args.own)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 2
     # One thread each leaves no core idle while a process converts, looks for hits or writes.
     processes = min(args.processes or os.cpu_count() or 1, args.scenes)
     if processes > 1 and not args.part:
@@ -115,7 +132,8 @@ def main() -> int:
     seeds = range(first, args.first_seed + args.scenes, processes)
     try:
         failed = generate(args.out, seeds, profile=args.profile, views=args.views or 2, samples=args.samples,
-                          threads=args.threads, resolution=args.resolution, equal=args.equal)
+                          threads=args.threads, resolution=args.resolution, triangles=args.triangles,
+                          equal=args.equal)
     except OSError as error:
         return not_written(args.out, error)
     return 1 if failed else 0

@@ -7,6 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from . import own, own_data
+
 STUDIO_LIGHTS = ("city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset")
 ORDERS = ("RGB", "RBG", "GRB", "GBR", "BRG", "BGR")
 IMPORTANCE_MAP = 256  # Cycles' automatic choice costs 1.3 s a scene
@@ -44,8 +46,13 @@ def new_world() -> tuple[bpy.types.World, bpy.types.ShaderNode]:
 
 def add_hdri(rng: np.random.Generator, world: bpy.types.World, background: bpy.types.ShaderNode,
              radiance: float) -> None:
-    """A studio light, its channels permuted against colour bias, turned about Z and by chance about all axes."""
-    image, scale = permuted_environment(str(rng.choice(STUDIO_LIGHTS)), str(rng.choice(ORDERS)))
+    """A studio light or a panorama of the user's, its channels permuted against colour bias.
+
+    It is turned about Z, and by chance about all axes.
+    """
+    path = own.current.chosen(rng, "panoramas")
+    found = own_data.panorama(path, str(rng.choice(ORDERS))) if path else None
+    image, scale = found or permuted_environment(str(rng.choice(STUDIO_LIGHTS)), str(rng.choice(ORDERS)))
     background.inputs["Strength"].default_value = radiance * scale
     tilt = rng.uniform(-np.pi, np.pi, 2) if rng.uniform() < 0.2 else (0.0, 0.0)
     link_panorama(world, background, image, (*tilt, rng.uniform(-np.pi, np.pi)))

@@ -19,16 +19,19 @@ OUTSIDE = (0.3, 0.06, 0.24, 0.16, 0.12, 0.12)  # chance of each kind
 INSIDE = (0.2, 0.1, 0.4, 0.25, 0.05, 0.0)      # below a ceiling
 
 
-def build_lights(rng: np.random.Generator, room: Room, count: int, irradiance: float) -> None:
-    """`count` lights that share `irradiance` W/m^2 (facing surface at the origin, no shadows)."""
+def build_lights(rng: np.random.Generator, room: Room, count: int, irradiance: float, kind: str | None = None) -> None:
+    """`count` lights that share `irradiance` W/m^2 (facing surface at the origin, no shadows).
+
+    kind: one of KINDS, or any of them by chance.
+    """
     shares = rng.dirichlet(np.full(count, 2.0)) * irradiance
     for i, share in enumerate(shares):
-        kind = str(rng.choice(KINDS, p=INSIDE if room.enclosed else OUTSIDE))
+        chosen = kind or str(rng.choice(KINDS, p=INSIDE if room.enclosed else OUTSIDE))
         position, target = light_position(rng, room), rng.uniform(-0.2, 0.2, 3)
-        if kind in ("triangle", "mesh"):
-            light = emitter(rng, f"light {i}", kind, room, position, share)
+        if chosen in ("triangle", "mesh"):
+            light = emitter(rng, f"light {i}", chosen, room, position, share)
         else:
-            light = lamp(rng, f"light {i}", kind, room, np.linalg.norm(position - target), share)
+            light = lamp(rng, f"light {i}", chosen, room, np.linalg.norm(position - target), share)
             light.rotation_euler = Vector(target - position).to_track_quat("-Z", "Y").to_euler()
         light.location = position
         light.visible_camera = bool(rng.uniform() < 0.3)

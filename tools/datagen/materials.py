@@ -2,21 +2,25 @@
 """The five material classes of the paper's section "Training Data", as Principled BSDFs.
 
 Homogeneous dielectric (diffuse + specular), homogeneous metallic-rough, textured versions of both, and transparent.
-MatSynth's photographed maps are replaced by procedural ones.
+MatSynth's photographed maps are replaced by procedural ones, and those of the user's own folders.
 """
 from __future__ import annotations
 
 import colorsys
+from pathlib import Path
 
 import bpy
 import numpy as np
 
+from . import own, own_data
 from .textures import color_map, make_image, normal_map, pattern
 
 CLASSES = ("dielectric", "metallic", "textured_dielectric", "textured_metallic", "transparent")
 CHANCES = {  # profile and use -> chance of each class
     ("full", "object"): (2 / 9, 2 / 9, 3 / 18, 3 / 18, 2 / 9),
     ("full", "room"): (0.45, 0.1, 0.3, 0.15, 0.0),  # rooms are never glass (docs/scene-input.md 3.3)
+    ("paper", "object"): (2 / 9, 2 / 9, 1 / 9, 1 / 9, 3 / 9),
+    ("paper", "room"): (1 / 3, 1 / 3, 1 / 6, 1 / 6, 0.0),
     ("simple", "object"): (0.6, 0.4, 0.0, 0.0, 0.0),
     ("simple", "room"): (0.85, 0.15, 0.0, 0.0, 0.0),
 }
@@ -65,7 +69,10 @@ def random_roughness(rng: np.random.Generator, use: str) -> float:
 
 def add_maps(rng: np.random.Generator, material: bpy.types.Material, shader: bpy.types.ShaderNode, use: str,
              *, metallic: bool) -> None:
-    """Base colour always; roughness, metallic and normal maps of the same pattern by chance."""
+    """Base colour always; roughness, metallic and normal maps of the same pattern by chance, or a set of the user's."""
+    files = own.current.chosen(rng, "textures")
+    if files and add_own_maps(material, shader, files, metallic=metallic):
+        return
     value = pattern(rng)
     base = color_map(value, np.array(random_color(rng, use)), np.array(random_color(rng, use)))
     link_image(material, make_image("base color", base, color=True), shader.inputs["Base Color"])
@@ -77,9 +84,29 @@ def add_maps(rng: np.random.Generator, material: bpy.types.Material, shader: bpy
         link_image(material, make_image("metallic", value, color=False), shader.inputs["Metallic"])
     if rng.uniform() < 0.3:
         image = make_image("normal", normal_map(pattern(rng), rng.uniform(0.5, 2.0)), color=False)
-        node = material.node_tree.nodes.new("ShaderNodeNormalMap")
-        link_image(material, image, node.inputs["Color"])
-        material.node_tree.links.new(node.outputs["Normal"], shader.inputs["Normal"])
+        link_normals(material, shader, image)
+
+
+def add_own_maps(material: bpy.types.Material, shader: bpy.types.ShaderNode, files: dict[str, Path], *,
+                 metallic: bool) -> bool:
+    """What there is of a set of maps; whether it can be used."""
+    maps = own_data.maps(files)
+    if maps is None:
+        return False
+    link_image(material, maps["base"], shader.inputs["Base Color"])
+    if "roughness" in maps:
+        link_image(material, maps["roughness"], shader.inputs["Roughness"])
+    if metallic and "metallic" in maps:
+        link_image(material, maps["metallic"], shader.inputs["Metallic"])
+    if "normal" in maps:
+        link_normals(material, shader, maps["normal"])
+    return True
+
+
+def link_normals(material: bpy.types.Material, shader: bpy.types.ShaderNode, image: bpy.types.Image) -> None:
+    node = material.node_tree.nodes.new("ShaderNodeNormalMap")
+    link_image(material, image, node.inputs["Color"])
+    material.node_tree.links.new(node.outputs["Normal"], shader.inputs["Normal"])
 
 
 def link_image(material: bpy.types.Material, image: bpy.types.Image, socket: bpy.types.NodeSocket) -> None:

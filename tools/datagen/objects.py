@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects: Blender's primitives, Suzanne and text under random modifiers (docs/scene-input.md 1.2)."""
+"""Objects: Blender's primitives, Suzanne and text under random modifiers (docs/scene-input.md 1.2), or the user's."""
 from __future__ import annotations
 
 import bmesh
@@ -8,6 +8,7 @@ import numpy as np
 
 from mathutils import Euler
 
+from . import own, own_data
 from .mesh import box_uv, coordinates, evaluated_mesh, fit, shading, subdivided
 from .templates import Room
 
@@ -29,10 +30,12 @@ def build_object(rng: np.random.Generator, name: str, triangle_limit: int, *, fi
 
     With `fill` it is subdivided until it has about as many triangles as it may.
     """
-    shape = str(rng.choice(SHAPES))
-    source = text_object(rng) if shape == "text" else bpy.data.objects.new(name, primitive(rng, shape))
+    path = own.current.chosen(rng, "meshes")
+    found = own_data.mesh(path) if path else None
+    shape = "own" if found else str(rng.choice(SHAPES))
+    source = text_object(rng) if shape == "text" else bpy.data.objects.new(name, found or primitive(rng, shape))
     bpy.context.scene.collection.objects.link(source)
-    if shape != "text":
+    if shape not in ("text", "own"):
         add_modifiers(rng, source, shape)
     mesh = evaluated_mesh(source)
     triangles = sum(len(p.vertices) - 2 for p in mesh.polygons)

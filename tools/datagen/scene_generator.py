@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import wide
+from . import own_data, paper, wide
 from .cameras import Setup, build_cameras
 from .environments import build_world
 from .lights import build_lights
@@ -20,17 +20,21 @@ VOLUMES = {"simple": (1.0, 0.0, 0.0), "full": (0.7, 0.18, 0.12)}   # 0, 1, 2
 ATTEMPTS = 20
 
 
-def build_scene(seed: tuple[int, ...], profile: str, views: int) -> Setup:
+def build_scene(seed: tuple[int, ...], profile: str, views: int, triangles: int | None = None) -> Setup:
     """Replace everything in the open file by the scene of `seed`.
 
+    triangles: most of the RenderScene, in place of the profile's own.
     Raises RuntimeError when no attempt gives `views` good views.
     """
     for attempt in range(ATTEMPTS):
         clear()
         rng = np.random.default_rng([*seed, attempt])
-        setup = wide.build(rng, views) if profile == "wide" else _build(rng, profile, views)
+        if profile == "paper":
+            setup = paper.build(rng, views, triangles or paper.TRIANGLES)
+        else:
+            setup = wide.build(rng, views) if profile == "wide" else _build(rng, profile, views)
         if setup is not None:
-            return setup
+            return setup._replace(token_budget=triangles or setup.token_budget)
     raise RuntimeError(f"seed {seed[0]}: no scene with {views} good views in {ATTEMPTS} attempts")
 
 
@@ -38,7 +42,8 @@ def clear() -> None:
     """Remove all data-blocks but scenes and the environment maps, which are slow to make again."""
     blocks = [b for kind in ("objects", "meshes", "curves", "cameras", "lights", "materials", "textures", "worlds")
               for b in getattr(bpy.data, kind)]
-    blocks += [image for image in bpy.data.images if "mean" not in image and image.source == "GENERATED"]
+    blocks += [image for image in bpy.data.images
+               if own_data.OWN in image or "mean" not in image and image.source == "GENERATED"]
     bpy.data.batch_remove(blocks)
 
 

@@ -37,8 +37,9 @@ class Room:
         return WALLS[self.kind]
 
 
-def build_room(rng: np.random.Generator) -> Room:
-    kind = str(rng.choice(list(CHANCES), p=list(CHANCES.values())))
+def build_room(rng: np.random.Generator, chances: dict[str, float] = CHANCES) -> Room:
+    """A room of one of the kinds, by the chance of each."""
+    kind = str(rng.choice(list(chances), p=list(chances.values())))
     half = 0.5 * rng.uniform(0.9, 1.35) * (rng.uniform(1.5, 2.5) if kind == "wide_floor" else 1.0)
     height = 2 * half * (rng.uniform(0.75, 1.0) if kind.endswith("_box") else rng.uniform(0.5, 1.0))
     floor = -0.5

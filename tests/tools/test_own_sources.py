@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The generator takes the user's own panoramas, meshes and maps, and leaves out what it cannot use."""
+import bpy
+import numpy as np
+import OpenEXR
+import pytest
+
+from tools.datagen import environments, materials, objects, own, own_data, scene_generator
+from tools.datagen.environments import ORDERS
+from tools.datagen.objects import build_object
+
+
+@pytest.fixture(autouse=True)
+def nothing_of_ones_own(monkeypatch):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    monkeypatch.setattr(own, "current", own.Sources())
+    own_data._unusable.clear()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A panorama of one colour, two cubes in an OBJ file, a set of maps, and a file of each kind that is broken."""
+    for name in ("hdris", "meshes", "textures"):
+        (tmp_path / name).mkdir()
+    light = np.tile(np.float32([4, 2, 1]), (32, 64, 1))
+    with OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": light}) as file:
+        file.write(str(tmp_path / "hdris" / "red.exr"))
+    for x in (0, 3):
+        bpy.ops.mesh.primitive_cube_add(location=(x, 0, 0))
+    bpy.ops.wm.obj_export(filepath=str(tmp_path / "meshes" / "cubes.obj"))
+    for name, value in {"brick_basecolor_2k": 0.8, "brick_roughness_2k": 0.3, "brick_normal_2k": 0.5}.items():
+        picture = bpy.data.images.new(name, 1100, 550)
+        picture.pixels.foreach_set(np.tile(np.float32([value, value, value, 1]), 1100 * 550))
+        picture.save(filepath=str(tmp_path / "textures" / f"{name}.png"))
+    for name in ("hdris/broken.hdr", "meshes/broken.obj", "textures/broken_color.png"):
+        (tmp_path / name).write_text("nothing")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return tmp_path
+
+
+def test_own_files_take_the_place_of_built_in_ones(folder, capsys):
+    own.use(folder / "hdris", folder / "meshes", folder / "textures", 1.0)
+    assert len(own.current.panoramas) == len(own.current.meshes) == 2
+    assert [set(maps) for maps in own.current.textures] == [{"base", "roughness", "normal"}, {"base"}]
+    red, order = folder / "hdris" / "red.exr", "BRG"
+    image, scale = own_data.panorama(red, order)
+    assert tuple(image.size) == (512, 256) and scale == pytest.approx(3 / 7, rel=0.01)
+    assert order in ORDERS and np.allclose(image.pixels[:3], (1, 4, 2), rtol=0.02)
+    assert own_data.panorama(folder / "hdris" / "broken.hdr", order) is None
+
+    (folder / "meshes" / "broken.obj").unlink()
+    own.use(None, folder / "meshes", None, 1.0)
+    thing = build_object(np.random.default_rng(2), "thing", 500)
+    sides = np.ptp([v.co for v in thing.data.vertices], axis=0)
+    assert len(thing.data.vertices) == 16 and list(bpy.data.objects) == [thing] and max(sides) > 0.6
+    (folder / "meshes" / "broken.obj").write_text("nothing")
+    assert own_data.mesh(folder / "meshes" / "broken.obj") is None and list(bpy.data.objects) == [thing]
+
+    own.use(None, None, folder / "textures", 1.0)
+    brick = own.current.textures[0] if len(own.current.textures[0]) == 3 else own.current.textures[1]
+    maps = own_data.maps(brick)
+    assert tuple(maps["base"].size) == (1024, 512) and maps["normal"].colorspace_settings.name == "Non-Color"
+    assert own_data.maps({"base": folder / "textures" / "broken_color.png"}) is None
+    said = capsys.readouterr().out
+    assert all(said.count(name) == 1 for name in ("broken.hdr is left out", "broken.obj is left out",
+                                                  "broken_color.png is left out"))
+
+
+def test_a_scene_of_own_files_alone(folder):
+    for name in ("hdris/broken.hdr", "meshes/broken.obj", "textures/broken_color.png"):
+        (folder / name).unlink()
+    own.use(folder / "hdris", folder / "meshes", folder / "textures", 1.0)
+    scene_generator.build_scene((5, 0), "paper", 1, 2048)
+    things = [thing for thing in bpy.data.objects if thing.name.startswith("object")]
+    assert things and all(len(thing.data.polygons) % 6 == 0 for thing in things)  # cubes, subdivided
+    linked = {node.image.name.partition("_")[0] for material in bpy.data.materials for node in material.node_tree.nodes
+              if node.bl_idname == "ShaderNodeTexImage"}
+    assert linked <= {"brick"}
+    scene_generator.clear()
+    assert not [image for image in bpy.data.images if own_data.OWN in image]
+
+
+def test_scenes_stay_as_they_were_without_own_files(folder):
+    def points(seed: int) -> np.ndarray:
+        scene_generator.build_scene((seed, 0), "full", 1)
+        return np.concatenate([np.array([v.co for v in thing.data.vertices]) for thing in bpy.data.objects
+                               if thing.name.startswith("object")])
+
+    before = points(4)
+    own.use(folder / "hdris", None, None, 0.0)
+    np.testing.assert_array_equal(points(4), before)
+
+
+@pytest.mark.parametrize("arguments, message", [
+    (("hdris", None, None, 2.0), "--own 2: expected a number from 0 to 1"),
+    ((None, "empty", None, 0.5), "--meshes .*empty holds no files of the kinds .obj"),
+    ((None, None, "rough", 0.5), "--textures .*rough holds no base colours"),
+])
+def test_folders_of_no_use_are_named(folder, arguments, message):
+    (folder / "empty").mkdir()
+    (folder / "rough").mkdir()
+    (folder / "rough" / "wood_roughness.png").touch()
+    folders = [name and folder / name for name in arguments[:3]]
+    with pytest.raises(ValueError, match=message):
+        own.use(*folders, arguments[3])
+
+
+def test_names_of_maps_are_told_apart(tmp_path):
+    names = ["wood_diff_1k.jpg", "wood_rough_1k.jpg", "wood_nor_gl_1k.exr", "wood_nor_dx_1k.exr", "wood_disp_1k.png",
+             "photo.jpg", "sub/basecolor.png", "sub/metallic.png", "sub/height.png"]
+    sets = own.texture_sets([tmp_path / name for name in names])
+    assert [{kind: str(path.relative_to(tmp_path)) for kind, path in maps.items()} for maps in sets] == [
+        {"base": "wood_diff_1k.jpg", "roughness": "wood_rough_1k.jpg", "normal": "wood_nor_gl_1k.exr"},
+        {"base": "photo.jpg"}, {"base": "sub/basecolor.png", "metallic": "sub/metallic.png"}]
+
+
+def test_what_a_source_gives_is_used_by_the_generator(folder, monkeypatch):
+    """Where a file cannot be used, something built in takes its place."""
+    own.use(folder / "hdris", folder / "meshes", folder / "textures", 1.0)
+    for name in ("panorama", "mesh", "maps"):
+        monkeypatch.setattr(own_data, name, lambda *ignored: None)
+    rng = np.random.default_rng(3)
+    assert len(objects.build_object(rng, "thing", 500).data.polygons) > 0
+    material = materials.build_material(rng, "full", "object", "textured_metallic")
+    assert any(node.bl_idname == "ShaderNodeTexImage" for node in material.node_tree.nodes)
+    environments.build_world(rng, "hdri", 1.0)
+    assert bpy.context.scene.world.node_tree.nodes["Background"].inputs["Color"].is_linked
