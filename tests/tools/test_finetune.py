@@ -100,9 +100,10 @@ def bundle(tmp_path_factory) -> Path:
 
 
 def options(tmp_path: Path, start: Path, **more) -> argparse.Namespace:
-    return argparse.Namespace(data=tmp_path / "data", start=start, out=tmp_path / "run", device="cpu", seed=0,
-                              cooldown=0.0, save_every=1000.0, steps=None, scenes_per_step=None, log_every=50,
-                              precision="bf16", compile=False, **{"minutes": 0.02, **more})
+    return argparse.Namespace(**{
+        "data": tmp_path / "data", "start": start, "out": tmp_path / "run", "device": "cpu", "seed": 0, "minutes": 0.02,
+        "steps": None, "cooldown": 0.0, "save_every": 1000.0, "log_every": 50, "scenes_per_step": None,
+        "precision": "bf16", "compile": False, "cache": None, "workers": 1, "from_scratch": False, **more})
 
 
 def test_a_published_network_learns_one_sample(tmp_path, bundle):

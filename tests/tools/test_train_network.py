@@ -19,7 +19,7 @@ from tools.evaluate import __main__ as evaluate
 from tools.train import losses, network
 from tools.train.config import Stage
 from tools.train.errors import TrainingError
-from tools.train.loader import SampleStream, stream
+from tools.train.loader import Prepared, SampleStream, stream
 from tools.train.samples import LOBES
 
 ROOT = Path(__file__).parents[2]
@@ -42,7 +42,7 @@ def mapper(parameters: torch.Tensor) -> torch.Tensor:
 def order(folder: Path, seed: tuple[int, int]) -> list[float]:
     """What the first two epochs show, by the brightness of the pictures."""
     (folder / "cache").mkdir(exist_ok=True)
-    samples = iter(SampleStream(folder, folder / "cache", mapper, ANY, seed, 0.0))
+    samples = iter(SampleStream(folder, Prepared(folder / "cache", mapper, 0.2), ANY, seed, 0.0))
     return [round(float(next(samples).direct.mean()), 3) for _ in range(12)]
 
 
@@ -75,7 +75,7 @@ def test_what_the_manifest_says_of_a_sample_spares_reading_it(tmp_path):
     lines[0]["volumes"] = True  # which is not so
     manifest.append(tmp_path / "data" / "manifest_00000001.jsonl", lines)
     samples = stream(tmp_path / "data", tmp_path / "cache", mapper, Stage(1, volumes=False), (0, 0), 0.0)
-    plain = iter(SampleStream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 0.0))
+    plain = iter(SampleStream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, 0.2), ANY, (0, 0), 0.0))
     assert {float(next(samples).direct.mean()) for _ in range(4)} == {
         max(float(next(plain).direct.mean()) for _ in range(2))}
 

@@ -11,7 +11,11 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ("model/camera.py", "model/clusters.py", "model/color.py", "model/environment.py", "model/fields.py",
            "model/geometry.py", "model/guided/**/*.py", "model/network/inputs.py", "model/normalize.py",
            "model/renderer.py", "model/scene.py", "model/tensors.py", "tools/datagen/shards.py",
-           "tools/train/antialiasing.py", "tools/train/samples.py")
+           "tools/train/antialiasing.py", "tools/train/kept.py", "tools/train/samples.py")
+PUBLISHED = ("model/camera.py", "model/color.py", "model/fields.py", "model/geometry.py", "model/material/*.py",
+             "model/network/inputs.py", "model/normalize.py", "model/published/*.py", "model/renderer.py",
+             "model/scene.py", "model/tensors.py", "tools/datagen/shards.py", "tools/train/kept.py",
+             "tools/train/published_samples.py")
 
 
 def stored_path(path: Path, cache: Path) -> Path:
@@ -19,15 +23,15 @@ def stored_path(path: Path, cache: Path) -> Path:
     return cache / f"{path.stem}-{_digest(str(path.resolve()))}.safetensors"
 
 
-def key(path: Path) -> str:
+def key(path: Path, sources: tuple[str, ...] = SOURCES) -> str:
     """Changes with the sample's file and with the code that prepares it. Raises OSError if there is no such file."""
     status = path.stat()
-    return f"{status.st_size}-{status.st_mtime_ns}-{code_version()}"
+    return f"{status.st_size}-{status.st_mtime_ns}-{code_version(sources)}"
 
 
 @functools.cache
-def code_version() -> str:
-    return _digest("".join(file.read_text(encoding="utf-8") for pattern in SOURCES
+def code_version(sources: tuple[str, ...] = SOURCES) -> str:
+    return _digest("".join(file.read_text(encoding="utf-8") for pattern in sources
                            for file in sorted(ROOT.glob(pattern))))
 
 

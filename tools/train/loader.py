@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
+from renderformer_v2.model.network.inputs import TensorGroup
 from tools.datagen import manifest
 from tools.datagen.facts import Facts, facts
 from tools.datagen.shards import sample_paths
@@ -31,17 +33,18 @@ class SampleStream(IterableDataset):
     begins, so that a resumed run gets an order of its own.
     `patience` is how many seconds to wait for more samples when none can be used. When they have passed, the stream
     yields a TrainingError, because one that is raised here would reach the reader with a traceback in its message.
+    `read` gives the sample of a path, with what is random in it, or raises SampleError.
     """
 
-    def __init__(self, folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,
-                 place: int = 0, count: int = 1):
-        self.folder, self.cache, self.mapper, self.stage = folder, cache, mapper, stage
+    def __init__(self, folder: Path, read: Callable[[Path, torch.Generator], TensorGroup], stage: Stage,
+                 seed: tuple[int, int], patience: float, place: int = 0, count: int = 1):
+        self.folder, self.read, self.stage = folder, read, stage
         self.seed, self.patience, self.place, self.count = seed, patience, place, count
         self.unreadable: set[Path] = set()
         self.useless: set[Path] = set()  # those, and what the stage does not admit
         self.facts: dict[Path, Facts] = {}
 
-    def __iter__(self) -> Iterator[TrainingSample | TrainingError]:
+    def __iter__(self) -> Iterator[TensorGroup | TrainingError]:
         torch.set_num_threads(1)
         worker, number = get_worker_info(), 0
         place, count = ((self.place + self.count * worker.id, self.count * worker.num_workers) if worker
@@ -57,10 +60,9 @@ class SampleStream(IterableDataset):
                 number += 1
                 if number % count != place:
                     continue
-                sample = self._sample(paths[i])
+                sample = self._sample(paths[i], _generator(*self.seed, number))
                 if sample is not None:
-                    augmented = augment(sample, _generator(*self.seed, number), self.stage.unhinted)
-                    yield with_latents(augmented, self.mapper)
+                    yield sample
             if self.useless.issuperset(paths):
                 if not self._grows(len(paths)):
                     yield TrainingError(self._problem(len(paths)))
@@ -90,10 +92,10 @@ class SampleStream(IterableDataset):
         self.useless.add(path)
         return False
 
-    def _sample(self, path: Path) -> TrainingSample | None:
+    def _sample(self, path: Path, generator: torch.Generator) -> TensorGroup | None:
         """None for a file that cannot be read."""
         try:
-            sample = cached_sample(path, self.cache)
+            sample = self.read(path, generator)
         except SampleError as error:
             self._leave_out(path, error)
             return None
@@ -134,15 +136,33 @@ def _generator(*seed: int) -> torch.Generator:
     return torch.Generator().manual_seed(int(np.random.SeedSequence(seed).generate_state(1)[0]))
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """Reads samples for the bundled network, made once and then kept in `cache`."""
+
+    cache: Path
+    mapper: Callable
+    unhinted: float
+
+    def __call__(self, path: Path, generator: torch.Generator) -> TrainingSample:
+        sample = augment(cached_sample(path, self.cache), generator, self.unhinted)
+        return with_latents(sample, self.mapper)
+
+
 def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,
            workers: int = 1) -> Iterator[TrainingSample]:
-    """This process's share of the samples, prepared by `workers` other ones. Raises TrainingError without any of use.
-    """
+    """This process's share of a folder, for the bundled network. Raises TrainingError as `shared_stream` does."""
+    cache.mkdir(parents=True, exist_ok=True)
+    return shared_stream(folder, Prepared(cache, mapper, stage.unhinted), stage, seed, patience, workers)
+
+
+def shared_stream(folder: Path, read: Callable[[Path, torch.Generator], TensorGroup], stage: Stage,
+                  seed: tuple[int, int], patience: float, workers: int) -> Iterator[TensorGroup]:
+    """This process's share of a folder, `read` by `workers` other ones. Raises TrainingError without any of use."""
     if not folder.is_dir():
         raise TrainingError(f"there is no folder {folder}: check --data, "
                             f"or make samples with python -m tools.datagen {folder}")
-    cache.mkdir(parents=True, exist_ok=True)
-    samples = SampleStream(folder, cache, mapper, stage, seed, patience, ranks.rank(), ranks.count())
+    samples = SampleStream(folder, read, stage, seed, patience, ranks.rank(), ranks.count())
     for sample in DataLoader(samples, batch_size=None, num_workers=workers, prefetch_factor=4):
         if isinstance(sample, TrainingError):
             raise sample

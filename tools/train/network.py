@@ -19,9 +19,9 @@ from renderformer_v2.model.guided.decoding import decode_light
 from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import PRESETS
-from tools.arguments import whole_number
 
-from .config import TrainConfig
+from .config import Stage, TrainConfig
+from .curriculum import by_stage
 from .loader import stream
 from .losses import image_loss, lobe_loss, perceptual_term
 from .run import add_arguments, run, status
@@ -55,26 +55,20 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
         start_from(model, options.start)
     state = TrainingState(model, config.learning_rate, config.weight_decay, config.average_decay)
     perceptual = perceptual_term(device)
-    run(state, config, options, _scenes(options, config, state), lambda sample: sample_loss(model, sample, perceptual),
+    mapper = load_material_mapper()
+
+    def scenes(stage: Stage) -> Iterator[TrainingSample]:
+        return stream(options.data, options.cache, mapper, stage, (options.seed, state.step), options.wait * 60,
+                      options.workers)
+
+    run(state, config, options, by_stage(config, state, scenes), lambda sample: sample_loss(model, sample, perceptual),
         lambda: save_network(options.out / "weights", model.config, state.average))
-
-
-def _scenes(options: argparse.Namespace, config: TrainConfig, state: TrainingState) -> Iterator[TrainingSample]:
-    """Those of the curriculum's stage at each step."""
-    mapper, stage, samples = load_material_mapper(), None, iter(())
-    while True:
-        if config.stage(state.step) != stage:
-            stage = config.stage(state.step)
-            samples = stream(options.data, options.cache, mapper, stage, (options.seed, state.step), options.wait * 60,
-                             options.workers)
-        yield next(samples)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.train.network", description=__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of samples, may still be growing")
     parser.add_argument("--cache", type=Path, help="prepared samples (default: DATA/../cache)")
-    parser.add_argument("--workers", type=whole_number(1), default=1, help="that prepare samples, of each process")
     parser.add_argument("--start", type=Path, metavar="WEIGHTS_DIR", help="begin with these weights: fine-tuning")
     parser.add_argument("--wait", type=float, default=5.0, help="minutes, for samples where there are none of use yet")
     add_arguments(parser, "rf2_small.json")

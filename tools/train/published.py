@@ -16,15 +16,19 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
+from renderformer_v2.model.checkpoint import new_network
 from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
+from renderformer_v2.model.published.bundle_files import TRANSFORMERS
 from renderformer_v2.model.published.image_encoder import find_vae
 from renderformer_v2.model.published.pipeline import PublishedPipeline
 
 from . import ranks
-from .config import TrainConfig
+from .config import Stage, TrainConfig
+from .curriculum import by_stage
 from .errors import TrainingError
+from .loader import shared_stream
 from .losses import image_loss, perceptual_term
-from .published_samples import PublishedSample, endless, load_samples, picture_size
+from .published_samples import Encoded, PublishedSample, picture_size
 from .run import add_arguments, run, status
 from .state import TrainingState
 
@@ -45,19 +49,23 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     torch.manual_seed(options.seed)
     pipeline = PublishedPipeline(options.start, device, torch.float32)
     variant = pipeline.variant(picture_size(options.data))
-    samples = load_samples(options.data, pipeline)
-    network = trainable(pipeline.load(variant)).to(device)
+    encoded = Encoded(options.cache or options.out / "cache", pipeline)
+    encoded.prepare(options.data, pipeline)
+    network = pipeline.load(variant)
+    network = trainable(new_network(network.config) if options.from_scratch else network).to(device)
     config.train(network)
     del pipeline  # and with it the image encoder
     state = TrainingState(network, config.learning_rate, config.weight_decay, config.average_decay)
     perceptual = perceptual_term(device)
     if ranks.first():
-        copy_bundle(options.start, bundle, {f"{variant}/{WEIGHTS}"})
+        others = {*TRANSFORMERS} - {variant} if options.from_scratch else ()
+        copy_bundle(options.start, bundle, f"{variant}/{WEIGHTS}", *others)
 
-    def scenes() -> Iterator[PublishedSample]:
-        yield from endless(samples, (options.seed, state.step), ranks.rank(), ranks.count())
+    def scenes(stage: Stage) -> Iterator[PublishedSample]:
+        return shared_stream(options.data, encoded, stage, (options.seed, state.step), 0.0, options.workers)
 
-    run(state, config, options, scenes(), lambda sample: sample_loss(network, sample, perceptual),
+    run(state, config, options, by_stage(config, state, scenes),
+        lambda sample: sample_loss(network, sample, perceptual),
         lambda: write_transformer(bundle / variant, network, state.average))
 
 
@@ -68,15 +76,15 @@ def trainable(network: RenderFormer) -> RenderFormer:
     return network.requires_grad_(True).train()
 
 
-def copy_bundle(source: Path, target: Path, but: set[str]) -> None:
-    """All files of a bundle and its VAE's except for `but`; without taking space where the disk can."""
+def copy_bundle(source: Path, target: Path, *but: str) -> None:
+    """All of a bundle and its VAE but some files and folders; without taking space where the disk can."""
     files = {path.relative_to(source): path for path in source.rglob("*")}
     if not (source / "vae").is_dir():
         vae = find_vae(source)
         files |= {Path("vae") / path.relative_to(vae): path for path in vae.rglob("*")}
     for name, path in files.items():
         hidden = any(part.startswith(".") for part in name.parts)
-        if hidden or name.as_posix() in but or not path.is_file() or (target / name).exists():
+        if hidden or {name.as_posix(), name.parts[0]} & set(but) or not path.is_file() or (target / name).exists():
             continue
         (target / name).parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -97,6 +105,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.train.published", description=__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of samples")
     parser.add_argument("--start", type=Path, required=True, metavar="BUNDLE_DIR")
+    parser.add_argument("--from-scratch", action="store_true",
+                        help="only take the other files of BUNDLE_DIR, and new weights for the transformer")
+    parser.add_argument("--cache", type=Path, help="prepared samples (default: OUT/cache)")
     add_arguments(parser, "published.json")
     return status(train, parser.parse_args())
 

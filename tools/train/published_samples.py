@@ -2,8 +2,8 @@
 """Training samples for a published bundle: the inputs that its pipeline makes, and the expected output."""
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +11,14 @@ import numpy as np
 import torch
 
 from renderformer_v2.model.camera import place_in
-from renderformer_v2.model.network.inputs import NetworkInputs, TensorGroup, ViewInputs, stacked
+from renderformer_v2.model.network.inputs import (
+    EnvironmentInputs,
+    NetworkInputs,
+    TensorGroup,
+    ViewInputs,
+    VolumeInputs,
+    stacked,
+)
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.published.as_trained import as_trained, emitters
 from renderformer_v2.model.published.pipeline import PublishedPipeline, shown
@@ -20,8 +27,12 @@ from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.tensors import view_inputs
 from tools.datagen.shards import load_sample, sample_paths
 
-from . import ranks
+from . import cache_key, ranks
 from .errors import SampleError, TrainingError
+from .kept import keep, kept
+from .samples import unreadable
+
+DAMAGED = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error)  # what such files raise
 
 
 @dataclass
@@ -34,34 +45,52 @@ class PublishedSample(TensorGroup):
     shown: torch.Tensor  # (V, 1, H, W) bool, what is compared
 
 
+KINDS = {"": PublishedSample, "inputs": NetworkInputs, "rays": ViewInputs, "environment": EnvironmentInputs,
+         "volumes": VolumeInputs}
+
+
 def picture_size(folder: Path) -> int:
     """Pixels of the longer side, the same for all samples of a folder that there can be. Raises TrainingError."""
     for path in sample_paths(folder):
-        with np.load(path) as file:
-            return int(max(file["view.width"].max(), file["view.height"].max()))
-    raise TrainingError(f"{folder} holds no samples (scene_*.npz): "
+        try:
+            with np.load(path) as file:
+                return int(max(file["view.width"].max(), file["view.height"].max()))
+        except DAMAGED:
+            continue
+    raise TrainingError(f"{folder} holds no samples (scene_*.npz) that can be read: "
                         f"make some with python -m tools.datagen {folder} --blend FILE.blend")
 
 
-def load_samples(folder: Path, pipeline: PublishedPipeline) -> list[PublishedSample]:
-    """All of a folder; every texture and environment is encoded once. Raises SampleError for a file of no use."""
-    samples = []
-    for path in sample_paths(folder):
-        try:
-            samples.append(build_sample(path, pipeline))
-        except Exception as error:  # a damaged archive raises whatever the damage leads to
-            raise SampleError(f"{path} cannot be used ({error}): delete it, and make it again") from error
-        if ranks.first():
-            print(f"{path.name}: {len(samples[-1].inputs.texture)} textures encoded", flush=True)
-    return samples
+class Encoded:
+    """Samples whose latents a pipeline's encoder has made, kept in `cache`."""
 
+    def __init__(self, cache: Path, pipeline: PublishedPipeline):
+        self.cache, self.by = cache, pipeline.encoder.images.identity.hex()
+        cache.mkdir(parents=True, exist_ok=True)
 
-def endless(samples: list, seed: tuple[int, int], place: int = 0, count: int = 1) -> Iterator:
-    """Epoch after epoch in random order; of those, every count-th one from `place` on."""
-    random = np.random.default_rng(seed)
-    orders = (random.permutation(len(samples)) for _ in itertools.count())
-    for i in itertools.islice(itertools.chain.from_iterable(orders), place, None, count):
-        yield samples[i]
+    def prepare(self, folder: Path, pipeline: PublishedPipeline) -> None:
+        """Make what is missing, each process its share, for all. A file of no use is named and left out."""
+        for path in sample_paths(folder)[ranks.rank()::ranks.count()]:
+            try:
+                keep(self._place(path), self._key(path), lambda path=path: build_sample(path, pipeline))
+            except DAMAGED as error:
+                print(f"{unreadable(path, error)} (left out)", flush=True)
+                continue
+            print(f"{path.name}: encoded", flush=True)
+        ranks.wait()
+
+    def __call__(self, path: Path, _: torch.Generator) -> PublishedSample:
+        """Raises SampleError for a sample that was not prepared."""
+        def missing():
+            raise SampleError(f"{path} is not prepared: it is newer than this run, or cannot be read")
+
+        return kept(self._place(path), self._key(path), missing, KINDS)
+
+    def _place(self, path: Path) -> Path:
+        return cache_key.stored_path(path, self.cache)
+
+    def _key(self, path: Path) -> str:
+        return f"{cache_key.key(path, cache_key.PUBLISHED)}-{self.by}"
 
 
 def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:

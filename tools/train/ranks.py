@@ -18,7 +18,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from .errors import TrainingError
 
-PATIENCE = timedelta(hours=1)  # for one that waits for samples, or saves, while the others wait for it
+PATIENCE = timedelta(hours=6)  # for one that waits for samples, prepares or saves them, while the others wait for it
 
 
 @contextmanager
@@ -88,12 +88,16 @@ def gathered(found: dict) -> dict:
     return {key: value for part in parts for key, value in part.items()}
 
 
+def wait() -> None:
+    """Until all processes are here."""
+    means({"": torch.zeros(())})
+
+
 def one_after_another(work: Callable[[], None]) -> None:
     """The first process does it before the others do. What it raises ends them too, as torchrun sees to."""
     if first():
         work()
-    if _together():
-        distributed.barrier()
+    wait()
     if not first():
         work()
 

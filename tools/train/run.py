@@ -111,6 +111,7 @@ def add_arguments(parser: argparse.ArgumentParser, config: str) -> None:
                         help="of all processes together (default: the configuration's)")
     parser.add_argument("--precision", choices=PRECISIONS, default="bf16", help="of the products (default bf16)")
     parser.add_argument("--compile", action="store_true", help="let torch.compile join small operations, for cards")
+    parser.add_argument("--workers", type=whole_number(1), default=1, help="that read samples, for each process")
     parser.add_argument("--log-every", type=whole_number(1), default=50, metavar="STEPS", help="default 50")
     parser.add_argument("--save-every", type=float, default=180.0, help="seconds")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")

@@ -2,17 +2,13 @@
 """Training samples: the inputs that the renderer makes for one scene, and the expected output."""
 from __future__ import annotations
 
-import os
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from renderformer_v2.model.color import HALF_MAX
 from renderformer_v2.model.fields import COLOR, array
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.decoding import LOBES
@@ -27,6 +23,7 @@ from tools.datagen.shards import load_sample
 
 from . import cache_key
 from .errors import SampleError
+from .kept import kept
 
 CONFIG = PRESETS[BUNDLED]()  # whose tile and panorama sizes the samples have
 
@@ -74,47 +71,9 @@ def build_sample(path: Path) -> TrainingSample:
 
 
 def cached_sample(path: Path, cache: Path) -> TrainingSample:
-    """`build_sample`, kept as float16 safetensors in `cache` for the next epoch; made again when it is out of date."""
-    stored, key = cache_key.stored_path(path, cache), cache_key.key(path)
-    if not _is_current(stored, key):
-        temporary = stored.with_suffix(f".{os.getpid()}.tmp")
-        save_file(_flatten(build_sample(path)), temporary, metadata={"key": key})
-        temporary.replace(stored)
-    return _unflatten(load_file(stored))
+    """`build_sample`, kept in `cache` for the next epoch; made again when it is out of date."""
+    return kept(cache_key.stored_path(path, cache), cache_key.key(path), lambda: build_sample(path), KINDS)
 
 
-def _is_current(stored: Path, key: str) -> bool:
-    try:
-        with safe_open(stored, "pt") as file:
-            return file.metadata().get("key") == key
-    except (OSError, SafetensorError):  # not there, or cut short
-        return False
-
-
-_PARTS = {"inputs": GuidedInputs, "view": GuidedView, "guides": GuideTensors, "environment": EnvironmentInputs,
-          "volumes": VolumeInputs}
-_EXACT = ("triangles", "texture_index", "origin", "position", "positions", "light")  # not for half precision
-
-
-def _flatten(part, prefix: str = "") -> dict[str, Tensor]:
-    flat = {}
-    for f in fields(part):
-        value = getattr(part, f.name)
-        if isinstance(value, Tensor):
-            half = value.is_floating_point() and f.name not in _EXACT
-            flat[prefix + f.name] = (value.clamp(-HALF_MAX, HALF_MAX).half() if half else value).contiguous()
-        elif value is not None:
-            flat |= _flatten(value, f"{prefix}{f.name}.")
-    return flat
-
-
-def _unflatten(flat: dict[str, Tensor], kind=TrainingSample):
-    values = {}
-    for f in fields(kind):
-        inner = {k.removeprefix(f"{f.name}."): v for k, v in flat.items() if k.startswith(f"{f.name}.")}
-        if inner:
-            values[f.name] = _unflatten(inner, _PARTS[f.name])
-        else:
-            value = flat.get(f.name)
-            values[f.name] = value.float() if value is not None and value.is_floating_point() else value
-    return kind(**values)
+KINDS = {"": TrainingSample, "inputs": GuidedInputs, "view": GuidedView, "guides": GuideTensors,
+         "environment": EnvironmentInputs, "volumes": VolumeInputs}

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The paper's five stages as configurations, each run for some steps with a network in miniature; and their cost."""
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from safetensors.torch import load_file
+
+from renderformer_v2.model.checkpoint import new_network
+from tests.model.published.bundles import tiny_published_config, write_bundle
+from tests.tools.test_finetune import options
+from tests.tools.test_train_ranks import write
+from tools.datagen.facts import facts
+from tools.train import cost, published, throughput
+from tools.train.config import TrainConfig
+from tools.train.curriculum import by_stage
+from tools.train.state import TrainingState
+
+PAPER = Path(published.__file__).with_name("paper")
+WEIGHTS = Path("transformer_512") / "model.safetensors"
+
+
+def config(name: str) -> TrainConfig:
+    return TrainConfig.load(PAPER / f"{name}.json")
+
+
+def test_all_stages_train_one_after_the_other_from_new_weights(tmp_path):
+    for seed in range(1, 5):
+        write(tmp_path / "data", seed)
+    start = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
+    for stage in cost.STAGES:
+        out = tmp_path / stage.name
+        chosen = options(tmp_path, start, out=out, minutes=None, steps=2, scenes_per_step=2, cache=tmp_path / "cache",
+                         from_scratch=stage.name == "stage1")
+        published.train(chosen, config(stage.name))
+        lines = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
+        assert lines[-1]["step"] == 2 and lines[-1]["skipped"] == 0
+        before, after = load_file(start / WEIGHTS), load_file(out / "bundle" / WEIGHTS)
+        goes_on = all((before[name] - after[name]).abs().max() < 1e-3 for name in before)
+        assert goes_on == (stage.name != "stage1"), "the first one has new weights, not those of the bundle"
+        start = out / "bundle"
+    assert not (start / "transformer_2048").exists()
+
+
+def test_the_first_stage_adds_textures_then_environments_then_volumes(tmp_path):
+    for seed in range(1, 4):
+        write(tmp_path / "data", seed)
+    plain, sky, smoke = (facts(path) for path in sorted((tmp_path / "data").glob("scene_*.npz")))
+    textured = replace(plain, textures=True)
+    kinds = {"plain": plain, "textured": textured, "sky": sky, "smoke": smoke}
+    admitted = [[name for name, scene in kinds.items() if stage.admits(scene)] for stage in config("stage1").stages]
+    assert admitted == [["plain"], ["plain", "textured"], ["plain", "textured", "sky"],
+                        ["plain", "textured", "sky", "smoke"]]
+    assert not any(stage.admits(replace(plain, triangles=1025)) for stage in config("stage1").stages)
+
+
+@pytest.mark.parametrize("stage", cost.STAGES)
+def test_configurations_are_the_papers(stage):
+    """Full attention in the first two stages, the window afterwards; as many triangles as the paper says."""
+    chosen, network = config(stage.name), new_network(tiny_published_config())
+    state = TrainingState(network, 1e-4, 0.0, 0.9)
+    begun = []
+    for limits in chosen.stages:
+        samples = by_stage(chosen, state, lambda one: begun.append(one) or iter([one] * 2))
+        state.step = limits.steps - 1
+        assert next(samples) == limits and (network.transformer.half is None) == stage.dense == limits.dense
+        assert limits.max_triangles == stage.triangles
+    assert begun == list(chosen.stages)
+
+
+def test_costs_follow_the_formula():
+    found = {row["stage"]: row for row in cost.rows((8, 32), 1e14)}
+    assert sum(stage.days for stage in cost.STAGES) == 19 == sum(row["days"][32] for row in found.values())
+    assert found["stage2"]["tflop_per_scene"] > found["stage3"]["tflop_per_scene"]
+    assert all(row["days"][8] == pytest.approx(4 * row["days"][32]) for row in found.values())
+    tiny = argparse.Namespace(device="cpu", precision="fp32", dense=True, compile=False, steps=1, triangles=258,
+                              resolution=64)
+    measured = throughput.measure(tiny_published_config(), tiny)
+    assert measured["tokens_per_second"] > 0 and measured["triangles"] == 258
+    assert measured["tflop"] == pytest.approx(
+        cost.training_flops(tiny_published_config(), 258, 64, dense=True) / 1e12, abs=1e-3)
