@@ -22,8 +22,8 @@ _exit_status = 0
 
 def pytest_xdist_auto_num_workers(config):
     """As many as there are cores and memory for, each with its share of the cores."""
-    cores = len(os.sched_getaffinity(0))
-    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 16 << 30
     workers = max(1, min(cores, memory // WORKER_MEMORY))
     os.environ.setdefault("OMP_NUM_THREADS", str(cores // workers))
     return workers

@@ -20,13 +20,45 @@ PLATFORMS = {  # Blender's name: (beginning, ends of the platform of a wheel)
 }
 
 
-def of_platform(platform: str) -> list[tuple[str, str, str, dict]]:
-    """(distribution, version, tag, {"sha256", "download"}) of the wheels for one of PLATFORMS."""
+def pins() -> dict:
+    """{distribution: {"version", "files": {tag: {"sha256", "download", "unpacked"}}}}"""
+    return json.loads(PINS.read_text())["wheels"]
+
+
+def _suits(platform: str, system: str) -> bool:
     begin, ends = PLATFORMS[platform]
-    pins = json.loads(PINS.read_text())["wheels"]
-    return [(name, pins[name]["version"], tag, file) for name in SMALL for tag, file in pins[name]["files"].items()
+    return system.startswith(begin) and system.endswith(ends)
+
+
+def of_platform(platform: str) -> list[tuple[str, str, str, dict]]:
+    """(distribution, version, tag, {"sha256", "download"}) of the small wheels for one of PLATFORMS."""
+    pinned = pins()
+    return [(name, pinned[name]["version"], tag, file) for name in SMALL for tag, file in pinned[name]["files"].items()
             for python, abi, system in [tag.split("-")]
-            if system.startswith(begin) and system.endswith(ends) and (abi == "abi3" or python in PYTHONS)]
+            if _suits(platform, system) and (abi == "abi3" or python in PYTHONS)]
+
+
+def fitting(platform: str, python: str) -> list[tuple[str, str, str, dict]]:
+    """The same of all pinned distributions for one of PLATFORMS and PYTHONS, the best wheel of each.
+
+    The build of PyTorch that has its own index has no hash and is left out.
+    """
+    found = []
+    for name, pin in pins().items():
+        tags = [tag for tag in pin["files"] if _fits(tag, platform, python)]
+        if tags and not name.endswith("+cpu"):
+            best = min(tags, key=lambda tag: (tag.endswith("any"), tag.split("-")[0] != python))
+            found.append((name, pin["version"], best, pin["files"][best]))
+    return found
+
+
+def _fits(tag: str, platform: str, python: str) -> bool:
+    made_for, abi, system = tag.split("-")
+    if system != "any" and not _suits(platform, system):
+        return False
+    if abi == "none":
+        return "py3" in made_for
+    return python == abi or abi == "abi3" and int(made_for.removeprefix("cp3")) <= int(python.removeprefix("cp3"))
 
 
 def file_name(distribution: str, version: str, tag: str) -> str:
@@ -38,19 +70,22 @@ def fetch(platform: str, folder: Path) -> list[Path]:
 
     Raises subprocess.CalledProcessError with pip's output, also where a file has not the pinned hash.
     """
+    return [fetched(name, version, tag, pin["sha256"], folder) for name, version, tag, pin in of_platform(platform)]
+
+
+def fetched(name: str, version: str, tag: str, sha256: str, folder: Path, python: str = "") -> Path:
+    """One wheel as a file in `folder`. python: for what runs with any, one of PYTHONS. Raises as `fetch` does."""
     folder.mkdir(parents=True, exist_ok=True)
-    found = []
-    for name, version, tag, pin in of_platform(platform):
-        path = folder / file_name(name, version, tag)
-        if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != pin["sha256"]:
-            path.unlink(missing_ok=True)
-            _download(f"{name}=={version} --hash=sha256:{pin['sha256']}", tag, folder)
-        found.append(path)
-    return found
+    path = folder / file_name(name, version, tag)
+    if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+        path.unlink(missing_ok=True)
+        _download(f"{name}=={version} --hash=sha256:{sha256}", tag, folder, python)
+    return path
 
 
-def _download(requirement: str, tag: str, folder: Path) -> None:
+def _download(requirement: str, tag: str, folder: Path, any_python: str = "") -> None:
     python, abi, systems = tag.split("-")
+    python = python if python.startswith("cp") else any_python
     wanted = folder / "wanted.txt"
     wanted.write_text(requirement + "\n")
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",

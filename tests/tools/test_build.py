@@ -50,7 +50,7 @@ def test_wheels_that_are_there_are_not_downloaded_again(tmp_path, monkeypatch):
     content, asked = wheel("safetensors"), []
     tag, pin = "cp310-abi3-win_amd64", {"sha256": hashlib.sha256(content).hexdigest()}
     monkeypatch.setattr(wheel_files, "of_platform", lambda platform: [("safetensors", "1", tag, pin)])
-    monkeypatch.setattr(wheel_files, "_download", lambda requirement, tag, folder: asked.append(requirement))
+    monkeypatch.setattr(wheel_files, "_download", lambda requirement, tag, folder, python: asked.append(requirement))
     (tmp_path / "safetensors-1-cp310-abi3-win_amd64.whl").write_bytes(content)
     assert len(wheel_files.fetch("windows-x64", tmp_path)) == 1 and not asked
     (tmp_path / "safetensors-1-cp310-abi3-win_amd64.whl").write_bytes(content[:-1])

@@ -31,6 +31,9 @@ os._exit(0)
 """
 
 
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the job needs bash")
+
+
 @pytest.fixture(scope="module")
 def job(tmp_path_factory):
     """Starts a session for some of the four frames of a turning cube; they go to the folder of that name."""

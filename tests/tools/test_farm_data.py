@@ -7,12 +7,16 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tools.datagen import manifest
 from tools.datagen.shards import load_sample
 from tools.extension import ROOT
 
 TEMPLATE = ROOT / "examples" / "farm" / "data.openjd.yaml"
+
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the job needs bash")
 
 
 def start(out: Path, chunks: list[str]) -> subprocess.Popen:

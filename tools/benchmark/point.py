@@ -6,7 +6,6 @@ Input: subject ("cycles", "rf2_small" or "rf2_200m"), triangles, resolution, sam
 from __future__ import annotations
 
 import json
-import resource
 import sys
 import time
 import traceback
@@ -25,7 +24,8 @@ def main() -> None:
     silence_blender()
     measure = {"cycles": cycles, "rf2_small": rf2_small, "rf2_200m": rf2_200m}[point["subject"]]
     result = measure(point)
-    result["peak_bytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    from renderformer_v2.rf2_engine.progress.memory import MEBI, held
+    result["peak_bytes"] = round(held()[1] * MEBI)
     print(json.dumps(result))
     extension.leave(0)
 

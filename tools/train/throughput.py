@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import statistics
 import sys
 import time
@@ -22,6 +21,7 @@ from renderformer_v2.model.network.renderformer import to_radiance
 from renderformer_v2.model.presets import rf2_200m
 from renderformer_v2.model.tensors import view_inputs
 from renderformer_v2.model.threads import team
+from renderformer_v2.rf2_engine.progress.memory import MEBI, held
 from tools.arguments import whole_number
 from tools.benchmark import ring
 from tools.benchmark.point import random_inputs
@@ -62,8 +62,7 @@ def measure(config: ModelConfig, options: argparse.Namespace) -> dict:
             "tokens_per_second": round(sum(tokens(config, count, options.resolution)) / step),
             "tflop": round(flops / 1e12, 3), "flop_per_second": round(flops / step),
             "threads": torch.get_num_threads() if device.type == "cpu" else None,
-            "memory_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024 if device.type == "cpu"
-                                else torch.cuda.max_memory_allocated() / 2**20)}
+            "memory_mib": round(held()[1] if device.type == "cpu" else torch.cuda.max_memory_allocated() / MEBI)}
 
 
 def main() -> int:
