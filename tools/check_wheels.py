@@ -40,9 +40,9 @@ PRESENT = {
     "linux": ("libc.so", "libm.so", "libdl.so", "libpthread.so", "librt.so", "libutil.so", "libgcc_s.so",
               "libstdc++.so", "ld-linux", "libcuda.so", "libz.so"),
     "win": ("api-ms-win-", "kernel32", "user32", "advapi32", "ws2_32", "shell32", "ole32", "oleaut32", "bcrypt",
-            "ntdll", "dbghelp", "psapi", "shlwapi", "gdi32", "iphlpapi", "crypt32", "version.dll", "winmm", "userenv",
-            "rpcrt4", "cfgmgr32", "setupapi", "powrprof", "secur32", "mswsock", "comdlg32", "python3", "vcruntime140",
-            "msvcp140", "ucrtbase", "vcomp140"),
+            "ntdll", "dbghelp", "psapi", "shlwapi", "gdi32", "iphlpapi", "crypt32", "version.dll", "winmm",
+            "userenv", "rpcrt4", "cfgmgr32", "setupapi", "powrprof", "secur32", "mswsock", "comdlg32", "wintrust",
+            "imagehlp", "python3", "vcruntime140", "msvcp140", "ucrtbase", "vcomp140"),
     "macosx": ("/usr/lib/", "/system/library/"),
 }
 

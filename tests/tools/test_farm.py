@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,6 @@ from matplotlib.pyplot import imread
 from tools.extension import ROOT
 
 TEMPLATE = ROOT / "examples" / "farm" / "frames.openjd.yaml"
-BLENDER = Path(__file__).with_name("blender_command.py")
 MAKE_FILE = """
 import os, sys
 sys.path.insert(0, sys.argv[1])
@@ -40,7 +40,7 @@ def job(tmp_path_factory):
     folder = tmp_path_factory.mktemp("farm")
     file, blender = folder / "cube.blend", folder / "blender"
     subprocess.run([sys.executable, "-c", MAKE_FILE, str(ROOT), str(file)], check=True, timeout=600)
-    blender.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{BLENDER}" "$@"\n')
+    blender.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m tools.blender_command "$@"\n')
     blender.chmod(0o755)
 
     def start(name: str, chunks: list[str], weights: str = "rf2_small") -> subprocess.Popen:
@@ -84,3 +84,39 @@ def test_a_worker_without_the_weights_renders_nothing_and_fails(job):
     code, output = ended(start("none", ["1-2"], weights="/there/is/no/such/folder"))
     assert code != 0 and "There is no weights folder /there/is/no/such/folder" in output
     assert not (folder / "none").exists()
+
+
+def test_the_command_line_that_flamenco_runs_makes_the_same_pictures(job):
+    folder, start = job
+    code, output = ended(start("whole", ["1-2", "3-4"]))
+    assert code == 0, output
+    done = subprocess.run([folder / "blender", "-b", "-y", folder / "cube.blend", "-t", "1", "--render-output",
+                           folder / "flamenco" / "####", "--render-format", "PNG", "--render-frame", "1,3..4"],
+                          capture_output=True, text=True, timeout=900)
+    assert done.returncode == 0, done.stderr
+    whole = pictures(folder / "whole")
+    del whole["0002.png"]
+    assert pictures(folder / "flamenco") == whole
+
+
+def test_a_killed_chunk_leaves_nothing_behind(job):
+    """No half picture, no process and no temporary folder; the frames that were done stay."""
+    folder, _ = job
+    temporary = folder / "temporary"
+    temporary.mkdir()
+    running = subprocess.Popen([folder / "blender", "-b", folder / "cube.blend", "-t", "1", "-o",
+                                folder / "killed" / "####", "-s", "1", "-e", "100", "-a"],
+                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                               env=os.environ | {"TMPDIR": str(temporary)}, start_new_session=True)
+    begin = time.monotonic()
+    while not (folder / "killed" / "0002.png").exists():
+        assert running.poll() is None and time.monotonic() - begin < 600
+        time.sleep(0.02)
+    running.kill()
+    running.wait()
+    with pytest.raises(ProcessLookupError):
+        os.killpg(running.pid, 0)
+    names = sorted(path.name for path in (folder / "killed").iterdir())
+    assert names == [f"{i:04d}.png" for i in range(1, len(names) + 1)]
+    shapes = {imread(path).shape for path in (folder / "killed").glob("*.png")}
+    assert shapes == {(32, 48, 4)} and not [path for path in temporary.rglob("*") if path.is_file()]
