@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.presets import rf2_200m
-from tools.benchmark import load
+from tools.benchmark import farm, load
 from tools.benchmark.flops import decoder_flops_per_ray, forward_flops, stage1_flops, visible_pairs
 from tools.benchmark.report import extrapolated, stage1_ratio
 from tools.benchmark.ring import LEAST, triangle_corners
@@ -104,3 +104,21 @@ def test_busy_programs_end_with_what_they_disturb():
     with load.busy(2):
         assert subprocess.run(children, capture_output=True, text=True).stdout.count("while 1: pass") == 2
     assert "while 1: pass" not in subprocess.run(children, capture_output=True, text=True).stdout
+
+
+def test_costs_of_frames_follow_from_start_first_and_later_ones():
+    row = farm.Measured(2, 1, 4.0, 10.0, 6.0, 900.0, 20.0)
+    assert row.task(5) == 38.0 and row.frame(5) == 3.8 and row.frame(1) > row.frame(100)
+    assert row.hours(10000, 100, 10) == pytest.approx(5 * 68 / 3600)  # 1,000 tasks for 200 processes
+    assert row.hours(10000, 100, 100) == pytest.approx(608 / 3600)
+
+
+def test_processes_side_by_side_are_measured(tmp_path):
+    done = subprocess.run([sys.executable, "-m", "tools.benchmark.farm", "--processes", "1,2", "--frames", "2",
+                           "--triangles", "512", "--resolution", "32"], cwd=ROOT, capture_output=True, text=True,
+                          timeout=900)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert [row["processes"] for row in found["measured"]] == [1, 2]
+    assert all(row["later"] > 0 and row["first"] > 0 and row["memory_mib"] > 100 for row in found["measured"])
+    assert found["job"]["frames"] == 10000 and set(found["machine_seconds_per_frame"]) == {"1", "2"}
