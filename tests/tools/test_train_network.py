@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from torch.utils.data import DataLoader
 
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen import manifest
@@ -52,6 +53,22 @@ def test_every_start_has_an_order_of_its_own_and_always_the_same(tmp_path):
     orders = [order(tmp_path / "data", seed) for seed in ((0, 0), (0, 1), (1, 0), (0, 0))]
     assert orders[0] == orders[3] and len({tuple(o) for o in orders}) == 3
     assert len(set(orders[0][:6])) == len(set(orders[0][6:])) == 6
+
+
+def test_streams_with_any_number_of_workers_yield_together_what_one_would(tmp_path):
+    for seed in range(1, 6):
+        write(tmp_path / "data", seed)
+    (tmp_path / "cache").mkdir()
+
+    def shown(place: int, count: int, workers: int, number: int) -> list[float]:
+        read = Prepared(tmp_path / "cache", mapper, 0.0)
+        samples = SampleStream(tmp_path / "data", read, ANY, (0, 0), 0.0, place, count)
+        loaded = iter(DataLoader(samples, batch_size=None, num_workers=workers))
+        return [float(next(loaded).direct.mean()) for _ in range(number)]
+
+    whole = shown(0, 1, 0, 12)
+    assert shown(0, 1, 2, 12) == whole
+    assert [shown(place, 2, 2, 6) for place in (0, 1)] == [whole[0::2], whole[1::2]]
 
 
 @pytest.mark.parametrize("count, stage, message", [

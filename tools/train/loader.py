@@ -46,7 +46,7 @@ class SampleStream(IterableDataset):
 
     def __iter__(self) -> Iterator[TensorGroup | TrainingError]:
         torch.set_num_threads(1)
-        worker, number = get_worker_info(), 0
+        worker, number = get_worker_info(), -1  # of the samples of all streams
         place, count = ((self.place + self.count * worker.id, self.count * worker.num_workers) if worker
                         else (self.place, self.count))
         order = _generator(*self.seed)
