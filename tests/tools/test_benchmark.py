@@ -107,7 +107,7 @@ def test_busy_programs_end_with_what_they_disturb():
 
 
 def test_costs_of_frames_follow_from_start_first_and_later_ones():
-    row = farm.Measured(2, 1, 4.0, 10.0, 6.0, 900.0, 20.0)
+    row = farm.Measured(2, 1, 4.0, 10.0, 6.0, 900.0, 20.0, 9.0)
     assert row.task(5) == 38.0 and row.frame(5) == 3.8 and row.frame(1) > row.frame(100)
     assert row.hours(10000, 100, 10) == pytest.approx(5 * 68 / 3600)  # 1,000 tasks for 200 processes
     assert row.hours(10000, 100, 100) == pytest.approx(608 / 3600)
@@ -120,5 +120,6 @@ def test_processes_side_by_side_are_measured(tmp_path):
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert [row["processes"] for row in found["measured"]] == [1, 2]
-    assert all(row["later"] > 0 and row["first"] > 0 and row["memory_mib"] > 100 for row in found["measured"])
+    assert all(row["later"] > 0 and row["first"] > 0 and row["memory_mib"] > 100 and row["core_seconds"] > 0.1
+               for row in found["measured"])
     assert found["job"]["frames"] == 10000 and set(found["machine_seconds_per_frame"]) == {"1", "2"}

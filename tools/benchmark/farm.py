@@ -62,6 +62,7 @@ class Measured:
     later: float
     memory_mib: float
     frames_per_minute: float  # of all together, by what later frames take
+    core_seconds: float       # that a frame kept a core busy, start and first frames included; 0 on Windows
 
     def task(self, frames: int) -> float:
         """Seconds of a process that renders so many frames."""
@@ -90,13 +91,16 @@ def measure(command: list[str], file: Path, processes: int, frames: int, folder:
         seconds = time.perf_counter() - begin
         return seconds, [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
 
+    before = os.times()
     with ThreadPoolExecutor(processes) as pool:
         found = list(pool.map(one, range(processes)))
+    after = os.times()
+    busy = after.children_user + after.children_system - before.children_user - before.children_system
     start = statistics.median(seconds - sum(line["seconds"] for line in lines) for seconds, lines in found)
     first = statistics.median(lines[0]["seconds"] for _, lines in found)
     later = statistics.median(line["seconds"] for _, lines in found for line in lines[1:])
     return Measured(processes, threads, start, first, later, max(lines[-1]["memory_mib"] for _, lines in found),
-                    60 * processes / later)
+                    60 * processes / later, busy / (processes * frames))
 
 
 def summary(rows: list[Measured], total: int, machines: int) -> dict:
