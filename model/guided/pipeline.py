@@ -66,8 +66,8 @@ class GuidedPipeline:
             return {key: light[0] for key, light in decode_bands(raw, inputs.guides, keys).items()}
 
     def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, exposure: float,
-                    samples: int) -> dict[str, np.ndarray]:
+                    samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
         """As the function of that name, in world units; `pictures` as they are if no light was traced."""
         if guides.traced is None:
             return pictures
-        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, exposure, samples)
+        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, exposure, samples, wraps)

@@ -49,7 +49,8 @@ def test_our_picture_is_on_screen_before_cycles_starts(lit, tmp_path, monkeypatc
 
     def look(status):
         if status._shown[0].endswith("Cycles Reference") and not shown:
-            shown.append(cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]])["combined"])
+            read = cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]])
+            shown.append(read[""]["combined"])
         return False
     monkeypatch.setattr(Status, "esc_pressed", look)
     found = press_f12(lit, tmp_path)
