@@ -12,7 +12,7 @@ from ...model import progress
 from ...model.scene import RenderScene, View
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
-from ..convert.camera.eyes import Eye, count_views, eyes
+from ..convert.camera.eyes import Eye, count_views, eyes, view_names
 from ..convert.camera.framing import Framing
 from ..convert.report import Report
 from ..convert.scene import convert, fitted
@@ -55,6 +55,7 @@ class Layer:
         optics = optics.possible(settings.light, depsgraph, report)
         width, height = engine.resolution_x, engine.resolution_y
         border = rectangle.border(width, height, scene.render)
+        status.views = view_names(engine)
         plan = Plan(work(width, height, border, settings, optics, lit, count_views(scene)), settings.setup,
                     layers(scene))
         return cls(engine, depsgraph, layer.name, settings, optics, border, lit, plan, status, report)

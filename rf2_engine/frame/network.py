@@ -57,14 +57,19 @@ class Network:
         """Whether anything is seen that it could light."""
         return self._has_content and bool(guides.alpha.any() or guides.transmission_color.any())
 
-    def sharp(self, view: View, hits: Hits) -> Picture:
-        """The picture as a pinhole sees it."""
+    def sharp(self, name: str, view: View, hits: Hits) -> Picture:
+        """The picture of the view of that name as a pinhole sees it."""
+        status = self._layer.status
+        status.sample = name and f"View {name}"
         settings, guides = self._layer.settings, hits.guides
         encoded = self._encoded(view)
         lobes = self._lobes(encoded, view, guides)
         picture = Picture(hits.combined(lobes.radiance, settings.exposure), guides, lobes, encoded.tokens)
         smooth = settings.guided and guides.traced is not None and hits.catch is None
-        return self._antialiased(encoded, picture, view.wraps) if smooth else picture
+        if smooth:
+            picture = self._antialiased(encoded, picture, view.wraps, hits.outside)
+        status.sample = ""
+        return picture
 
     def blurred(self, hits: dict[str, Hits], show: Callable[[dict[str, Lobes]], None]) -> dict[str, Picture]:
         """The pictures of all views with the network's light as the mean of the samples of the optics.
@@ -113,13 +118,20 @@ class Network:
             return encoded.lobes(view, guides, layer.lit) if layer.settings.guided else Lobes(
                 encoded.view(view, guides))
 
-    def _antialiased(self, encoded, picture: Picture, wraps: bool) -> Picture:
-        """The same with smooth edges: the picture, the light in it, and what is seen to shine."""
+    def _antialiased(self, encoded, picture: Picture, wraps: bool, outside: np.ndarray | None) -> Picture:
+        """The same with smooth edges: the picture, the light in it, and what is seen to shine.
+
+        wraps: as View's. outside: (H, W) pixels that look nowhere; nothing is smoothed into them.
+        """
         guides, lobes = picture.guides, picture.lobes
         rough = {"combined": picture.combined, "radiance": lobes.radiance} | {
             key: getattr(guides, key) for key in SHINING}
         with self._layer.plan.enter(EDGES):
             smooth = encoded.antialiased(rough, lobes, guides, self._layer.settings.guide_samples, wraps)
+        if outside is not None:
+            black = outside & (guides.alpha == 0)
+            for key, pixels in smooth.items():
+                pixels[black] = rough[key][black]
         shining = {key: smooth[key] for key in SHINING}
         return Picture(smooth["combined"], replace(guides, **shining), lobes.scaled_to(smooth["radiance"]),
                        picture.tokens)

@@ -110,7 +110,8 @@ def _passes(layer: Layer, views: dict[str, View], scene: RenderScene) -> tuple[d
                 if layer.optics:
                     pictures = network.blurred(hits, show)                          # 7. Blur
                 else:
-                    pictures = {name: network.sharp(views[name], each) for name, each in hits.items()}  # 5. Network
+                    pictures = {name: network.sharp(name, views[name], each)        # 5. Network
+                                for name, each in hits.items()}
                 if layer.lit:                                                       # 6. Passes
                     light = {name: _divided(layer, picture, hits[name], bool(scene.volumes))
                              for name, picture in pictures.items()}
