@@ -67,7 +67,7 @@ def first_hits(layer: Layer, scene: RenderScene, views: dict[str, View], passes:
             layer.optics = Optics()
             layer.plan.skip(SAMPLE_HITS)
         for number, (name, view) in enumerate(views.items()):
-            each, outside = rendered[name], None if view.panorama is None else ~sees(view)
+            each, outside = rendered[name], _outside(view)
             if layer.optics:
                 guides = guides_of_no_triangle(inside(each, outside))
             else:
@@ -93,9 +93,12 @@ def sample_hits(layer: Layer, scene: RenderScene, number: int) -> dict[str, tupl
         rendered = _session(layer, scene, look, layer.optics.rays_of_each(layer.settings.guide_samples))
         for number, (name, view) in enumerate(views.items()):
             with progress.part(*_share(CYCLES_SHARE, number, len(views))):
-                outside = None if view.panorama is None else ~sees(view)
-                found[name] = view, _guides(layer, inside(rendered[name], outside), scene, view)
+                found[name] = view, _guides(layer, inside(rendered[name], _outside(view)), scene, view)
     return found
+
+
+def _outside(view: View) -> np.ndarray | None:
+    return None if view.panorama is None else ~sees(view)
 
 
 def _share(begin: float, number: int, count: int) -> tuple[float, float]:
