@@ -30,7 +30,7 @@ def scores(pictures: list[np.ndarray], references: list[np.ndarray], **more: flo
 
 
 def mean(scenes: list[dict]) -> dict:
-    """Every metric of the scenes, the worst PSNR, and the seconds if they are known; also of what all are set beside."""
+    """Every metric of the scenes, the worst PSNR, the seconds if they are known; also of what all are set beside."""
     found = {key: float(np.mean([s[key] for s in scenes])) for key in METRICS}
     found["worst_psnr"] = min(s["psnr"] for s in scenes)
     if all("seconds" in s for s in scenes):
