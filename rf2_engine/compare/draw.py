@@ -13,7 +13,7 @@ import numpy as np
 
 from ...model.color import srgb_to_linear
 from ...model.magma import magma
-from . import comparison, events, overlay, shader
+from . import comparison, events, growing, overlay, shader
 
 _shader = None
 _textures: dict[str, object] = {}
@@ -27,6 +27,11 @@ def is_drawn(context) -> bool:
     return comparison.is_shown() and comparison.is_compared(context.space_data.image)
 
 
+def is_split(context) -> bool:
+    """Whether there is a line to be dragged in this Image Editor."""
+    return comparison.settings().mode == "SPLIT" and (is_drawn(context) or growing.is_drawn(context))
+
+
 def _before_image() -> None:
     import gpu
     global _scene_linear
@@ -37,6 +42,8 @@ def _after_image() -> None:
     import gpu
     if comparison.settings().show:
         events.look_again()
+    if growing.is_drawn(bpy.context):
+        growing.draw(bpy.context, _scene_linear)
     if not is_drawn(bpy.context):
         return
     chosen, textures = comparison.settings(), _current_textures()
@@ -62,8 +69,10 @@ def _after_image() -> None:
 
 def _over_image() -> None:
     context = bpy.context
-    if is_drawn(context):
-        overlay.draw(context)
+    if growing.is_drawn(context):
+        overlay.draw(context, *growing.labels())
+    elif is_drawn(context):
+        overlay.draw(context, f"A: {comparison.a.label}", f"B: {comparison.b.label}")
     elif comparison.settings().show and comparison.message and comparison.is_compared(context.space_data.image):
         overlay.say(context, comparison.message)
 

@@ -12,6 +12,7 @@ from .. import passes as pass_table
 from ..convert.report import Report
 from ..frame import failure
 from . import background as background_cycles
+from . import growing
 
 
 @contextmanager
@@ -90,7 +91,8 @@ def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer
     with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
         with _of_cycles():
             cycles_engine.reset(engine, bpy.data, depsgraph)
-            cycles_engine.render(engine, depsgraph)
+            with growing.drawable(engine):
+                cycles_engine.render(engine, depsgraph)
             cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         if engine.test_break() and not partial:
             raise RenderCancelled()
