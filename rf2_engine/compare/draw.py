@@ -13,6 +13,7 @@ import numpy as np
 
 from ...model.color import srgb_to_linear
 from ...model.magma import magma
+from ..cycles import growing as cycles_growing
 from . import comparison, events, growing, overlay, shader
 
 _shader = None
@@ -43,11 +44,13 @@ def _after_image() -> None:
     if comparison.settings().show:
         events.look_again()
     if growing.is_drawn(bpy.context):
-        growing.draw(bpy.context, _scene_linear)
+        growing.draw(_scene_linear, _program())
+    elif cycles_growing.running() is None:
+        growing.forget()
     if not is_drawn(bpy.context):
         return
     chosen, textures = comparison.settings(), _current_textures()
-    show = partial(shader.draw, _shader, opaque=bpy.context.space_data.display_channels == "COLOR")
+    show = partial(shader.draw, _program(), opaque=bpy.context.space_data.display_channels == "COLOR")
     gpu.state.blend_set("NONE")
     if chosen.mode == "SIDE":
         shader.erase(1 + overlay.GAP)
@@ -64,7 +67,7 @@ def _after_image() -> None:
             show(textures["b" if chosen.mode == "BLINK" and events.blink else "a"])
     if chosen.mode == "FLIP" and "flip" in textures:  # its colours are a scale, not light
         area = comparison.measurement.box.area
-        shader.draw(_shader, textures["flip"], part=area, area=area)
+        shader.draw(_program(), textures["flip"], part=area, area=area)
 
 
 def _over_image() -> None:
@@ -77,12 +80,17 @@ def _over_image() -> None:
         overlay.say(context, comparison.message)
 
 
-def _current_textures() -> dict[str, object]:
-    global _shader, _of
-    measured = comparison.measurement and comparison.measurement.closeness
-    now = comparison.generation, id(measured)
+def _program():
+    global _shader
     if _shader is None:
         _shader = shader.create()
+    return _shader
+
+
+def _current_textures() -> dict[str, object]:
+    global _of
+    measured = comparison.measurement and comparison.measurement.closeness
+    now = comparison.generation, id(measured)
     if _of != now:
         if _of[:1] != now[:1]:
             _textures.clear()
@@ -107,4 +115,5 @@ def unregister() -> None:
         bpy.types.SpaceImageEditor.draw_handler_remove(handle, "WINDOW")
     _handles.clear()
     _textures.clear()
+    growing.forget()
     _shader, _of, _scene_linear = None, (), None

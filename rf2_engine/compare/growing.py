@@ -6,11 +6,17 @@ import time
 
 import bpy
 
+from mathutils import Matrix
+
 from ..cycles import growing as cycles_growing
 from ..setup import packages
 from . import comparison, credits, overlay, shader, windows
 
 MODES = ("SPLIT", "SIDE")  # the others need the pixels of both
+INTERVAL = 1.0             # seconds between two looks at what Cycles has
+
+_shown = None  # the picture on the graphics card
+_next = 0.0    # time of the next look
 
 
 def is_drawn(context: bpy.types.Context) -> bool:
@@ -41,24 +47,47 @@ def labels() -> tuple[str, str]:
     return str(credits.Credits(credits.OURS, None, running.our_seconds)), f"Cycles, {so_far}, {seconds}"
 
 
-def draw(context: bpy.types.Context, scene_linear) -> None:
-    """The reference on its side, into the framebuffer of the image."""
-    import gpu
-
-    beside = comparison.settings().mode == "SIDE"
-    shift = 1 + overlay.GAP if beside else 0.0
-    running = cycles_growing.running()
-    if running is None:
+def draw(scene_linear, program) -> None:
+    """The reference on its side, into the framebuffer of the image, with shader.create's `program`."""
+    _look()
+    if _shown is None:
         return
-    if beside:
-        shader.erase(shift)
-    with scene_linear.bind(), gpu.matrix.push_pop():
-        gpu.state.scissor_test_set(True)
-        left = 0 if beside else round(overlay.split_x(context))
-        gpu.state.scissor_set(max(left, 0), 0, max(context.region.width - max(left, 0), 0), context.region.height)
-        shader.erase(shift)  # where the reference is transparent ours would shine through
-        gpu.matrix.translate((shift, 0))
-        gpu.matrix.scale((1 / running.width, 1 / running.height))
-        cycles_growing.draw(context)
-        gpu.state.scissor_test_set(False)
-        gpu.state.blend_set("NONE")
+    if comparison.settings().mode == "SIDE":
+        shader.erase(1 + overlay.GAP)
+        with scene_linear.bind():
+            shader.draw(program, _shown.texture_color, shift=1 + overlay.GAP)
+    else:
+        with scene_linear.bind():
+            shader.draw(program, _shown.texture_color, part=(comparison.settings().split, 0, 1, 1))
+
+
+def forget() -> None:
+    """Where a graphics context is active."""
+    global _shown
+    if _shown is not None:
+        _shown.free()
+    _shown = None
+
+
+def _look() -> None:
+    """Take over what Cycles has by now, but not at each of the many times that the editor is drawn."""
+    import gpu
+    global _shown, _next
+
+    running = cycles_growing.running()
+    if running is None or time.perf_counter() < _next:
+        return
+    size = (running.width, running.height)
+    if _shown is None or (_shown.width, _shown.height) != size:
+        forget()
+        if max(size) > gpu.capabilities.max_texture_size_get():
+            return
+        _shown = gpu.types.GPUOffScreen(*size, format="RGBA16F")
+    with _shown.bind(), gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        gpu.state.active_framebuffer_get().clear(color=(0, 0, 0, 0))
+        gpu.matrix.load_identity()
+        gpu.matrix.load_projection_matrix(Matrix.Translation((-1, -1, 0)) @ Matrix.Diagonal(
+            (2 / running.width, 2 / running.height, 1, 1)))
+        cycles_growing.draw(bpy.context)
+    gpu.state.blend_set("NONE")
+    _next = time.perf_counter() + INTERVAL

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Write the reference of an animation's frame into a file of its own, beside the file of the frame.
 
-Files of still images hold one picture. OpenEXR MultiLayer files have the reference as a pass, and movies no room for it.
+Files of still images hold one picture. OpenEXR MultiLayer files have the reference as a pass, movies have no room.
 """
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def path(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, layer: str) -> 
 
 
 def write(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, layer: str, pixels: np.ndarray) -> None:
-    """Save (H, W, 4), row 0 on top, as Blender saves the frame, but for dithering. A file that is not to be overwritten stays.
+    """Save (H, W, 4), row 0 on top, as Blender saves the frame, but for dithering. An old file may have to stay.
 
     `scene` is the user's. Raises OSError or RuntimeError when it cannot be written, RenderCancelled after Esc.
     """
