@@ -63,7 +63,7 @@ _WORLD_UNLIT = {f"cycles_visibility.{ray}": False for ray in ("diffuse", "glossy
 def require() -> None:
     """Raises SceneError when Cycles is switched off."""
     if not addon_utils.check("cycles")[1]:
-        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on for first hits: "
+        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on to find what the camera sees: "
                          "enable 'Cycles Render Engine' in Preferences > Add-ons")
 
 

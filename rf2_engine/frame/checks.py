@@ -23,7 +23,7 @@ def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Repor
         raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '
                          "switch it off in Output Properties")
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
-        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise "
+        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so direct light is noisy: raise "
                                         "Samples, or set Light to Network Alone")
     names = passes.of_session(layer, passes.divided_light(layer, settings.light_passes))
     names += passes.REFERENCE if settings.reference else ()

@@ -82,7 +82,7 @@ def _session(layer: Layer, scene: RenderScene, look: Look, samples: int) -> dict
     """The passes of cycles_session.render_passes."""
     settings = layer.settings
     lit_by = " and direct light" if settings.light is Light.TRACED else ""
-    with layer.status.during_cycles(f"First hits{lit_by} {{}}", share=CYCLES_SHARE):
+    with layer.status.during_cycles(f"Camera rays{lit_by} {{}}", share=CYCLES_SHARE):
         return cycles_session.render_passes(layer.engine, layer.depsgraph, samples=samples, look=look,
                                             light=settings.light, hazy=bool(scene.volumes), threads=settings.threads,
                                             report=layer.report)

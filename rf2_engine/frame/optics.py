@@ -73,10 +73,12 @@ class Optics:
         for catcher in shadow_catchers(depsgraph):
             report.approximated(catcher.name, "a shadow catcher catches only shadows of direct light"
                                 if light is Light.TRACED else
-                                "a shadow catcher is shown like any object: its shadows need Light > Traced Hints")
+                                "a shadow catcher is shown like any object: its shadows need Light > Cycles and "
+                                "Network")
             allowed = replace(allowed, catchers=light is Light.TRACED)
         if self.glass and light is not Light.TRACED:
-            report.approximated(scene.name, "the film is opaque behind glass: Transparent Glass needs Traced Hints")
+            report.approximated(scene.name, "the film is opaque behind glass: Transparent Glass needs Light > Cycles "
+                                            "and Network")
             return replace(allowed, glass=False)
         return allowed
 

@@ -64,7 +64,7 @@ class Preflight:
         if self.memory is not None:
             memory = f"Blender will use about {self.memory / 1024:.1f} GB"
         blur = [self.blur] if self.blur else []
-        return [f"{several}: {width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens",
+        return [f"{several}: {width} x {height} pixels, {self.triangles} triangles for the network",
                 f"Time: {time}", *blur, f"Memory: {memory}"]
 
 

@@ -36,14 +36,14 @@ def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     scene = depsgraph.scene_eval
     now = shown = scene.frame_current_final
 
-    def move_to(frame: float) -> set[str]:
+    def move_to(moment: float) -> set[str]:
         nonlocal shown
-        if frame == shown:
+        if moment == shown:
             cycles_run.renew(engine, depsgraph)
             return set()
-        shown = frame
-        whole = int(np.floor(frame))
-        engine.frame_set(whole, frame - whole)
+        shown = moment
+        whole = int(np.floor(moment))
+        cycles_run.evaluate_at(engine, depsgraph, whole, moment - whole)
         changed = {"camera" if _is_camera(update.id, scene) else "scene" for update in depsgraph.updates}
         cycles_run.renew(engine, depsgraph)
         return changed

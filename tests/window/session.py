@@ -10,7 +10,7 @@ sys.path.append(str(Path(__file__).parent))
 from driver import ESC, F12, Driver, area, is_rendering, middle, region  # noqa: E402  it lies beside this file
 
 ARCHIVE, FOLDER = map(Path, sys.argv[sys.argv.index("--") + 1:])
-STAGES = ("Converting the scene", "First hits", "Network", "Cycles Reference")
+STAGES = ("Converting the scene", "Camera rays", "Network", "Cycles Reference")
 PROPERTIES = ("RENDER", "OUTPUT", "VIEW_LAYER", "WORLD", "OBJECT", "DATA", "MATERIAL")
 
 driver, stages, lines = Driver(FOLDER), [], []
@@ -85,7 +85,7 @@ def render(editor, shots=False):
     if editor.spaces.active.image is None:
         editor.spaces.active.image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
     if shots:
-        for stage, name in (("First hits", "tracing"), ("Cycles Reference", "reference_runs")):
+        for stage, name in (("Camera rays", "tracing"), ("Cycles Reference", "reference_runs")):
             yield lambda stage=stage: stage in stages
             yield 1.5
             driver.shot(name)
@@ -221,7 +221,7 @@ def hostile(editor, comparison, last_render, found):
     yield from hears("slot_removed")
     stages.clear()
     driver.key(F12)
-    yield lambda: "First hits" in stages
+    yield lambda: "Camera rays" in stages
     scene.render.engine = "CYCLES"
     yield lambda: not is_rendering()
     scene.render.engine = "RENDERFORMER_V2"

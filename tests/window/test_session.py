@@ -38,7 +38,7 @@ def found(tmp_path_factory):
 
 
 def test_a_line_says_how_far_cycles_is(found):
-    assert any(line.startswith("First hits and direct light ") for line in found["lines"])
+    assert any(line.startswith("Camera rays and direct light ") for line in found["lines"])
     assert any(line.startswith("RenderFormer 100 %, Cycles ") for line in found["lines"])
     assert found["reference_samples"] == 64
 

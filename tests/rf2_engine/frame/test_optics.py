@@ -149,6 +149,19 @@ def test_a_moving_camera_costs_no_second_scene(blurry, tmp_path, seen):
     assert len({view.camera_to_world.tobytes() for *_, view in seen["samples"][:SAMPLES]}) == SAMPLES
 
 
+def test_the_timeline_stays_where_it_is_while_other_moments_are_rendered(blurry, tmp_path, monkeypatch):
+    moving(blurry, bpy.data.objects["Cube"], (-1, 0, 0), (0, 0, 0), (1, 0, 0))
+    shown, evaluated = [], []
+
+    def look(layer, *given, real=hits._session):
+        shown.append(blurry.frame_current_final)
+        evaluated.append(layer.depsgraph.scene_eval.frame_current_final)
+        return real(layer, *given)
+    monkeypatch.setattr(hits, "_session", look)
+    press_f12(blurry, tmp_path)
+    assert set(shown) == {2.0} and len(set(evaluated)) == SAMPLES + 1 and blurry.frame_current_final == 2
+
+
 def test_where_nothing_moves_there_is_one_sample(blurry, tmp_path, seen):
     blurry.render.use_motion_blur, blurry.renderformer_v2.shutter_samples = True, SAMPLES
     press_f12(blurry, tmp_path)

@@ -49,7 +49,7 @@ def test_it_tells_what_the_render_then_tells(scene, tmp_path):
     assert layout.texts[:2] == [str(sum(remark.kind == kind for remark in before.remarks))
                                 for kind in ("approximated", "refused")]
     assert any("Catcher" in getattr(o, "name", "") for o in layout.operators)
-    assert "tokens" in preflight.as_text(scene) and "Catcher" in preflight.as_text(scene)
+    assert "triangles" in preflight.as_text(scene) and "Catcher" in preflight.as_text(scene)
     assert bpy.ops.renderformer_v2.copy_report(source="PREFLIGHT") == {"FINISHED"}
 
 
