@@ -132,6 +132,7 @@ def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bo
             if not partial or running.is_stopping() or not _hands_over(engine, process, reader):
                 raise
             engine.update_stats("", _status(lines))
+            return  # with the status of a render that was ended; its file says whether it had anything
         code = process.wait()
     finally:
         process.kill()
