@@ -44,13 +44,20 @@ def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
         shown = moment
         whole = int(np.floor(moment))
         cycles_run.evaluate_at(engine, depsgraph, whole, moment - whole)
-        changed = {"camera" if _is_camera(update.id, scene) else "scene" for update in depsgraph.updates}
+        changed = {"camera" if _is_camera(update.id, scene) else "scene" for update in depsgraph.updates
+                   if not _is_back_in_time(update.id)}
         cycles_run.renew(engine, depsgraph)
         return changed
     try:
         yield move_to
     finally:
         move_to(now)
+
+
+def _is_back_in_time(data: bpy.types.ID) -> bool:
+    """Whether cycles_run.evaluate_at alone has changed it: a scene without animation of its own."""
+    return isinstance(data, bpy.types.Scene) and data.animation_data is None and not any(
+        marker.camera for marker in data.timeline_markers)
 
 
 def _is_camera(data: bpy.types.ID, scene: bpy.types.Scene) -> bool:
