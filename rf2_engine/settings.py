@@ -80,29 +80,30 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     )
     guide_samples: IntProperty(
         name="Samples", default=8, min=1, soft_max=64, max=1024,
-        description="Camera rays per pixel that Cycles traces to find what is seen and, with Cycles and Network, its "
-                    "direct light. More samples give smoother edges and textures. The time of the network does not "
+        description="Camera rays per pixel that Cycles traces to find what is seen and, if Light is With Cycles, "
+                    "its direct light. More samples give smoother edges and textures. The time of the network does not "
                     "depend on them",
     )
 
     lens_samples: IntProperty(
         name="Lens Samples", default=2, min=1, soft_max=64, max=1024,
         description="Points on the lens that the picture is rendered from, for cameras with Depth of Field. 1 disables "
-                    "it. The network renders the picture once per sample, and Cycles traces Samples as often and once "
-                    "more. 2 take about twice as long as a sharp picture; more are smoother",
+                    "it. The network and Cycles render the picture once per sample: 2 take about twice as long as a "
+                    "sharp picture; more are smoother",
     )
     shutter_samples: IntProperty(
         name="Shutter Samples", default=2, min=1, soft_max=64, max=1024,
         description="Moments at which the picture is rendered while the shutter is open, with Motion Blur. 1 disables "
-                    "it. The network renders the picture once per sample. Together with Lens Samples, each sample has "
-                    "a point and a moment, and the larger number is used",
+                    "it. The network and Cycles render the picture once per sample: 2 take about twice as long as a "
+                    "sharp picture. Together with Lens Samples, each sample has a point and a moment, and the larger "
+                    "number is used",
     )
     light: EnumProperty(
         name="Light", update=_passes_change,
         items=(
-            ("TRACED", "Cycles and Network", "Cycles traces direct light and what smooth mirrors and glass show, "
-                                             "with the samples below. The network adds light that has bounced. "
-                                             "Bundled network only", 0),
+            ("TRACED", "With Cycles", "Cycles traces direct light and what smooth mirrors and glass show, with the "
+                                      "samples below. The network adds light that has bounced. Bundled network only",
+             0),
             ("NETWORK", "Network Alone", "Cycles finds only what the camera sees. All light comes from the "
                                          "network and from estimates on its triangles", 1),
         ),

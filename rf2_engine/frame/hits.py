@@ -52,7 +52,7 @@ def first_hits(layer: Layer, scene: RenderScene, view: View, passes: dict[str, n
     """
     opacity, catch = _opacity(layer, view), _catch(layer)
     with layer.plan.enter(FIRST_HITS):
-        rendered = _session(layer, scene, layer.optics.look(), layer.settings.guide_samples * layer.optics.samples)
+        rendered = _session(layer, scene, layer.optics.look(), layer.optics.rays_of_all(layer.settings.guide_samples))
         passes |= output.first_hits(rendered, layer.settings.exposure)
         if layer.optics and layer.optics.samples == 1 and not rendered["transmission_color"].any():
             layer.optics = Optics()
@@ -123,5 +123,5 @@ def _catch(layer: Layer) -> Catch | None:
 
 def _of_all_samples(layer: Layer, light: Light, look: Look) -> dict[str, np.ndarray]:
     return cycles_session.render_passes(
-        layer.engine, layer.depsgraph, samples=layer.settings.guide_samples * layer.optics.samples, light=light,
+        layer.engine, layer.depsgraph, samples=layer.optics.rays_of_all(layer.settings.guide_samples), light=light,
         look=look, threads=layer.settings.threads, report=layer.report)

@@ -208,6 +208,9 @@ def test_the_switches_of_camera_and_scene_are_followed(blurry, tmp_path, seen):
 
 def test_all_samples_together_have_as_many_rays_as_a_sharp_picture():
     assert [Optics(lens=lens).rays_of_each(8) for lens in (1, 2, 3, 16)] == [8, 4, 3, 1]
+    for lens in (2, 4, 8):
+        assert Optics(lens=lens).rays_of_all(8) + lens * Optics(lens=lens).rays_of_each(8) == lens * 8
+    assert Optics().rays_of_all(8) == Optics(glass=True).rays_of_all(8) == 8
 
 
 def test_blur_of_one_sample_is_reported_where_the_scene_wants_it(blurry, tmp_path):
