@@ -96,7 +96,7 @@ def _save(layer: Layer, pixels: np.ndarray, report: Report) -> None:
         report.approximated(NAME, LOST)
     elif reference_file.is_written(scene) and not layer.status.esc_pressed():  # then Blender writes no frame either
         try:
-            reference_file.write(layer.engine, scene, layer.name, pixels)
+            reference_file.write(scene, layer.name, pixels)
         except RenderCancelled:
             if running.is_stopping():
                 raise

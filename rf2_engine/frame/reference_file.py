@@ -22,23 +22,22 @@ def is_written(scene: bpy.types.Scene) -> bool:
     return not scene.render.is_movie_format and scene.render.image_settings.file_format != "OPEN_EXR_MULTILAYER"
 
 
-def path(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, layer: str) -> Path:
-    """NAME0001_cycles.png for NAME0001.png; with the name of the view layer where there are several."""
+def path(scene: bpy.types.Scene, layer: str, view: str = "") -> Path:
+    """NAME0001_cycles.png for NAME0001.png; with the view layer where there are several, and the suffix of the view."""
     frame, ending = Path(scene.render.frame_path(frame=scene.frame_current)), scene.render.file_extension
     has_ending = scene.render.use_file_extension and frame.name.lower().endswith(ending)
     stem, ending = (frame.name[:-len(ending)], frame.name[-len(ending):]) if has_ending else (frame.name, "")
     of_layer = f"_{bpy.path.clean_name(layer)}" if layers(scene) > 1 else ""
-    view = engine.active_view_get() if scene.render.use_multiview else ""
     of_view = scene.render.views[view].file_suffix if view in scene.render.views else ""
     return frame.with_name(f"{stem}{SUFFIX}{of_layer}{of_view}{ending}")
 
 
-def write(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, layer: str, pixels: np.ndarray) -> None:
+def write(scene: bpy.types.Scene, layer: str, pixels: np.ndarray, view: str = "") -> None:
     """Save (H, W, 4), row 0 on top, as Blender saves the frame, but for dithering. An old file may have to stay.
 
     `scene` is the user's. Raises OSError or RuntimeError when it cannot be written, RenderCancelled after Esc.
     """
-    target = path(engine, scene, layer)
+    target = path(scene, layer, view)
     if target.is_file() and not scene.render.use_overwrite:
         return
     target.parent.mkdir(parents=True, exist_ok=True)
