@@ -157,8 +157,8 @@ def _blur(optics: Optics, seconds: float | None, sharp: float | None) -> str:
     if optics.samples == 1:
         return ""
     kinds = [name for name, count in (("depth of field", optics.lens), ("motion blur", optics.shutter)) if count > 1]
-    times = f", about {seconds / sharp:.1f} times as long as without" if seconds and sharp else ""
-    return f"{' and '.join(kinds).capitalize()}: {optics.samples} pictures by the network for one{times}"
+    times = f"{seconds / sharp:.1f}" if seconds and sharp else optics.samples
+    return f"{' and '.join(kinds).capitalize()}: {optics.samples} pictures for one, about {times} times as long"
 
 
 def _report_differences(depsgraph: bpy.types.Depsgraph, report: Report) -> None:

@@ -28,7 +28,7 @@ class RENDERFORMER_PT_preflight(EnginePanel):
             column = self.layout.column(align=True)
             if latest.state != preflight.state_of(context.scene, context.scene.view_layers.get(latest.layer)
                                                   or context.view_layer):
-                draw_text(column, "The settings have changed since: look again")
+                draw_text(column, "The settings have changed since: check again")
             for line in latest.lines:
                 draw_text(column, line, icon="ERROR" if latest.error else "BLANK1")
             draw_remarks(self.layout, latest, context.scene)
