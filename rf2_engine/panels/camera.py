@@ -16,9 +16,9 @@ def draw_lens(self, context) -> None:
 def draw_lens_samples(self, context) -> None:
     """Below Cycles' own settings of the focus: how many samples there are, which is the scene's."""
     layout = self.layout
-    layout.prop(context.scene.renderformer_v2, "lens_samples")
+    layout.prop(context.scene.renderformer_v2, "lens_samples", text="Samples")
     if context.camera.dof.use_dof and context.scene.renderformer_v2.lens_samples == 1:
-        draw_text(layout, "Everything is in focus: set Lens Samples above 1 for blur", icon="INFO")
+        draw_text(layout, "Everything is in focus: set Samples above 1 for blur", icon="INFO")
 
 
 register, unregister = appended("DATA_PT_lens", draw_lens)
