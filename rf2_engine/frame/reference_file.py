@@ -65,3 +65,13 @@ def _save(scene: bpy.types.Scene, target: Path, pixels: np.ndarray) -> None:
         image.save_render(str(target), scene=scene)
     finally:
         bpy.data.images.remove(image)
+        _settle()
+
+
+def _settle() -> None:
+    """Have Blender build what it evaluates for its windows now, as it does after a data-block has come and gone.
+
+    It would do so while the render goes on and builds the same for its next frame in another thread, which can crash.
+    """
+    for window in bpy.context.window_manager.windows:
+        window.view_layer.update()
