@@ -35,8 +35,8 @@ class Optics:
         return -(-guide_samples // self.samples)
 
     def rays_of_all(self, guide_samples: int) -> int:
-        """Rays through a pixel of the whole picture: with those of each, n samples have n times a sharp picture's."""
-        return guide_samples * max(self.samples - 1, 1)
+        """Rays through a pixel of the whole picture: two samples have twice a sharp picture's, with those of each."""
+        return guide_samples * (self.samples if self.samples > 2 else 1)
 
     @property
     def sessions(self) -> int:

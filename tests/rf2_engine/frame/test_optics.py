@@ -177,7 +177,7 @@ def test_passes_are_those_of_cycles_and_light_passes_make_the_picture(still_life
     still_life.renderformer_v2.lens_samples = still_life.renderformer_v2.shutter_samples = 2
     still_life.render.use_motion_blur, still_life.renderformer_v2.light = True, "TRACED"
     ours = press_f12(still_life, tmp_path)
-    cycles = with_cycles(still_life, tmp_path, 2 * still_life.renderformer_v2.guide_samples)
+    cycles = with_cycles(still_life, tmp_path, still_life.renderformer_v2.guide_samples)
     computed = {f"ViewLayer.{p.blender_name}" for p in passes.PASSES if p.source in ("network", "lighting")}
     assert set(ours) == set(cycles)
     for name in set(cycles) - computed:
@@ -208,8 +208,7 @@ def test_the_switches_of_camera_and_scene_are_followed(blurry, tmp_path, seen):
 
 def test_all_samples_together_have_as_many_rays_as_a_sharp_picture():
     assert [Optics(lens=lens).rays_of_each(8) for lens in (1, 2, 3, 16)] == [8, 4, 3, 1]
-    for lens in (2, 4, 8):
-        assert Optics(lens=lens).rays_of_all(8) + lens * Optics(lens=lens).rays_of_each(8) == lens * 8
+    assert [Optics(lens=lens).rays_of_all(8) for lens in (1, 2, 3, 16)] == [8, 8, 24, 128]
     assert Optics().rays_of_all(8) == Optics(glass=True).rays_of_all(8) == 8
 
 
