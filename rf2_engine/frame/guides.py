@@ -23,6 +23,8 @@ TOLERANCE = 0.01
 # Camera rays pass through lamps, which may hang just below a ceiling: a light that shows no emission must fit closely.
 UNSEEN_LIGHT_TOLERANCE = 1e-4
 NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothing
+NOWHERE = 1e10       # that Depth
+LOOKED = ("normal", "emission", "environment")  # of which one is not 0 where anything was seen, but for a black world
 COVERED = 1e-3       # alpha below this is not worth a token's attention
 ONE_SURFACE = 0.95   # length of the mean of a pixel's unit normals from which it sees one surface
 FILL_RADIUS = 4      # pixels
@@ -94,6 +96,18 @@ def _surface(scene: RenderScene, seen: np.ndarray, triangle: np.ndarray, weights
     if known.any():
         colors[:, known] = lobe_colors(scene, triangle[known], weights[known])
     return colors
+
+
+def inside(passes: dict[str, np.ndarray], outside: np.ndarray | None) -> dict[str, np.ndarray]:
+    """The passes of a panorama with nothing where pixels (H, W) look nowhere: Cycles gives them an alpha of 1.
+
+    A pixel on the rim whose centre looks nowhere belongs to what its other samples see.
+    """
+    if outside is None or not outside.any():
+        return passes
+    nothing = outside[..., None] & ~np.any([passes[key].any(-1, keepdims=True) for key in LOOKED], axis=0)
+    return passes | {"alpha": np.where(nothing, np.float32(0), passes["alpha"]),
+                     "depth": np.where(outside[..., None], np.float32(NOWHERE), passes["depth"])}
 
 
 def guides_of_no_triangle(passes: dict[str, np.ndarray]) -> Guides:

@@ -44,7 +44,7 @@ def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
         shown = moment
         whole = int(np.floor(moment))
         cycles_run.evaluate_at(engine, depsgraph, whole, moment - whole)
-        changed = {"camera" if _is_camera(update.id, scene) else "scene" for update in depsgraph.updates
+        changed = {"camera" if _is_camera(update.id) else "scene" for update in depsgraph.updates
                    if not _is_back_in_time(update.id)}
         cycles_run.renew(engine, depsgraph)
         return changed
@@ -60,8 +60,8 @@ def _is_back_in_time(data: bpy.types.ID) -> bool:
         marker.camera for marker in data.timeline_markers)
 
 
-def _is_camera(data: bpy.types.ID, scene: bpy.types.Scene) -> bool:
-    """Whether a change of this data-block changes nothing but the camera."""
+def _is_camera(data: bpy.types.ID) -> bool:
+    """Whether a change of this data-block changes nothing but cameras."""
     if isinstance(data, bpy.types.Object):
-        return data == scene.camera or data.type == "EMPTY" and data.instance_type == "NONE"
+        return data.type == "CAMERA" or data.type == "EMPTY" and data.instance_type == "NONE"
     return isinstance(data, (bpy.types.Camera, bpy.types.Action, bpy.types.Scene))
