@@ -33,7 +33,7 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
         depsgraph, x=width, y=height, scale_x=scene.render.pixel_aspect_x, scale_y=scene.render.pixel_aspect_y))
     if not (np.isfinite(projection).all() and projection[0, 0] and projection[1, 1]):
         raise SceneError(f'Camera "{camera.name}" sees nothing: set its Clip End beyond its Clip Start')
-    camera_to_world, mirror = _rigid(np.array(camera.matrix_world, np.float64), camera.name, report)
+    camera_to_world, mirror = rigid(np.array(camera.matrix_world, np.float64), camera.name, report)
     if camera.data.type == "ORTHO":
         projection = orthographic.as_perspective(projection, camera_to_world, depsgraph)
         if report is not None:
@@ -58,7 +58,7 @@ def clip_start(depsgraph) -> float:
     return data.clip_start if data.type == "PERSP" else 0.0
 
 
-def _rigid(matrix: np.ndarray, name: str, report) -> tuple[np.ndarray, float]:
+def rigid(matrix: np.ndarray, name: str, report) -> tuple[np.ndarray, float]:
     """`matrix` without scale and shear, and -1 if it mirrors the picture.
 
     A mirrored camera becomes a rigid one whose x axis is turned round; a negative focal length turns the picture back.
