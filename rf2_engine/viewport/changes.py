@@ -9,6 +9,7 @@ import bpy
 from ..convert.copying.kept import Kept
 
 CAMERA = {"CAMERA"}
+OF_WORLDS = bpy.types.World, bpy.types.Image, bpy.types.Texture
 
 
 @dataclass
@@ -19,6 +20,7 @@ class Changes:
     anything: bool = False
     geometry: set[int] = field(default_factory=set)  # session_uids of objects
     images: set[int] = field(default_factory=set)    # and of images
+    world: bool = False                              # or what its nodes refer to
 
     def add(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Those that its last evaluation brought. Cameras count for nothing: they are read for every picture."""
@@ -31,6 +33,8 @@ class Changes:
                 self.geometry.add(block.original.session_uid)
             elif isinstance(block, bpy.types.Image):
                 self.images.add(block.session_uid)
+            if isinstance(block, OF_WORLDS) or isinstance(block, bpy.types.NodeTree) and not block.is_embedded_data:
+                self.world = True
 
     def add_everything(self) -> None:
         self.everything = self.anything = True
@@ -40,4 +44,6 @@ class Changes:
         if self.everything:
             return Kept()
         kept.drop(self.geometry, self.images)
+        if self.world:
+            kept.world = None
         return kept

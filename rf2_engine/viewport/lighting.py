@@ -13,6 +13,7 @@ from ..convert import compute
 from ..convert.camera.framing import Framing
 from ..convert.camera.scene_box import box_around
 from ..convert.copied import Copied
+from ..convert.memo import Memo
 from ..convert.report import Report
 from ..frame import model_cache, output
 from ..frame.guides import cast_guides
@@ -66,10 +67,12 @@ class Lit:
         return self.scene.triangles[self.scene.is_seen].reshape(-1, 3)
 
 
-def light(copied: Copied, version: int, view: View, look: Look, before: Lit | None, report: Report) -> Lit:
+def light(copied: Copied, version: int, view: View, look: Look, before: Lit | None, report: Report,
+          memo: Memo) -> Lit:
     """Convert and encode a copy of a scene, for this view and those like it.
 
     before: what was shown of the scene until now, whose box and shares of triangles are kept as long as they fit.
+    memo: of conversions before.
     """
     settings, framing = look.frame, None
 
@@ -80,7 +83,7 @@ def light(copied: Copied, version: int, view: View, look: Look, before: Lit | No
 
     with progress.part(0.0, 0.4, "Converting the scene"):
         scene = compute.compute(copied, view, token_budget=settings.token_budget, max_edge=settings.max_edge,
-                                report=report, steady=steady)
+                                report=report, steady=steady, memo=memo)
     content = model_cache.fingerprint(scene)
     if before and before.content == content and before.made_with == look.of_scene:
         return replace(before, version=version, framing=framing)

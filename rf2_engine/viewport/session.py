@@ -11,6 +11,7 @@ import numpy as np
 from ...model import background, progress, threads
 from ...model.errors import RenderCancelled
 from ..convert.copied import Copied
+from ..convert.memo import Memo
 from ..convert.report import Report
 from ..frame import failure, model_cache
 from . import levels
@@ -69,6 +70,7 @@ class Session:
         self.doing = ""                    # what the worker does for it now
         self.report = Report()             # of what is shown
         self._said = 0.0
+        self._memo = Memo()
         self.redraw = redraw
         self._lit: Lit | None = None
         self._failed: Request | None = None
@@ -90,7 +92,7 @@ class Session:
 
     def close(self) -> None:
         """Nobody looks at it any more."""
-        self.closed, self.request, self._lit, self.shown = True, None, None, None
+        self.closed, self.request, self._lit, self.shown, self._memo = True, None, None, None, Memo()
 
     def forget(self) -> None:
         """Drop what holds the network's memory; it is made again when needed."""
@@ -151,7 +153,7 @@ class Session:
         report, before = Report(), None if self._refit is request else self._lit
         points = before.points if before else np.zeros((0, 3))
         whole = request.view.view(1, points)
-        self._lit = light(request.copied, request.version, whole, request.look, before, report)
+        self._lit = light(request.copied, request.version, whole, request.look, before, report, self._memo)
         if before is None:
             self._fitted = request.view
         self.report, self._refit, self._done, self.error = report, None, None, ""

@@ -18,7 +18,7 @@ NEAR = 1       # percentile of the distances seen, of which half is near enough
 MARGIN = 0.15  # of the picture's width, beyond its edges: still as good as seen
 
 
-@dataclass
+@dataclass(eq=False)
 class ApparentSize:
     """One eye at `near` or farther from everything it sees."""
 

@@ -2,11 +2,13 @@
 """What was read from Blender and holds until it is edited, for whoever copies a scene again and again."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ..meshes import mesh as meshes
 from ..meshes.mesh import TriangleMesh
 from ..report import Remark, Report
+from ..shading.blocks import World
 
 
 @dataclass
@@ -51,10 +53,20 @@ class Meshes:
 class Kept:
     meshes: Meshes = field(default_factory=Meshes)
     images: dict[tuple, tuple] = field(default_factory=dict)  # as Images knows them
+    world: tuple[tuple, World] | None = None                  # and what it is known by
 
     def __len__(self) -> int:
         """How much was read: grows with each mesh and image."""
         return len(self.meshes) + len(self.images)
+
+    def world_of(self, block, frame: int, read: Callable[[], World | None]) -> World | None:
+        """The copy of a world, of which `read` makes one; of another frame where it has images, which may be movies."""
+        if block is None:
+            return None
+        if self.world is None or self.world[0] not in ((block.session_uid, None), (block.session_uid, frame)):
+            world = read()
+            self.world = (block.session_uid, frame if world.widths or world.has_groups else None), world
+        return self.world[1]
 
     def drop(self, owners: set[int], images: set[int]) -> None:
         """What was read of these objects and images (session_uids), because it has changed."""

@@ -26,7 +26,8 @@ def copy(depsgraph, report, by_cycles=None, baker=None, kept=None, hides=None) -
     frame = depsgraph.scene_eval.frame_current
     kept = Kept() if kept is None else kept
     with progress.part(0.0, 0.1, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
-        world = Blocks(frame, depsgraph, kept.images).of(shown_world(depsgraph))
+        shown = shown_world(depsgraph)
+        world = kept.world_of(shown, frame, lambda: Blocks(frame, depsgraph, kept.images).of(shown))
         copied = Copied(world, drawn_by(by_cycles, world))
     with progress.part(0.1, 0.9):
         blocks = Blocks(frame, depsgraph, kept.images)
