@@ -64,7 +64,8 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, name
 def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, optics: Optics, status: Status,
                   report: Report) -> LayerStatistics:
     """The steps of docs/architecture.md, section 2."""
-    worker.wait_until_idle()  # viewports have the same network
+    while not worker.wait_until_idle():  # viewports have the same network
+        progress.report()
     packages.require()                                                              # 1. Requirements
     cycles_session.require()
     threads.sleep_while_waiting()

@@ -51,6 +51,7 @@ class Shown:
     request: Request
     divisor: int
     seconds: float      # since it was asked for
+    drawn: float        # seconds of this picture alone
     triangles: int
 
 
@@ -166,7 +167,7 @@ class Session:
         pixels, points = picture(lit, view, request.look)
         now = time.perf_counter()
         self._known(request)[divisor] = now - begin
-        self.shown = Shown(pixels, request, divisor, now - request.asked, len(lit.scene))
+        self.shown = Shown(pixels, request, divisor, now - request.asked, now - begin, len(lit.scene))
         self._done, self.error = (request, divisor), ""
         if self._level(request) is None and self._fitted != request.view and has_moved_on(lit, view, points):
             self._refit = request

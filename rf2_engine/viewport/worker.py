@@ -2,7 +2,6 @@
 """The one thread that pictures of viewports are made on, so that Blender's window never waits for them."""
 from __future__ import annotations
 
-import os
 import sys
 import threading
 import weakref
@@ -11,9 +10,9 @@ from typing import Protocol
 
 from ..frame import running
 
-YIELD = 5             # how much less urgent than the window this thread is (Unix' niceness)
 SWITCH = 0.0005       # seconds after which Python's lock is passed on while this thread works, instead of 0.005
 LONGEST_STOP = 10.0   # seconds; until a piece of work has noticed that it is to end
+POLL = 0.05           # seconds
 
 
 class Stopped(Exception):
@@ -51,8 +50,8 @@ class Worker:
                 self._thread.start()
             self._changed.notify_all()
 
-    def wait_until_idle(self, longest: float = LONGEST_STOP) -> bool:
-        """While a render runs nothing new is begun: what is under way ends. False if it did not in that time."""
+    def wait_until_idle(self, longest: float = POLL) -> bool:
+        """While a render runs nothing new is begun: what is under way ends. False if it did not in so many seconds."""
         with self._changed:
             return self._changed.wait_for(lambda: not self._is_busy, longest)
 
@@ -78,7 +77,6 @@ class Worker:
         return max(waiting, key=lambda work: work.asked, default=None)
 
     def _run(self) -> None:
-        _give_way()
         this = threading.current_thread()
         while True:
             with self._changed:
@@ -92,12 +90,6 @@ class Worker:
             with _passing_on():
                 work.step(self._listen)
             del work
-
-
-def _give_way() -> None:
-    """The window comes first, for this thread and those that it starts. Only Linux has a niceness for each thread."""
-    if sys.platform == "linux":
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), YIELD)
 
 
 @contextmanager

@@ -181,3 +181,23 @@ def test_copies_do_not_change_when_the_scene_does(kept):
     again(kept)
     assert kept.copied is not first
     np.testing.assert_array_equal(first.things[0][1].matrix, matrix)
+
+
+def test_meshes_that_geometry_nodes_instance_are_kept_until_these_change(kept, reads):
+    group = bpy.data.node_groups.new("Cubes", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    line, cubes, instances, output = (group.nodes.new(name) for name in (
+        "GeometryNodeMeshLine", "GeometryNodeMeshCube", "GeometryNodeInstanceOnPoints", "NodeGroupOutput"))
+    group.links.new(line.outputs["Mesh"], instances.inputs["Points"])
+    group.links.new(cubes.outputs["Mesh"], instances.inputs["Instance"])
+    group.links.new(instances.outputs["Instances"], output.inputs[0])
+    bpy.data.objects["A"].modifiers.new("Cubes", "NODES").node_group = group
+    again(kept)
+    count = len(reads)
+    assert len(kept.copied.things) == 1 + 10 + 1 and 0 < count < 10  # A itself is empty
+    bpy.data.objects["B"].location.z = 1
+    again(kept)
+    assert len(reads) == count
+    cubes.inputs["Size"].default_value = (3, 3, 3)
+    again(kept)
+    assert len(reads) > count and np.ptp(kept.copied.things[1][0].mesh.corners) == 3
