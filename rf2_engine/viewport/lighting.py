@@ -16,7 +16,7 @@ from ..convert.copied import Copied
 from ..convert.memo import Memo
 from ..convert.report import Report
 from ..frame import model_cache, output
-from ..frame.guides import cast_guides
+from ..frame.guides import CENTRE, SPREAD, cast_guides
 from ..frame.reflections import with_ends
 from ..frame.shot import has_left
 from ..settings import FrameSettings
@@ -96,11 +96,14 @@ def light(copied: Copied, version: int, view: View, look: Look, before: Lit | No
     return Lit(version, look.of_scene, scene, framing, encoded, content)
 
 
-def picture(lit: Lit, view: View, look: Look) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W, 4) f32 premultiplied linear Rec.709, row 0 on top, and (k, 3) places of what is seen, world."""
+def picture(lit: Lit, view: View, look: Look, smooth: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, 4) f32 premultiplied linear Rec.709, row 0 on top, and (k, 3) places of what is seen, world.
+
+    smooth: with several rays through each pixel, against jagged edges.
+    """
     settings = look.frame
     with progress.part(0.0, 0.1, "Finding surfaces"):
-        guides = cast_guides(lit.scene, view)
+        guides = cast_guides(lit.scene, view, SPREAD if smooth else CENTRE)
     if settings.guided:
         with progress.part(0.1, 0.2):
             guides = with_ends(guides, lit.scene, view)

@@ -164,7 +164,7 @@ class Session:
         # The published network is chosen by the size of the whole picture, and the same for all levels.
         longer = 0 if request.look.frame.guided else max(request.view.picture_size(1))
         view = request.view.view(divisor, lit.points, longer)
-        pixels, points = picture(lit, view, request.look)
+        pixels, points = picture(lit, view, request.look, divisor == request.look.finest)
         now = time.perf_counter()
         self._known(request)[divisor] = now - begin
         self.shown = Shown(pixels, request, divisor, now - request.asked, now - begin, len(lit.scene))

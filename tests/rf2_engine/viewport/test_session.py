@@ -34,9 +34,9 @@ def counted(monkeypatch):
         calls["light"] += 1
         return real(*given)
 
-    def picture(lit, view, look, real=lighting.picture):
+    def picture(lit, view, *rest, real=lighting.picture):
         calls["picture"].append((view.width, view.height))
-        return real(lit, view, look)
+        return real(lit, view, *rest)
     monkeypatch.setattr(sessions, "light", light)
     monkeypatch.setattr(sessions, "picture", picture)
     return calls
