@@ -12,17 +12,18 @@ from driver import Driver, area, is_rendering, region  # noqa: E402  it lies bes
 ARCHIVE, FOLDER = map(Path, sys.argv[sys.argv.index("--") + 1:])
 EXTENSION = "bl_ext.user_default.renderformer_v2"
 TICK = 0.01     # seconds between two looks at whether the window stands still
-STEPS = 10      # of a drag
+PICTURES = 3    # that are to be seen during a drag
 
 driver = Driver(FOLDER)
 found = driver.found
-window = {"last": 0.0, "stall": 0.0}
+window = {"last": 0.0, "stall": 0.0, "draws": 0}
 
 
 def session():
     bpy.ops.extensions.package_install_files(filepath=str(ARCHIVE), repo="user_default", enable_on_install=True)
     bpy.context.preferences.view.smooth_view = 0
     bpy.app.timers.register(tick, persistent=True)
+    bpy.types.SpaceView3D.draw_handler_add(count_draw, (), "WINDOW", "POST_PIXEL")
     prepare()
     yield 1.0
     yield from enter()
@@ -49,12 +50,23 @@ def done() -> bool:
     return bool(works()) and all(work.request and not work.wants() and not work.doing for work in works())
 
 
+def count_draw() -> None:
+    window["draws"] += 1
+
+
+def redrawn():
+    before = window["draws"]
+    area("VIEW_3D").tag_redraw()
+    return lambda: window["draws"] > before
+
+
 def settled():
     """Until the finest pictures are on the screen."""
-    yield 0.5
-    yield done
-    area("VIEW_3D").tag_redraw()
-    yield 0.5
+    yield redrawn()  # so that it was asked for them
+    while not done():
+        yield done
+        yield redrawn()
+    yield 0.2
 
 
 def shown():
@@ -113,13 +125,14 @@ def look_around():
 
 
 def edit():
-    cube, seen = bpy.data.objects["Cube"], set()
+    cube, seen = bpy.data.objects["Cube"], [shown()]
     window["stall"] = 0.0
-    for _ in range(STEPS):
-        cube.location.x -= 0.1
-        yield 0.2
-        seen.add(id(shown()))
-    found["dragged"] = len(seen)
+    while len(seen) <= PICTURES:
+        cube.location.x += 0.1 if cube.location.x < 0 else -0.7
+        yield 0.1
+        if shown() is not seen[-1]:
+            seen.append(shown())
+    found["dragged"] = len({picture.request.version for picture in seen})
     yield from settled()
     driver.shot("dragged")
     color = bpy.data.materials["Material"].node_tree.nodes["Principled BSDF"].inputs["Base Color"]

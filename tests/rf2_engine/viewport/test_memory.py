@@ -28,7 +28,7 @@ def test_memory_stays_the_same_over_many_updates(scene):
     moving = cube(scene, of=material("Red", (0.8, 0.05, 0.05)))
     moving.modifiers.new("Finer", "SUBSURF").levels = 5
     sun(scene)
-    scene.renderformer_v2.viewport.resolution, scene.renderformer_v2.viewport.token_budget = "8", 512
+    scene.renderformer_v2.viewport.resolution, scene.renderformer_v2.viewport.token_budget = "8", 256
     bpy.context.view_layer.update()
     source = viewport._sources[key_of(depsgraph())] = Source()
     session, held = Session(), []
@@ -40,7 +40,7 @@ def test_memory_stays_the_same_over_many_updates(scene):
         else:
             scene.camera.location.x = np.cos(i) / 2
         bpy.context.view_layer.update()
-        session.ask(request(scene, read(source), through_camera(scene, 256 + 8 * (i % 5), 192)))
+        session.ask(request(scene, read(source), through_camera(scene, 64 + 8 * (i % 5), 48)))
         pictures(session)
         gc.collect()
         held.append(resident())
