@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -69,12 +69,13 @@ class Session:
         self.shown: Shown | None = None
         self.error = ""
         self.doing = ""                    # what the worker does for it now
-        self.report = Report()             # of what is shown
         self._said = 0.0
         self._memo = Memo()
         self.redraw = redraw
         self._lit: Lit | None = None
         self._failed: Request | None = None
+        self._undrawn: Request | None = None             # its scene is ready, and nothing was drawn of it yet
+        self._dropped = False                            # the last piece of work that had to show something first
         self._done: tuple[Request, int] | None = None    # what was last drawn, and how finely
         self._refit: Request | None = None               # the scene is to be fitted to this one's view
         self._fitted: RegionView | None = None           # and was to this one's
@@ -93,11 +94,12 @@ class Session:
 
     def close(self) -> None:
         """Nobody looks at it any more."""
-        self.closed, self.request, self._lit, self.shown, self._memo = True, None, None, None, Memo()
+        self.closed, self.request, self.shown, self._memo = True, None, None, Memo()
+        self.forget()
 
     def forget(self) -> None:
         """Drop what holds the network's memory; it is made again when needed."""
-        self._lit = self._done = None
+        self._lit = self._done = self._undrawn = None
 
     def wants(self) -> bool:
         request = self.request
@@ -106,7 +108,8 @@ class Session:
 
     def step(self, listen: Callable[..., None]) -> None:
         """The next piece of work: the scene, or one level of its picture."""
-        request = self.request
+        newest = self.request
+        request = self._next(newest)
         level = self._level(request) if request is not None else None
         if level is None:
             return
@@ -116,8 +119,10 @@ class Session:
 
         def heard(text: str, fraction: float) -> None:
             listen()
-            newer = self.request is not request
-            if self.closed or newer and (not coarse or time.perf_counter() - begin > PATIENCE):
+            newer = self.request is not newest
+            long = time.perf_counter() - begin > PATIENCE and not self._dropped
+            if self.closed or newer and (long or not coarse):
+                self._dropped = coarse
                 raise Superseded()
             if text != self.doing and time.perf_counter() - self._said > SAID:
                 self._say(text)
@@ -133,14 +138,23 @@ class Session:
                         self._light(request)
                     else:
                         self._draw(request, level)
+            self._dropped = False
         except (Superseded, Stopped, RenderCancelled):
             pass
         except Exception as error:
-            self.error, self._failed = failure.message(error), request
+            self.error, self._failed, self._undrawn = failure.message(error), newest, None
         self.doing = ""
         if self.closed:
             self.close()
         self.redraw()
+
+    def _next(self, newest: Request | None) -> Request | None:
+        """What is to be worked on: the newest, but a scene that is ready is seen before it is made anew, so that there
+        are pictures while edits go on."""
+        undrawn = self._undrawn
+        if undrawn is None or newest is None or newest is undrawn or newest.of_scene == undrawn.of_scene:
+            return newest
+        return replace(undrawn, view=newest.view)
 
     def _say(self, text: str) -> None:
         self.doing, self._said = text, time.perf_counter()
@@ -151,13 +165,13 @@ class Session:
         return lit is None or (lit.version, lit.made_with) != request.of_scene or self._refit is request
 
     def _light(self, request: Request) -> None:
-        report, before = Report(), None if self._refit is request else self._lit
+        before = None if self._refit is request else self._lit
         points = before.points if before else np.zeros((0, 3))
         whole = request.view.view(1, points)
-        self._lit = light(request.copied, request.version, whole, request.look, before, report, self._memo)
+        self._lit = light(request.copied, request.version, whole, request.look, before, Report(), self._memo)
         if before is None:
             self._fitted = request.view
-        self.report, self._refit, self._done, self.error = report, None, None, ""
+        self._refit, self._done, self.error, self._undrawn = None, None, "", request
 
     def _draw(self, request: Request, divisor: int) -> None:
         begin, lit = time.perf_counter(), self._lit
@@ -168,7 +182,7 @@ class Session:
         now = time.perf_counter()
         self._known(request)[divisor] = now - begin
         self.shown = Shown(pixels, request, divisor, now - request.asked, now - begin, len(lit.scene))
-        self._done, self.error = (request, divisor), ""
+        self._done, self.error, self._undrawn = (request, divisor), "", None
         if self._level(request) is None and self._fitted != request.view and has_moved_on(lit, view, points):
             self._refit = request
 

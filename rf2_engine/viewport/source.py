@@ -12,6 +12,7 @@ from ..convert.copied import Copied
 from ..convert.copying.kept import Kept
 from ..convert.copying.scene import copy
 from ..convert.report import Report
+from ..frame import failure
 from .changes import Changes
 
 SLICE = 0.05  # seconds that Blender's window waits for us at a time, unless one mesh or image takes longer
@@ -30,11 +31,12 @@ class Source:
         self.changes = Changes(everything=True, anything=True)
         self.copied: Copied | None = None
         self.version = 0                # of the copy; 0: none yet
-        self.report = Report()
+        self.error = ""                 # why it could not be copied
         self._kept = Kept()
 
     def refresh(self, depsgraph: bpy.types.Depsgraph, hides: Callable | None = None) -> bool:
-        """Copy what has changed, on Blender's main thread; False if another slice is needed.
+        """Copy what has changed, on Blender's main thread; False if another slice is needed. What fails is tried again
+        after the next change.
 
         hides: says of an original object that the viewport does not show it.
         """
@@ -42,7 +44,7 @@ class Source:
             return True
         self._kept = self.changes.drop_from(self._kept)
         self.changes = Changes(anything=True)
-        begin, read, report = time.perf_counter(), len(self._kept), Report()
+        begin, read = time.perf_counter(), len(self._kept)
 
         def listen(*_) -> None:
             if time.perf_counter() - begin > SLICE and len(self._kept) > read:
@@ -50,12 +52,15 @@ class Source:
 
         try:
             with progress.reporting(listen):
-                copied = copy(depsgraph, report, kept=self._kept, hides=hides or (lambda obj: False))
+                copied = copy(depsgraph, Report(), kept=self._kept, hides=hides or (lambda obj: False))
         except _SliceOver:
             return False
+        except Exception as error:
+            self.error, self.changes = failure.message(error), Changes()
+            return True
         copied.clip_start = 0.0  # of the scene's camera, which need not be the view
         self.changes = Changes()
-        self.copied, self.report, self.version = copied, report, self.version + 1
+        self.copied, self.error, self.version = copied, "", self.version + 1
         return True
 
 

@@ -91,7 +91,7 @@ def _advance(engine, context, depsgraph) -> tuple[bool, str]:
         view = RegionView.of(context.region.width, context.region.height, context.region_data, context.space_data,
                              scene, context.preferences.system.pixel_size)
         viewport.ask(view, look)
-    return done, ""
+    return done, viewport.source.error
 
 
 def _place(shown, region) -> tuple[int, int, int, int]:

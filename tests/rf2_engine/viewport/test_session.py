@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A viewport shows what a render with Network Alone shows, coarse to fine, and does nothing twice."""
+import itertools
+
 import numpy as np
 import pytest
 
@@ -115,7 +117,8 @@ def test_the_newest_view_is_shown_and_finer_pictures_of_older_ones_are_dropped(c
     assert [picture.request.view for picture in pictures(session)] == [newest] * 4
 
 
-def test_a_first_picture_is_finished_although_the_camera_goes_on(corner):
+def test_a_first_picture_is_finished_although_the_camera_goes_on(corner, monkeypatch):
+    monkeypatch.setattr(sessions, "PATIENCE", 1e9)
     session, source = Session(), read()
     views = [through_camera(corner, width, 96) for width in (128, 136, 144)]
     ask(session, corner, source, views[0])
@@ -183,3 +186,39 @@ def test_a_closed_viewport_holds_nothing(corner):
     pictures(session)
     session.close()
     assert session._lit is None and session.shown is None and not session.wants()
+
+
+def test_there_are_pictures_while_edits_go_on(corner, monkeypatch):
+    monkeypatch.setattr(sessions, "PATIENCE", 1e9)
+    session, source, view = Session(), read(), through_camera(corner, 64, 48)
+    ask(session, corner, source, view)
+    shown = set()
+    for _ in range(6):
+        edited = []
+
+        def edits(*_, edited=edited):
+            if not edited:
+                edited.append(True)
+                source.changes.add_everything()
+                ask(session, corner, read(source), view)
+        session.step(edits)
+        shown.add(session.shown and session.shown.request.version)
+    assert len(shown - {None}) == 3 and max(shown - {None}) < source.version
+    assert pictures(session)[-1].request.version == source.version
+
+
+def test_a_long_piece_of_work_is_dropped_once_and_then_finished(corner, monkeypatch):
+    monkeypatch.setattr(sessions, "PATIENCE", -1.0)
+    session, source, widths = Session(), read(), itertools.cycle((64, 72))
+    ask(session, corner, source, through_camera(corner, 56, 48))
+
+    def moves(*_):
+        ask(session, corner, source, through_camera(corner, next(widths), 48))
+    session.step(moves)
+    assert session._lit is None and session.wants()
+    session.step(moves)
+    assert session._lit is not None
+    session.step(moves)
+    assert session.shown is None and session.wants()
+    session.step(moves)
+    assert session.shown is not None

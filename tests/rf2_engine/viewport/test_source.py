@@ -201,3 +201,17 @@ def test_meshes_that_geometry_nodes_instance_are_kept_until_these_change(kept, r
     cubes.inputs["Size"].default_value = (3, 3, 3)
     again(kept)
     assert len(reads) > count and np.ptp(kept.copied.things[1][0].mesh.corners) == 3
+
+
+def test_a_scene_that_cannot_be_read_is_said_once_and_tried_again_after_a_change(kept, monkeypatch):
+    from bl_ext.user_default.renderformer_v2.model.errors import SceneError
+
+    def fails(*_, **__):
+        raise SceneError("The floor is lava: cool it")
+    with monkeypatch.context() as patch:
+        patch.setattr(sources, "copy", fails)
+        bpy.data.objects["A"].location.z = 1
+        assert again(kept) == (True, 1) and kept.error == "The floor is lava: cool it"
+        assert again(kept) == (False, 1)
+    bpy.data.objects["A"].location.z = 2
+    assert again(kept) == (True, 2) and not kept.error
