@@ -22,14 +22,15 @@ def published(scene, tmp_path):
 
 
 def test_the_finest_level_is_the_picture_of_a_render(published, tmp_path):
-    published.renderformer_v2.guide_samples = 16
+    published.render.film_transparent = True
     rendered = press_f12(published, tmp_path)["ViewLayer.Combined"]
     session = Session()
     session.ask(request(published, read(), through_camera(published, 128, 64)))
     shown = [picture for picture in pictures(session) if picture]
     assert [picture.divisor for picture in shown] == [8, 4, 2, 1]
-    peak = rendered[..., :3].max()  # of a network with random weights
-    assert psnr(shown[-1].pixels[..., :3] / peak, rendered[..., :3] / peak) > 25
+    ours, inside = shown[-1].pixels, (shown[-1].pixels[..., 3] == 1) & (rendered[..., 3] == 1)
+    peak = rendered[inside].max()  # of a network with random weights; at edges there are more samples here
+    assert inside.sum() > 500 and psnr(ours[inside, :3][None] / peak, rendered[inside, :3][None] / peak) > 30
 
 
 def test_coarse_levels_of_a_large_region_are_drawn_by_the_network_for_large_pictures(published):
