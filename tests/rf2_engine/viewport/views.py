@@ -34,6 +34,8 @@ def read(source=None, hides=None):
 
 
 def request(scene, source, view):
+    """Of all levels, however busy the machine is."""
+    scene.renderformer_v2.viewport.time_limit = 0
     return Request(source.copied, source.version, view, Look.of(scene, depsgraph().view_layer))
 
 
