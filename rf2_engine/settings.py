@@ -17,6 +17,7 @@ from .cycles import session as cycles_session
 from .reference_settings import FrameReference, ReferenceSettings
 from .registering import classes, pairs, pointer
 from .setup import published_weights
+from .viewport.settings import RenderFormerViewportSettings
 
 
 def _passes_change(settings: RenderFormerSettings, context: bpy.types.Context) -> None:
@@ -126,6 +127,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     threads: IntProperty(name="Threads", default=1, min=1, max=1024,
                          description="Number of processor threads for Cycles and the network")
     reference: PointerProperty(type=ReferenceSettings)
+    viewport: PointerProperty(type=RenderFormerViewportSettings)
 
     def weights(self) -> str:
         """The bundled preset's name or an absolute folder, as model.renderer.Renderer takes it.
@@ -226,6 +228,6 @@ def _is_published(weights: str) -> bool:
 
 
 register, unregister = pairs(
-    classes(RenderFormerSettings, RenderFormerLayerSettings),
+    classes(RenderFormerViewportSettings, RenderFormerSettings, RenderFormerLayerSettings),
     pointer(bpy.types.ViewLayer, "renderformer_v2", RenderFormerLayerSettings),
     pointer(bpy.types.Scene, "renderformer_v2", RenderFormerSettings))

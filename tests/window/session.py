@@ -26,8 +26,7 @@ def session():
     shading.type = "RENDERED"
     yield 1.0
     scene.render.engine = "RENDERFORMER_V2"
-    yield lambda: shading.type == "MATERIAL"
-    yield 1.0
+    yield 5.0
     driver.shot("rendered_viewport")
     scene.render.resolution_x, scene.render.resolution_y = 400, 300
     reference = scene.renderformer_v2.reference

@@ -23,14 +23,17 @@ pytestmark = [pytest.mark.slow,
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    """What the session wrote down."""
-    folder = tmp_path_factory.mktemp("window")
+    return recorded(tmp_path_factory.mktemp("window"), "session.py")
+
+
+def recorded(folder, script):
+    """What a session wrote down; `script` lies beside this file."""
     environment = os.environ | {f"BLENDER_USER_{kind}": str(folder / kind.lower()) for kind in (
         "RESOURCES", "CONFIG", "SCRIPTS", "EXTENSIONS", "DATAFILES")}
     archive, shots = build(folder), folder / "shots"
     shots.mkdir()
     subprocess.run([BLENDER, "--factory-startup", "--window-geometry", "0", "0", "1600",
-                    "900", "--python", str(Path(__file__).with_name("session.py")), "--", str(archive), str(shots)],
+                    "900", "--python", str(Path(__file__).with_name(script)), "--", str(archive), str(shots)],
                    env=environment, timeout=PATIENCE, check=True)
     done = json.loads((shots / "session.json").read_text())
     assert "error" not in done, done["error"]

@@ -21,7 +21,7 @@ RASTER = 33    # rays along either side of a panorama that tell where it looks
 AROUND = 0.1   # length of the mean of the rays of a picture that shows all around
 
 
-@dataclass
+@dataclass(eq=False)
 class ApparentSize:
     """One eye at `near` or farther from everything it sees."""
 
