@@ -6,8 +6,11 @@ import numpy as np
 
 from .geometry import corner_weights, latlong_uv
 from .guided.specular import shading_normals
+from .material.reflectance import normal_reflectance
 from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels
 
+OF_PLACE = "position", "normal", "depth", "hit_triangle", "hit_barycentric"
+OF_ALL = "diffuse_color", "glossy_color", "transmission_color", "emission", "environment", "alpha"
 NOTHING_HIT = 1e10  # depth there, as Blender has it
 
 
@@ -29,7 +32,7 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
         camera = view.camera_to_world
         depth[hit] = (position[hit] - camera[:3, 3]) @ -camera[:3, 2]
         emission[hit] = scene.emission[row[hit]]
-        color[:, hit] = _lobe_colors(scene, row[hit], weights[hit])
+        color[:, hit] = lobe_colors(scene, row[hit], weights[hit])
     environment = np.zeros_like(emission)
     if scene.environment is not None:
         environment[~hit] = _seen_in(scene.environment, rays[~hit])
@@ -37,12 +40,25 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
                   triangle.astype(np.int32), weights.astype(np.float32))
 
 
-def _lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def mean_guides(parts: list[Guides]) -> Guides:
+    """Of several samples of each pixel: means of colours and coverage, and the place and surface of the first hit."""
+    if len(parts) == 1:
+        return parts[0]
+    first = np.argmax([part.alpha > 0 for part in parts], axis=0)[None]
+
+    def of_first(name: str) -> np.ndarray:
+        values = np.stack([getattr(part, name) for part in parts])
+        return np.take_along_axis(values, first.reshape(*first.shape, *(1,) * (values.ndim - 3)), axis=0)[0]
+    return Guides(**{name: of_first(name) for name in OF_PLACE},
+                  **{name: np.mean([getattr(part, name) for part in parts], axis=0) for name in OF_ALL})
+
+
+def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(3, P, 3) diffuse, glossy and transmission colour at normal incidence; emitters reflect nothing."""
     x, y = texels(weights)
     texel = scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)
     base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION, None]
-    specular = ((texel[:, IOR, None] - 1) / (texel[:, IOR, None] + 1)) ** 2
+    specular = normal_reflectance(texel[:, IOR, None])
     dielectric = 1 - metallic
     colors = np.stack([base * dielectric * (1 - transmission), base * metallic + specular * dielectric,
                        base * dielectric * transmission])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from . import passes, settings, viewport
+from . import passes, settings
 from .frame import reference, render
 from .registering import classes
+from .viewport import viewport
 
 
 class RenderFormerEngine(bpy.types.RenderEngine):
@@ -16,6 +17,7 @@ class RenderFormerEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False   # Cycles' shader nodes stay in the Add menu
     bl_use_eevee_viewport = True          # Material Preview is Eevee's
     bl_use_preview = False
+    bl_use_spherical_stereo = True        # its settings are shown, so that they can be switched off
 
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **kwargs)
@@ -28,10 +30,10 @@ class RenderFormerEngine(bpy.types.RenderEngine):
         render.render(self, depsgraph)
 
     def view_update(self, context, depsgraph):
-        viewport.ask_to_fall_back()
+        viewport.update(self, context, depsgraph)
 
     def view_draw(self, context, depsgraph):
-        viewport.ask_to_fall_back()
+        viewport.draw(self, context, depsgraph)
 
 
 register, unregister = classes(RenderFormerEngine)

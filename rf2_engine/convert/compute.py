@@ -20,6 +20,7 @@ from .lamps.lamps import convert_lamps
 from .material import MaterialTiles
 from .media import medium
 from .media.fog import add_fog, through_fog
+from .memo import Memo
 from .meshes.budget import Simplification, allotted
 from .meshes.sizes import Sizes
 from .report import Report
@@ -28,12 +29,15 @@ from .world import world_light
 
 
 def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda framing: framing, baker=None) -> RenderScene:
-    """The arguments of `convert` (scene.py). On any thread; `copied` stays as it is."""
-    plan = _planned(copied, view, token_budget, max_edge, report, steady)
+            steady=lambda framing: framing, baker=None, memo: Memo | None = None) -> RenderScene:
+    """The arguments of `convert` (scene.py), and of conversions before this one a memo. On any thread; `copied` stays
+    as it is."""
+    remembered = Memo() if memo is None else memo
+    remembered.begin()
+    plan = _planned(copied, view, token_budget, max_edge, report, steady, remembered)
     collected = plan.collected
     with progress.part(0.35, 0.6):
-        plan.simplification.apply(report)
+        plan.simplification.apply(report, memo)
     plan.size.subdivide(collected.parts, plan.budget)
     with progress.part(0.6, 0.9):
         surfaces = dressed(collected.parts, MaterialTiles(report, baker), report)
@@ -42,12 +46,13 @@ def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: f
         scene.volumes = medium.cells(collected.media, report)
     scene.environment, scene.box = plan.environment, plan.framing.box
     scene.validate()
+    remembered.end()
     return scene
 
 
 def fitted(copied: Copied, view: View, *, token_budget: int, max_edge: float) -> Framing:
     """What `compute` is fitted to by itself, with the triangles of the meshes."""
-    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own).framing
+    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own, Memo()).framing
 
 
 @dataclass
@@ -63,12 +68,14 @@ class _Plan:
     simplification: Simplification
 
 
-def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: float, report, steady) -> _Plan:
+def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: float, report, steady,
+             memo: Memo) -> _Plan:
     if not rays.has_embree():
         report.approximated("Speed", "the Python package embreex is missing, so rays take ten times as long: use "
                                      "Install Packages in Preferences > Add-ons > RenderFormer-V2")
     with progress.part(0.0, 0.1, "Converting the world"):
-        environment, suns = world_light(copied.world, copied.drawn, report)
+        environment, suns = memo.of(("world", copied.world, id(copied.drawn)), lambda report: world_light(
+            copied.world, copied.drawn, report), report)
     with progress.part(0.1, 0.3):
         collected = collect(copied, report)
     hits, framing = None, Framing(np.float32(collected.bounds()), None)

@@ -9,9 +9,13 @@ import numpy as np
 
 from ...model.errors import RenderCancelled, SceneError
 from .. import passes as pass_table
+from ..convert.camera.eyes import view_names
 from ..convert.report import Report
 from ..frame import failure
 from . import background as background_cycles
+from . import growing
+
+Passes = dict[str, np.ndarray]  # of one view: {key: (H, W, C) f32}, row 0 on top
 
 
 @contextmanager
@@ -53,14 +57,25 @@ def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Non
             evaluated.original.update_tag(refresh={"DATA"})
         scene = depsgraph.scene_eval
         # A mere update would leave what is copied anew as the originals are: at the frame before an animation.
-        engine.frame_set(scene.frame_current, scene.frame_subframe)
+        evaluate_at(engine, depsgraph, scene.frame_current, scene.frame_subframe)
+
+
+def evaluate_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, frame: int, subframe: float) -> None:
+    """Evaluate the scene that is rendered at another time.
+
+    Blender's function moves the user's scene along, which a timeline would show for as long as a picture takes.
+    """
+    users = depsgraph.scene
+    frame_of_users, subframe_of_users = users.frame_current, users.frame_subframe
+    engine.frame_set(frame, subframe)
+    users.frame_current, users.frame_subframe = frame_of_users, subframe_of_users
 
 
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
-        wanted: list[pass_table.Pass], changes: list, report: Report, partial: bool = False) -> dict[str, np.ndarray]:
+        wanted: list[pass_table.Pass], changes: list, report: Report, partial: bool = False) -> dict[str, Passes]:
     """Render the view layer of `depsgraph`, called `layer`, with its settings as they are.
 
-    Returns {key: (H, W, C) f32} of the `wanted` passes, row 0 on top; the result of `engine` must have them. Where
+    Returns the `wanted` passes by view, which is "" without stereoscopy; the result of `engine` must have them. Where
     Cycles cannot be run inside Blender a Blender in the background renders, with the `changes` that `overrides` gave
     to the settings, and the report says so.
     After Esc it raises RenderCancelled, or gives what was `partial`ly rendered where that is wanted.
@@ -72,25 +87,26 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     except CyclesFailed as error:
         if failure.is_out_of_memory(error.__cause__):
             raise error.__cause__ from None
-        rendered = _run_outside(engine, job, wanted, error.__cause__, report)
+        rendered = _run_outside(engine, job, wanted, error.__cause__, report, partial)
     if engine.test_break():
         if partial:
             return rendered
         raise RenderCancelled()
-    missing = [p.blender_name for p in wanted if p.key not in rendered]
+    missing = [p.blender_name for p in wanted if any(p.key not in passes for passes in rendered.values())]
     if missing:
         raise SceneError(f"Cycles stopped without the passes {', '.join(missing)}: see its message in the console")
     return rendered
 
 
 def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
-           wanted: list[pass_table.Pass], partial: bool = False) -> dict[str, np.ndarray]:
+           wanted: list[pass_table.Pass], partial: bool = False) -> dict[str, Passes]:
     """As `run`, but where Cycles fails CyclesFailed comes out, and passes may be missing."""
     emptied = _empties(engine, depsgraph)
     with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
         with _of_cycles():
             cycles_engine.reset(engine, bpy.data, depsgraph)
-            cycles_engine.render(engine, depsgraph)
+            with growing.drawable(engine):
+                cycles_engine.render(engine, depsgraph)
             cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         if engine.test_break() and not partial:
             raise RenderCancelled()
@@ -99,16 +115,19 @@ def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer
     return rendered
 
 
-def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[str, np.ndarray]:
+def _run_outside(engine, job, wanted, why: Exception, report: Report, partial: bool) -> dict[str, Passes]:
     reason = str(why).splitlines()[0] if str(why) else type(why).__name__
+    if view_names(engine) != [""]:
+        raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), which stereoscopy needs: switch it off "
+                         "in Output Properties > Stereoscopy") from why
     try:
-        rendered = background_cycles.run(engine, job, wanted)
+        rendered = background_cycles.run(engine, job, wanted, partial)
     except SceneError as error:
         raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), and {error}") from why
     report.approximated("Cycles", f"it cannot be run inside this Blender ({reason}), so a Blender in the background "
                                   "rendered a copy of the scene: this takes a few seconds longer, and simulations "
                                   "that are not baked are missing")
-    return rendered
+    return {"": rendered}
 
 
 @contextmanager
@@ -162,8 +181,8 @@ def _expecting_ours(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgra
     No shader writes to them. Without them Cycles prints an error for each, once per run.
     """
     survives, aovs = _survives(engine, depsgraph), depsgraph.view_layer_eval.aovs
-    added = [p.name for p in engine.get_result().layers[layer].passes
-             if p.name in pass_table.REFERENCE_NAMES and p.name not in aovs]
+    names = dict.fromkeys(p.name for p in engine.get_result().layers[layer].passes)  # each view has one of that name
+    added = [name for name in names if name in pass_table.REFERENCE_NAMES and name not in aovs]
     for name in added:
         aovs.add().name = name
     try:
@@ -198,13 +217,15 @@ def _empties(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> 
     return engine.bl_use_gpu_context and unwatched and not settings.use_persistent_data
 
 
-def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, Passes]:
     height, width = result.resolution_y, result.resolution_x
     keys = {p.blender_name: p.key for p in wanted}
-    read = {}
+    views = [view.name for view in result.views]
+    read = {view: {} for view in views}
     for p in result.layers[layer].passes:
-        if p.name in keys and keys[p.name] not in read:
+        found = read[views[p.view_id]]
+        if p.name in keys and keys[p.name] not in found:
             pixels = np.empty(height * width * p.channels, np.float32)
             p.rect.foreach_get(pixels)
-            read[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
+            found[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
     return read

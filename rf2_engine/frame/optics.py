@@ -34,6 +34,10 @@ class Optics:
         """Rays of Cycles through a pixel for one of the samples; together they are as many as a sharp picture has."""
         return -(-guide_samples // self.samples)
 
+    def rays_of_all(self, guide_samples: int) -> int:
+        """Rays through a pixel of the whole picture: two samples have twice a sharp picture's, with those of each."""
+        return guide_samples * (self.samples if self.samples > 2 else 1)
+
     @property
     def sessions(self) -> int:
         """How often Cycles runs for the picture."""
@@ -63,6 +67,8 @@ class Optics:
         if "lens" in wanted and self.lens == 1:
             report.approximated(scene.camera.name, "no depth of field: raise Samples in Render Properties > "
                                                    "Depth of Field")
+        if scene.camera and _is_panoramic(scene) and scene.camera.data.dof.use_dof:
+            report.approximated(scene.camera.name, "no depth of field: a panoramic camera has none")
         if "shutter" in wanted and self.shutter == 1:
             report.approximated(scene.name, "no motion blur: raise Samples in Render Properties > Motion Blur")
         for still in (obj for obj in depsgraph.objects if self.shutter > 1 and not obj.cycles.use_motion_blur):
@@ -73,10 +79,11 @@ class Optics:
         for catcher in shadow_catchers(depsgraph):
             report.approximated(catcher.name, "a shadow catcher catches only shadows of direct light"
                                 if light is Light.TRACED else
-                                "a shadow catcher is shown like any object: its shadows need Light > Traced Hints")
+                                "a shadow catcher is shown like any object: its shadows need Light > With Cycles")
             allowed = replace(allowed, catchers=light is Light.TRACED)
         if self.glass and light is not Light.TRACED:
-            report.approximated(scene.name, "the film is opaque behind glass: Transparent Glass needs Traced Hints")
+            report.approximated(scene.name, "the film is opaque behind glass: Transparent Glass needs Light > With "
+                                            "Cycles")
             return replace(allowed, glass=False)
         return allowed
 
@@ -92,10 +99,14 @@ class Optics:
         return [moments[i * self.shutter // self.samples] for i in range(self.samples)]
 
 
+def _is_panoramic(scene: bpy.types.Scene) -> bool:
+    return scene.camera.type == "CAMERA" and scene.camera.data.type == "PANO"
+
+
 def _wanted(depsgraph: bpy.types.Depsgraph) -> set[str]:
     """What the scene and its view layer ask for: {"lens", "shutter"}."""
     scene, wanted = depsgraph.scene_eval, set()
-    if scene.camera and scene.camera.type == "CAMERA" and scene.camera.data.dof.use_dof:
+    if scene.camera and scene.camera.type == "CAMERA" and scene.camera.data.dof.use_dof and not _is_panoramic(scene):
         wanted.add("lens")
     if scene.render.use_motion_blur and depsgraph.view_layer_eval.use_motion_blur:
         wanted.add("shutter")

@@ -7,6 +7,7 @@ Film, seed, bounces, device and all else are the scene's Cycles settings, so the
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import bpy
 import numpy as np
@@ -16,14 +17,16 @@ from ...model.errors import RenderCancelled
 from .. import compat
 from .. import passes as pass_table
 from ..convert.report import Report
+from ..cycles import growing
 from ..cycles import run as cycles_run
+from ..cycles.run import Passes
 from ..progress.stages import REFERENCE
 from ..reference_settings import FrameReference
-from . import failure, model_cache, output, running
+from . import failure, model_cache, output, reference_file, running
 from .layer import Layer
 
 NAME = REFERENCE.text  # of the pass, too
-LOST = "the files of an animation do not have it: choose OpenEXR MultiLayer as file format, or switch it off"
+LOST = "a movie does not have it: choose an image format, or switch it off"
 
 
 def is_wanted(scene: bpy.types.Scene) -> bool:
@@ -31,9 +34,9 @@ def is_wanted(scene: bpy.types.Scene) -> bool:
 
 
 def is_lost(scene: bpy.types.Scene) -> bool:
-    """Whether the files of an animation will not have the reference."""
+    """Whether no file of an animation will have the reference."""
     composed = scene.render.use_compositing and compat.compositor(scene)
-    return is_wanted(scene) and scene.render.image_settings.file_format != "OPEN_EXR_MULTILAYER" and not composed
+    return is_wanted(scene) and scene.render.is_movie_format and not composed
 
 
 def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
@@ -46,8 +49,8 @@ def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view
                 engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
 
 
-def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
-    """Render the reference and write it beside `picture`, the passes of our frame, which stay if Cycles is stopped.
+def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
+    """Render the reference and write it beside `pictures`, the passes of our views, which stay if Cycles is stopped.
 
     Must be called inside cycles_run.scene_kept, begun before the first run of this frame. Where Cycles renders on a
     GPU, the network leaves it. A reference that is stopped has the samples that it had by then. Returns its samples, 0
@@ -55,40 +58,64 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
     line of `report`.
     """
     engine, chosen, rendered, begin = layer.engine, layer.settings.reference, {}, time.perf_counter()
-    samples = chosen.samples
+    height, width, _ = next(iter(pictures.values()))["combined"].shape
+    samples, seconds = chosen.samples, sum(layer.plan.seconds.values())
     if layer.depsgraph.scene_eval.cycles.device == "GPU":
         model_cache.leave_gpu()
     try:
         with layer.plan.enter(REFERENCE):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
-            with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit) as status:
+            with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit) as status, \
+                    growing.announced(growing.Running(layer.name, width, height, seconds, partial(
+                        status.samples, samples), samples, begin)):
                 rendered = _render(engine, layer.depsgraph, chosen, layer.settings.threads, report)
                 if layer.status.esc_pressed():
                     samples = status.samples(chosen.samples)
                     raise RenderCancelled()
     except RenderCancelled:  # it may have come after the last sample, too
-        rendered = _kept(rendered, samples, picture, chosen, report)
+        rendered = _kept(rendered, samples, pictures, chosen, report)
         if running.is_stopping():
             raise
     except Exception as error:
         report.skipped(NAME, failure.message(error))
-        engine.report({"WARNING"}, f"no {NAME}: {report.entries[-1][2]}")
+        engine.report({"WARNING"}, f"No {NAME}: {report.entries[-1][2]}")
     finally:  # Cycles shows its picture in Combined
-        output.write(engine, layer.name, picture | rendered)
+        output.write_views(engine, layer.name, {view: passes | rendered.get(view, {})
+                                                for view, passes in pictures.items()})
     if rendered and 0 < chosen.time_limit < time.perf_counter() - begin:
         report.approximated(NAME, f"it may have fewer than {chosen.samples} samples because of its Time Limit")
-    if engine.is_animation and is_lost(layer.depsgraph.scene):
-        report.approximated(NAME, LOST)
+    if engine.is_animation and rendered:
+        for view, passes in rendered.items():
+            _save(layer, view, passes["cycles_reference"], report)
     if rendered and chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
     return samples if rendered else 0
 
 
-def _kept(rendered: dict[str, np.ndarray], samples: int, picture: dict[str, np.ndarray], chosen: FrameReference,
-          report: Report) -> dict[str, np.ndarray]:
-    """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then."""
-    shown = rendered.get("cycles_reference")
-    if not samples or shown is None or np.array_equal(shown, picture["combined"], equal_nan=True):
+def _save(layer: Layer, view: str, pixels: np.ndarray, report: Report) -> None:
+    """To a file of its own, where the frames of the animation have one picture."""
+    scene = layer.depsgraph.scene
+    if is_lost(scene):
+        report.approximated(NAME, LOST)
+    elif reference_file.is_written(scene) and not layer.status.esc_pressed():  # then Blender writes no frame either
+        try:
+            reference_file.write(scene, layer.name, pixels, view)
+        except RenderCancelled:
+            if running.is_stopping():
+                raise
+        except (OSError, RuntimeError) as error:
+            report.skipped(NAME, f"it cannot be saved beside the frame: {error}")
+
+
+def _kept(rendered: dict[str, Passes], samples: int, pictures: dict[str, Passes], chosen: FrameReference,
+          report: Report) -> dict[str, Passes]:
+    """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then.
+
+    All its views, or none.
+    """
+    shown = [(passes.get("cycles_reference"), pictures[view]["combined"]) for view, passes in rendered.items()]
+    if not samples or not shown or any(
+            theirs is None or np.array_equal(theirs, ours, equal_nan=True) for theirs, ours in shown):
         report.skipped(NAME, "it was stopped before every pixel had a sample")
         return {}
     if samples < chosen.samples:
@@ -98,8 +125,8 @@ def _kept(rendered: dict[str, np.ndarray], samples: int, picture: dict[str, np.n
 
 
 def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chosen: FrameReference,
-            threads: int, report: Report) -> dict[str, np.ndarray]:
-    """{key of passes.REFERENCE: (H, W, C) f32}, row 0 on top."""
+            threads: int, report: Report) -> dict[str, Passes]:
+    """By view, {key of passes.REFERENCE: (H, W, C) f32}, row 0 on top."""
     layer = depsgraph.view_layer_eval.name
     wanted = [p for p in pass_table.PASSES if p.key == "combined" or chosen.light_passes and p.source == "lighting"]
     for p in wanted:  # Cycles fills them under its own names
@@ -116,4 +143,5 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
         if threads:
             override(depsgraph.scene_eval, {"render.threads_mode": "FIXED", "render.threads": threads})
         rendered = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report, partial=True)
-    return {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in rendered.items()}
+    return {view: {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in passes.items()}
+            for view, passes in rendered.items()}

@@ -13,12 +13,13 @@ from . import (
     remarks,
     render_settings,
     view_layer,
+    viewport,
 )
 from . import (
     copied as copied,
 )
 
-MODULES = (remarks, presets, render_settings, preflight, reference, last_render, passes, view_layer, material, camera,
-           copied, adopted)
+MODULES = (remarks, presets, render_settings, preflight, reference, last_render, viewport, passes, view_layer, material,
+           camera, copied, adopted)
 
 register, unregister = modules(MODULES)

@@ -25,9 +25,6 @@ class RENDERFORMER_PT_settings(EnginePanel):
     def draw(self, context):
         layout, settings = self.split_layout(), context.scene.renderformer_v2
         package_panel.draw_packages(layout, packages.PACKAGES)
-        if context.scene.render.use_multiview:
-            draw_text(layout, "Stereoscopic rendering is not supported")
-            layout.prop(context.scene.render, "use_multiview")
         column = layout.column()
         column.prop(settings, "weights_source")
         if settings.weights_source == "FOLDER":
@@ -81,7 +78,7 @@ class RENDERFORMER_PT_film(EnginePanel):
         glass = layout.column()
         glass.active = scene.render.film_transparent and scene.renderformer_v2.light == "TRACED"
         glass.prop(scene.cycles, "film_transparent_glass", text="Transparent Glass")
-        glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness Threshold")
+        glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness")
         column = layout.column()
         column.prop(scene.cycles, "pixel_filter_type", text="Pixel Filter")
         if scene.cycles.pixel_filter_type != "BOX":

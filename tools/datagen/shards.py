@@ -60,6 +60,8 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
     if scene.volumes is not None:
         arrays |= {f"volumes.{f.name}": getattr(scene.volumes, f.name) for f in fields(Volumes)}
     for f in fields(View):
+        if f.name == "panorama":  # the network has no such rays, and so no samples
+            continue
         arrays[f"view.{f.name}"] = np.stack([np.asarray(getattr(v, f.name)) for v in views])
     for name in dict.fromkeys(name for g in guides for name in g.arrays()):
         # What one view of several has nothing of is black there.

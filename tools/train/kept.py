@@ -14,7 +14,7 @@ from torch import Tensor
 from renderformer_v2.model.color import HALF_MAX
 
 # Not for half precision.
-EXACT = ("triangles", "texture_index", "origin", "position", "positions", "light")
+EXACT = ("triangles", "texture_index", "origin", "position", "positions", "light", "exposure")
 
 
 def kept(stored: Path, key: str, make: Callable[[], object], kinds: dict[str, type]):

@@ -145,8 +145,8 @@ class Prepared:
     unhinted: float
 
     def __call__(self, path: Path, generator: torch.Generator) -> TrainingSample:
-        sample = augment(cached_sample(path, self.cache), generator, self.unhinted)
-        return with_latents(sample, self.mapper)
+        hinted = bool(torch.rand((), generator=generator) >= self.unhinted)
+        return with_latents(augment(cached_sample(path, self.cache, hinted), generator), self.mapper)
 
 
 def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,

@@ -30,7 +30,7 @@ CONFIG = PRESETS[BUNDLED]()  # whose tile and panorama sizes the samples have
 
 @dataclass
 class TrainingSample(TensorGroup):
-    """One scene with V views, everything in network units and exposure."""
+    """One scene with V views in network units, its light as the views are exposed."""
 
     inputs: GuidedInputs  # `texture` (T, 11, t, t) is BSDF parameters until `with_latents` maps them
     view: GuidedView
@@ -48,8 +48,8 @@ def unreadable(path: Path, error: Exception) -> SampleError:
     return SampleError(f"{path} cannot be read ({error}): delete it, and tools.datagen makes it again")
 
 
-def build_sample(path: Path) -> TrainingSample:
-    """From one file of tools.datagen. Raises SampleError when it cannot be read."""
+def build_sample(path: Path, hinted: bool = True) -> TrainingSample:
+    """From one file of tools.datagen, `hinted` with its traced light. Raises SampleError when it cannot be read."""
     try:
         scene, views, guides, passes = load_sample(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
@@ -60,6 +60,7 @@ def build_sample(path: Path) -> TrainingSample:
     radiosity = Radiosity(normalized, prior)
     inputs, targets = [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):
+        guide = guide if hinted else replace(guide, traced=None)
         inputs.append(guided_view(normalized, normalization.view(view), normalization.guides(guide), prior,
                                   radiosity, CONFIG))
         surface = reference["combined"][..., :3] - reference["emission"]
@@ -67,12 +68,15 @@ def build_sample(path: Path) -> TrainingSample:
                                            for part in ("direct", "indirect"))])
     image, direct, indirect = (torch.from_numpy(np.stack(t).astype(np.float32) * np.float32(normalization.exposure))
                                .movedim(-1, -3) for t in zip(*targets, strict=True))
-    return TrainingSample(guided_inputs(normalized, CONFIG), stacked(inputs), image, direct, indirect)
+    view = stacked(inputs)
+    targets = (t * view.guides.exposure.view(-1, *[1] * (t.ndim - 1)) for t in (image, direct, indirect))
+    return TrainingSample(guided_inputs(normalized, CONFIG), view, *targets)
 
 
-def cached_sample(path: Path, cache: Path) -> TrainingSample:
+def cached_sample(path: Path, cache: Path, hinted: bool = True) -> TrainingSample:
     """`build_sample`, kept in `cache` for the next epoch; made again when it is out of date."""
-    return kept(cache_key.stored_path(path, cache), cache_key.key(path), lambda: build_sample(path), KINDS)
+    stored = cache_key.stored_path(path, cache, "" if hinted else "-alone")
+    return kept(stored, cache_key.key(path), lambda: build_sample(path, hinted), KINDS)
 
 
 KINDS = {"": TrainingSample, "inputs": GuidedInputs, "view": GuidedView, "guides": GuideTensors,

@@ -20,7 +20,7 @@ from .placed_lamp import Detail, PlacedLamp, beams, half_angle_of, rotation
 from .suns import Sun
 
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
-SUN_ANGLE = math.radians(3)   # least diameter of a sun
+SUN_ANGLE = math.radians(0.5)  # least diameter of a sun
 SUN_DISTANCE = 50             # scene radii
 LEAST_SPREAD = math.radians(2)  # of an area lamp: narrower beams are lost in the precision of their cosines
 CELL = 0.35                   # scene radii: wanted side of one cell of an area lamp
@@ -148,7 +148,7 @@ def _sun(lamp: PlacedLamp) -> Sun:
     own = lamp.light.angle
     if own < SUN_ANGLE:
         was, now = math.degrees(own), math.degrees(SUN_ANGLE)
-        lamp.approximated(f"the sun's angle is {now:.0f} instead of {was:.2g} degrees: shadows are softer")
+        lamp.approximated(f"the sun's angle is {now:.2g} instead of {was:.2g} degrees: shadows are softer")
     disk = math.pi * math.sin(own / 2) ** 2 if own and not normalized(lamp.light) else 1.0
     return Sun(lamp.frame[:, 2], lamp.strength * disk, own)
 

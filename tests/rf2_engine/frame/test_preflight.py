@@ -49,7 +49,7 @@ def test_it_tells_what_the_render_then_tells(scene, tmp_path):
     assert layout.texts[:2] == [str(sum(remark.kind == kind for remark in before.remarks))
                                 for kind in ("approximated", "refused")]
     assert any("Catcher" in getattr(o, "name", "") for o in layout.operators)
-    assert "tokens" in preflight.as_text(scene) and "Catcher" in preflight.as_text(scene)
+    assert "triangles" in preflight.as_text(scene) and "Catcher" in preflight.as_text(scene)
     assert bpy.ops.renderformer_v2.copy_report(source="PREFLIGHT") == {"FINISHED"}
 
 
@@ -130,9 +130,13 @@ def test_what_renders_hide_is_not_counted_and_what_the_viewport_hides_is_named(s
 
 def test_what_a_render_would_refuse_is_said(scene):
     cube(scene)
-    scene.camera.data.type = "PANO"
+    scene.camera.data.type = "CUSTOM"
     found = look(scene)
     assert "Perspective" in found.error and any("Perspective" in text for text in drawn().texts)
+    scene.camera.data.type, scene.camera.data.stereo.use_spherical_stereo = "PANO", True
+    assert not look(scene).error
+    scene.render.use_multiview = True
+    assert "Spherical Stereo" in look(scene).error
 
 
 def test_a_folder_without_weights_is_refused_as_by_a_render(scene, tmp_path):
@@ -162,7 +166,7 @@ def test_the_cost_of_blur_is_said(scene, tmp_path):
     assert "blur" not in " ".join(look(scene).lines)
     press_f12(scene, tmp_path)
     scene.render.use_motion_blur = scene.camera.data.dof.use_dof = True
-    assert "Depth of field and motion blur: 2 pictures" in " ".join(look(scene).lines)
+    assert "Depth of field and motion blur: 2 pictures for one, about 2 times as long" in " ".join(look(scene).lines)
     press_f12(scene, tmp_path)
     assert "times as long" in " ".join(look(scene).lines)
 
