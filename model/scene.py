@@ -152,12 +152,16 @@ class RenderScene:
     tile_index: np.ndarray = rows("N", dtype=np.int32)         # row of `tiles`
     # BSDF parameters on the barycentric grid of docs/scene-input.md 4.2
     tiles: np.ndarray = rows("T", TILE_CHANNELS, TILE_SIZE, TILE_SIZE, dtype=np.float16, channels=TILE)
+    # Nine-number appearance of the published network in place of a tile's parameters; 0 where there is none
+    latents: np.ndarray | None = array("T", 9, default="none")
     environment: np.ndarray | None = array(  # radiance, rotation and strength applied
         *ENVIRONMENT_SHAPE, behaves={COLOR: -1, RADIANCE: -1, PANORAMA: 1}, default="none")
     volumes: Volumes | None = None
     seen: np.ndarray | None = array("N", dtype=bool, default="none")  # by cameras, lamps are not; None = all
     # Lowest and highest corner of the box that becomes the network's, what a camera looks at; None = all but lights
     box: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
+    # Factor on all radiance for the network; None = by how much light there is
+    exposure: np.ndarray | None = array(1, default="none")
 
     def __len__(self) -> int:
         return len(self.triangles)
@@ -171,6 +175,11 @@ class RenderScene:
     def is_seen(self) -> np.ndarray:
         """(N,) bool: triangles that a camera sees."""
         return np.ones(len(self), bool) if self.seen is None else self.seen
+
+    @property
+    def tile_latents(self) -> np.ndarray:
+        """(T, 9) f32, 0 where a tile has none."""
+        return np.zeros((len(self.tiles), 9), np.float32) if self.latents is None else self.latents
 
     def validate(self) -> None:
         """Check shapes, dtypes and finiteness.
@@ -187,10 +196,12 @@ class RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles = [], 0
         for scene in (self, *others):
-            scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen))
+            scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen,
+                                  latents=scene.tile_latents))
             tiles += len(scene.tiles)
-        return replace(self, **{name: np.concatenate([getattr(scene, name) for scene in scenes])
-                                for name, layout in layouts(self).items() if layout.shape[0] in ("N", "T")})
+        joined = replace(self, **{name: np.concatenate([getattr(scene, name) for scene in scenes])
+                                  for name, layout in layouts(self).items() if layout.shape[0] in ("N", "T")})
+        return joined if joined.latents.any() else replace(joined, latents=None)
 
 
 def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1.0, transmission=0.0) -> np.ndarray:

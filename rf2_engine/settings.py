@@ -78,6 +78,13 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         description="Divide triangles with longer edges, up to the Triangle Budget, so that light can vary across "
                     "large surfaces. As a fraction of the scene's longest side",
     )
+    as_is: BoolProperty(
+        name="Keep Scale and Light",
+        description="Give the scene to the network as it is: 1 m is one unit of the network, around the world's "
+                    "origin, and light is as bright as it is. For scenes of the paper, and others that were made for "
+                    "the published weights: about 1 m wide, with small lamps of radiance 300 to 5000. Otherwise what "
+                    "the camera sees is scaled to that size, and the light to that brightness",
+    )
     guide_samples: IntProperty(
         name="Samples", default=8, min=1, soft_max=64, max=1024,
         description="Samples per pixel that Cycles renders for the first hits and, with Traced Hints, for direct "
@@ -158,6 +165,7 @@ class FrameSettings:
     precision: str
     token_budget: int
     max_edge: float
+    as_is: bool
     guide_samples: int
     bake_unknown: bool
     light: cycles_session.Light
@@ -188,9 +196,9 @@ class FrameSettings:
         weights = ours.weights()
         samples = view_layer.renderformer_v2.samples if view_layer else 0
         return cls(weights, ours.transformer, ours.device, ours.precision, ours.token_budget, ours.max_edge,
-                   samples or ours.guide_samples, ours.bake_unknown, _light(ours.light, weights), light_passes(scene),
-                   threads(scene),
-                   blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
+                   ours.as_is, samples or ours.guide_samples, ours.bake_unknown, _light(ours.light, weights),
+                   light_passes(scene), threads(scene), blenders.film_transparent, scene.cycles.film_exposure,
+                   FrameReference.of(scene))
 
 
 def threads(scene: bpy.types.Scene) -> int:

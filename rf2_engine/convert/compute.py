@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model import progress, rays
-from ...model.normalize import Normalization
+from ...model.normalize import HALF_EXTENT, Normalization
 from ...model.scene import RenderScene, View
 from .camera.apparent_size import apparent_size
 from .camera.framing import Framing
@@ -26,11 +26,13 @@ from .report import Report
 from .surfaces import dressed
 from .world import world_light
 
+UNIT_BOX = np.float32([(-HALF_EXTENT,) * 3, (HALF_EXTENT,) * 3])  # what the network's box is without scaling
+
 
 def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda framing: framing, baker=None) -> RenderScene:
+            steady=lambda framing: framing, baker=None, as_is: bool = False) -> RenderScene:
     """The arguments of `convert` (scene.py). On any thread; `copied` stays as it is."""
-    plan = _planned(copied, view, token_budget, max_edge, report, steady)
+    plan = _planned(copied, view, token_budget, max_edge, report, steady, as_is)
     collected = plan.collected
     with progress.part(0.35, 0.6):
         plan.simplification.apply(report)
@@ -41,13 +43,14 @@ def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: f
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes = medium.cells(collected.media, report)
     scene.environment, scene.box = plan.environment, plan.framing.box
+    scene.exposure = np.ones(1, np.float32) if as_is else None
     scene.validate()
     return scene
 
 
-def fitted(copied: Copied, view: View, *, token_budget: int, max_edge: float) -> Framing:
+def fitted(copied: Copied, view: View, *, token_budget: int, max_edge: float, as_is: bool = False) -> Framing:
     """What `compute` is fitted to by itself, with the triangles of the meshes."""
-    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own).framing
+    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own, as_is).framing
 
 
 @dataclass
@@ -63,23 +66,25 @@ class _Plan:
     simplification: Simplification
 
 
-def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: float, report, steady) -> _Plan:
+def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: float, report, steady,
+             as_is: bool) -> _Plan:
     if not rays.has_embree():
         report.approximated("Speed", "the Python package embreex is missing, so rays take ten times as long: use "
                                      "Install Packages in Preferences > Add-ons > RenderFormer-V2")
     with progress.part(0.0, 0.1, "Converting the world"):
-        environment, suns = world_light(copied.world, copied.drawn, report)
+        environment, suns = world_light(copied.world, copied.drawn, report, whole=as_is)
     with progress.part(0.1, 0.3):
         collected = collect(copied, report)
-    hits, framing = None, Framing(np.float32(collected.bounds()), None)
+    hits, framing = None, Framing(UNIT_BOX if as_is else np.float32(collected.bounds()), None)
     if view is not None:
         hits = visible_points(collected, view, copied.clip_start)
-        framing = steady(Framing(find_box(collected, view, hits), apparent_size(view, hits)))
+        box = UNIT_BOX if as_is else find_box(collected, view, hits)
+        framing = steady(Framing(box, apparent_size(view, hits)))
         if framing.apparent.view is not view:
             hits = visible_points(collected, framing.apparent.view, copied.clip_start)
     progress.report(0.3)
     (low, high), beyond = framing.box, collected.beyond(framing.box)
-    if beyond:
+    if beyond and not as_is:
         report.approximated("Scale", f"the scene is scaled to the {float((high - low).max()):.3g} m around "
                             f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}) that the camera sees: there is less "
                             f"detail beyond, such as in {', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}")

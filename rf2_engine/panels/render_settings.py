@@ -49,6 +49,7 @@ class RENDERFORMER_PT_settings(EnginePanel):
         numbers.prop(settings, "max_edge")
         numbers.prop(settings, "guide_samples")
         numbers.separator()
+        numbers.prop(settings, "as_is")
         numbers.prop(settings, "bake_unknown")
 
 
