@@ -34,7 +34,10 @@ REFERENCE = ("combined", "diffuse_direct", "diffuse_indirect", "glossy_direct", 
 
 @dataclass
 class Sample:
-    """What the engine class below fills in, view by view."""
+    """What the engine class below fills in, view by view.
+
+    References are not clamped, hints and the pictures beside them are as the scene has it.
+    """
 
     samples: int
     token_budget: int
@@ -73,14 +76,17 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
         sample.scene = convert(depsgraph, view, token_budget=sample.token_budget, max_edge=MAX_EDGE,
                                report=sample.report, by_cycles=CyclesWorld(engine, depsgraph, Status(engine)))
     converted = time.perf_counter()
+    cycles = depsgraph.scene_eval.cycles
+    clamp, cycles.sample_clamp_indirect = cycles.sample_clamp_indirect, 0.0
     found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, light=Light.ALL, denoise=True)
-    depsgraph.scene_eval.cycles.seed += 1  # noise that they share with the reference would be a hint too many
+    cycles.sample_clamp_indirect = clamp
+    cycles.seed += 1  # noise that they share with the reference would be a hint too many
     hints = cycles_session.render_passes(engine, depsgraph, samples=HINT_SAMPLES, light=Light.TRACED,
                                          hazy=bool(sample.scene.volumes))
     if sample.equal:
         few = cycles_session.render_passes(engine, depsgraph, samples=sample.equal, light=Light.ALL, denoise=True)
         found["equal"] = few["combined"]
-    depsgraph.scene_eval.cycles.seed -= 1
+    cycles.seed -= 1
     rendered = time.perf_counter()
     sample.guides.append(with_ends(make_guides(hints, sample.scene, view), sample.scene, view))
     sample.views.append(view)
