@@ -9,7 +9,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.engine import RenderFormerEn
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels.reference import RENDERFORMER_PT_reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
-from bl_ext.user_default.renderformer_v2.rf2_engine.reference_settings import BOUNCES
+from bl_ext.user_default.renderformer_v2.rf2_engine.reference_settings import BOUNCES, PAPER
 
 from tests.rf2_engine.f12 import press_f12, read_exr
 
@@ -57,6 +57,24 @@ def test_light_paths_and_samples_are_the_scenes_or_its_own(lit, tmp_path):
     for name in BOUNCES:
         setattr(cycles, name, 0)
     np.testing.assert_array_equal(own, by_cycles(lit, tmp_path)["ViewLayer.Combined"])
+
+
+def test_a_reference_as_in_the_paper_is_cycles_with_its_factory_settings(lit, tmp_path):
+    """Whatever the scene has; the samples are few here."""
+    cycles, factory = lit.cycles, {name: lit.cycles.bl_rna.properties[name].default for name in PAPER}
+    factory |= {"caustics_reflective": True, "caustics_refractive": True}
+    cycles.max_bounces, cycles.sample_clamp_indirect, cycles.use_adaptive_sampling = 0, 1, False
+    cycles.volume_bounces = 9
+    bpy.ops.renderformer_v2.reference_as_in_paper()
+    chosen = lit.renderformer_v2.reference
+    assert (chosen.use, chosen.samples, chosen.use_denoising) == (True, 4096, True)
+    chosen.samples = 4
+    found = press_f12(lit, tmp_path)[REFERENCE]
+    for name, value in factory.items():
+        setattr(cycles, name, value)
+    assert cycles.volume_bounces == 0
+    cycles.denoiser = "OPENIMAGEDENOISE"
+    np.testing.assert_array_equal(found, by_cycles(lit, tmp_path, denoise=True)["ViewLayer.Combined"])
 
 
 @pytest.mark.parametrize("file_format, said", [("PNG", True), ("OPEN_EXR_MULTILAYER", False)])
