@@ -152,8 +152,6 @@ class RenderScene:
     tile_index: np.ndarray = rows("N", dtype=np.int32)         # row of `tiles`
     # BSDF parameters on the barycentric grid of docs/scene-input.md 4.2
     tiles: np.ndarray = rows("T", TILE_CHANNELS, TILE_SIZE, TILE_SIZE, dtype=np.float16, channels=TILE)
-    # Nine-number appearance of the published network in place of a tile's parameters; 0 where there is none
-    latents: np.ndarray | None = array("T", 9, default="none")
     environment: np.ndarray | None = array(  # radiance, rotation and strength applied
         *ENVIRONMENT_SHAPE, behaves={COLOR: -1, RADIANCE: -1, PANORAMA: 1}, default="none")
     volumes: Volumes | None = None
@@ -162,6 +160,8 @@ class RenderScene:
     box: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
     # Factor on all radiance for the network; None = by how much light there is
     exposure: np.ndarray | None = array(1, default="none")
+    # Nine-number appearance of the published network in place of a tile's parameters; 0 where there is none
+    latents: np.ndarray | None = array("T", 9, default="none")
 
     def __len__(self) -> int:
         return len(self.triangles)

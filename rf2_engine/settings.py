@@ -59,6 +59,10 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
             ("mps", "Metal", "The GPU of an Apple computer", 3),
         ),
     )
+    card: IntProperty(
+        name="Card", default=0, min=0, soft_max=8, max=64,
+        description="Which of several graphics cards, counted from 1. 0 is the one with the most memory",
+    )
     precision: EnumProperty(
         name="Precision",
         items=(
@@ -195,7 +199,8 @@ class FrameSettings:
         ours, blenders = scene.renderformer_v2, scene.render
         weights = ours.weights()
         samples = view_layer.renderformer_v2.samples if view_layer else 0
-        return cls(weights, ours.transformer, ours.device, ours.precision, ours.token_budget, ours.max_edge,
+        device = f"cuda:{ours.card - 1}" if ours.card and ours.device == "cuda" else ours.device
+        return cls(weights, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
                    ours.as_is, samples or ours.guide_samples, ours.bake_unknown, _light(ours.light, weights),
                    light_passes(scene), threads(scene), blenders.film_transparent, scene.cycles.film_exposure,
                    FrameReference.of(scene))

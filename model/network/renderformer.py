@@ -11,6 +11,7 @@ from ..progress import part
 from .config import ModelConfig
 from .embed import SceneEmbedding
 from .inputs import NetworkInputs, ViewInputs
+from .memory import is_divided
 from .sequence import Tokens, centroids, pack, scene_centre
 from .softmax import KeysValues
 from .view_dependent import ViewTransformer
@@ -107,11 +108,13 @@ class RenderFormer(SceneEmbedding):
 
     def scene_keys_values(self, context: SceneContext, index: int) -> KeysValues:
         """What stage-2 layer `index` attends to."""
+        if is_divided():  # a card that is too small keeps nothing
+            context.keys_values.clear()
         if index in context.keys_values:
             return context.keys_values[index]
         stage = self.view_transformer.transformer
         result = stage.layers[index].keys_values(context.tokens, stage.rope_emb(context.positions))
-        if context.keep:
+        if context.keep and not is_divided():
             context.keys_values[index] = result
         return result
 

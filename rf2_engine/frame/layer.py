@@ -41,6 +41,7 @@ class Layer:
     status: Status
     report: Report
     framing: Framing | None = None  # once the scene was converted
+    device: str = ""                # that the network works on, once it is loaded
 
     @classmethod
     def of(cls, engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, optics: Optics, status: Status,

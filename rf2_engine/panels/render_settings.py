@@ -39,6 +39,8 @@ class RENDERFORMER_PT_settings(EnginePanel):
         if not light_passes(context.scene):  # of guided weights there are some
             column.prop(settings, "transformer")
         column.prop(settings, "device")
+        if settings.device == "cuda":
+            column.prop(settings, "card")
         column.prop(settings, "precision")
         light = column.row()
         light.active = bool(light_passes(context.scene))  # the published network is given no traced light

@@ -41,11 +41,11 @@ def gathered(light: Callable[[Tensor, Tensor, Tensor], Tensor], position: Tensor
     rows, columns = torch.meshgrid(*place, indexing="ij")
     x, n, valid = (a[rows, columns] for a in (position, normal, covered))
     number = torch.arange(rows.numel(), device=position.device).view_as(rows)
-    known = light(*(a[valid[..., 0]] for a in (x, n, number)))
+    where = valid.flatten().nonzero()[:, 0]  # a GPU is waited for here, once
+    known = light(x.flatten(0, 1)[where], n.flatten(0, 1)[where], number.flatten()[where])
     if not len(known):
         return known.new_zeros(h, w, known.shape[-1])
-    found = known.new_zeros(*x.shape[:2], known.shape[-1])
-    found[valid[..., 0]] = known
+    found = known.new_zeros(rows.numel(), known.shape[-1]).index_copy(0, where, known).unflatten(0, x.shape[:2])
     for spread in SPREADS if noisy else ():
         found = _mean_around(found, x, n, valid, spread)
     total = weights = 0.0

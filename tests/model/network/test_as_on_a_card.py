@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The network as a graphics card would run it, without one: nothing waits in its loops, and its memory is known."""
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.network import memory, softmax, window
+from renderformer_v2.model.network.window import Window
+from renderformer_v2.model.renderer import Renderer
+from tests.model.no_host_copies import NoHostCopies
+from tests.model.samples import floor_scene, floor_view
+
+
+@pytest.fixture
+def as_on_a_card(monkeypatch):
+    """PyTorch's own attention, and pieces as large as a card gets."""
+    for module in (softmax, window):
+        monkeypatch.setattr(module, "fused", lambda q: True)
+    monkeypatch.setattr(memory, "CHUNK", memory.GPU_CHUNK)
+
+
+@torch.inference_mode()
+def test_stage_1_never_waits_for_the_card(as_on_a_card, tiny_network):
+    config, count = tiny_network.config, 6000
+    tokens, positions = torch.randn(count, config.latent_dim), torch.randn(count, 3)
+    with NoHostCopies() as watched:
+        tiny_network.transformer(tokens, positions, 120)
+    bands = -(-(count - 120) // Window.QUERIES)
+    assert watched.attentions < config.num_layers * (bands / 8 + 4)  # many bands of queries at once
+
+
+@torch.inference_mode()
+def test_stage_2_and_the_decoder_never_wait_for_the_card(as_on_a_card, tiny_network, tiny_inputs, rays):
+    context = tiny_network.encode_scene(tiny_inputs)
+    with NoHostCopies():
+        tiny_network.render_view(context, rays)
+
+
+@pytest.mark.parametrize("bad", [lambda x: x[x > 0], lambda x: x.sum().item(), lambda x: bool(x.any()),
+                                 lambda x: x.double(), lambda x: x.nonzero()])
+def test_what_makes_a_card_wait_is_found(bad):
+    with NoHostCopies(), pytest.raises(AssertionError):
+        bad(torch.randn(4))
+
+
+@pytest.fixture
+def usual_pieces():
+    yield
+    memory.usual()
+
+
+def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(usual_pieces, published_bundle):
+    renderer, scene = Renderer(published_bundle, device="cpu", precision="fp32"), floor_scene()
+    view, guides = floor_view()
+    expected = renderer.encode(scene).view(view, guides)
+    tried, encode = [], renderer.pipeline.encode
+
+    def small(*given):
+        tried.append((memory.chunk_for(torch.device("cuda")), memory.divided(Window.TOGETHER)))
+        if len(tried) < 3:
+            raise torch.OutOfMemoryError("CUDA out of memory")
+        return encode(*given)
+
+    renderer.pipeline.encode = small
+    found = renderer.encode(scene)
+    assert tried == [(4096, 16), (1024, 4), (256, 1)] and "smaller ones" in renderer.remark
+    np.testing.assert_allclose(found.view(view, guides), expected, rtol=1e-4, atol=1e-5 * expected.max())
+    assert not found.encoded.context.keys_values
+    assert Renderer(published_bundle, device="cpu", precision="fp32").remark == "" and not memory.is_divided()
+
+
+def test_a_card_that_is_much_too_small_is_said(usual_pieces, published_bundle):
+    def never():
+        raise torch.OutOfMemoryError("CUDA out of memory")
+    with pytest.raises(torch.OutOfMemoryError):
+        Renderer(published_bundle, device="cpu", precision="fp32").fitted(never)
