@@ -89,6 +89,12 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "the published weights: about 1 m wide, with small lamps of radiance 300 to 5000. Otherwise what "
                     "the camera sees is scaled to that size, and the light to that brightness",
     )
+    paper_lamps: BoolProperty(
+        name="Lamps as in the Paper",
+        description="Published weights only: each lamp becomes one small triangle that faces the scene from 2.1 to 2.7 "
+                    "times its size away, as in the scenes that they were trained with, and brings it as much light. "
+                    "Lamps inside the scene stay where they are. Shadows are those of the new place",
+    )
     guide_samples: IntProperty(
         name="Samples", default=8, min=1, soft_max=64, max=1024,
         description="Samples per pixel that Cycles renders for the first hits and, with Traced Hints, for direct "
@@ -170,6 +176,7 @@ class FrameSettings:
     token_budget: int
     max_edge: float
     as_is: bool
+    paper_lamps: bool
     guide_samples: int
     bake_unknown: bool
     light: cycles_session.Light
@@ -201,9 +208,9 @@ class FrameSettings:
         samples = view_layer.renderformer_v2.samples if view_layer else 0
         device = f"cuda:{ours.card - 1}" if ours.card and ours.device == "cuda" else ours.device
         return cls(weights, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
-                   ours.as_is, samples or ours.guide_samples, ours.bake_unknown, _light(ours.light, weights),
-                   light_passes(scene), threads(scene), blenders.film_transparent, scene.cycles.film_exposure,
-                   FrameReference.of(scene))
+                   ours.as_is, ours.paper_lamps and _is_published(weights), samples or ours.guide_samples,
+                   ours.bake_unknown, _light(ours.light, weights), light_passes(scene), threads(scene),
+                   blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
 
 
 def threads(scene: bpy.types.Scene) -> int:

@@ -17,6 +17,7 @@ from .collect import collect
 from .collected import Collected
 from .copied import Copied
 from .lamps.lamps import convert_lamps
+from .lamps.one_triangle import one_triangle
 from .material import MaterialTiles
 from .media import medium
 from .media.fog import add_fog, through_fog
@@ -30,7 +31,8 @@ UNIT_BOX = np.float32([(-HALF_EXTENT,) * 3, (HALF_EXTENT,) * 3])  # what the net
 
 
 def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda framing: framing, baker=None, as_is: bool = False) -> RenderScene:
+            steady=lambda framing: framing, baker=None, as_is: bool = False,
+            paper_lamps: bool = False) -> RenderScene:
     """The arguments of `convert` (scene.py). On any thread; `copied` stays as it is."""
     plan = _planned(copied, view, token_budget, max_edge, report, steady, as_is)
     collected = plan.collected
@@ -39,7 +41,9 @@ def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: f
     plan.size.subdivide(collected.parts, plan.budget)
     with progress.part(0.6, 0.9):
         surfaces = dressed(collected.parts, MaterialTiles(report, baker), report)
-    scene = surfaces.appended(*plan.lamps)
+    frame = Normalization.of(RenderScene(box=plan.framing.box))
+    lamps = [one_triangle(lamp, frame.center, frame.scale) for lamp in plan.lamps] if paper_lamps else plan.lamps
+    scene = surfaces.appended(*lamps)
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes = medium.cells(collected.media, report)
     scene.environment, scene.box = plan.environment, plan.framing.box

@@ -87,7 +87,7 @@ class Layer:
             return convert(self.depsgraph, self._whole(), token_budget=self.settings.token_budget,
                            max_edge=self.settings.max_edge, report=self.report, steady=steady,
                            by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status), baker=baker,
-                           as_is=self.settings.as_is)
+                           as_is=self.settings.as_is, paper_lamps=self.settings.paper_lamps)
 
     def _fitted(self) -> Framing:
         return fitted(self.depsgraph, self._whole(), token_budget=self.settings.token_budget,

@@ -131,7 +131,8 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     converted = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
                         max_edge=settings.max_edge, report=report,
                         by_cycles=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None,
-                        baker=Promise() if settings.bake_unknown else None, as_is=settings.as_is)
+                        baker=Promise() if settings.bake_unknown else None, as_is=settings.as_is,
+                        paper_lamps=settings.paper_lamps)
     _report_differences(depsgraph, report)
     converting, count, loaded = time.perf_counter() - begin, layers(scene), model_cache.is_loaded()
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)

@@ -6,6 +6,7 @@ from . import (
     camera,
     last_render,
     material,
+    material_latent,
     passes,
     preflight,
     presets,
@@ -18,7 +19,7 @@ from . import (
     copied as copied,
 )
 
-MODULES = (remarks, presets, render_settings, preflight, reference, last_render, passes, view_layer, material, camera,
-           copied, adopted)
+MODULES = (remarks, presets, render_settings, preflight, reference, last_render, passes, view_layer, material,
+           material_latent, camera, copied, adopted)
 
 register, unregister = modules(MODULES)

@@ -52,6 +52,9 @@ class RENDERFORMER_PT_settings(EnginePanel):
         numbers.prop(settings, "guide_samples")
         numbers.separator()
         numbers.prop(settings, "as_is")
+        if not light_passes(context.scene):
+            numbers.prop(settings, "paper_lamps")
+            numbers.operator("renderformer_v2.suggested_budget")
         numbers.prop(settings, "bake_unknown")
 
 

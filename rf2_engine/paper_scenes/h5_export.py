@@ -31,7 +31,8 @@ def export_h5(scene: bpy.types.Scene, weights: str | None, path: Path, report: R
     def converted(engine, depsgraph):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None, report)
         return convert(depsgraph, view, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report,
-                       by_cycles=CyclesWorld(engine, depsgraph, Status(engine)), as_is=settings.as_is), view
+                       by_cycles=CyclesWorld(engine, depsgraph, Status(engine)), as_is=settings.as_is,
+                       paper_lamps=settings.paper_lamps), view
 
     found, view = in_render(scene, converted)
     if not len(found):

@@ -110,6 +110,10 @@ def _draw_status(layout) -> None:
     if folder and folder.is_dir():
         layout.label(text=f"{amount(published_weights.size_on_disk(folder))} downloaded to {folder}")
         layout.operator("renderformer_v2.remove_weights", icon="TRASH")
+    latents = published_weights.latents_file()
+    if latents and latents.is_file():
+        layout.label(text=f"{amount(latents.stat().st_size)} of encoded textures kept for later renders")
+        layout.operator("renderformer_v2.remove_latents", icon="TRASH")
 
 
 def _draw_download(layout, preferences: RenderFormerPreferences) -> None:

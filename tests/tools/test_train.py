@@ -173,6 +173,9 @@ def test_configuration_names_wrong_keys(tmp_path):
                         ("[1]", "expected a JSON object, not .1."),
                         (changed(preset="rf2_smal"), "preset must be one of .*rf2_small, not 'rf2_smal'"),
                         (changed(preset=[]), "preset must be one of"),
+                        (changed(network={"windows": 1}), "unknown keys in model_config: windows"),
+                        (changed(network={"dense": 1}), "dense = 1 is not of the kind bool"),
+                        (changed(network=[]), "network must be a JSON object"),
                         (changed(stages=[]), "stages must be a list"),
                         (changed(stages=5), "stages must be a list"),
                         (changed(stages=[{"steps": 1}, {"steps": 2, "glass": 1}]), "stages.1.: unknown keys glass"),
@@ -181,6 +184,13 @@ def test_configuration_names_wrong_keys(tmp_path):
         path.write_text(text)
         with pytest.raises(TrainingError, match=wrong):
             TrainConfig.load(path)
+
+
+def test_a_configuration_may_change_the_network(tmp_path):
+    path = tmp_path / "config.json"
+    path.write_text(changed(network={"light_sinks": False, "summary_block_size": 16}))
+    config = TrainConfig.load(path).model()
+    assert (config.light_sinks, config.summary_block_size, config.summaries) == (False, 16, True)
 
 
 def test_parts_of_a_network_are_trained_alone(tmp_path):

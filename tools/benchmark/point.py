@@ -72,9 +72,9 @@ def rf2_200m(point: dict) -> dict:
     def view(resolution: int):
         return view_inputs(square_view(ring.camera_to_world(), ring.FIELD_OF_VIEW, resolution)).to(device)
 
-    rays, inputs = view(point["resolution"]), _random_inputs(point["triangles"], preset()).to(device)
+    rays, inputs = view(point["resolution"]), random_inputs(point["triangles"], preset()).to(device)
     with torch.inference_mode():
-        model(_random_inputs(ring.LEAST, preset()).to(device), view(64))[0, 0, 0, 0].item()  # warm up
+        model(random_inputs(ring.LEAST, preset()).to(device), view(64))[0, 0, 0, 0].item()  # warm up
         begin = time.perf_counter()
         context = model.encode_scene(inputs)
         context.tokens[0, 0].item()
@@ -86,7 +86,7 @@ def rf2_200m(point: dict) -> dict:
             "tokens": len(context.tokens)} | _efficiency(preset(), count, point, total)
 
 
-def _random_inputs(triangles: int, config):
+def random_inputs(triangles: int, config):
     """The scene's geometry with random texture and environment latents, which cost what real ones cost."""
     import torch
 

@@ -34,7 +34,8 @@ def test_everything_is_there_with_hashes_for_this_system(on, system, machine, mi
     offered = {name for name, distribution in known.items() if packages.is_offered(name, distribution)}
     assert known.keys() - offered == ({"embreex"} if (system, machine) == WITHOUT_EMBREE else set())
     for distribution in (known[name] for name in offered):
-        found = {wheel.name: wheel for wheel in wheels.needed(distribution)}
+        index_build = "CPU" if system == "win32" else "CUDA"  # the other is PyTorch's own index's
+        found = {wheel.name: wheel for wheel in wheels.needed(distribution, index_build)}
         assert distribution in found and all(re.fullmatch("[0-9a-f]{64}", value) for wheel in found.values()
                                              for value in wheel.sha256 or [""])
         assert "numpy" not in found
