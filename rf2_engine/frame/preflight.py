@@ -26,7 +26,7 @@ from ..progress.stages import CONVERT, ENCODE, TEXTURES, Work
 from ..registering import handlers
 from ..settings import FrameSettings
 from ..setup import packages
-from . import checks, failure, model_cache, rectangle
+from . import card, checks, failure, model_cache, rectangle
 from .limits import report_limits
 from .optics import Optics
 from .trained import told
@@ -49,6 +49,7 @@ class Preflight:
     state: tuple = ()              # of the settings that it was looked at with: state_of
     seconds: float | None = None   # of all view layers; None: never measured with these settings
     memory: float | None = None    # MiB that Blender will hold; None likewise
+    card: str = ""                 # what is asked of a graphics card's memory
     remarks: list[Remark] = field(default_factory=list)
 
     @property
@@ -65,7 +66,7 @@ class Preflight:
             memory = f"Blender will use about {self.memory / 1024:.1f} GB"
         blur = [self.blur] if self.blur else []
         return [f"{several}: {width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens",
-                f"Time: {time}", *blur, f"Memory: {memory}"]
+                f"Time: {time}", *blur, f"Memory: {memory}", *([self.card] if self.card else [])]
 
 
 def _clock(seconds: float) -> str:
@@ -146,8 +147,9 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     tokens = told(converted, view, settings, report)
     lights, cells = int(tokens.is_light.sum()), len(tokens.volumes or ())
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
-    return Preflight(layer, count, size=(view.width, view.height), triangles=len(converted),
-                     tokens=config.sequence_length(lights, len(tokens) - lights + cells),
+    length = config.sequence_length(lights, len(tokens) - lights + cells)
+    return Preflight(layer, count, size=(view.width, view.height), triangles=len(converted), tokens=length,
+                     card=card.line(card.memory(settings, length, view.width * view.height)),
                      blur=_blur(optics, others, sharp),
                      seconds=None if others is None else count * (converting + others),
                      memory=None if added is None else memory.held()[0] + added, remarks=report.entries)

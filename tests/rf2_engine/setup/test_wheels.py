@@ -128,7 +128,7 @@ def test_the_build_that_is_installed_is_read_from_its_files(monkeypatch, tmp_pat
     assert packages.installed_build() == expected
 
 
-def test_the_address_of_pytorchs_index_names_the_release_of_cuda():
+def test_the_address_of_pytorchs_index_names_the_release_of_cuda(scene):
     preferences = packages.preferences().bl_rna.properties["torch_cuda_index"].default
     assert wheels.release_of(preferences) == wheels.CUDA and wheels.release_of("https://a.b/whl/cu126/") == "cu126"
 
