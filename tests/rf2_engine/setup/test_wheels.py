@@ -7,7 +7,7 @@ from collections import namedtuple
 
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_panel, packages, wheels
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_panel, packages, preferences, wheels
 
 from tests.rf2_engine.layout import Layout
 from tools.extension import ROOT
@@ -129,8 +129,8 @@ def test_the_build_that_is_installed_is_read_from_its_files(monkeypatch, tmp_pat
 
 
 def test_the_address_of_pytorchs_index_names_the_release_of_cuda(scene):
-    preferences = packages.preferences().bl_rna.properties["torch_cuda_index"].default
-    assert wheels.release_of(preferences) == wheels.CUDA and wheels.release_of("https://a.b/whl/cu126/") == "cu126"
+    default = preferences.RenderFormerPreferences.bl_rna.properties["torch_cuda_index"].default
+    assert wheels.release_of(default) == wheels.CUDA and wheels.release_of("https://a.b/whl/cu126/") == "cu126"
 
 
 def test_the_versions_are_those_that_the_tests_run_with():
