@@ -29,9 +29,11 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.exporting import export_frame
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.importing import import_frame
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.panorama import write_panorama
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from mathutils import Matrix
 
 from tests.model.published import frames
+from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.rf2_engine import f12
 
 
@@ -268,3 +270,35 @@ def test_the_menus_import_and_export(frame, tmp_path):
     shutil.rmtree(frame / "split")
     with pytest.raises(RuntimeError, match="no prepared frame"):
         bpy.ops.import_scene.renderformer_v2(filepath=str(tmp_path / "scene_config.json"))
+
+
+@pytest.fixture
+def bundle(tmp_path):
+    return write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
+
+
+def test_f12_shows_an_imported_frame_with_published_weights(frame, report, tmp_path, bundle):
+    imported = import_frame(frame, report, 64)
+    bpy.context.window.scene = imported
+    ours = imported.renderformer_v2
+    ours.weights_source, ours.weights_folder, ours.guide_samples, ours.precision = "FOLDER", str(bundle), 1, "fp32"
+    picture = f12.press_f12(imported, tmp_path)["ViewLayer.Combined"]
+    (layer,) = last_render.last_frame
+    assert picture.shape == (64, 64, 4) and np.isfinite(picture).all() and not layer.error
+    assert layer.triangles == 14 and layer.weights == str(bundle)
+    assert 0 < picture[..., 3].mean() < 1  # nothing is behind the squares
+
+
+def test_the_menu_writes_h5_scenes_and_reads_them_again(frame, report, tmp_path, bundle):
+    imported = import_frame(frame, report, 64)
+    bpy.context.window.scene = imported
+    with pytest.raises(RuntimeError, match="latents of the published weights"):
+        bpy.ops.export_scene.renderformer_v2(filepath=str(tmp_path / "scene.h5"))
+    imported.renderformer_v2.weights_source, imported.renderformer_v2.weights_folder = "FOLDER", str(bundle)
+    assert bpy.ops.export_scene.renderformer_v2(filepath=str(tmp_path / "scene.h5")) == {"FINISHED"}
+    assert bpy.ops.import_scene.renderformer_v2(filepath=str(tmp_path / "scene.h5")) == {"FINISHED"}
+    again = bpy.context.window.scene
+    assert again != imported and sum(len(it.data.polygons) for it in again.objects if it.type == "MESH") == 14
+    np.testing.assert_allclose(again.camera.matrix_world, imported.camera.matrix_world, atol=1e-5)
+    light = again.objects["Light"].data.materials[0].node_tree.nodes["Principled BSDF"]
+    np.testing.assert_allclose(light.inputs["Emission Strength"].default_value, max(frames.RADIANCE), rtol=1e-3)
