@@ -43,7 +43,9 @@ class SceneEncoder:
         tiles = np.concatenate([scene.tiles, LIGHT_TILE[None]])
         used, index = np.unique(np.where(scene.is_light, len(scene.tiles), scene.tile_index), return_inverse=True)
         given = np.concatenate([scene.tile_latents, np.zeros((1, LATENT_DIM), np.float32)])
-        return ProcessedScene(nearer_lights(scene), scene.normals, self._tile_latents(tiles[used], given[used]),
+        lobes = None if scene.two_lobes is None else np.concatenate([
+            scene.two_lobes, np.zeros((1, *scene.two_lobes.shape[1:]), np.float16)])[used]
+        return ProcessedScene(nearer_lights(scene), scene.normals, self._tile_latents(tiles[used], given[used], lobes),
                               index.reshape(-1), scene.emission, scene.environment, scene.volumes)
 
     def inputs(self, scene: ProcessedScene) -> NetworkInputs:
@@ -74,18 +76,26 @@ class SceneEncoder:
         latents = torch.from_numpy(np.frombuffer(known, np.float32).reshape(shape).copy())
         return EnvironmentInputs(latents[0], latents[1], torch.tensor([strength]))
 
-    def _tile_latents(self, tiles: np.ndarray, given: np.ndarray) -> np.ndarray:
-        """given: (T, 9) appearance in place of the parameters, 0 where there is none."""
+    def _tile_latents(self, tiles: np.ndarray, given: np.ndarray, lobes: np.ndarray | None) -> np.ndarray:
+        """given: (T, 9) appearance in place of the parameters, 0 where there is none; lobes: as RenderScene has them."""
         def raw(rows: list[int]) -> torch.Tensor:
             parts = material_tiles(torch.from_numpy(tiles[rows]).float().to(self.images.device), self.appearance)
+            if lobes is not None and (two := lobes[rows].any(axis=(1, 2, 3))).any():
+                parts[torch.from_numpy(two), :LATENT_DIM] = self._of_lobes(lobes[rows][two]).to(parts)
             own = torch.from_numpy(given[rows]).to(parts)[..., None, None]
             parts[:, :LATENT_DIM] = torch.where(own.any(1, keepdim=True), own, parts[:, :LATENT_DIM])
             emission = parts.new_zeros(len(parts), 3, *parts.shape[2:])  # never encoded
             return torch.cat([parts[:, :12], emission, parts[:, 12:]], 1).half().cpu()  # as files store it
 
-        keys = [digest(self._identity, b"material", tile, *([own] if own.any() else ()))
-                for tile, own in zip(tiles, given, strict=True)]
+        keys = [digest(self._identity, b"material", tile, *([own] if own.any() else ()),
+                       *([lobes[i]] if lobes is not None and lobes[i].any() else ()))
+                for i, (tile, own) in enumerate(zip(tiles, given, strict=True))]
         return self._latents(keys, raw).numpy()
+
+    def _of_lobes(self, lobes: np.ndarray) -> torch.Tensor:
+        """(t, 7, q, q) -> (t, 9, q, q) as the research code makes latents of diffuse and specular."""
+        parameters = torch.from_numpy(lobes).float().movedim(1, -1).to(self.images.device)
+        return self.appearance.diffuse_specular(parameters).movedim(-1, 1)
 
     def _latents(self, keys: list[bytes], raw: Callable[[list[int]], torch.Tensor]) -> torch.Tensor:
         """(T, 80, 4, 4) f16 of tiles by their keys; raw: given their numbers, as docs/scene-input.md 4.1; each once."""

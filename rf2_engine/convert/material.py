@@ -17,6 +17,7 @@ from ...model.scene import (
     TILE_CHANNELS,
     TILE_SIZE,
     TRANSMISSION,
+    TWO_LOBES,
     constant_tile,
 )
 from .meshes.displace import HEIGHT_UNIT
@@ -30,6 +31,7 @@ from .shading.evaluate import Evaluator, Points, interpolated
 from .shading.node_call import NodeCall
 from .shading.normal_map import bent_by
 from .shading.surface import closure_at
+from .shading.two_lobes import two_lobes
 from .shading.volume import has_surface
 
 SCALE_DIGITS = 3             # squares of sizes that differ by less are the same
@@ -51,6 +53,7 @@ class MaterialTiles:
         self.report, self.baker = report, baker
         self._chunks: list[np.ndarray] = []
         self._latents: list[np.ndarray] = []
+        self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._count = 0
         self._constant: dict[tuple, int] = {}
         self._placed: set[Material] = set()  # those that look different from place to place
@@ -67,6 +70,15 @@ class MaterialTiles:
         """(T, 9) f32 of these tiles, 0 where a material has none; None where none has one."""
         found = np.concatenate([np.zeros((0, len(NO_LATENT)), np.float32), *self._latents])
         return found if found.any() else None
+
+    @property
+    def two_lobes(self) -> np.ndarray | None:
+        """(T, 7, 32, 32) f16 of these tiles (model/scene.py), 0 where a material has none; None where none has them."""
+        if all(isinstance(chunk, int) for chunk in self._lobes):
+            return None
+        side = len(TWO_LOBES), TILE_SIZE, TILE_SIZE
+        return np.concatenate([np.zeros((chunk, *side), np.float16) if isinstance(chunk, int) else chunk
+                               for chunk in self._lobes])
 
     def triangle_tiles(self, material: Material | None, mesh: TriangleMesh,
                        place: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -88,20 +100,25 @@ class MaterialTiles:
             part = slice(start, min(start + chunk, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
-                surface, height = self.evaluate(material, points_of(mesh.take(part), place or Place()))
+                points = points_of(mesh.take(part), place or Place())
+                surface, height = self.evaluate(material, points)
+                lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", triangle_mean(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
+            own = None if lobes is None else lobe_arrays(lobes, len(tiles))
+            if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
+                tiles = np.repeat(tiles, len(own), axis=0)
             reflects |= surface.base_color.any()
             nothing[part] = triangle_mean(surface.clear)[..., 0] > CLEAR
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
-                index[:] = self._constant_index(tiles[0], material.latent)
+                index[:] = self._constant_index(tiles[0], material.latent, own)
                 emission[:], nothing[:] = emission[start], nothing[start]
                 break
             if len(tiles) == 1:
-                index[part] = self._constant_index(tiles[0], material.latent)
+                index[part] = self._constant_index(tiles[0], material.latent, own)
             else:
                 index[part] = np.arange(self._count, self._count + len(tiles))
-                self._append(tiles, material.latent)
+                self._append(tiles, material.latent, own)
         emission[emission.max(axis=1) < DARK_FRACTION * emission.max()] = 0
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
@@ -161,14 +178,16 @@ class MaterialTiles:
             return tuple(np.round(linear.T @ linear, SCALE_DIGITS).ravel())
         return None
 
-    def _constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None) -> int:
-        key = tile.tobytes(), latent
+    def _constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
+                        lobes: np.ndarray | None = None) -> int:
+        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes()
         if key not in self._constant:
             self._constant[key] = self._count
-            self._append(tile[None], latent)
+            self._append(tile[None], latent, lobes)
         return self._constant[key]
 
-    def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None) -> None:
+    def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None, lobes: np.ndarray | None) -> None:
+        self._lobes.append(len(tiles) if lobes is None else lobes)
         self._chunks.append(tiles)
         self._latents.append(np.tile(np.float32(latent or NO_LATENT), (len(tiles), 1)))
         self._count += len(tiles)
@@ -224,6 +243,17 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
         full = np.broadcast_to(values, (count, TILE_SIZE, TILE_SIZE, values.shape[-1]))
         tiles[:, channels] = np.moveaxis(full, -1, 1)
     return tiles
+
+
+def lobe_arrays(lobes: dict[str, np.ndarray], count: int) -> np.ndarray:
+    """(m, 7, 32, 32) f16 of what `two_lobes` found, m = `count` of tiles if nothing varies over the surface."""
+    named = {name: lobes[name] for name in TWO_LOBES.parts}
+    count = max([count] + [len(values) for values in named.values() if values.ndim > 1])
+    found = np.empty((count, len(TWO_LOBES), TILE_SIZE, TILE_SIZE), np.float16)
+    for name, values in named.items():
+        full = np.broadcast_to(values, (count, TILE_SIZE, TILE_SIZE, values.shape[-1]))
+        found[:, TWO_LOBES[name]] = np.moveaxis(full, -1, 1)
+    return found
 
 
 def points_of(mesh: TriangleMesh, place: Place) -> Points:

@@ -12,11 +12,9 @@ from ..convert.material import EMITTER_RADIANCE, MaterialTiles, points_of, trian
 from ..convert.meshes.mesh import TriangleMesh
 from ..convert.place import Place
 from ..convert.report import Report
-from ..convert.shading import graph
 from ..convert.shading.blocks import Material
-from ..convert.shading.evaluate import Evaluator
-from ..convert.shading.node_call import NodeCall
-from ..convert.shading.normal_map import UP, tangent_normal
+from ..convert.shading.normal_map import UP
+from ..convert.shading.two_lobes import two_lobes
 
 PAPER_IOR = 1.5  # at Specular IOR Level 1, of what is no metal
 SQUARES = 8   # tiles along each side of a map
@@ -68,11 +66,11 @@ class _Values(dict):
     """By name what a surface is made of, (c,) where that is the same at all points, else (m, 32, 32, c)."""
 
     def __init__(self, material: Material, points, report: Report):
-        surface, height = MaterialTiles(report).evaluate(material, points)
+        lobes = two_lobes(material, points)
+        surface, height = MaterialTiles(report if lobes is None else Report()).evaluate(material, points)
         super().__init__({key: getattr(surface, key) for key in (
             "base_color", "metallic", "roughness", "ior", "transmission", "normal", "emission")}, height=height)
-        if (lobes := _two_lobes(material, points)) is not None:
-            self.update(lobes)
+        self.update(lobes or {})  # which the research code keeps apart
 
     @property
     def varies(self) -> bool:
@@ -84,23 +82,6 @@ class _Values(dict):
     def numbers(self) -> dict[str, list[float] | float]:
         means = {key: triangle_mean(value).reshape(-1, value.shape[-1]).mean(axis=0) for key, value in self.items()}
         return {key: mean.tolist() if len(mean) > 1 else float(mean[0]) for key, mean in means.items()}
-
-
-def _two_lobes(material: Material, points) -> dict[str, np.ndarray] | None:
-    """A Diffuse BSDF and a Glossy BSDF added, which is what the research code calls diffuse and specular; or None."""
-    output = graph.output_node(material.node_tree)
-    if output is None:
-        return None
-    n = NodeCall(Evaluator(points, material.node_tree.conventions, Report(), material.name), output).source("Surface")
-    if n is None or n.kind != "ShaderNodeAddShader":
-        return None
-    both = {lobe.kind: lobe for lobe in (n.source(0), n.source(1)) if lobe is not None}
-    diffuse, glossy = both.get("ShaderNodeBsdfDiffuse"), both.get("ShaderNodeBsdfAnisotropic") or both.get(
-        "ShaderNodeBsdfGlossy")
-    if diffuse is None or glossy is None:
-        return None
-    return {"diffuse": np.clip(diffuse["Color"], 0, 1), "specular": np.clip(glossy["Color"], 0, 1),
-            "roughness": np.clip(glossy["Roughness"], 0, 1), "normal": np.asarray(tangent_normal(diffuse))}
 
 
 def _homogeneous(numbers: dict) -> FrameMaterial:

@@ -228,3 +228,17 @@ def test_equal_pictures_cost_nothing():
     picture = torch.rand(1, 3, 32, 32)
     assert float(image_loss(picture, picture, structure_loss)) == pytest.approx(0, abs=1e-6)
     assert float(image_loss(picture, picture.roll(3, -1), structure_loss)) > 0.01
+
+
+def test_equal_tiles_with_other_latents_stay_apart_in_a_sample(tmp_path):
+    scene, (view, guides) = floor_scene(), floor_view()
+    scene.tiles, scene.latents = np.repeat(scene.tiles, 3, axis=0), np.zeros((3, 9), np.float32)
+    scene.latents[2], scene.tile_index[5] = 0.5, 2
+    scene.two_lobes = np.zeros((3, 7, 32, 32), np.float16)
+    scene.two_lobes[2] = 0.25
+    save_sample(tmp_path / "scene_1.npz", scene, [view], [guides], [{"combined": np.zeros((64, 64, 4))}])
+    found, *_ = load_sample(tmp_path / "scene_1.npz")
+    found.validate()
+    assert len(found.tiles) == 2 and found.latents[found.tile_index[5]].tolist() == [0.5] * 9
+    assert not found.latents[found.tile_index[0]].any()
+    assert (found.two_lobes[found.tile_index[5]] == 0.25).all() and not found.two_lobes[found.tile_index[0]].any()

@@ -240,6 +240,9 @@ def test_every_setting_has_its_place_in_the_panel(scene):
             assert name in owner.bl_rna.properties
             drawn.add(name)
 
+        def operator(self, name, **options):
+            assert name == "renderformer_v2.reference_as_in_paper"
+
     panel = type("Panel", (), {"layout": Layout(), "split_layout": lambda self: self.layout})()
     RENDERFORMER_PT_reference.draw_header(panel, bpy.context)
     RENDERFORMER_PT_reference.draw(panel, bpy.context)

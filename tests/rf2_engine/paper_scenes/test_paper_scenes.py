@@ -127,6 +127,22 @@ def test_homogeneous_materials_of_a_frame_keep_their_numbers(frame, report):
     assert {obj.name for obj in bpy.context.scene.objects if not obj.visible_camera} == {"lamp"}
 
 
+def lobes_at(scene, corner) -> np.ndarray:
+    """(7, 32, 32), as `tile_at`."""
+    low = scene.triangles.min(axis=1)
+    return scene.two_lobes[scene.tile_index[np.linalg.norm(low - corner, axis=1).argmin()]].astype(np.float32)
+
+
+def test_diffuse_and_specular_of_a_frame_stay_apart_for_the_published_network(frame, report):
+    converted, _ = shown(import_frame(frame, report))
+    floor = lobes_at(converted, at(0))
+    expected = [*frames.DIFFUSE["diffuse"], *frames.DIFFUSE["specular"], frames.DIFFUSE["roughness"]]
+    np.testing.assert_allclose(floor, np.broadcast_to(np.reshape(expected, (7, 1, 1)), floor.shape), atol=1e-3)
+    cloth = lobes_at(converted, at(4))
+    assert np.ptp(cloth[0]) > 0.3 and np.ptp(cloth[6]) > 0.2 and not lobes_at(converted, at(1)).any()
+    assert np.ptp(converted.two_lobes[converted.tile_index[converted.is_light]]) == 0
+
+
 def test_a_measured_material_is_its_latent(frame, report):
     converted, _ = shown(import_frame(frame, report))
     rows = np.flatnonzero(converted.latents.any(axis=1))
@@ -199,6 +215,7 @@ def test_a_frame_goes_round(frame, report, tmp_path):
     bpy.context.window.scene = imported
     out = tmp_path / "out"
     export_frame(imported, out, report)
+    assert not any("replaced by one" in line for line in report.lines())
     before, after = read_frame(frame), read_frame(out)
     assert missing(after, out) == [] and imported.render.engine == "RENDERFORMER_V2"
     assert set(after.objects) == set(before.objects) and after.name == before.name
