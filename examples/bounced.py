@@ -2,8 +2,7 @@
 """Rooms in which most light has bounced before it is seen: doors ajar, shades, windows, uplights, haze, glossy floors.
 
     python examples/bounced.py OUT_DIR [NAME ...]      # OUT_DIR/door_ajar.blend, ...
-    python -m tools.datagen SAMPLES --blend OUT_DIR/*.blend --views 1 --resolution 256 --samples 512
-    python -m tools.evaluate SAMPLES -o REPORT_DIR
+    python -m tools.evaluate OUT_DIR -o REPORT_DIR --reference 512 --cycles 2 4 8 16
 """
 import os
 import sys

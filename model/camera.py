@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pinhole rays (docs/scene-input.md 1.4)."""
+"""Rays of a View (docs/scene-input.md 1.4)."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -12,10 +12,14 @@ ROWS = 64  # computed at once in float64
 
 
 def padded_view(view: View, granularity: int) -> View:
-    """The rectangle extended to the whole picture's grid of so many pixels: its windows are those of the picture."""
+    """The rectangle extended to the whole picture's grid of so many pixels: its windows are those of the picture.
+
+    Where its sides are neighbours it goes on beyond either by so many pixels at least.
+    """
     x, y = view.corner
-    left, above = x % granularity, y % granularity
-    width, height = left + view.width, above + view.height
+    beyond = granularity if view.wraps else 0
+    left, above = x % granularity + beyond, y % granularity
+    width, height = left + view.width + beyond, above + view.height
     return replace(view, principal=view.principal + np.float32((left, above)), corner=(x - left, y - above),
                    width=width + -width % granularity, height=height + -height % granularity)
 
@@ -24,6 +28,12 @@ def place_in(larger: View, view: View) -> tuple[slice, slice]:
     """Rows and columns of `larger`, another rectangle of the same picture, that are `view`."""
     left, above = (a - b for a, b in zip(view.corner, larger.corner))
     return slice(above, above + view.height), slice(left, left + view.width)
+
+
+def beyond_sides(picture: np.ndarray, left: int, right: int, wraps: bool) -> np.ndarray:
+    """(H, W, ...) with so many columns more: those of the other side if the picture `wraps`, or the outermost again."""
+    margins = [(0, 0), (left, right)] + [(0, 0)] * (picture.ndim - 2)
+    return np.pad(picture, margins, mode="wrap" if wraps else "edge")
 
 
 def view_rays(view: View) -> tuple[np.ndarray, np.ndarray]:
@@ -41,10 +51,21 @@ def view_rays_at(view: View, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, 
     x and y are broadcast against each other and may lie outside the picture (padding).
     """
     c2w = np.asarray(view.camera_to_world, np.float64)
+    if view.panorama is not None:
+        directions = view.panorama.directions(x + view.corner[0], y + view.corner[1]) * (np.sign(view.focal[0]), 1, 1)
+        return c2w[:3, 3].astype(np.float32), (directions @ c2w[:3, :3].T).astype(np.float32)
     x, y = np.broadcast_arrays((x - view.principal[0]) / view.focal[0], -(y - view.principal[1]) / view.focal[1])
     directions = np.stack([x, y, np.full_like(x, -1.0)], axis=-1) @ c2w[:3, :3].T
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     return c2w[:3, 3].astype(np.float32), directions.astype(np.float32)
+
+
+def sees(view: View) -> np.ndarray:
+    """(H, W) bool: pixels in whose centre the camera sees anything; a fisheye's picture is a circle."""
+    if view.panorama is None:
+        return np.ones((view.height, view.width), bool)
+    (x, y), (columns, rows) = view.corner, (np.arange(view.width) + 0.5, np.arange(view.height)[:, None] + 0.5)
+    return view.panorama.seen(x + columns, y + rows)
 
 
 def through_lens(view: View, offset: np.ndarray, distance: float) -> View:

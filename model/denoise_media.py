@@ -2,7 +2,8 @@
 """Denoise first hits behind smoke and fog.
 
 A camera ray either scatters in a medium or reaches the surface behind it, by chance. So with a few samples, coverage
-and colours are noisy there. They are averaged over neighbouring pixels, because a medium varies slowly.
+and colours are noisy there. They are averaged over neighbouring pixels, because a medium varies slowly; what the
+tokens know of the surface behind it keeps its edges.
 """
 from __future__ import annotations
 
@@ -17,32 +18,50 @@ from .scene import CELLS, Guides, View, Volumes
 
 RADIUS = 4           # pixels, of the square that is averaged
 CLEAR = 0.1          # transmittance below which the background behind a medium is averaged too
+FAINT = 1e-4         # a colour below has no share that could be told
 COLORS = ("diffuse_color", "glossy_color", "transmission_color")
 PASSES = (*COLORS, "environment")  # of the guides, those that `smoothed` changes besides alpha
 
 
-def smoothed(guides: Guides, volumes: Volumes | None, view: View) -> Guides:
+def smoothed(guides: Guides, volumes: Volumes | None, view: View, surface: np.ndarray | None = None) -> Guides:
     """Guides whose coverage and colours, and the environment by it, are local means where a ray crosses a medium.
 
-    All in one frame, of whatever units.
+    All in one frame, of whatever units. surface: (3, H, W, 3) the colours of what each pixel's ray meets, 0 = nothing,
+    if that is known: then means are those of how much of them is seen.
     """
     inside = None if volumes is None or not len(volumes) else crossed(guides, volumes, view)
     if inside is None or not inside.any():
         return guides
-    inside = inside[..., None]
-    count = np.maximum(box_sums(inside.astype(np.float32), RADIUS), 1)
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        layers = values.reshape(*inside.shape[:2], -1)
-        means = np.where(inside, box_sums(layers * inside, RADIUS) / count, layers)
-        return means.reshape(values.shape).astype(np.float32)
-
-    changed = {name: mean(getattr(guides, name)) for name in (*COLORS, "alpha")}
+    front = None if surface is None else surface.any(axis=(0, 3))
+    changed = {"alpha": _mean_of_each(guides.alpha, inside, front)}
+    for i, name in enumerate(COLORS):
+        colors = getattr(guides, name)
+        if surface is None:
+            changed[name] = _mean(colors, inside)
+        else:
+            seen, known = (_mean(c.mean(axis=-1), inside) for c in (colors, surface[i]))
+            share = np.where(known > FAINT, seen / np.maximum(known, FAINT), 0)[..., None]
+            changed[name] = np.where(inside[..., None], surface[i] * share, colors).astype(np.float32)
     through, clear = 1 - guides.alpha[..., None], 1 - changed["alpha"][..., None]
     behind = np.where(through > CLEAR, guides.environment / np.maximum(through, CLEAR),
-                      mean(guides.environment) / np.maximum(clear, 1e-3))
-    environment = np.where(inside, behind * clear, guides.environment)
+                      _mean_of_each(guides.environment, inside, front) / np.maximum(clear, 1e-3))
+    environment = np.where(inside[..., None], behind * clear, guides.environment)
     return replace(guides, environment=environment.astype(np.float32), **changed)
+
+
+def _mean_of_each(values: np.ndarray, inside: np.ndarray, front: np.ndarray | None) -> np.ndarray:
+    """`_mean` of what is in front of a surface and of what is not, each by itself."""
+    if front is None:
+        return _mean(values, inside)
+    kinds = [_mean(values, inside & kind) for kind in (front, ~front)]
+    return np.where(front[..., None] if values.ndim == 3 else front, *kinds)
+
+
+def _mean(values: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """(H, W, ...) f32 local means over the pixels `inside` (H, W); the others stay."""
+    layers, inside = values.reshape(*inside.shape, -1), inside[..., None]
+    count = np.maximum(box_sums(inside.astype(np.float32), RADIUS), 1)
+    return np.where(inside, box_sums(layers * inside, RADIUS) / count, layers).reshape(values.shape).astype(np.float32)
 
 
 def crossed(guides: Guides, volumes: Volumes, view: View) -> np.ndarray:

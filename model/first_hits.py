@@ -6,6 +6,7 @@ import numpy as np
 
 from .geometry import corner_weights, latlong_uv
 from .guided.specular import shading_normals
+from .material.reflectance import normal_reflectance
 from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels
 
 NOTHING_HIT = 1e10  # depth there, as Blender has it
@@ -29,7 +30,7 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
         camera = view.camera_to_world
         depth[hit] = (position[hit] - camera[:3, 3]) @ -camera[:3, 2]
         emission[hit] = scene.emission[row[hit]]
-        color[:, hit] = _lobe_colors(scene, row[hit], weights[hit])
+        color[:, hit] = lobe_colors(scene, row[hit], weights[hit])
     environment = np.zeros_like(emission)
     if scene.environment is not None:
         environment[~hit] = _seen_in(scene.environment, rays[~hit])
@@ -37,12 +38,12 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
                   triangle.astype(np.int32), weights.astype(np.float32))
 
 
-def _lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(3, P, 3) diffuse, glossy and transmission colour at normal incidence; emitters reflect nothing."""
     x, y = texels(weights)
     texel = scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)
     base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION, None]
-    specular = ((texel[:, IOR, None] - 1) / (texel[:, IOR, None] + 1)) ** 2
+    specular = normal_reflectance(texel[:, IOR, None])
     dielectric = 1 - metallic
     colors = np.stack([base * dielectric * (1 - transmission), base * metallic + specular * dielectric,
                        base * dielectric * transmission])

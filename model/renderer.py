@@ -23,7 +23,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .camera import padded_view, place_in
+from .camera import beyond_sides, padded_view, place_in
 from .devices import choose_device, name_of
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
@@ -129,15 +129,15 @@ class EncodedScene:
         return Lobes(found.pop("image"), **found)
 
     def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
-                    samples: int) -> dict[str, np.ndarray]:
+                    samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
         """All `pictures` (H, W, C) f32, with the edges of the view of `lobes` as more samples would show them.
 
-        They are made of the view's light or its guides, which have so many samples. Guided networks alone know how, and
-        where light was traced.
+        They are made of the view's light or its guides, which have so many samples; wraps: as View's. Guided networks
+        alone know how, and where light was traced.
         """
         with torch.inference_mode():
             return self.renderer.pipeline.antialiased(pictures, lobes.radiance, guides, self.normalization.exposure,
-                                                      samples)
+                                                      samples, wraps)
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""
@@ -166,12 +166,13 @@ class EncodedScene:
 def padded(view: View, guides: Guides, granularity: int) -> tuple[View, Guides]:
     """Extend the rectangle to what the network accepts; the outermost pixels are repeated there.
 
-    A picture goes on beyond its edge, and the network's windows look there: an empty margin would darken the edge.
+    A picture goes on beyond its edge, and the network's windows look there: an empty margin would darken the edge, and
+    sides that are neighbours would not meet.
     """
     larger = padded_view(view, granularity)
     if (larger.width, larger.height) == (view.width, view.height):
         return view, guides
     rows, columns = place_in(larger, view)
     margins = [(rows.start, larger.height - rows.stop), (columns.start, larger.width - columns.stop)]
-    return larger, Guides(**{name: np.pad(array, margins + [(0, 0)] * (array.ndim - 2), mode="edge")
-                             for name, array in guides.arrays().items()})
+    return larger, Guides(**{name: beyond_sides(np.pad(array, margins[:1] + [(0, 0)] * (array.ndim - 1), mode="edge"),
+                                                *margins[1], view.wraps) for name, array in guides.arrays().items()})

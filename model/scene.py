@@ -26,6 +26,7 @@ from .fields import (
     layouts,
     rows,
 )
+from .panorama import Panorama
 
 TILE_SIZE = 32
 TILE = Channels(  # of a material tile: BSDF parameters, tangent-space normal, displacement
@@ -70,11 +71,14 @@ class Volumes:
 
 @dataclass
 class View:
-    """A pinhole camera and the pixel rectangle it renders (docs/scene-input.md 1.3, 1.4).
+    """A camera at one point and the pixel rectangle it renders (docs/scene-input.md 1.3, 1.4).
 
-    Pixel (row y, column x), row 0 on top, looks along
+    Usually a pinhole camera: pixel (row y, column x), row 0 on top, looks along
     ((x + 0.5 - principal_x) / focal_x, -(y + 0.5 - principal_y) / focal_y, -1) in camera space. Lens shift, sensor fit,
     pixel aspect, resolution percentage and render border are all expressed by focal and principal point.
+
+    With a `panorama` that says where pixels look. Then focal is pixels per radian in the middle of the picture, and
+    picture_size that of a pinhole picture of 90 degrees that is as fine.
     """
 
     camera_to_world: np.ndarray  # (4, 4) f32, rigid; columns are right, up, backward, position
@@ -84,11 +88,17 @@ class View:
     height: int
     picture_size: int = 0        # pixels, the longer side of the whole picture; 0 when this rectangle is all of it
     corner: tuple[int, int] = (0, 0)  # x, y of the rectangle's top left pixel in the whole picture
+    panorama: Panorama | None = None  # of the whole picture; a negative focal[0] mirrors its x axis, too
 
     @property
     def longer_side(self) -> int:
         """Pixels, of the whole picture: a render border shows the same pixels as the full frame."""
         return self.picture_size or max(self.width, self.height)
+
+    @property
+    def wraps(self) -> bool:
+        """Whether the left and the right side of the rectangle are neighbours."""
+        return self.panorama is not None and self.panorama.wraps and self.width == self.panorama.width
 
 
 @dataclass

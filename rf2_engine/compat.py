@@ -14,13 +14,15 @@ def set_file_format(settings: bpy.types.ImageFormatSettings, file_format: str) -
     """Set `image_settings.file_format`; Blender 5 wants the media type first.
 
     A multilayer EXR gets one part with all passes, as 4.5 writes it: 5.x would write a part for each, and many readers
-    open only the first.
+    open only the first. It is one file for all views of stereoscopy: `Image.save_render` fails where each has its own.
     """
     if hasattr(settings, "media_type"):
         settings.media_type = "MULTI_LAYER_IMAGE" if file_format == "OPEN_EXR_MULTILAYER" else "IMAGE"
     settings.file_format = file_format
     if hasattr(settings, "use_exr_interleave"):
         settings.use_exr_interleave = True
+    if file_format == "OPEN_EXR_MULTILAYER":
+        settings.views_format = "MULTIVIEW"
 
 
 def compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:

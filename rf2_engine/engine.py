@@ -16,6 +16,7 @@ class RenderFormerEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False   # Cycles' shader nodes stay in the Add menu
     bl_use_eevee_viewport = True          # Material Preview is Eevee's
     bl_use_preview = False
+    bl_use_spherical_stereo = True        # its settings are shown, so that they can be switched off
 
     def __init__(self, *args, **kwargs):
         super().__init__(*args, **kwargs)

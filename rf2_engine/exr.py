@@ -19,7 +19,9 @@ PIXEL_TYPES = ("<u4", "<f2", "<f4")
 
 
 class Multilayer(NamedTuple):
-    passes: dict[tuple[str, str], dict[str, np.ndarray]]  # {(layer, pass): {channel: (H, W)}}, row 0 on top
+    # {(layer, pass): {channel: (H, W)}}, row 0 on top; passes of all views of stereoscopy but the first have the view
+    # in their name: "Combined.right"
+    passes: dict[tuple[str, str], dict[str, np.ndarray]]
     metadata: dict[str, str]
 
 
@@ -32,13 +34,31 @@ def read(path: Path) -> Multilayer:
     channels = _channels(attributes["channels"])
     row = np.dtype([("y", "<i4"), ("size", "<i4"), *((name, kind, (width,)) for name, kind in channels)])
     rows = data[end + 8 * height:end + (8 + row.itemsize) * height].view(row)  # behind the table of offsets
-    passes = {}
+    passes, views = {}, _views(attributes.get("multiView", b""))
     for name, _ in channels:
         stem, _, channel = name.rpartition(".")
+        stem, view = _apart(stem, views)
         layer, _, of = stem.rpartition(".")
-        passes.setdefault((layer, of or "Combined"), {})[channel] = rows[name]
+        passes.setdefault((layer, (of or "Combined") + view), {})[channel] = rows[name]
     return Multilayer(passes, {name: value.decode(errors="replace") for name, value in attributes.items()
-                               if name not in ("channels", "dataWindow")})
+                               if name not in ("channels", "dataWindow", "multiView")})
+
+
+def _apart(stem: str, views: list[str]) -> tuple[str, str]:
+    """Layer and pass, and ".right" if that view is not the first."""
+    rest, _, last = stem.rpartition(".")
+    if len(views) < 2 or last not in views:
+        return stem, ""
+    return rest, "" if last == views[0] else f".{last}"
+
+
+def _views(data: bytes) -> list[str]:
+    found, at = [], 0
+    while at < len(data):
+        size, = struct.unpack_from("<i", data, at)
+        found.append(data[at + 4:at + 4 + size].decode())
+        at += 4 + size
+    return found
 
 
 def _header(data: memoryview) -> tuple[dict[str, bytes], int]:
@@ -52,7 +72,7 @@ def _header(data: memoryview) -> tuple[dict[str, bytes], int]:
         kind, at = _text(data, at)
         size, = struct.unpack_from("<i", data, at)
         value, at = bytes(data[at + 4:at + 4 + size]), at + 4 + size
-        if kind == "string" or name in ("channels", "dataWindow"):
+        if kind == "string" or name in ("channels", "dataWindow", "multiView"):
             found[name] = value
         elif (name, value[0]) in (("compression", NO_COMPRESSION), ("lineOrder", TOP_TO_BOTTOM)):
             continue

@@ -59,6 +59,8 @@ def _arguments() -> argparse.Namespace:
                         help="write the scene for the research code")
     parser.add_argument("--engine", choices=ENGINES, default="renderformer")
     parser.add_argument("--samples", type=_count, help="samples, or Cycles' samples (default: the file's)")
+    parser.add_argument("--alone", action="store_true", help="Light > Network Alone, whatever the file has")
+    parser.add_argument("--unclamped", action="store_true", help="Cycles without Clamp Indirect")
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
     parser.add_argument("--weights", type=_weights, help=f"{BUNDLED}, or a folder with weights (default: the file's)")
     parser.add_argument("--threads", type=_count, help="processor threads (default: the file's)")
@@ -102,7 +104,8 @@ def _run(arguments: argparse.Namespace) -> dict:
     scene = open_scene(arguments.scene)
     configure(scene, arguments.engine, samples=arguments.samples, resolution=arguments.resolution,
               weights=arguments.weights, threads=arguments.threads, beside=arguments.beside_cycles,
-              reference_samples=arguments.reference_samples)
+              reference_samples=arguments.reference_samples, light="NETWORK" if arguments.alone else None,
+              unclamped=arguments.unclamped)
     if arguments.export_h5:
         from . import h5_scene
         return h5_scene.export(scene, arguments.weights, arguments.export_h5)

@@ -26,11 +26,11 @@ def open_scene(path: Path):
 
 def configure(scene, engine: str, *, samples: int | None = None, resolution: tuple[int, int] | None = None,
               weights: str | None = None, threads: int | None = None, light: str | None = None, beside: bool = False,
-              reference_samples: int | None = None) -> None:
+              reference_samples: int | None = None, unclamped: bool = False) -> None:
     """Choose one of ENGINES and its settings; those that are not given stay as the file has them.
 
     samples: guide samples, or Cycles' samples. weights: BUNDLED, or a folder. light: "TRACED" or "NETWORK".
-    beside: with a Cycles reference, of `reference_samples`.
+    beside: with a Cycles reference, of `reference_samples`. unclamped: Cycles keeps light that has bounced as it is.
     """
     scene.render.engine = ENGINES[engine]
     if samples:
@@ -49,6 +49,8 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
         scene.renderformer_v2.reference.use = True
         if reference_samples:
             scene.renderformer_v2.reference.samples = reference_samples
+    if unclamped:
+        scene.cycles.sample_clamp_indirect = 0
     if light:
         scene.renderformer_v2.light = light
 

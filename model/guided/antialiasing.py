@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..bands import bands
+from ..camera import beyond_sides
 from ..fields import COLOR, DIRECTION, Channels
 from ..network.norm import Float32Conv2d
 from ..scene import Guides
@@ -77,11 +78,16 @@ def seen(radiance: np.ndarray, guides: Guides, exposure: float) -> Tensor:
 
 
 def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
-                exposure: float, samples: int) -> dict[str, np.ndarray]:
+                exposure: float, samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
     """All `pictures` (H, W, C) f32 under the kernels of one, of which `radiance` and `guides` are as in `seen`.
 
-    samples: of a pixel in the first hits and in the traced light.
+    samples: of a pixel in the first hits and in the traced light. wraps: whether the sides are neighbours.
     """
+    if wraps:
+        wide = lambda picture: beyond_sides(picture, REACH, REACH, wraps)  # noqa: E731
+        done = antialiased(predictor, {key: wide(picture) for key, picture in pictures.items()}, wide(radiance),
+                           Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}), exposure, samples)
+        return {key: picture[:, REACH:-REACH] for key, picture in done.items()}
     device, done = predictor.enter.weight.device, []
     for outer, inner in bands(*guides.alpha.shape, margin=REACH):
         kernels = predictor(seen(radiance[outer], guides.rows(outer), exposure).to(device))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -18,9 +18,10 @@ from ..network.inputs import TensorGroup
 from ..network.memory import like
 from ..progress import part
 from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
-from .bounce.probes import gathered, grid_of
+from .bounce.probes import NOISY, gathered, grid_of
 from .bounce.radiosity import Radiosity
 from .prior.light_prior import LightPrior
+from .sampling import in_a_row
 from .specular import blur
 from .specular import reflected as reflected_ray
 
@@ -39,16 +40,22 @@ FEATURES = Channels(
     reflected=(3, COLOR),     # log10(1 + radiosity) of what is seen in mirrors
     refracted=(3, COLOR),     # and through glass
 )
+# Guides that are radiance, and the features that tell the network of them
+RADIANCE = {"prior": "light", "bounced": "bounced", "behind": None, "reflected": "reflected", "refracted": "refracted",
+            "traced": "traced"}
+SHADOW_RAYS, LAMP_RAYS = 16, 4  # of a pixel, and of them those to one lamp
+SAME_SHADOW = 0.3         # difference of the shares of light in a penumbra, whose noise is smoothed
 BAND_PIXELS = 1 << 17     # computed at once: guides of a large picture are gigabytes
 OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
 UNSEEN_DISTANCE = 2.0     # where a bundle that hits nothing is placed along its rays, network units
-AROUND = 0.8              # share of the light from all around that a rough surface reflects besides its colour
+KEY = 0.18                # log average of what a view sees, in its exposure
+LEAST_OF_MEAN = 0.01      # added to every pixel before its logarithm, times the mean
 UNKNOWN_ROUGHNESS = 0.5   # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
 
 
 @dataclass
 class GuideTensors(TensorGroup):
-    """V views, H x W pixels, R ray bundles; all f32, in network units and exposure.
+    """V views, H x W pixels, R ray bundles; all f32, in network units, radiance in an exposure of the view's own.
 
     The three lobes of `colors` and `prior` are diffuse, glossy, transmission.
     """
@@ -62,6 +69,7 @@ class GuideTensors(TensorGroup):
     reflected: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # radiance of what mirrors show, by radiosity
     refracted: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # and glass
     traced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # radiance; 0 if nothing was traced
+    exposure: Tensor = array("V")                                    # times network exposure
 
 
 def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
@@ -84,8 +92,31 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
         bundles.append(band.positions)
         pictures.append(band.pictures)
     lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
-    return GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light), torch.cat(bundles)[None],
-                        *torch.cat(pictures, dim=1).permute(0, 3, 1, 2)[:, None])
+    return exposed(GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light),
+                                torch.cat(bundles)[None], *torch.cat(pictures, dim=1).permute(0, 3, 1, 2)[:, None],
+                                torch.ones(1, device=light.device)))
+
+
+def exposed(guides: GuideTensors) -> GuideTensors:
+    """Of one view in network exposure, in the exposure in which what it sees is bright: it may look at a dim room
+    beside a bright one. The features of radiance are filled in."""
+    untraced = 1 - guides.features[:, FEATURES["hinted"], None]
+    light = untraced * guides.prior + torch.stack([guides.bounced, guides.reflected, guides.refracted], dim=1)
+    image = (guides.traced + (light * guides.colors).sum(1)).mean(1)
+    exposure = key_exposure(image[guides.features[:, FEATURES.index("alpha")] > 0])
+    radiance = {name: getattr(guides, name) * exposure for name in RADIANCE}
+    features = guides.features
+    for name, feature in RADIANCE.items():
+        if feature:
+            features[:, FEATURES[feature]] = torch.log10(1 + radiance[name].flatten(1, -3))
+    return replace(guides, features=features, exposure=exposure.expand(1), **radiance)
+
+
+def key_exposure(luminance: Tensor) -> Tensor:
+    """Factor that puts the log average of (P,) at KEY (Reinhard et al. 2002); 1 where all is dark."""
+    mean = luminance.mean() if len(luminance) else luminance.new_zeros(())
+    average = (luminance + LEAST_OF_MEAN * mean).log().mean().exp() if mean > 0 else mean
+    return torch.where(average > 0, KEY / average.clamp_min(1e-20), 1.0)
 
 
 @dataclass
@@ -109,23 +140,30 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
     probed = partial(gathered, grid=grid_of(view.longer_side))
-    lit = partial(probed, lambda *probes: radiosity(*probes)[:, :3], noisy=True)
+    seen = partial(probed, partial(_leaving, radiosity, prior if guides.traced is None else None), spreads=NOISY)
     with part(0.0, 0.2):
-        arriving = probed(lambda x, n, _: prior.arriving(x, n), position, normal, alpha > 0)
-    with part(0.2, 0.4):
-        light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
-                      arriving.reshape(h * w, 6))
-        light = light.reshape(h, w, 9) * (alpha > 0)
-    with part(0.4, 0.7):
-        bounced, around = probed(radiosity, position, normal, alpha > 0, noisy=True).split(3, dim=-1)
+        coarse = grid_of(view.longer_side)  # where light was traced, shadows need not be sharp
+        grid = min(shadow_grid(len(prior.radiance)), coarse) if guides.traced is None else coarse
+        lamps_share = gathered(partial(_lamps_share, prior), position, normal, alpha > 0, grid=grid, spreads=NOISY,
+                               tolerance=SAME_SHADOW)
+    with part(0.2, 0.5):
+        bounced, _, sky_share = probed(radiosity, position, normal, alpha > 0, spreads=NOISY).split(3, dim=-1)
+    with part(0.5, 0.6):
+        glossy, again, sky = probed(
+            lambda x, n, number, v, r: torch.cat(radiosity.glossy(x, n, v, r[:, 0], number), dim=-1), position, normal,
+            alpha > 0, -rays, roughness[..., None], spreads=NOISY[:1]).split([3, 3, 1], dim=-1)
+        around = again if guides.traced is not None else glossy
+    with part(0.6, 0.7):
+        behind = seen(position, -normal, tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
     with part(0.7, 0.8):
-        through = tensor(guides.transmission_color).amax(-1, keepdim=True) > 0
-        behind = lit(position, -normal, through)
+        mirrored_light, ends = _seen_light(seen, guides, "reflected", tensor)
+        reflected = torch.lerp(around, mirrored_light, (1 - blur(roughness)[..., None]) * ends)
     with part(0.8, 0.9):
-        mirrored_light = _seen_light(lit, guides, "reflected", tensor)
-        reflected = torch.lerp(mirrored_light, AROUND * around, blur(roughness)[..., None])
+        refracted, ends = _seen_light(seen, guides, "refracted", tensor)
     with part(0.9, 1.0):
-        refracted = _seen_light(lit, guides, "refracted", tensor)
+        shares = torch.cat([sky_share, lamps_share, sky, 1.0 * ~ends], dim=-1) * (alpha > 0)
+        light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
+                      shares.reshape(h * w, 8)).reshape(h, w, 9) * (alpha > 0)
     hinted = torch.full_like(alpha, guides.traced is not None)
     traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
@@ -133,23 +171,44 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     bundles = bundle_positions(near, alpha, rays, origin, patch)
     offset = (near - bundles.repeat_interleave(patch, 0).repeat_interleave(patch, 1)) * OFFSET_SCALE * (alpha > 0)
     mirrored = reflected_ray(rays, normal)
-    features = torch.cat([offset, normal, colors, roughness[..., None], alpha, _log(light), mirrored, _log(bounced),
-                          _log(traced), hinted, _log(reflected), _log(refracted)], -1)
+    features = torch.cat([offset, normal, colors, roughness[..., None], alpha, light, mirrored, bounced, traced, hinted,
+                          reflected, refracted], -1)  # radiance is not exposed yet
     return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3),
                  torch.stack([bounced, behind, reflected, refracted, traced]))
 
 
-def _seen_light(lit: Callable, guides: Guides, name: str, tensor) -> Tensor:
-    """(h, W, 3) radiance of the surfaces that the paths of this `name` end at."""
+def shadow_grid(lamps: int) -> int:
+    """Pixels between points where shadows of so many lamps are looked for."""
+    return next((grid for most, grid in ((SHADOW_RAYS, 1), (4 * SHADOW_RAYS, 2)) if lamps <= most), 4)
+
+
+def _lamps_share(prior: LightPrior, x: Tensor, n: Tensor, number: Tensor) -> Tensor:
+    """Mean of `LightPrior.lamps_share` of some rays to every lamp: SHADOW_RAYS of all together, LAMP_RAYS at most."""
+    count = max(min(SHADOW_RAYS // max(len(prior.radiance), 1), LAMP_RAYS), 1)
+    total = torch.zeros_like(x)
+    for k in range(count):
+        with part(k / count, (k + 1) / count):
+            total += prior.lamps_share(x, n, in_a_row(count * number + k))
+    return total / count
+
+
+def _leaving(radiosity: Radiosity, prior: LightPrior | None, x: Tensor, n: Tensor, number: Tensor) -> Tensor:
+    """(P, 3) light that white diffuse surfaces send on: what has bounced before, and with a prior direct light too."""
+    with part(0.0, 0.5):
+        bounced = radiosity(x, n, number)[:, :3]
+    with part(0.5, 1.0):
+        return bounced if prior is None else bounced + prior.diffuse(x, n)
+
+
+def _seen_light(lit: Callable, guides: Guides, name: str, tensor) -> tuple[Tensor, Tensor]:
+    """(h, W, 3) radiance of the surfaces that the paths of this `name` end at, and (h, W, 1) where they end at any."""
     parts = [getattr(guides, f"{name}_{kind}") for kind in ("position", "normal", "color")]
     if parts[0] is None:
-        return tensor(np.zeros_like(guides.position))
+        dark = tensor(np.zeros_like(guides.position))
+        return dark, dark[..., :1] > 0
     position, normal, color = map(tensor, parts)
-    return lit(position, F.normalize(normal, dim=-1), color.amax(-1, keepdim=True) > 0) * color
-
-
-def _log(radiance: Tensor) -> Tensor:
-    return torch.log10(1 + radiance)
+    ends = color.amax(-1, keepdim=True) > 0
+    return lit(position, F.normalize(normal, dim=-1), ends) * color, ends
 
 
 def bundle_positions(position: Tensor, alpha: Tensor, rays: Tensor, origin: Tensor, patch: int) -> Tensor:

@@ -56,18 +56,19 @@ class GuidedPipeline:
         return self.light(encoded, view, guides, ("image",))["image"]
 
     def light(self, encoded: GuidedContext, view: View, guides: Guides, keys: Sequence[str]) -> dict[str, torch.Tensor]:
-        """The `keys` of `decode_light` without its first axis; `image` as above."""
+        """The `keys` of `decode_light` without its first axis, in network exposure; `image` as above."""
         with part(0.0, 0.1, "Estimating direct light"):
             inputs = guided_view(encoded.scene, view, guides, encoded.prior, encoded.radiosity,
                                  self.network.config)
         with part(0.1, 0.95):
             raw = self.network.render_view(encoded.context, inputs)
         with part(0.95, 1.0, "Adding the light up"):
-            return {key: light[0] for key, light in decode_bands(raw, inputs.guides, keys).items()}
+            light = decode_bands(raw, inputs.guides, keys)
+            return {key: radiance[0] / inputs.guides.exposure for key, radiance in light.items()}
 
     def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, exposure: float,
-                    samples: int) -> dict[str, np.ndarray]:
+                    samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
         """As the function of that name, in world units; `pictures` as they are if no light was traced."""
         if guides.traced is None:
             return pictures
-        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, exposure, samples)
+        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, exposure, samples, wraps)

@@ -17,7 +17,7 @@ SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
 PURE = 0.5         # metallic or transmission from which a surface is a mirror or glass
 LIFTED = 1e-4      # of the longest way so far, that a ray starts off the surface it leaves
-SHARP, BLURRED = 0.2, 0.8  # roughness up to which what is seen is an image, and from which it is a mean of all around
+SHARP, BLURRED = 0.15, 0.35  # roughness up to which what is seen is an image, and from which it is a mean of all around
 
 Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 

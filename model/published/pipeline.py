@@ -22,6 +22,7 @@ from ..tensors import view_inputs
 from .as_trained import as_trained, emitters
 from .bundle import Bundle, load_transformer
 from .bundle_files import AUTOMATIC, MAPPERS, transformer_for
+from .cube_faces import cube_faces, joined
 from .image_encoder import ImageEncoder, find_vae
 from .latent_store import LatentStore
 from .processed_scene import ProcessedScene, square_fov
@@ -67,7 +68,9 @@ class PublishedPipeline:
         return PublishedContext(emits, network, context)
 
     def image(self, encoded: PublishedContext, view: View, guides: Guides) -> torch.Tensor:
-        return self._view(encoded, view) * torch.from_numpy(shown(guides, encoded.emitters)).to(self.device)
+        rendered = (self._view(encoded, view) if view.panorama is None
+                    else joined(view, cube_faces(view, self.granularity), lambda face: self._view(encoded, face)))
+        return rendered * torch.from_numpy(shown(guides, encoded.emitters)).to(self.device)
 
     def process(self, scene: RenderScene, views: list[View]) -> ProcessedScene:
         """A scene and its views (world frame) ready for h5.py: normalised, because the research code does not.

@@ -43,6 +43,9 @@ def square_fov(view: View) -> float:
     Raises SceneError for a view that no square picture around the optical axis contains as its centre.
     """
     shift = np.abs(view.principal - np.array([view.width, view.height]) / 2).max()
+    if view.panorama is not None:
+        raise SceneError("the camera cannot be exported: panoramas have no place in the file, set its Type to "
+                         "Perspective")
     if shift > 0.5 or abs(view.focal[0] / view.focal[1] - 1) > 1e-3:
         raise SceneError("the camera cannot be exported: lens shift, render border and a pixel aspect other than 1 "
                          "have no place in the file, remove them")

@@ -77,7 +77,7 @@ class SceneEncoder:
         return EnvironmentInputs(latents[0], latents[1], torch.tensor([strength]))
 
     def _tile_latents(self, tiles: np.ndarray, given: np.ndarray, lobes: np.ndarray | None) -> np.ndarray:
-        """given: (T, 9) appearance in place of the parameters, 0 where there is none; lobes: as RenderScene has them."""
+        """given: (T, 9) appearance in place of the parameters, 0 where there is none; lobes: as in RenderScene."""
         def raw(rows: list[int]) -> torch.Tensor:
             parts = material_tiles(torch.from_numpy(tiles[rows]).float().to(self.images.device), self.appearance)
             if lobes is not None and (two := lobes[rows].any(axis=(1, 2, 3))).any():

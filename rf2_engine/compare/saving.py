@@ -10,7 +10,7 @@ import bpy
 from .. import compat
 
 KEPT = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec", "compression", "color_management",
-        "use_exr_interleave")  # what a format allows stands behind it
+        "use_exr_interleave", "views_format")  # what a format allows stands behind it
 # Where Color Management is Override. Blender sets them anew with the format, or when it becomes Override once more.
 OVERRIDDEN = ("linear_colorspace_settings.name", "display_settings.display_device", "view_settings.view_transform",
               "view_settings.look", "view_settings.exposure", "view_settings.gamma")

@@ -50,6 +50,7 @@ def _prepare(scene: bpy.types.Scene, job: dict) -> None:
     settings = scene.render
     settings.engine, settings.use_compositing, settings.use_sequencer = "CYCLES", False, False
     settings.use_crop_to_border, settings.use_single_layer, settings.use_persistent_data = True, False, False
+    settings.use_multiview = False
     for layer in scene.view_layers:
         layer.use = layer.name == job["layer"]
     layer = scene.view_layers[job["layer"]]

@@ -9,9 +9,12 @@ import numpy as np
 
 from ...model.errors import RenderCancelled, SceneError
 from .. import passes as pass_table
+from ..convert.camera.eyes import view_names
 from ..convert.report import Report
 from ..frame import failure
 from . import background as background_cycles
+
+Passes = dict[str, np.ndarray]  # of one view: {key: (H, W, C) f32}, row 0 on top
 
 
 @contextmanager
@@ -57,10 +60,10 @@ def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Non
 
 
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
-        wanted: list[pass_table.Pass], changes: list, report: Report, partial: bool = False) -> dict[str, np.ndarray]:
+        wanted: list[pass_table.Pass], changes: list, report: Report, partial: bool = False) -> dict[str, Passes]:
     """Render the view layer of `depsgraph`, called `layer`, with its settings as they are.
 
-    Returns {key: (H, W, C) f32} of the `wanted` passes, row 0 on top; the result of `engine` must have them. Where
+    Returns the `wanted` passes by view, which is "" without stereoscopy; the result of `engine` must have them. Where
     Cycles cannot be run inside Blender a Blender in the background renders, with the `changes` that `overrides` gave
     to the settings, and the report says so.
     After Esc it raises RenderCancelled, or gives what was `partial`ly rendered where that is wanted.
@@ -77,14 +80,14 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
         if partial:
             return rendered
         raise RenderCancelled()
-    missing = [p.blender_name for p in wanted if p.key not in rendered]
+    missing = [p.blender_name for p in wanted if any(p.key not in passes for passes in rendered.values())]
     if missing:
         raise SceneError(f"Cycles stopped without the passes {', '.join(missing)}: see its message in the console")
     return rendered
 
 
 def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
-           wanted: list[pass_table.Pass], partial: bool = False) -> dict[str, np.ndarray]:
+           wanted: list[pass_table.Pass], partial: bool = False) -> dict[str, Passes]:
     """As `run`, but where Cycles fails CyclesFailed comes out, and passes may be missing."""
     emptied = _empties(engine, depsgraph)
     with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
@@ -99,8 +102,11 @@ def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer
     return rendered
 
 
-def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[str, np.ndarray]:
+def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[str, Passes]:
     reason = str(why).splitlines()[0] if str(why) else type(why).__name__
+    if view_names(engine) != [""]:
+        raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), which stereoscopy needs: switch it off "
+                         "in Output Properties > Stereoscopy") from why
     try:
         rendered = background_cycles.run(engine, job, wanted)
     except SceneError as error:
@@ -108,7 +114,7 @@ def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[st
     report.approximated("Cycles", f"it cannot be run inside this Blender ({reason}), so a Blender in the background "
                                   "rendered a copy of the scene: this takes a few seconds longer, and simulations "
                                   "that are not baked are missing")
-    return rendered
+    return {"": rendered}
 
 
 @contextmanager
@@ -162,8 +168,8 @@ def _expecting_ours(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgra
     No shader writes to them. Without them Cycles prints an error for each, once per run.
     """
     survives, aovs = _survives(engine, depsgraph), depsgraph.view_layer_eval.aovs
-    added = [p.name for p in engine.get_result().layers[layer].passes
-             if p.name in pass_table.REFERENCE_NAMES and p.name not in aovs]
+    names = dict.fromkeys(p.name for p in engine.get_result().layers[layer].passes)  # each view has one of that name
+    added = [name for name in names if name in pass_table.REFERENCE_NAMES and name not in aovs]
     for name in added:
         aovs.add().name = name
     try:
@@ -198,13 +204,15 @@ def _empties(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> 
     return engine.bl_use_gpu_context and unwatched and not settings.use_persistent_data
 
 
-def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, Passes]:
     height, width = result.resolution_y, result.resolution_x
     keys = {p.blender_name: p.key for p in wanted}
-    read = {}
+    views = [view.name for view in result.views]
+    read = {view: {} for view in views}
     for p in result.layers[layer].passes:
-        if p.name in keys and keys[p.name] not in read:
+        found = read[views[p.view_id]]
+        if p.name in keys and keys[p.name] not in found:
             pixels = np.empty(height * width * p.channels, np.float32)
             p.rect.foreach_get(pixels)
-            read[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
+            found[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
     return read

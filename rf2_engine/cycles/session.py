@@ -12,7 +12,6 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 import bpy
-import numpy as np
 
 import addon_utils
 
@@ -21,7 +20,7 @@ from .. import compat
 from .. import passes as pass_table
 from ..convert.report import Report
 from ..convert.visibility import catching_hosts, shadow_catchers
-from .run import overrides, run
+from .run import Passes, overrides, run
 
 ALWAYS = {
     "cycles.film_exposure": 1.0,
@@ -101,10 +100,16 @@ class Look(NamedTuple):
 PINHOLE = Look()
 
 
-def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
-                  look: Look = PINHOLE, denoise: bool = False, hazy: bool = False,
-                  threads: int = 0, report: Report | None = None) -> dict[str, np.ndarray]:
-    """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render.
+def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, **options) -> Passes:
+    """As `render_views`, of a render without stereoscopy."""
+    passes, = render_views(engine, depsgraph, **options).values()
+    return passes
+
+
+def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
+                 look: Look = PINHOLE, denoise: bool = False, hazy: bool = False,
+                 threads: int = 0, report: Report | None = None) -> dict[str, Passes]:
+    """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render, by view.
 
     `engine` is the RenderEngine inside whose `render` this is called; the camera of Light.ALL is the scene's, whatever
     `look` says; `threads` 0 leaves them to Blender's setting;
@@ -117,11 +122,11 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
     if `denoise`) and all light passes.
 
-    Returns {key of passes.PASSES: (H, W, C) f32}, row 0 on top, for the render border only; plus "alpha" (H, W, 1),
-    coverage. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
-    "environment" for an opaque film. "depth" and "position" belong to the pixel centre (Cycles writes them for its
-    first sample alone, which it puts there): 1e10 and 0 where that ray hits nothing. "normal" and the colours are sums
-    over the samples that hit something, divided by all samples.
+    Returns {view: {key of passes.PASSES: (H, W, C) f32}}, row 0 on top, for the render border only; plus "alpha"
+    (H, W, 1), coverage. The view is "" without stereoscopy. Colours are scene-linear and premultiplied by coverage.
+    "combined" has no directly seen world: add "environment" for an opaque film. "depth" and "position" belong to the
+    pixel centre (Cycles writes them for its first sample alone, which it puts there): 1e10 and 0 where that ray hits
+    nothing. "normal" and the colours are sums over the samples that hit something, divided by all samples.
 
     Raises RenderCancelled after Esc, SceneError when Cycles is switched off or stops with an error.
     """
@@ -150,17 +155,18 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             override(depsgraph.scene_eval, _TRACED | (_DENOISED if clean else {}))
             if hazy:
                 override(depsgraph.scene_eval, {"cycles.denoising_prefilter": "ACCURATE"})
-        rendered = run(engine, depsgraph, layer_name, wanted, override.changes, report or Report())
+        views = run(engine, depsgraph, layer_name, wanted, override.changes, report or Report())
 
-    combined = rendered["combined"]
-    rendered["alpha"] = combined[..., 3:].copy()
-    if light is Light.TRACED:
-        rendered["traced"] = (combined[..., :3] - rendered["emission"]).clip(0)
-    if pass_table.NOISY.key in rendered:
-        rendered["noise"] = rendered.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
-    if light is not Light.ALL and look.catchers is not Catchers.CATCH:
-        del rendered["combined"]
-    return rendered
+    for rendered in views.values():
+        combined = rendered["combined"]
+        rendered["alpha"] = combined[..., 3:].copy()
+        if light is Light.TRACED:
+            rendered["traced"] = (combined[..., :3] - rendered["emission"]).clip(0)
+        if pass_table.NOISY.key in rendered:
+            rendered["noise"] = rendered.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
+        if light is not Light.ALL and look.catchers is not Catchers.CATCH:
+            del rendered["combined"]
+    return views
 
 
 def _set_camera(depsgraph: bpy.types.Depsgraph, look: Look, override) -> None:
@@ -168,8 +174,9 @@ def _set_camera(depsgraph: bpy.types.Depsgraph, look: Look, override) -> None:
     override(scene, {"cycles.rolling_shutter_type": "NONE"})
     if not look.shutter:
         override(scene, {f'view_layers["{layer}"].use_motion_blur': False})
-    if not look.lens and scene.camera and scene.camera.type == "CAMERA":
-        override(scene.camera.data, {"dof.use_dof": False})
+    if not look.lens:
+        for data in {obj.data for obj in _objects(depsgraph) if obj.type == "CAMERA"}:  # each may be an eye
+            override(data, {"dof.use_dof": False})
     if look.place is not None:
         look.place(override)
 

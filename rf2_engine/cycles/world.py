@@ -18,6 +18,7 @@ from ...model.errors import SceneError
 from ...model.scene import ENVIRONMENT_SHAPE
 from .. import compat
 from .. import passes as pass_table
+from ..convert.camera.eyes import eyes
 from ..convert.camera.lens import POSE
 from ..convert.lamps.placed_lamp import rotation
 from ..convert.lamps.suns import Sun, split_suns
@@ -111,21 +112,23 @@ class CyclesWorld:
                 if not _alone(compat.world(depsgraph), discs, override):
                     return None
                 cycles_session.hide_all(depsgraph, override)
-                _point(depsgraph.scene_eval, frame, half, override)
+                _keep_still(depsgraph.scene_eval, override)
+                for camera in {eye.camera for eye in eyes(engine, depsgraph)}:  # whose panoramas will be the same
+                    _point(camera, frame, half, override)
                 with self.status.during_cycles("World {}", share=0.1):
-                    rendered = self._run(wanted, override.changes)
+                    rendered = next(iter(self._run(wanted, override.changes).values()))
         finally:
             engine.bl_use_gpu_context = kept
         return rendered["combined"][..., :3].clip(0)
 
-    def _run(self, wanted: list[pass_table.Pass], changes: list) -> dict[str, np.ndarray]:
+    def _run(self, wanted: list[pass_table.Pass], changes: list) -> dict[str, cycles_run.Passes]:
         """In a Blender in the background where there is a render border: a session draws no more than that."""
         scene, layer = self.depsgraph.scene_eval, self.depsgraph.view_layer_eval.name
         if not scene.render.use_border:
             return cycles_run.inside(self.engine, self.depsgraph, layer, wanted)
         whole = [*changes, background_cycles.changed(scene, "render.use_border", False)]
         job = background_cycles.Job.of(self.depsgraph, layer, wanted, whole)
-        return background_cycles.run(self.engine, job, wanted)
+        return {"": background_cycles.run(self.engine, job, wanted)}
 
 
 @dataclass
@@ -163,14 +166,18 @@ def _alone(world: bpy.types.World, discs: bool, override) -> bool:
     return True
 
 
-def _point(scene: bpy.types.Scene, frame: np.ndarray, half: tuple[float, float], override) -> None:
-    camera, (longitude, latitude) = scene.camera, half
-    layer = bpy.utils.escape_identifier
+def _keep_still(scene: bpy.types.Scene, override) -> None:
     for view_layer in scene.view_layers:
-        override(scene, {f'view_layers["{layer(view_layer.name)}"].use_motion_blur': False})
+        name = bpy.utils.escape_identifier(view_layer.name)
+        override(scene, {f'view_layers["{name}"].use_motion_blur': False})
+
+
+def _point(camera: bpy.types.Object, frame: np.ndarray, half: tuple[float, float], override) -> None:
+    longitude, latitude = half
     override(camera.data, {
         "dof.use_dof": False, "type": "PANO", "panorama_type": "EQUIRECTANGULAR", "latitude_min": -latitude,
-        "latitude_max": latitude, "longitude_min": -longitude, "longitude_max": longitude})
+        "latitude_max": latitude, "longitude_min": -longitude, "longitude_max": longitude, "shift_x": 0.0,
+        "shift_y": 0.0, "stereo.convergence_mode": "PARALLEL", "stereo.use_spherical_stereo": False})
     pose = {name: getattr(camera, name) for name in POSE}
     override(camera, pose | {"matrix_world": Matrix((frame @ TO_X).tolist()).to_4x4()})
 

@@ -8,6 +8,7 @@ from ...model import weights_files
 from ...model.errors import SceneError
 from ...model.presets import weights_folder
 from .. import compat, passes
+from ..convert.camera.eyes import has_spherical_stereo, no_spherical_stereo
 from ..convert.report import Report
 from ..cycles.session import Light
 from ..settings import FrameSettings
@@ -19,9 +20,8 @@ def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Repor
     """Report what the whole picture lacks. Raises SceneError and CheckpointError for what cannot be rendered."""
     weights_files.check(weights_folder(settings.weights))
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-    if scene.render.use_multiview:
-        raise SceneError(f'Scene "{scene.name}" uses stereoscopy, which is not supported: '
-                         "switch it off in Output Properties")
+    if scene.render.use_multiview and scene.render.views_format == "STEREO_3D" and has_spherical_stereo(scene.camera):
+        raise SceneError(no_spherical_stereo(scene.camera))
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
         report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise "
                                         "Samples, or set Light to Network Alone")

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...model import denoise_media
 from ...model.camera import view_rays, view_rays_at
-from ...model.first_hits import guides_of_hits
+from ...model.first_hits import guides_of_hits, lobe_colors
 from ...model.geometry import barycentric, corner_weights
 from ...model.guided.specular import shading_normals
 from ...model.progress import part
@@ -23,6 +23,8 @@ TOLERANCE = 0.01
 # Camera rays pass through lamps, which may hang just below a ceiling: a light that shows no emission must fit closely.
 UNSEEN_LIGHT_TOLERANCE = 1e-4
 NOTHING_HIT = 1e9    # Cycles' Depth is 1e10 where the pixel's centre hits nothing
+NOWHERE = 1e10       # that Depth
+LOOKED = ("normal", "emission", "environment")  # of which one is not 0 where anything was seen, but for a black world
 COVERED = 1e-3       # alpha below this is not worth a token's attention
 ONE_SURFACE = 0.95   # length of the mean of a pixel's unit normals from which it sees one surface
 FILL_RADIUS = 4      # pixels
@@ -64,13 +66,48 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
     if len(scene) and seen.any():
         shines = (passes["emission"] > 0).any(axis=-1)
         triangle[seen], weights[seen] = _first_triangles(scene, view, position, seen, shines)
+    media = scene.volumes is not None and len(scene.volumes) > 0
+    if media and len(scene):
+        _behind_media(scene, view, covered & ~seen, seen, position, triangle, weights)
     source = _nearest(seen, covered)
     guides = replace(guides_of_no_triangle(passes), position=position.reshape(-1, 3)[source],
                      hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source])
     several = (np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha) & (guides.hit_triangle >= 0)
-    weights, rays = corner_weights(guides.hit_barycentric[several]), view_rays(view)[1][several]
-    guides.normal[several] = shading_normals(scene, guides.hit_triangle[several], weights, rays)
-    return denoise_media.smoothed(guides, scene.volumes, view)
+    middle, rays = corner_weights(guides.hit_barycentric[several]), view_rays(view)[1][several]
+    guides.normal[several] = shading_normals(scene, guides.hit_triangle[several], middle, rays)
+    behind = _surface(scene, seen, triangle, weights) if media else None
+    return denoise_media.smoothed(guides, scene.volumes, view, behind)
+
+
+def _behind_media(scene: RenderScene, view: View, hidden: np.ndarray, seen: np.ndarray, position: np.ndarray,
+                  triangle: np.ndarray, weights: np.ndarray) -> None:
+    """Write what the rays of `hidden` pixels (H, W) meet, which ended in a medium, into the other arrays."""
+    among, eye, rays = np.flatnonzero(scene.is_seen), view.camera_to_world[:3, 3], view_rays(view)[1][hidden]
+    met = Rays(scene.triangles[among] - eye).closest(np.zeros(3), rays)
+    hit = met.triangle >= 0
+    place = tuple(index[hit] for index in np.nonzero(hidden))
+    seen[place], triangle[place], weights[place] = True, among[met.triangle[hit]], met.weights[hit]
+    position[place] = met.distance[hit, None] * rays[hit] + eye
+
+
+def _surface(scene: RenderScene, seen: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(3, H, W, 3) f32 colours of the lobes of the tokens that are `seen` (H, W)."""
+    colors, known = np.zeros((3, *seen.shape, 3), np.float32), seen & (triangle >= 0)
+    if known.any():
+        colors[:, known] = lobe_colors(scene, triangle[known], weights[known])
+    return colors
+
+
+def inside(passes: dict[str, np.ndarray], outside: np.ndarray | None) -> dict[str, np.ndarray]:
+    """The passes of a panorama with nothing where pixels (H, W) look nowhere: Cycles gives them an alpha of 1.
+
+    A pixel on the rim whose centre looks nowhere belongs to what its other samples see.
+    """
+    if outside is None or not outside.any():
+        return passes
+    nothing = outside[..., None] & ~np.any([passes[key].any(-1, keepdims=True) for key in LOOKED], axis=0)
+    return passes | {"alpha": np.where(nothing, np.float32(0), passes["alpha"]),
+                     "depth": np.where(outside[..., None], np.float32(NOWHERE), passes["depth"])}
 
 
 def guides_of_no_triangle(passes: dict[str, np.ndarray]) -> Guides:

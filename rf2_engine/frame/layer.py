@@ -12,6 +12,7 @@ from ...model import progress
 from ...model.scene import RenderScene, View
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
+from ..convert.camera.eyes import Eye, count_views, eyes, view_names
 from ..convert.camera.framing import Framing
 from ..convert.report import Report
 from ..convert.scene import convert, fitted
@@ -55,13 +56,19 @@ class Layer:
         optics = optics.possible(settings.light, depsgraph, report)
         width, height = engine.resolution_x, engine.resolution_y
         border = rectangle.border(width, height, scene.render)
-        plan = Plan(work(width, height, border, settings, optics, lit), settings.setup, layers(scene))
+        status.views = view_names(engine)
+        plan = Plan(work(width, height, border, settings, optics, lit, count_views(scene)), settings.setup,
+                    layers(scene))
         return cls(engine, depsgraph, layer.name, settings, optics, border, lit, plan, status, report)
 
-    def view(self) -> View:
-        """From the middle of the lens."""
-        return convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y, self.border,
-                              self.report)
+    def eyes(self) -> list[Eye]:
+        """At the moment that is evaluated."""
+        return eyes(self.engine, self.depsgraph)
+
+    def views(self) -> dict[str, View]:
+        """From the middle of the lens of each eye, by the name of the eye's view."""
+        return {eye.view: convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y,
+                                         self.border, self.report, eye) for eye in self.eyes()}
 
     def scene(self) -> RenderScene:
         """What a shutter sees at other moments of the frame is fitted as the frame is."""

@@ -11,7 +11,6 @@ from ...model import progress
 from ...model.lobes import Lobes, MeanLobes
 from ...model.presets import BUNDLED
 from ...model.scene import Guides, RenderScene, View
-from ..convert.camera.lens import Lens
 from ..progress.stages import CONVERT, EDGES, ENCODE, LOAD, TEXTURES, VIEW
 from . import model_cache, shutter
 from .hits import Hits, sample_hits
@@ -21,7 +20,7 @@ from .output import SHINING
 
 @dataclass
 class Picture:
-    """A view layer as far as it is rendered; `tokens` are those of its last scene."""
+    """A view of a view layer as far as it is rendered; `tokens` are those of its last scene."""
 
     combined: np.ndarray  # (H, W, 4)
     guides: Guides
@@ -67,25 +66,32 @@ class Network:
         """Whether anything is seen that it could light."""
         return self._has_content and bool(guides.alpha.any() or guides.transmission_color.any())
 
-    def sharp(self, view: View, hits: Hits) -> Picture:
-        """The picture as a pinhole sees it."""
+    def sharp(self, name: str, view: View, hits: Hits) -> Picture:
+        """The picture of the view of that name as a pinhole sees it."""
+        status = self._layer.status
+        status.sample = name and f"View {name}"
         settings, guides = self._layer.settings, hits.guides
         encoded = self._encoded(view)
         lobes = self._lobes(encoded, view, guides)
         picture = Picture(hits.combined(lobes.radiance, settings.exposure), guides, lobes, encoded.tokens)
         smooth = settings.guided and guides.traced is not None and hits.catch is None
-        return self._antialiased(encoded, picture) if smooth else picture
+        if smooth:
+            picture = self._antialiased(encoded, picture, view.wraps, hits.outside)
+        status.sample = ""
+        return picture
 
-    def blurred(self, hits: Hits, show: Callable[[Lobes], None]) -> Picture:
-        """The picture with the network's light as the mean of the samples of the optics.
+    def blurred(self, hits: dict[str, Hits], show: Callable[[dict[str, Lobes]], None]) -> dict[str, Picture]:
+        """The pictures of all views with the network's light as the mean of the samples of the optics.
 
         Nothing is computed twice: without a change in the scene but for the camera it stays encoded, and where nothing
         changes at all the sample before counts again. `hits` are those of the blurred picture, as Cycles gives them;
         what there is so far is given to `show`, for every session of Cycles puts something else on screen.
         """
-        layer, mean, encoded = self._layer, MeanLobes(), None
+        layer, means, encoded = self._layer, {name: MeanLobes() for name in hits}, None
         optics, status = layer.optics, layer.status
-        points = Lens.of(layer.depsgraph).points(optics.lens) if optics.lens > 1 else None
+
+        def so_far() -> dict[str, Lobes]:
+            return {name: mean.under(hits[name].guides) for name, mean in means.items()}
         with shutter.clock(layer.engine, layer.depsgraph) as move_to:
             for number, frame in enumerate(optics.frames(layer.depsgraph)):
                 status.sample = f"Sample {number + 1} of {optics.samples}"
@@ -94,16 +100,17 @@ class Network:
                 if "scene" in moved:
                     with layer.plan.enter(CONVERT):
                         self._scene, encoded = layer.scene(), None
-                if number == 0 or moved or points is not None:
-                    point = points[number] if points is not None else None
-                    view, guides = sample_hits(layer, self._scene, point)
-                    encoded = encoded or self._encoded(view)
-                    lobes = self._lobes(encoded, view, guides)
-                mean.add(lobes, guides)
-                show(mean.under(hits.guides))
+                if number == 0 or moved or optics.lens > 1:
+                    seen, lobes = sample_hits(layer, self._scene, number), {}
+                    for name, (view, guides) in seen.items():
+                        encoded = encoded or self._encoded(view)
+                        lobes[name] = self._lobes(encoded, view, guides)
+                for name, mean in means.items():
+                    mean.add(lobes[name], seen[name][1])
+                show(so_far())
         status.sample = ""
-        lobes = mean.under(hits.guides)
-        return Picture(hits.combined(lobes.radiance, layer.settings.exposure), hits.guides, lobes, encoded.tokens)
+        return {name: Picture(hits[name].combined(lobes.radiance, layer.settings.exposure), hits[name].guides, lobes,
+                              encoded.tokens) for name, lobes in so_far().items()}
 
     def _encoded(self, view: View):
         """The scene after stage 1, for this view and others of the same size."""
@@ -122,13 +129,20 @@ class Network:
         self._tell()
         return found
 
-    def _antialiased(self, encoded, picture: Picture) -> Picture:
-        """The same with smooth edges: the picture, the light in it, and what is seen to shine."""
+    def _antialiased(self, encoded, picture: Picture, wraps: bool, outside: np.ndarray | None) -> Picture:
+        """The same with smooth edges: the picture, the light in it, and what is seen to shine.
+
+        wraps: as View's. outside: (H, W) pixels that look nowhere; nothing is smoothed into them.
+        """
         guides, lobes = picture.guides, picture.lobes
         rough = {"combined": picture.combined, "radiance": lobes.radiance} | {
             key: getattr(guides, key) for key in SHINING}
         with self._layer.plan.enter(EDGES):
-            smooth = encoded.antialiased(rough, lobes, guides, self._layer.settings.guide_samples)
+            smooth = encoded.antialiased(rough, lobes, guides, self._layer.settings.guide_samples, wraps)
+        if outside is not None:
+            black = outside & (guides.alpha == 0)
+            for key, pixels in smooth.items():
+                pixels[black] = rough[key][black]
         shining = {key: smooth[key] for key in SHINING}
         return Picture(smooth["combined"], replace(guides, **shining), lobes.scaled_to(smooth["radiance"]),
                        picture.tokens)

@@ -63,6 +63,8 @@ class Optics:
         if "lens" in wanted and self.lens == 1:
             report.approximated(scene.camera.name, "no depth of field: raise Samples in Render Properties > "
                                                    "Depth of Field")
+        if scene.camera and _is_panoramic(scene) and scene.camera.data.dof.use_dof:
+            report.approximated(scene.camera.name, "no depth of field: a panoramic camera has none")
         if "shutter" in wanted and self.shutter == 1:
             report.approximated(scene.name, "no motion blur: raise Samples in Render Properties > Motion Blur")
         for still in (obj for obj in depsgraph.objects if self.shutter > 1 and not obj.cycles.use_motion_blur):
@@ -92,10 +94,14 @@ class Optics:
         return [moments[i * self.shutter // self.samples] for i in range(self.samples)]
 
 
+def _is_panoramic(scene: bpy.types.Scene) -> bool:
+    return scene.camera.type == "CAMERA" and scene.camera.data.type == "PANO"
+
+
 def _wanted(depsgraph: bpy.types.Depsgraph) -> set[str]:
     """What the scene and its view layer ask for: {"lens", "shutter"}."""
     scene, wanted = depsgraph.scene_eval, set()
-    if scene.camera and scene.camera.type == "CAMERA" and scene.camera.data.dof.use_dof:
+    if scene.camera and scene.camera.type == "CAMERA" and scene.camera.data.dof.use_dof and not _is_panoramic(scene):
         wanted.add("lens")
     if scene.render.use_motion_blur and depsgraph.view_layer_eval.use_motion_blur:
         wanted.add("shutter")

@@ -2,6 +2,7 @@
 """Write the network's radiance to Blender's render result."""
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -63,32 +64,39 @@ def light_passes(guides: Guides, lobes: Lobes, rendered: dict[str, np.ndarray], 
     return {key: light * exposure for key, light in passes.items()}
 
 
-def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray]) -> None:
-    """Hand {passes.key_of its name: (H, W, C), row 0 on top} of one view layer to Blender."""
-    result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer)
+def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray], view: str = "") -> None:
+    """Hand {passes.key_of its name: (H, W, C), row 0 on top} of one view layer to Blender; view "": of all views."""
+    result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer, view=view)
     for p in result.layers[0].passes:
         if (key := pass_table.key_of(p.name)) in passes:
             p.rect.foreach_set(np.ascontiguousarray(passes[key][::-1], np.float32).ravel())
     engine.end_result(result)
 
 
+def write_views(engine: bpy.types.RenderEngine, layer: str, views: dict[str, dict[str, np.ndarray]]) -> None:
+    """As `write`, by view."""
+    for view, passes in views.items():
+        write(engine, layer, passes, view)
+
+
 @contextmanager
-def unless_stopped(engine: bpy.types.RenderEngine, layer: str):
-    """A dict of passes (as in `write`) to be filled inside; they alone are left when that ends without a picture.
+def unless_stopped(engine: bpy.types.RenderEngine, layer: str, views: Iterable[str]):
+    """By view a dict of passes (as in `write`) to be filled inside; they alone are left if that ends without a picture.
 
     Whatever Cycles or `write` showed in Combined meanwhile is taken back. A Combined among the passes is what there is
     of the picture so far: it is left when the user ends the render, and not when an error does.
     """
-    passes: dict[str, np.ndarray] = {}
+    found: dict[str, dict[str, np.ndarray]] = {view: {} for view in views}
     try:
-        yield passes
+        yield found
     except BaseException as error:
         if not isinstance(error, RenderCancelled):
-            passes.pop("combined", None)
-        elif "combined" in passes:
+            for passes in found.values():
+                passes.pop("combined", None)
+        elif any("combined" in passes for passes in found.values()):
             engine.report({"INFO"}, "RenderFormer-V2 was stopped: the picture has the light that was traced, and not "
                                     "all of the network's")
-        write(engine, layer, passes)
+        write_views(engine, layer, found)
         raise
 
 

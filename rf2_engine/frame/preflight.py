@@ -16,6 +16,7 @@ from ...model import presets, progress
 from ...model.errors import CheckpointError, RenderCancelled
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
+from ..convert.camera.eyes import count_views
 from ..convert.report import SOME, Remark, Report
 from ..convert.scene import convert
 from ..cycles import session as cycles_session
@@ -41,6 +42,7 @@ class Preflight:
 
     layer: str
     layers: int = 1                # that a frame renders
+    views: int = 1                 # of stereoscopy, that a view layer has
     error: str = ""
     size: tuple[int, int] = (0, 0)
     triangles: int = 0
@@ -65,7 +67,8 @@ class Preflight:
         if self.memory is not None:
             memory = f"Blender will use about {self.memory / 1024:.1f} GB"
         blur = [self.blur] if self.blur else []
-        return [f"{several}: {width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens",
+        views = f"{self.views} views of " if self.views > 1 else ""
+        return [f"{several}: {views}{width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens",
                 f"Time: {time}", *blur, f"Memory: {memory}", *([self.card] if self.card else [])]
 
 
@@ -87,9 +90,12 @@ def state_of(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple:
     except CheckpointError as error:
         chosen = str(error)
     width, height = rectangle.size(blenders)
-    lens = (camera.data.type, camera.data.dof.use_dof) if camera and camera.type == "CAMERA" else None
+    lens = None
+    if camera and camera.type == "CAMERA":
+        lens = camera.data.type, camera.data.panorama_type, camera.data.stereo.use_spherical_stereo, (
+            camera.data.dof.use_dof)
     return (chosen, ours.device, width, height, rectangle.border(width, height, blenders), scene.frame_current,
-            blenders.use_motion_blur, blenders.use_multiview, ours.lens_samples, ours.shutter_samples, lens,
+            blenders.use_motion_blur, count_views(scene), ours.lens_samples, ours.shutter_samples, lens,
             layers(scene), pass_table.of_view_layer(layer, pass_table.LIGHTING, scene))
 
 
@@ -137,18 +143,19 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     _report_differences(depsgraph, report)
     converting, count, loaded = time.perf_counter() - begin, layers(scene), model_cache.is_loaded()
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
-    to_do = work(width, height, border, settings, optics, lit) | {
+    views = count_views(scene)
+    to_do = work(width, height, border, settings, optics, lit, views) | {
         CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter),
         TEXTURES: Work(len(converted), 0 if settings.guided else optics.shutter)}
     others = costs.measured_seconds(to_do, settings.setup)
-    sharp = costs.measured_seconds(work(width, height, border, settings, replace(optics, lens=1, shutter=1), lit),
-                                   settings.setup)
-    added = costs.measured_memory(settings.setup, loaded, view.width * view.height, len(converted))
+    unblurred = replace(optics, lens=1, shutter=1)
+    sharp = costs.measured_seconds(work(width, height, border, settings, unblurred, lit, views), settings.setup)
+    added = costs.measured_memory(settings.setup, loaded, views * view.width * view.height, len(converted))
     tokens = told(converted, view, settings, report)
     lights, cells = int(tokens.is_light.sum()), len(tokens.volumes or ())
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
     length = config.sequence_length(lights, len(tokens) - lights + cells)
-    return Preflight(layer, count, size=(view.width, view.height), triangles=len(converted), tokens=length,
+    return Preflight(layer, count, views, size=(view.width, view.height), triangles=len(converted), tokens=length,
                      card=card.line(card.memory(settings, length, view.width * view.height)),
                      blur=_blur(optics, others, sharp),
                      seconds=None if others is None else count * (converting + others),

@@ -17,6 +17,7 @@ from .. import compat
 from .. import passes as pass_table
 from ..convert.report import Report
 from ..cycles import run as cycles_run
+from ..cycles.run import Passes
 from ..progress.stages import REFERENCE
 from ..reference_settings import FrameReference
 from . import failure, model_cache, output, running
@@ -46,8 +47,8 @@ def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view
                 engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
 
 
-def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
-    """Render the reference and write it beside `picture`, the passes of our frame, which stay if Cycles is stopped.
+def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
+    """Render the reference and write it beside `pictures`, the passes of our views, which stay if Cycles is stopped.
 
     Must be called inside cycles_run.scene_kept, begun before the first run of this frame. Where Cycles renders on a
     GPU, the network leaves it. A reference that is stopped has the samples that it had by then. Returns its samples, 0
@@ -67,14 +68,15 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
                     samples = status.samples(chosen.samples)
                     raise RenderCancelled()
     except RenderCancelled:  # it may have come after the last sample, too
-        rendered = _kept(rendered, samples, picture, chosen, report)
+        rendered = _kept(rendered, samples, pictures, chosen, report)
         if running.is_stopping():
             raise
     except Exception as error:
         report.skipped(NAME, failure.message(error))
         engine.report({"WARNING"}, f"no {NAME}: {report.entries[-1][2]}")
     finally:  # Cycles shows its picture in Combined
-        output.write(engine, layer.name, picture | rendered)
+        output.write_views(engine, layer.name, {view: passes | rendered.get(view, {})
+                                                for view, passes in pictures.items()})
     if rendered and 0 < chosen.time_limit < time.perf_counter() - begin:
         report.approximated(NAME, f"it may have fewer than {chosen.samples} samples because of its Time Limit")
     if engine.is_animation and is_lost(layer.depsgraph.scene):
@@ -84,11 +86,15 @@ def add(layer: Layer, picture: dict[str, np.ndarray], report: Report) -> int:
     return samples if rendered else 0
 
 
-def _kept(rendered: dict[str, np.ndarray], samples: int, picture: dict[str, np.ndarray], chosen: FrameReference,
-          report: Report) -> dict[str, np.ndarray]:
-    """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then."""
-    shown = rendered.get("cycles_reference")
-    if not samples or shown is None or np.array_equal(shown, picture["combined"], equal_nan=True):
+def _kept(rendered: dict[str, Passes], samples: int, pictures: dict[str, Passes], chosen: FrameReference,
+          report: Report) -> dict[str, Passes]:
+    """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then.
+
+    All its views, or none.
+    """
+    shown = [(passes.get("cycles_reference"), pictures[view]["combined"]) for view, passes in rendered.items()]
+    if not samples or not shown or any(
+            theirs is None or np.array_equal(theirs, ours, equal_nan=True) for theirs, ours in shown):
         report.skipped(NAME, "it was stopped before every pixel had a sample")
         return {}
     if samples < chosen.samples:
@@ -98,8 +104,8 @@ def _kept(rendered: dict[str, np.ndarray], samples: int, picture: dict[str, np.n
 
 
 def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chosen: FrameReference,
-            threads: int, report: Report) -> dict[str, np.ndarray]:
-    """{key of passes.REFERENCE: (H, W, C) f32}, row 0 on top."""
+            threads: int, report: Report) -> dict[str, Passes]:
+    """By view, {key of passes.REFERENCE: (H, W, C) f32}, row 0 on top."""
     layer = depsgraph.view_layer_eval.name
     wanted = [p for p in pass_table.PASSES if p.key == "combined" or chosen.light_passes and p.source == "lighting"]
     for p in wanted:  # Cycles fills them under its own names
@@ -116,4 +122,5 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
         if threads:
             override(depsgraph.scene_eval, {"render.threads_mode": "FIXED", "render.threads": threads})
         rendered = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report, partial=True)
-    return {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in rendered.items()}
+    return {view: {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in passes.items()}
+            for view, passes in rendered.items()}

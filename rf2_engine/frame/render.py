@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 
 import bpy
-import numpy as np
 
 from ...model import progress, threads
 from ...model.errors import RenderCancelled
@@ -16,13 +15,14 @@ from .. import passes as pass_table
 from ..convert.report import Report, grouped
 from ..cycles import run as cycles_run
 from ..cycles import session as cycles_session
+from ..cycles.run import Passes
 from ..progress import last_render
 from ..progress.last_render import LayerStatistics
 from ..progress.stages import CONVERT, DIVIDE, WRITE
 from ..progress.status import Status
 from ..setup import packages
 from . import failure, model_cache, output, reference, running
-from .hits import first_hits
+from .hits import Hits, first_hits
 from .layer import Layer
 from .network import Network, Picture
 from .optics import Optics
@@ -72,51 +72,64 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         model_cache.begin_import()
     with threads.limited(settings.threads):
         with layer.plan.enter(CONVERT):
-            view = layer.view()                                                     # 2. Camera
+            views = layer.views()                                                   # 2. Camera
             scene = layer.scene()                                                   # 3. Scene
+            view = next(iter(views.values()))
             told(scene, view, settings, report)
         layer.plan.has_triangles(len(scene))
-        passes, tokens = _passes(layer, view, scene)                                # 4. to 7.
+        passes, tokens = _passes(layer, views, scene)                               # 4. to 7.
     with layer.plan.enter(WRITE):
-        output.write(engine, layer.name, passes)
+        output.write_views(engine, layer.name, passes)
     beside = Report()
     samples = reference.add(layer, passes, beside) if settings.reference else 0     # 8. Reference
     if tokens:  # otherwise the network had nothing to do
-        layer.plan.learn_memory(status.memory_added, view.width * view.height, len(scene))
+        layer.plan.learn_memory(status.memory_added, len(views) * view.width * view.height, len(scene))
     return LayerStatistics(layer.name, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
                            weights=settings.weights, device=layer.device, seconds=layer.plan.seconds,
                            remarks=[*dict.fromkeys(report.entries + beside.entries)], reference_samples=samples)
 
 
-def _passes(layer: Layer, view: View, scene: RenderScene) -> tuple[dict[str, np.ndarray], int]:
-    """All passes of the picture, as output.write has them, and how many tokens the network was given."""
+def _passes(layer: Layer, views: dict[str, View], scene: RenderScene) -> tuple[dict[str, Passes], int]:
+    """All passes of the picture, as output.write_views has them, and how many tokens the network was given."""
     exposure, network = layer.settings.exposure, Network(layer, scene)
-    with output.unless_stopped(layer.engine, layer.name) as passes:
-        hits = first_hits(layer, scene, view, passes)                               # 4. First hits
+    with output.unless_stopped(layer.engine, layer.name, views) as passes:
+        hits = first_hits(layer, scene, views, passes)                              # 4. First hits
 
-        def show(lobes: Lobes) -> None:
-            combined = {"combined": hits.combined(lobes.radiance, exposure)}
-            output.write(layer.engine, layer.name, passes | combined)
-            if hits.guides.traced is not None:  # else what is shown at first has no light
-                passes.update(combined)
+        def show(lobes: dict[str, Lobes]) -> None:
+            for name, each in hits.items():
+                combined = {"combined": each.combined(lobes[name].radiance, exposure)}
+                output.write(layer.engine, layer.name, passes[name] | combined, name)
+                if each.guides.traced is not None:  # else what is shown at first has no light
+                    passes[name].update(combined)
 
-        show(Lobes(hits.preview))
-        picture, light = Picture.dark(hits, exposure), {}
-        if network.has_work(hits.guides):
+        show({name: Lobes(each.preview) for name, each in hits.items()})
+        pictures, light = {name: Picture.dark(each, exposure) for name, each in hits.items()}, dict.fromkeys(hits, {})
+        if any(network.has_work(each.guides) for each in hits.values()):
             network.load()
             with threads.team(layer.settings.threads):
                 if layer.optics:
-                    picture = network.blurred(hits, show)                           # 7. Blur
+                    pictures = network.blurred(hits, show)                          # 7. Blur
                 else:
-                    picture = network.sharp(view, hits)                             # 5. Network
+                    pictures = {name: network.sharp(name, views[name], each)        # 5. Network
+                                for name, each in hits.items()}
                 if layer.lit:                                                       # 6. Passes
-                    with layer.plan.enter(DIVIDE):
-                        light = output.light_passes(picture.guides, picture.lobes, hits.passes, bool(scene.volumes),
-                                                    exposure)
+                    light = {name: _divided(layer, picture, hits[name], bool(scene.volumes))
+                             for name, picture in pictures.items()}
+    found = {name: passes[name] | light[name] | _of_picture(picture, hits[name], exposure)
+             for name, picture in pictures.items()}
+    return found, max(picture.tokens for picture in pictures.values())
+
+
+def _divided(layer: Layer, picture: Picture, hits: Hits, volumes: bool) -> Passes:
+    with layer.plan.enter(DIVIDE):
+        return output.light_passes(picture.guides, picture.lobes, hits.passes, volumes, layer.settings.exposure)
+
+
+def _of_picture(picture: Picture, hits: Hits, exposure: float) -> Passes:
+    """What the network has changed, but for its light by lobe."""
     shining = {key: getattr(picture.guides, key) for key in output.SHINING}
-    noisy = output.noisy(picture.combined, hits.passes, exposure)
-    return passes | output.first_hits(shining, exposure) | light | {
-        "combined": picture.combined, pass_table.NOISY.key: noisy}, picture.tokens
+    return output.first_hits(shining, exposure) | {
+        "combined": picture.combined, pass_table.NOISY.key: output.noisy(picture.combined, hits.passes, exposure)}
 
 
 def _tell(engine: bpy.types.RenderEngine, done: LayerStatistics) -> None:

@@ -44,7 +44,7 @@ def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
         shown = frame
         whole = int(np.floor(frame))
         engine.frame_set(whole, frame - whole)
-        changed = {"camera" if _is_camera(update.id, scene) else "scene" for update in depsgraph.updates}
+        changed = {"camera" if _is_camera(update.id) else "scene" for update in depsgraph.updates}
         cycles_run.renew(engine, depsgraph)
         return changed
     try:
@@ -53,8 +53,8 @@ def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
         move_to(now)
 
 
-def _is_camera(data: bpy.types.ID, scene: bpy.types.Scene) -> bool:
-    """Whether a change of this data-block changes nothing but the camera."""
+def _is_camera(data: bpy.types.ID) -> bool:
+    """Whether a change of this data-block changes nothing but cameras."""
     if isinstance(data, bpy.types.Object):
-        return data == scene.camera or data.type == "EMPTY" and data.instance_type == "NONE"
+        return data.type == "CAMERA" or data.type == "EMPTY" and data.instance_type == "NONE"
     return isinstance(data, (bpy.types.Camera, bpy.types.Action, bpy.types.Scene))

@@ -19,22 +19,26 @@ def layers(scene: bpy.types.Scene) -> int:
 
 
 def work(width: int, height: int, part: Border | None, settings: FrameSettings, optics: Optics,
-         lit: bool) -> dict[Stage, Work]:
-    """What the stages of one view layer have to do, in their units. `lit`: the light of each lobe is wanted."""
+         lit: bool, views: int = 1) -> dict[Stage, Work]:
+    """What the stages of one view layer have to do, in their units. `lit`: the light of each lobe is wanted.
+
+    views: of stereoscopy; Cycles renders all of them at once, the network one after the other.
+    """
     x0, x1, y0, y1 = part or (0, width, 0, height)
     pixels = (x1 - x0) * (y1 - y0)
-    rays, samples = pixels * settings.guide_samples, optics.samples
+    seen = pixels * views
+    rays, samples = seen * settings.guide_samples, optics.samples
     smooth = settings.guided and settings.light is Light.TRACED and not (optics or optics.catchers)
     return {stages.CONVERT: Work(1, optics.scenes),
             stages.LOAD: Work(1, not model_cache.is_loaded()),
             stages.ALPHA: Work(rays * samples, optics.holes),
             stages.CATCHERS: Work(rays * samples, 2 * optics.catchers),
             stages.FIRST_HITS: Work(rays * samples),
-            stages.SAMPLE_HITS: Work(pixels * optics.rays_of_each(settings.guide_samples), samples if optics else 0),
+            stages.SAMPLE_HITS: Work(seen * optics.rays_of_each(settings.guide_samples), samples if optics else 0),
             stages.TEXTURES: Work(settings.token_budget, 0 if settings.guided else optics.shutter),
             stages.ENCODE: Work(settings.token_budget, optics.shutter),
-            stages.VIEW: Work(pixels, samples),
-            stages.EDGES: Work(pixels, smooth),
-            stages.DIVIDE: Work(pixels, lit),
-            stages.WRITE: Work(pixels),
-            stages.REFERENCE: Work(pixels * settings.reference.samples if settings.reference else 0)}
+            stages.VIEW: Work(pixels, samples * views),
+            stages.EDGES: Work(pixels, smooth * views),
+            stages.DIVIDE: Work(pixels, lit * views),
+            stages.WRITE: Work(seen),
+            stages.REFERENCE: Work(seen * settings.reference.samples if settings.reference else 0)}

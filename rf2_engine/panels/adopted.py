@@ -12,7 +12,6 @@ from ..engine import RenderFormerEngine
 EXCLUDED = {
     "DATA_PT_preview", "TEXTURE_PT_preview",  # Blender hangs when a script changes the engine while one is drawn
     "DATA_PT_light", "NODE_DATA_PT_light", "DATA_PT_spot", "NODE_DATA_PT_spot", "DATA_PT_falloff_curve",
-    "DATA_PT_camera_stereoscopy", "RENDER_PT_stereoscopy", "RENDER_PT_output_views",
     "EEVEE_MATERIAL_PT_viewport_settings",
     "DATA_PT_lightprobe", "DATA_PT_lightprobe_visibility", "DATA_PT_lightprobe_parallax",
     "DATA_PT_lightprobe_display",

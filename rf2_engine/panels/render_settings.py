@@ -25,9 +25,6 @@ class RENDERFORMER_PT_settings(EnginePanel):
     def draw(self, context):
         layout, settings = self.split_layout(), context.scene.renderformer_v2
         package_panel.draw_packages(layout, packages.PACKAGES)
-        if context.scene.render.use_multiview:
-            draw_text(layout, "Stereoscopic rendering is not supported")
-            layout.prop(context.scene.render, "use_multiview")
         column = layout.column()
         column.prop(settings, "weights_source")
         if settings.weights_source == "FOLDER":

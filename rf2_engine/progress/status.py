@@ -25,6 +25,7 @@ class Status:
         """layer: the name of the view layer, if the frame has several."""
         self.engine = engine
         self.sample = ""  # "Sample 3 of 16", or nothing
+        self.views = [""]  # that Cycles renders one after the other
         self._layer = layer
         self._shown = ("", 0.0)
         self._has_line = False  # which says how much time is left
@@ -44,6 +45,8 @@ class Status:
         first = _line(words, 0.0, estimate.frame.remaining(0.0))
         self.engine.update_stats("", first)
         text = cycles_progress.EngineText(self.engine, first)
+        if len(self.views) > 1:
+            self.engine.active_view_set(self.views[0])
         self._has_line = window
         if window:
             status_line.show(first)
@@ -52,7 +55,7 @@ class Status:
             fraction, said = 0.0, begin
             while not done.wait(HOLD_INTERVAL):
                 now = time.perf_counter()
-                fraction = max(fraction, cycles_progress.fraction(text.read(), now - begin, time_limit))
+                fraction = max(fraction, self._of_views(cycles_progress.fraction(text.read(), now - begin, time_limit)))
                 line = _line(words, fraction, estimate.frame.remaining(share * fraction, even=True))
                 if window:
                     self.engine.update_progress(estimate.frame.bar)
@@ -71,6 +74,13 @@ class Status:
             self._has_line = False
             status_line.show("")
             self._show_memory()  # Cycles' own is what it shows in the end, even when it was stopped
+
+    def _of_views(self, fraction: float) -> float:
+        """Of all views, what that fraction of the one is that Cycles renders."""
+        if len(self.views) == 1:
+            return fraction
+        view = self.engine.active_view_get()
+        return (self.views.index(view) + fraction) / len(self.views) if view in self.views else 0.0
 
     def __call__(self, text: str, fraction: float) -> None:
         """Raises RenderCancelled after Esc, or when the add-on is being disabled."""

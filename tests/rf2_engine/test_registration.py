@@ -36,12 +36,13 @@ def _handlers() -> list:
 
 def test_adopts_the_panels_a_user_expects(scene):
     expected = {"DATA_PT_lens", "DATA_PT_camera", "EEVEE_MATERIAL_PT_surface", "EEVEE_MATERIAL_PT_context_material",
-                "EEVEE_WORLD_PT_surface", "RENDER_PT_output", "RENDER_PT_color_management", "VIEWLAYER_PT_layer"}
+                "EEVEE_WORLD_PT_surface", "RENDER_PT_output", "RENDER_PT_color_management", "VIEWLAYER_PT_layer",
+                "DATA_PT_camera_stereoscopy", "RENDER_PT_stereoscopy", "RENDER_PT_output_views"}
     assert expected <= _our_panels()
 
 
 def test_shows_no_panel_that_does_nothing(scene):
-    without_effect = {"DATA_PT_camera_stereoscopy", "RENDER_PT_stereoscopy", "EEVEE_MATERIAL_PT_viewport_settings",
+    without_effect = {"EEVEE_MATERIAL_PT_viewport_settings",
                       "DATA_PT_lightprobe", "DATA_PT_EEVEE_light", "MATERIAL_PT_preview",
                       "DATA_PT_preview", "CYCLES_RENDER_PT_bake"}
     assert not _our_panels() & (without_effect | adopted.EXCLUDED)

@@ -28,8 +28,8 @@ sys.stdout.flush(), os._exit(0)
 """
 
 
-def evaluate(folder: Path, report: Path) -> dict:
-    done = subprocess.run([sys.executable, "-m", "tools.evaluate", str(folder), "-o", str(report)], cwd=ROOT,
+def evaluate(folder: Path, report: Path, *options: str) -> dict:
+    done = subprocess.run([sys.executable, "-m", "tools.evaluate", str(folder), "-o", str(report), *options], cwd=ROOT,
                           capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)
@@ -62,9 +62,19 @@ def test_blend_files_are_rendered_by_both_engines(tmp_path):
     assert scene["psnr"] > 15 and scene["cycles_seconds"] > 0
     equal = scene["beside"]["cycles_equal"]
     assert 1 <= equal["samples"] <= 4 and equal["seconds"] > 0 and equal["psnr"] > scene["psnr"]
+    assert scene["beside"]["network_alone"]["psnr"] > 15
     page = Page(tmp_path / "report")
     assert [Path(file).stem for file in page.pictures()] == KINDS
     assert imread(tmp_path / "report" / page.pictures()[0]).shape == (40, 48, 3)
+
+
+def test_cycles_with_chosen_samples_is_beside_a_reference_that_is_not_clamped(tmp_path):
+    command = [sys.executable, "-c", SCENE, str(tmp_path / "a cube.blend")]
+    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    found = evaluate(tmp_path, tmp_path / "report", "--cycles", "1", "2", "--reference", "3")
+    beside = found["scenes"]["a cube"]["beside"]
+    assert set(beside) == {"cycles_1", "cycles_2", "network_alone"} and found["mean"]["cycles_2"]["seconds"] > 0
+    assert "Cycles, 2 samples" in Page(tmp_path / "report").cells
 
 
 def test_a_file_that_cannot_be_rendered_is_named_without_a_traceback(tmp_path):

@@ -7,7 +7,7 @@ FLIP per scene and their means; REPORT_DIR gets the same as report.json, and as 
 Samples are also set beside the traced light (traced_alone), that and a share of the radiosity, which is what the
 network adds to (without_network), the network without traced hints (network_alone), and what that adds to
 (priors_alone); all scenes beside Cycles with few samples and OpenImageDenoise (cycles_equal): `tools.datagen --equal N`
-for samples, as many as take about the engine's time for .blend files.
+for samples, as many as take about the engine's time for .blend files, or as --cycles says.
 """
 from __future__ import annotations
 
@@ -35,6 +35,10 @@ def main() -> int:
     parser.add_argument("scenes", type=Path, metavar="SCENE_DIR")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="REPORT_DIR")
     parser.add_argument("--weights", default=BUNDLED, help="a preset with weights, or a folder")
+    parser.add_argument("--cycles", type=whole_number(1), nargs="+", default=(), metavar="N",
+                        help="of .blend files: also Cycles with each of so many samples, instead of in equal time")
+    parser.add_argument("--reference", type=whole_number(1), metavar="N",
+                        help="of .blend files: samples of the reference, without Clamp Indirect (default: the file's)")
     parser.add_argument("--limit", type=int, help="only the first LIMIT scenes")
     parser.add_argument("--threads", type=whole_number(0), default=0, help="processor threads (default: all)")
     options = parser.parse_args()
@@ -58,7 +62,8 @@ def evaluate(paths: list[Path], options: argparse.Namespace) -> dict:
     renderer, scenes, pictures = None, {}, {}
     for path in paths:
         if path.suffix == ".blend":
-            done = evaluate_blend(path, options.weights, options.output / "renders", options.threads)
+            done = evaluate_blend(path, options.weights, options.output / "renders", options.threads, options.cycles,
+                                  options.reference)
         else:
             renderer = renderer or Renderer(options.weights)
             with team(options.threads):

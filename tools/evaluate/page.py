@@ -15,6 +15,7 @@ BESIDE = {  # keys of a scene's "beside", in the order of the page
     "traced_alone": "traced light alone",
     "cycles_equal": "Cycles, equal time",
 }
+CYCLES = "cycles_"  # and a number of samples: keys beside these
 COLUMNS = {  # of the table: keys of a scene
     "psnr": ("PSNR", "dB", "{:.2f}"),
     "ssim": ("SSIM", "", "{:.4f}"),
@@ -33,11 +34,17 @@ def write_page(report: dict, pictures: dict[str, list[list[Picture]]], path: Pat
     template = compact.from_string(TEMPLATE.read_text("utf-8"))
     scenes, mean = report["scenes"], report["mean"]
     columns = {key: column for key, column in COLUMNS.items() if any(key in s for s in scenes.values())}
-    beside = {key: title for key, title in BESIDE.items() if any(key in s.get("beside", {}) for s in scenes.values())}
+    known = {key for scene in scenes.values() for key in scene.get("beside", {})}
+    beside = {key: title for key, title in BESIDE.items() if key in known} | {
+        key: f"Cycles, {key.removeprefix(CYCLES)} samples" for key in sorted(known - set(BESIDE), key=_samples)}
     worst = min(scenes, key=lambda name: scenes[name]["psnr"])
     path.write_text(template.render(
         weights=report["weights"], scenes=scenes, mean=mean, worst=worst, columns=columns, beside=beside, ours=OURS,
         pictures=pictures, titles=TITLES, amplified=AMPLIFIED, magma=_magma()), "utf-8")
+
+
+def _samples(key: str) -> int:
+    return int(key.removeprefix(CYCLES))
 
 
 def _magma(stops: int = 17) -> str:

@@ -66,4 +66,5 @@ def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.nda
         inputs = guided_view(context.scene, frame.view(view), frame.guides(guides), context.prior, context.radiosity,
                              config)
         raw = torch.zeros(1, len(OUTPUTS), view.height, view.width)
-        return (decode_image(raw, inputs.guides)[0] / frame.exposure).permute(1, 2, 0).numpy()
+        exposure = frame.exposure * inputs.guides.exposure
+        return (decode_image(raw, inputs.guides)[0] / exposure).permute(1, 2, 0).numpy()

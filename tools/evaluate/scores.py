@@ -30,8 +30,10 @@ def scores(pictures: list[np.ndarray], references: list[np.ndarray], **more: flo
 
 
 def mean(scenes: list[dict]) -> dict:
-    """Of every metric of the scenes, and the worst PSNR; likewise of whatever all of them are set beside."""
+    """Every metric of the scenes, the worst PSNR, the seconds if they are known; also of what all are set beside."""
     found = {key: float(np.mean([s[key] for s in scenes])) for key in METRICS}
     found["worst_psnr"] = min(s["psnr"] for s in scenes)
+    if all("seconds" in s for s in scenes):
+        found["seconds"] = round(float(np.mean([s["seconds"] for s in scenes])), 3)
     names = set.intersection(*(set(s.get("beside", {})) for s in scenes))
     return found | {name: mean([s["beside"][name] for s in scenes]) for name in sorted(names)}

@@ -14,16 +14,13 @@ import torch
 from torch import Tensor
 
 from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, mapped, mapped_channels
-from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.scene import TILE
 
 from .samples import TrainingSample
 
 
-def augment(sample: TrainingSample, generator: torch.Generator, unhinted: float = 0.0) -> TrainingSample:
-    """A randomly turned and recoloured copy, `unhinted` of them without traced light; textures stay BSDF parameters."""
-    if torch.rand((), generator=generator) < unhinted:
-        sample = without_hints(sample)
+def augment(sample: TrainingSample, generator: torch.Generator) -> TrainingSample:
+    """A randomly turned and recoloured copy; textures stay BSDF parameters."""
     shift = int(torch.randint(sample.inputs.environment.ldr.shape[-1], (1,), generator=generator))
     return turned_and_swapped(sample, shift, torch.randperm(3, generator=generator))
 
@@ -64,13 +61,3 @@ def mirrored(pictures: Tensor) -> Tensor:
         if torch.rand(()) < 0.5:
             pictures = pictures.flip(axis)
     return pictures.transpose(-1, -2) if torch.rand(()) < 0.5 else pictures
-
-
-def without_hints(sample: TrainingSample) -> TrainingSample:
-    """As if no light had been traced."""
-    guides = sample.view.guides
-    features = guides.features.clone()
-    for name in ("traced", "hinted"):
-        features[:, FEATURES[name]] = 0
-    guides = replace(guides, features=features, traced=torch.zeros_like(guides.traced))
-    return replace(sample, view=replace(sample.view, guides=guides))

@@ -9,14 +9,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 # The code between a file of tools.datagen and a prepared sample: if any of it changes, all are prepared again.
 SOURCES = ("model/camera.py", "model/clusters.py", "model/color.py", "model/environment.py", "model/fields.py",
-           "model/geometry.py", "model/guided/**/*.py", "model/network/inputs.py", "model/normalize.py",
-           "model/renderer.py", "model/scene.py", "model/tensors.py", "tools/datagen/shards.py",
+           "model/geometry.py", "model/guided/**/*.py", "model/material/reflectance.py", "model/network/inputs.py",
+           "model/normalize.py", "model/renderer.py", "model/scene.py", "model/tensors.py", "tools/datagen/shards.py",
            "tools/train/antialiasing.py", "tools/train/samples.py")
 
 
-def stored_path(path: Path, cache: Path) -> Path:
-    """The one file that the cache holds for the sample at `path`, whatever is in it."""
-    return cache / f"{path.stem}-{_digest(str(path.resolve()))}.safetensors"
+def stored_path(path: Path, cache: Path, kind: str = "") -> Path:
+    """The one file that the cache holds for the sample at `path` as prepared in this way, whatever is in it."""
+    return cache / f"{path.stem}-{_digest(str(path.resolve()))}{kind}.safetensors"
 
 
 def key(path: Path) -> str:

@@ -38,18 +38,19 @@ class SampleStream(IterableDataset):
         while True:
             paths, useful = sample_paths(self.folder), 0
             for i in torch.randperm(len(paths), generator=generator).tolist():
-                sample = self._sample(paths[i])
+                hinted = bool(torch.rand((), generator=generator) >= self.stage.unhinted)
+                sample = self._sample(paths[i], hinted)
                 if sample is not None and admitted(sample, self.stage):
                     useful += 1
-                    yield with_latents(augment(sample, generator, self.stage.unhinted), self.mapper)
+                    yield with_latents(augment(sample, generator), self.mapper)
             if not useful and not self._grows(len(paths)):
                 yield TrainingError(self._problem(len(paths)))
                 return
 
-    def _sample(self, path: Path) -> TrainingSample | None:
+    def _sample(self, path: Path, hinted: bool) -> TrainingSample | None:
         """None for a file that cannot be read, which is said once."""
         try:
-            sample = cached_sample(path, self.cache)
+            sample = cached_sample(path, self.cache, hinted)
         except SampleError as error:
             if path not in self.unreadable:
                 print(f"{error} (left out)", flush=True)

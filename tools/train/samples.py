@@ -33,7 +33,7 @@ CONFIG = PRESETS[BUNDLED]()  # whose tile and panorama sizes the samples have
 
 @dataclass
 class TrainingSample(TensorGroup):
-    """One scene with V views, everything in network units and exposure."""
+    """One scene with V views in network units, its light as the views are exposed."""
 
     inputs: GuidedInputs  # `texture` (T, 11, t, t) is BSDF parameters until `with_latents` maps them
     view: GuidedView
@@ -47,8 +47,8 @@ def with_latents(sample: TrainingSample, mapper) -> TrainingSample:
     return replace(sample, inputs=replace(sample.inputs, texture=material_tiles(sample.inputs.texture, mapper)))
 
 
-def build_sample(path: Path) -> TrainingSample:
-    """From one file of tools.datagen. Raises SampleError when it cannot be read."""
+def build_sample(path: Path, hinted: bool = True) -> TrainingSample:
+    """From one file of tools.datagen, `hinted` with its traced light. Raises SampleError when it cannot be read."""
     try:
         scene, views, guides, passes = load_sample(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
@@ -59,6 +59,7 @@ def build_sample(path: Path) -> TrainingSample:
     radiosity = Radiosity(normalized, prior)
     inputs, targets = [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):
+        guide = guide if hinted else replace(guide, traced=None)
         inputs.append(guided_view(normalized, normalization.view(view), normalization.guides(guide), prior,
                                   radiosity, CONFIG))
         surface = reference["combined"][..., :3] - reference["emission"]
@@ -66,15 +67,17 @@ def build_sample(path: Path) -> TrainingSample:
                                            for part in ("direct", "indirect"))])
     image, direct, indirect = (torch.from_numpy(np.stack(t).astype(np.float32) * np.float32(normalization.exposure))
                                .movedim(-1, -3) for t in zip(*targets, strict=True))
-    return TrainingSample(guided_inputs(normalized, CONFIG), stacked(inputs), image, direct, indirect)
+    view = stacked(inputs)
+    targets = (t * view.guides.exposure.view(-1, *[1] * (t.ndim - 1)) for t in (image, direct, indirect))
+    return TrainingSample(guided_inputs(normalized, CONFIG), view, *targets)
 
 
-def cached_sample(path: Path, cache: Path) -> TrainingSample:
+def cached_sample(path: Path, cache: Path, hinted: bool = True) -> TrainingSample:
     """`build_sample`, kept as float16 safetensors in `cache` for the next epoch; made again when it is out of date."""
-    stored, key = cache_key.stored_path(path, cache), cache_key.key(path)
+    stored, key = cache_key.stored_path(path, cache, "" if hinted else "-alone"), cache_key.key(path)
     if not _is_current(stored, key):
         temporary = stored.with_suffix(f".{os.getpid()}.tmp")
-        save_file(_flatten(build_sample(path)), temporary, metadata={"key": key})
+        save_file(_flatten(build_sample(path, hinted)), temporary, metadata={"key": key})
         temporary.replace(stored)
     return _unflatten(load_file(stored))
 
@@ -89,7 +92,7 @@ def _is_current(stored: Path, key: str) -> bool:
 
 _PARTS = {"inputs": GuidedInputs, "view": GuidedView, "guides": GuideTensors, "environment": EnvironmentInputs,
           "volumes": VolumeInputs}
-_EXACT = ("triangles", "texture_index", "origin", "position", "positions", "light")  # not for half precision
+_EXACT = ("triangles", "texture_index", "origin", "position", "positions", "light", "exposure")  # not halved
 
 
 def _flatten(part, prefix: str = "") -> dict[str, Tensor]:

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make the patches that exchange light: triangles, large ones split, small ones merged, at most PATCHES."""
+"""Make the patches that exchange light: triangles, large ones split, small ones merged, at most PATCHES.
+
+They are small where the scene's middle or a lamp is near.
+"""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -7,17 +10,23 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from ...geometry import area_vectors, quartered
-from ...scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene
+from ...material.reflectance import layer_reflectance
+from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ..prior.blocking import is_solid, passes_light
+from ..prior.light_prior import Lamps
+from ..sampling import R2, scattered
 
 PATCHES = 4096
 NEAR = 0.5           # network units from the origin, half a side of the box that is looked at
+NEAR_LAMP = 0.03     # network units from a lamp: what is closer needs no smaller patches
+BY_LAMPS = 0.5       # of all patches, how many go by lamps
 AT_ONCE = 64         # triangles that are split before the largest are looked for again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one
-SPECULAR = 0.04      # what a dielectric reflects before its colour
-FINEST = 0.02        # side of a cell near the origin whose triangles are one patch
+STEEP = 0.7          # of the glossy layer: lamps light most surfaces more steeply than all around does
+FINEST = 0.008       # side of a cell whose triangles are one patch, where a unit of area gets all
 COARSER = 2 ** 0.25  # than those of the cells that were too many
 
 
@@ -27,35 +36,60 @@ class Patches:
 
     center: Tensor   # (S, 3) f32
     vector: Tensor   # (S, 3) f32, area vectors
-    albedo: Tensor   # (S, 3) f32
+    albedo: Tensor   # (S, 9) f32, RGB of the diffuse lobe, of the glossy one, and of that for lamps
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
     solid: Tensor    # (T,) bool, stops light
     glass: Tensor    # (T,) bool, bends it
     tint: Tensor     # (T, 3) f32, mean base colour
 
+    def points(self, count: int) -> tuple[Tensor, Tensor]:
+        """(S, count, 3) places spread over the fronts of the patches by area, and their unit normals."""
+        vector = torch.from_numpy(area_vectors(self.corners.numpy()))
+        order = self.patch.argsort(stable=True)
+        filled = vector.norm(dim=-1)[order].double().cumsum(0)  # area up to the end of each triangle, patch by patch
+        ends = filled[self.patch[order].bincount(minlength=len(self.center)).cumsum(0) - 1]
+        begins = F.pad(ends[:-1], (1, 0))
+        start = scattered(self.center, 3)
+        k = torch.arange(count)
+        share = (k + start[:, :1]) / count
+        row = torch.searchsorted(filled, begins[:, None] + share * (ends - begins)[:, None])
+        triangle = order[row.clamp(max=len(order) - 1)]
+        u, v = ((k * step + start[:, i + 1:i + 2]) % 1 for i, step in enumerate(R2))
+        u = u.sqrt()
+        weights = torch.stack([1 - u, u * (1 - v), u * v], dim=-1)
+        normal = F.normalize(vector[triangle], dim=-1)
+        facing = (normal * self.vector[:, None]).sum(-1, keepdim=True)
+        return (weights[..., None] * self.corners[triangle]).sum(2), torch.where(facing < 0, -normal, normal)
 
-def patches(scene: RenderScene) -> Patches:
+
+def patches(scene: RenderScene, lamps: Lamps) -> Patches:
     rows = np.flatnonzero(~scene.is_light)
-    corners, source = _split(scene.triangles[rows])
+    corners, source = _split(scene.triangles[rows], lamps)
     albedo = _albedo(scene)[scene.tile_index[rows]][source]
     center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
     tint = scene.tiles[:, BASE_COLOR].mean(axis=(2, 3), dtype=np.float32)[scene.tile_index]
     passing = passes_light(scene)
     bending = passing & ~passes_light(scene, straight=True)
     solid, glass, tint = (torch.from_numpy(kind[rows][source]) for kind in (is_solid(scene) & ~passing, bending, tint))
-    return Patches(*_merged(center, vector, albedo, glass), torch.from_numpy(corners), solid, glass, tint)
+    return Patches(*_merged(center, vector, albedo, glass, lamps), torch.from_numpy(corners), solid, glass, tint)
 
 
 def _albedo(scene: RenderScene) -> np.ndarray:
-    """(tiles, 3) share of the light that a tile's surface sends on, as if all of it were diffuse."""
+    """(tiles, 9) share of the light that a tile's surface sends on, RGB each.
+
+    By its diffuse lobe, by its glossy one, and by that one of light that comes from lamps.
+    """
     mean = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     base, metallic, transmission = mean[:, BASE_COLOR], mean[:, METALLIC, None], mean[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
-    return base * (metallic + (1 - metallic) * (1 - SPECULAR) * inside) + SPECULAR * (1 - metallic)
+    layer = layer_reflectance(mean[:, IOR, None], mean[:, ROUGHNESS, None])
+    diffuse = (1 - metallic) * (1 - layer) * base * inside
+    glossy = (metallic * base + (1 - metallic) * share * layer for share in (1, STEEP))
+    return np.concatenate([diffuse, *glossy], axis=1)
 
 
-def _split(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _split(corners: np.ndarray, lamps: Lamps) -> tuple[np.ndarray, np.ndarray]:
     """(S, 3, 3) corners with the triangles that look largest quartered, and (S,) rows where they come from.
 
     Points close to a large patch would see too little of it, and what is looked at is around the origin. There are
@@ -65,7 +99,8 @@ def _split(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     source = np.arange(len(corners))
     wanted = max(PATCHES, len(corners) + PATCHES // 2) if len(corners) else 0
     while room := (wanted - len(corners)) // 3:
-        size = _apparent_size(corners.mean(axis=1), np.linalg.norm(area_vectors(corners), axis=1))
+        area = np.linalg.norm(area_vectors(corners), axis=1)
+        size = area * _density(corners.mean(axis=1), lamps, np.sqrt(area))
         order = np.argsort(-size, kind="stable")
         large, rest = np.split(order, [min(room, AT_ONCE, np.count_nonzero(size > size.max() / 4))])
         corners = np.concatenate([corners[rest], quartered(corners[large])])
@@ -73,20 +108,30 @@ def _split(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return corners, source
 
 
-def _apparent_size(center: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """(S,) areas (S,) around centres (S, 3) over the squared distance from which the middle of the scene sees them."""
-    distance = (np.linalg.norm(center, axis=1) - np.sqrt(area)).clip(NEAR)
-    return area / distance**2
+def _density(place: np.ndarray, lamps: Lamps, size: np.ndarray | float = 0.0) -> np.ndarray:
+    """(S,) patches, of one in all, that a unit of area gets around places (S, 3), if they were all around.
+
+    So many as the scene's middle and the lamps see of it. What is of this `size` (S,) reaches as much nearer to them.
+    """
+    def seen(distance: np.ndarray, nearest: float) -> np.ndarray:
+        return 1 / (4 * np.pi * (distance - size).clip(nearest) ** 2)
+
+    found = seen(np.linalg.norm(place, axis=1), NEAR)
+    if not len(lamps.share):
+        return found
+    lit = sum(share * seen(np.linalg.norm(place - at, axis=1), NEAR_LAMP) for at, share in zip(*lamps, strict=True))
+    return (1 - BY_LAMPS) * found + BY_LAMPS * lit
 
 
-def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The same of groups of triangles that face the same way in the same cell, glass by itself; far cells are large.
+def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor,
+            lamps: Lamps) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The same of groups of triangles that face the same way in the same cell, glass by itself.
 
     The centroid is that of the largest triangle of a group. And which group each of the (S,) triangles is in.
     """
     if len(center) <= PATCHES:
         return center, vector, albedo, torch.arange(len(center))
-    group, count = _groups(center, vector, glass)
+    group, count = _groups(center, vector, glass, lamps)
     area = vector.norm(dim=-1, keepdim=True)
     size = area[:, 0]
 
@@ -100,14 +145,15 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor) -> tu
     return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20), group
 
 
-def _groups(center: Tensor, vector: Tensor, glass: Tensor) -> tuple[Tensor, int]:
+def _groups(center: Tensor, vector: Tensor, glass: Tensor, lamps: Lamps) -> tuple[Tensor, int]:
     """Which group each of the (S,) triangles is in, and how many there are: PATCHES at most, of the finest cells.
 
     A triangle's group depends on nothing but its own place and side: light does not flicker when another one moves.
     """
     axis = vector.abs().argmax(1, keepdim=True)
     kind = (2 * axis + (vector.gather(1, axis) < 0))[:, 0] + 6 * glass
-    level = (2 * (center.norm(dim=-1) / NEAR).clamp_min(1).log2()).floor()
+    density = torch.from_numpy(_density(center.numpy(), lamps)).float()
+    level = -density.log2().round()
     cell = FINEST
     while True:
         place = (center / (cell * 2 ** (level / 2))[:, None]).floor()

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import torch
 from torch import Tensor
 
 GRID = 4          # pixels between two probes, which stand in the middle of their cells
 FINE = 2, 256     # the same in pictures smaller than so many pixels
-NEAR = 0.05       # network units off a pixel's plane at which a probe counts 1/e
+NEAR, NEAREST = 0.05, 2e-3  # network units off a pixel's plane, at most and at least, at which a probe counts 1/e
 CLOSE = 0.06       # network units at which one of the probes that a probe becomes the mean of counts 1/e
 FACING = 8        # exponent of the cosine between the normals of pixel and probe
 LEAST = 1e-5      # weight that keeps the sum above zero
 TENT = 3 / 8, 1 / 4, 1 / 16  # weights of the 5x5, by how far they are
-SPREADS = (1, 2)  # probes between those of which a probe takes the mean, 5x5 at a time
+NOISY, NOISELESS = (1, 2), ()  # probes between those of which a probe takes the mean, 5x5 at a time
 
 
 def grid_of(picture_size: int) -> int:
@@ -23,50 +24,72 @@ def grid_of(picture_size: int) -> int:
     return grid if picture_size < below else GRID
 
 
-def gathered(light: Callable[[Tensor, Tensor, Tensor], Tensor], position: Tensor, normal: Tensor, covered: Tensor,
-             grid: int = GRID, noisy: bool = False) -> Tensor:
+def gathered(light: Callable[..., Tensor], position: Tensor, normal: Tensor, covered: Tensor, *known: Tensor,
+             grid: int = GRID, spreads: tuple[int, ...] = NOISELESS,
+             tolerance: float | None = None) -> Tensor:
     """(h, w, C) of a `light` that knows (P, C) at points and normals (P, 3) of probes (P,) by number.
 
-    position and normal: (h, w, 3).
+    position and normal: (h, w, 3); `known`: (h, w, ...), what else is to be told of the probes.
 
     0 where a pixel is not covered, of which (h, w, 1) tells.
 
     Each pixel takes the mean of the four nearest probes, weighted by how far they are off its plane and turned away.
-    Those of a `noisy` light are made means of the probes around before, weighted alike (Dammertz et al. 2010, the
-    edge-avoiding wavelets that denoise traced light).
+    With `spreads` probes are made means of those around before, weighted alike (Dammertz et al. 2010, the edge-avoiding
+    wavelets that denoise traced light). With a `tolerance` what differs by as much counts 1/e, from the second on.
     """
     h, w = position.shape[:2]
     place = [(torch.arange(grid // 2, side, grid, device=position.device) if side > grid // 2
               else torch.zeros(1, dtype=torch.long, device=position.device)) for side in (h, w)]
     rows, columns = torch.meshgrid(*place, indexing="ij")
     x, n, valid = (a[rows, columns] for a in (position, normal, covered))
-    number = torch.arange(rows.numel(), device=position.device).view_as(rows)
+    number = _z_order(*(torch.arange(len(p), device=position.device) for p in place))
     where = valid.flatten().nonzero()[:, 0]  # a GPU is waited for here, once
-    known = light(x.flatten(0, 1)[where], n.flatten(0, 1)[where], number.flatten()[where])
-    if not len(known):
-        return known.new_zeros(h, w, known.shape[-1])
-    found = known.new_zeros(rows.numel(), known.shape[-1]).index_copy(0, where, known).unflatten(0, x.shape[:2])
-    for spread in SPREADS if noisy else ():
-        found = _mean_around(found, x, n, valid, spread)
+    at_probes = light(*(a.flatten(0, 1)[where] for a in (x, n, number, *(a[rows, columns] for a in known))))
+    if not len(at_probes):
+        return at_probes.new_zeros(h, w, at_probes.shape[-1])
+    found = at_probes.new_zeros(rows.numel(), at_probes.shape[-1]).index_copy(0, where, at_probes)
+    found, near = found.unflatten(0, x.shape[:2]), _near(x, valid)
+    for i, spread in enumerate(spreads):
+        found = _mean_around(found, x, n, valid, near, spread, tolerance if i else None)
     total = weights = 0.0
     for down in (0, 1):
         for right in (0, 1):
             i, y = _neighbour(h, len(place[0]), grid, down, position.device)
             j, z = _neighbour(w, len(place[1]), grid, right, position.device)
             i, j = i[:, None].expand(h, w), j[None].expand(h, w)
-            alike = _alike(x[i, j] - position, n[i, j], normal)
+            alike = _alike(x[i, j] - position, n[i, j], normal, near[i, j])
             weight = (y[:, None] * z[None])[..., None] * (alike + LEAST) * valid[i, j]
             total, weights = total + weight * found[i, j], weights + weight
     return total / torch.clamp(weights, min=LEAST ** 2) * covered
 
 
-def _alike(away: Tensor, there: Tensor, normal: Tensor) -> Tensor:
-    """(..., 1) up to 1: how much a probe with normal `there`, `away` from a point with a normal, says about it."""
-    off = (away * normal).sum(-1, keepdim=True) / NEAR
+def _z_order(rows: Tensor, columns: Tensor) -> Tensor:
+    """(h, w) numbers that follow each other within every square of 2, 4, 8... probes, from 0 again every 64."""
+    bits = range(6)
+    down, right = (sum(((i >> bit) & 1) << (2 * bit) for bit in bits) for i in (rows, columns))
+    return 2 * down[:, None] + right[None]
+
+
+def _near(x: Tensor, valid: Tensor) -> Tensor:
+    """(h, w, 1) how far off a point's plane a probe says much about it: as far as the nearest of its neighbours is."""
+    apart = torch.full_like(x[..., :1], NEAR)
+    for low, high in (np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:]):
+        way = (x[high] - x[low]).norm(dim=-1, keepdim=True).where(valid[high] & valid[low], x.new_tensor(NEAR))
+        apart[low], apart[high] = torch.minimum(apart[low], way), torch.minimum(apart[high], way)
+    return apart.clamp_min(NEAREST)
+
+
+def _alike(away: Tensor, there: Tensor, normal: Tensor, near: Tensor) -> Tensor:
+    """(..., 1) up to 1: how much a probe with normal `there`, `away` from a point with a normal, says about it.
+
+    near: (..., 1), how far off the point's plane it counts 1/e.
+    """
+    off = (away * normal).sum(-1, keepdim=True) / near
     return (-off.square()).exp() * (there * normal).sum(-1, keepdim=True).clamp_min(0) ** FACING
 
 
-def _mean_around(found: Tensor, x: Tensor, n: Tensor, valid: Tensor, spread: int) -> Tensor:
+def _mean_around(found: Tensor, x: Tensor, n: Tensor, valid: Tensor, near: Tensor, spread: int,
+                 tolerance: float | None) -> Tensor:
     """(h, w, C) of probes, each the mean of 5x5 that stand `spread` apart."""
     h, w = valid.shape[:2]
     total, weights = torch.zeros_like(found), torch.zeros_like(valid, dtype=found.dtype)
@@ -76,8 +99,12 @@ def _mean_around(found: Tensor, x: Tensor, n: Tensor, valid: Tensor, spread: int
             here = slice(max(-dy, 0), min(h - dy, h)), slice(max(-dx, 0), min(w - dx, w))
             there = slice(max(dy, 0), min(h + dy, h)), slice(max(dx, 0), min(w + dx, w))
             away = x[there] - x[here]
-            near = (-(away / CLOSE).square().sum(-1, keepdim=True)).exp()
-            weight = TENT[abs(down)] * TENT[abs(right)] * near * _alike(away, n[there], n[here]) * valid[there]
+            close = (-(away / CLOSE).square().sum(-1, keepdim=True)).exp()
+            alike = _alike(away, n[there], n[here], near[here])
+            weight = TENT[abs(down)] * TENT[abs(right)] * close * alike * valid[there]
+            if tolerance is not None:
+                apart = (found[there] - found[here]).abs().amax(-1, keepdim=True)
+                weight = weight * (-(apart / tolerance).square()).exp()
             total[here] += weight * found[there]
             weights[here] += weight
     return torch.where(weights > 0, total / weights.clamp_min(1e-12), found)

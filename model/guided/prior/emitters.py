@@ -8,6 +8,7 @@ from ...geometry import area_vectors, connected
 from ...scene import RenderScene
 from .emitter_clusters import Emitters, merged, triangle
 
+DISTANT = 15.0      # network units; an emitter beyond stands for a sun, which looks alike from everywhere
 MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of the light prior grow with them
 MAX_POLYGONS = 16   # triangles of one connected emitter that are kept one by one
 MAX_LUMPS = 8       # what a larger one is merged into
@@ -39,7 +40,10 @@ def _gathered(corners: np.ndarray, light: np.ndarray) -> Emitters:
         vectors = area_vectors(shape)
         if not vectors.any():
             continue
-        if not _is_closed(vectors):
+        if np.linalg.norm(shape.mean(axis=(0, 1))) > DISTANT:
+            area = np.linalg.norm(vectors.sum(axis=0))
+            spheres.append((shape.mean(axis=(0, 1)), np.sqrt(area / np.pi), own))
+        elif not _is_closed(vectors):
             polygons += [(piece, own) for piece in _pieces(shape)]
         elif (sheet := _sheet(shape, vectors.astype(np.float64))) is None:
             spheres.append((*_sphere(shape, vectors), own))

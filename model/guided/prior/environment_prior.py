@@ -16,6 +16,7 @@ from ...device_ops import done
 from ...environment import direction_map
 
 ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
+BLUR = 0.3                            # that spreads radiance over what one of many rays stands for
 SHARP, COARSE = (64, 128), (32, 64)  # map sizes of level 0 and of the blurred levels
 COSINE_LOBE = (math.pi, 2 * math.pi / 3, math.pi / 4)  # zonal coefficients of the clamped cosine, bands 0, 1, 2
 
@@ -51,6 +52,12 @@ class EnvironmentPrior:
         bands = torch.tensor([0, 1, 1, 1, 2, 2, 2, 2, 2], device=normal.device)
         lobe = torch.tensor(COSINE_LOBE, device=normal.device)[bands]
         return (_harmonics(normal) @ (self.harmonics * lobe[:, None])).clamp_min(0)
+
+    def share(self, directions: Tensor, seen: Tensor) -> Tensor:
+        """(P, 3) share of the radiance from (P, R, 3) unit vectors of which so much (P, R) is seen, by its colour."""
+        flat = directions.flatten(0, 1)
+        radiance = self.filtered(flat, torch.full_like(flat[:, 0], BLUR)).view_as(directions)
+        return (seen[..., None] * radiance).sum(1) / radiance.sum(1).clamp_min(1e-12)
 
     def filtered(self, direction: Tensor, roughness: Tensor) -> Tensor:
         """(P, 3) radiance around a direction, averaged over the GGX lobe of this perceptual roughness (P,)."""

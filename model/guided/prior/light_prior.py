@@ -9,26 +9,36 @@ found by rays.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...geometry import contracted
+from ...geometry import area_vectors
 from ...progress import part
 from ...scene import RenderScene
 from ...threads import shared
+from ..sampling import R2, disk_points, scattered
 from ..visibility import Visibility
 from .blocking import is_solid, passes_light
-from .emitters import gather_emitters
+from .emitters import DISTANT, gather_emitters
 from .environment_prior import EnvironmentPrior
 from .sky import ABOVE, SkyVisibility
 from .transmittance import fog_of
 
-DISTANT = 15.0  # network units; an emitter beyond stands for a sun, which looks alike from everywhere
 FOGLESS = 3.0   # network units from the centre: nobody looks for fog beyond
 BEFORE = 4e-3   # network units before a lamp's middle, where the way to it ends
+SKY_RAYS = 48   # from a point
 CHUNK = 8192    # pixels at a time: bounds memory with many lights, and the time between two polls
+
+
+class Lamps(NamedTuple):
+    """L emitters within the scene, in network units."""
+
+    place: np.ndarray  # (L, 3) f32
+    share: np.ndarray  # (L,) f32, of the light of all
 
 
 class LightPrior:
@@ -56,23 +66,45 @@ class LightPrior:
                 walls = Visibility(scene.triangles[blocking]) if shining.any() else self.blockers
                 self.sky = SkyVisibility(walls, self.environment, self.fog)
 
-    def arriving(self, position: Tensor, normal: Tensor) -> Tensor:
+    def lamps(self) -> Lamps:
+        """The emitters that are no suns."""
+        corners, radii, radiance, place, near = (x.cpu().numpy() for x in (
+            self.corners, self.radii, self.radiance, self.origins, ~self.distant))
+        silhouette = np.concatenate([np.linalg.norm(area_vectors(corners), axis=1), 2 * np.pi * radii**2])
+        power = (silhouette * radiance.mean(axis=1))[near]
+        return Lamps(place[near], power / max(power.sum(), 1e-20))
+
+    def arriving(self, position: Tensor, normal: Tensor, start: Tensor | None = None,
+                 sky_rays: int = SKY_RAYS) -> Tensor:
         """Shares of diffuse light that arrive past the scene's triangles and through its volumes.
 
         (P, 6), RGB of the sky and of emitters.
 
-        position, normal (unit): (P, 3).
+        position, normal (unit): (P, 3). start: (P, 2) in [0, 1), where among the rays that could be cast these are.
         """
-        sky = torch.ones_like(position) if self.sky is None else self.sky(position, normal)
-        return torch.cat([sky, torch.cat(shared(self._unshaded, position.split(CHUNK), normal.split(CHUNK)))], 1)
+        start = scattered(position, 2) if start is None else start
+        with part(0.0, 0.5):
+            sky = self.sky_share(position, normal, start, sky_rays)
+        with part(0.5, 1.0):
+            return torch.cat([sky, self.lamps_share(position, normal, start)], dim=1)
 
-    def _unshaded(self, x: Tensor, n: Tensor) -> Tensor:
+    def sky_share(self, position: Tensor, normal: Tensor, start: Tensor, rays: int) -> Tensor:
+        """The first half of `arriving`, by so many rays from each point."""
+        if self.sky is None:
+            return torch.ones_like(position)
+        return self.sky(position, normal, start, rays)
+
+    def lamps_share(self, position: Tensor, normal: Tensor, start: Tensor) -> Tensor:
+        """The second half of `arriving`, by one ray to some point of every emitter."""
+        return torch.cat(shared(self._unshaded, *(x.split(CHUNK) for x in (position, normal, start))))
+
+    def _unshaded(self, x: Tensor, n: Tensor, start: Tensor) -> Tensor:
         """(P, 3) share of the emitters' diffuse light that arrives."""
         direction, sine2, beam = self._beams(x)
         light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
         point, emitter = light.nonzero().unbind(1)
-        origin = (x + ABOVE * n)[point]
-        way = self.origins[emitter] - origin
+        origin, near = (x + ABOVE * n)[point], ~self.distant[emitter, None]
+        way = self._somewhere_on(emitter, direction[point, emitter], start[point]) - origin * near
         far = way.norm(dim=-1)
         blocked = self.blockers.blocked(origin, way / far.clamp_min(1e-9)[:, None], far - BEFORE)
         arrives = light.index_put((point, emitter), light[point, emitter] * ~blocked)
@@ -80,29 +112,58 @@ class LightPrior:
             arrives = arrives * self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
         return (arrives @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
 
+    def _somewhere_on(self, emitter: Tensor, towards: Tensor, start: Tensor) -> Tensor:
+        """(R, 3) points of emitters (R,), of spheres on the disk that faces unit vectors (R, 3); start (R, 2)."""
+        u, v = ((start[:, i] + emitter * step) % 1 for i, step in enumerate(R2))
+        flat, side = len(self.corners), u.sqrt()
+        disk = disk_points(towards, u, v) * F.pad(self.radii, (flat, 0))[emitter, None]
+        if not flat:
+            return self.origins[emitter] + disk
+        weights = torch.stack([1 - side, side * (1 - v), side * v], dim=-1)[..., None]
+        on_sheet = (self.corners[emitter.clamp(max=flat - 1)] * weights).sum(1)
+        return torch.where((emitter < flat)[:, None], on_sheet, self.origins[emitter] + disk)
+
+    def diffuse(self, position: Tensor, normal: Tensor, arriving: Tensor | None = None) -> Tensor:
+        """(P, 3) radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3).
+
+        arriving: (P, 6) as above; found here without it.
+        """
+        with part(0.0, 0.5):
+            arriving = self.arriving(position, normal) if arriving is None else arriving
+        with part(0.5, 1.0):
+            return torch.cat(shared(self._diffuse, *(x.split(CHUNK) for x in (position, normal, arriving))))
+
+    def _diffuse(self, x: Tensor, n: Tensor, arriving: Tensor) -> Tensor:
+        sky, lamps = arriving.split(3, 1)
+        direction, sine2, beam = self._beams(x)
+        light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
+        found = light @ self.radiance * lamps
+        return found if self.environment is None else found + self.environment.irradiance(n) * sky / math.pi
+
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
                  arriving: Tensor | None = None) -> Tensor:
         """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe.
 
         position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual. The normal is
         taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a silhouette.
-        arriving: (P, 6) as above, for the diffuse lobe; all of the light without it.
+        arriving: (P, 8), the six above, and the shares of the sky that a glossy lobe sees, and that is seen through the
+        surface; all of the light without it. The glossy lobe loses as much of the lamps' light as the diffuse one.
         Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none.
         """
-        shares = torch.ones_like(roughness[:, None]).expand(-1, 6) if arriving is None else arriving
-        return torch.cat(shared(self._leaving, *(x.split(CHUNK) for x in (position, normal, outgoing, roughness,
-                                                                          shares))))
+        arriving = torch.ones_like(roughness[:, None]).expand(-1, 8) if arriving is None else arriving
+        given = position, normal, outgoing, roughness, arriving
+        return torch.cat(shared(self._leaving, *(x.split(CHUNK) for x in given)))
 
     def _leaving(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, arriving: Tensor) -> Tensor:
         valid = (n.square().sum(-1, keepdim=True) > 0.25).float()
-        sky, lamps = arriving.split(3, 1)
-        diffuse, glossy = self._emitters(x, n, v, roughness)
-        diffuse, transmitted = diffuse * lamps, torch.zeros_like(diffuse)
+        sky, lamps, mirrored_sky, sky_behind = arriving.split([3, 3, 1, 1], dim=1)
+        diffuse, glossy = (light * lamps for light in self._emitters(x, n, v, roughness))
+        transmitted = torch.zeros_like(diffuse)
         if self.environment is not None:
             mirrored = 2 * (n * v).sum(-1, keepdim=True) * n - v
             diffuse = diffuse + self.environment.irradiance(n) * sky / math.pi
-            glossy = glossy + self.environment.filtered(mirrored, roughness)
-            transmitted = self.environment.filtered(-v, roughness)
+            glossy = glossy + self.environment.filtered(mirrored, roughness) * mirrored_sky
+            transmitted = self.environment.filtered(-v, roughness) * sky_behind
         return torch.cat([diffuse, glossy, transmitted], -1) * valid
 
     def _emitters(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
@@ -122,7 +183,7 @@ class LightPrior:
 
     def _vector_form_factors(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Unit direction (P, L, 3) to every emitter and its squared angular sine (P, L)."""
-        x = torch.where(self.distant[:, None], contracted(x)[:, None], x[:, None])
+        x = x[:, None] * ~self.distant[:, None]  # light of suns is parallel
         flat = len(self.corners)
         to_corners = F.normalize(self.corners[None] - x[:, :flat, None], dim=-1)
         following = to_corners.roll(-1, dims=2)

@@ -2,6 +2,7 @@
 """The size of things as seen from the camera, by which the Triangle Budget is spent (docs/scene-input.md 2.3)."""
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ ASIDE = 0.35   # how large what lies TURN aside of the picture looks, against wh
 TURN = 1.9     # difference between cosines; a sharper fall would bend surfaces too much to simplify them there
 NEAR = 1       # percentile of the distances seen, of which half is near enough
 MARGIN = 0.15  # of the picture's width, beyond its edges: still as good as seen
+RASTER = 33    # rays along either side of a panorama that tell where it looks
+AROUND = 0.1   # length of the mean of the rays of a picture that shows all around
 
 
 @dataclass
@@ -27,15 +30,22 @@ class ApparentSize:
 
     def __post_init__(self) -> None:
         view = self.view
-        corners = view_rays_at(view, np.float64([0, view.width]), np.float64([0, view.height]))[1]
         self.eye = view.camera_to_world[:3, 3].astype(np.float64)
-        self.axis = corners.sum(axis=0) / np.linalg.norm(corners.sum(axis=0))
-        self.cosine = float((corners @ self.axis).min())  # of the cone around the whole picture
+        if view.panorama is None:
+            rays = view_rays_at(view, np.float64([0, view.width]), np.float64([0, view.height]))[1]
+        else:
+            x, y = np.meshgrid(np.linspace(0, view.width, RASTER), np.linspace(0, view.height, RASTER))
+            rays = view_rays_at(view, x, y)[1][view.panorama.seen(x + view.corner[0], y + view.corner[1])]
+        middle = rays.mean(axis=0, dtype=np.float64)
+        is_around = np.linalg.norm(middle) < AROUND
+        self.axis = -view.camera_to_world[:3, 2] if is_around else middle / np.linalg.norm(middle)
+        self.cosine = -1.0 if is_around else float((rays @ self.axis).min())  # of the cone around the whole picture
 
     @property
     def solid_angle(self) -> float:
         """Solid angle of the picture, about, in steradians."""
-        return self.view.width * self.view.height / abs(float(np.prod(self.view.focal.astype(np.float64))))
+        pixels = self.view.width * self.view.height
+        return min(pixels / abs(float(np.prod(self.view.focal.astype(np.float64)))), 4 * math.pi)
 
     def distance(self, corners: np.ndarray) -> np.ndarray:
         """(n,) from the eye to the nearest point, about, of each of (n, 3, 3) world triangles; `near` at least."""
@@ -47,6 +57,9 @@ class ApparentSize:
     def is_inside(self, corners: np.ndarray) -> np.ndarray:
         """(n,) bool: no side of the picture, with its margin, has all corners of a (n, 3, 3) world triangle outside."""
         view = self.view
+        if view.panorama is not None:
+            away = corners - self.eye
+            return ~(away @ self.axis < (min(self.cosine, 0) - MARGIN) * np.linalg.norm(away, axis=-1)).all(axis=1)
         x, y, z = np.moveaxis((corners - self.eye) @ view.camera_to_world[:3, :3].astype(np.float64), -1, 0)
         margin = MARGIN * view.longer_side
         x, y = x * view.focal[0], -y * view.focal[1]

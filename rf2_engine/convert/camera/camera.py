@@ -2,38 +2,44 @@
 """The evaluated scene camera as a `View` (docs/scene-input.md 1.3, 1.4)."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ....model.errors import SceneError
 from ....model.scene import View
 from . import orthographic
+from .eyes import Eye, own_eye
+from .panoramic import panorama_of
 
 
 def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, int, int] | None,
-                   report=None) -> View:
+                   report=None, eye: Eye | None = None) -> View:
     """The View of the scene's camera for a picture of `width` x `height` pixels (resolution percentage applied).
 
-    `border` is (x0, x1, y0, y1) in pixels from the bottom left of that picture, or None for all of it. Lens shift,
-    sensor fit and pixel aspect are taken from the projection matrix that Blender itself uses. An orthographic camera
-    becomes a distant perspective one, and `report` (rf2_engine/convert/report.py) says so.
+    `border` is (x0, x1, y0, y1) in pixels from the bottom left of that picture, or None for all of it. `eye` is the
+    camera as it is, if not given. Lens shift, sensor fit and pixel aspect are taken from the projection matrix that
+    Blender itself uses. An orthographic camera becomes a distant perspective one, and `report`
+    (rf2_engine/convert/report.py) says so.
 
     Raises SceneError when there is no camera or its projection cannot be expressed.
     """
-    scene = depsgraph.scene_eval
-    if scene.camera is None:
-        raise SceneError(f'Scene "{scene.name}" has no camera: add one and make it active')
-    camera = scene.camera.evaluated_get(depsgraph)
+    scene, eye = depsgraph.scene_eval, eye or own_eye(depsgraph)
+    camera = eye.camera
     if camera.type != "CAMERA":
         raise SceneError(f'"{camera.name}" is used as the camera but is a {camera.type.lower()}: choose a camera')
-    if camera.data.type not in {"PERSP", "ORTHO"}:
-        kind = "panoramic" if camera.data.type == "PANO" else camera.data.type.lower()
-        raise SceneError(f'Camera "{camera.name}" is {kind}, which is not supported: set its Type to Perspective with '
-                         "a wide lens, or to Orthographic, in Camera Properties > Lens")
-    projection = np.array(camera.calc_matrix_camera(
-        depsgraph, x=width, y=height, scale_x=scene.render.pixel_aspect_x, scale_y=scene.render.pixel_aspect_y))
+    if camera.data.type not in {"PERSP", "ORTHO", "PANO"}:
+        raise SceneError(f'Camera "{camera.name}" is {camera.data.type.lower()}, which is not supported: set its Type '
+                         "to Perspective, Orthographic or Panoramic in Camera Properties > Lens")
+    camera_to_world, mirror = _rigid(eye.matrix, camera.name, report)
+    if camera.data.type == "PANO":
+        panorama = panorama_of(camera, eye.shift_x, width, height, scene.render)
+        fine = panorama.pixels_per_radian
+        return _cut(View(camera_to_world.astype(np.float32), np.float32([fine * mirror, fine]),
+                         np.float32([width, height]) / 2, width, height, round(2 * fine), panorama=panorama), border)
+    projection = _projection(eye, depsgraph, width, height)
     if not (np.isfinite(projection).all() and projection[0, 0] and projection[1, 1]):
         raise SceneError(f'Camera "{camera.name}" sees nothing: set its Clip End beyond its Clip Start')
-    camera_to_world, mirror = _rigid(np.array(camera.matrix_world, np.float64), camera.name, report)
     if camera.data.type == "ORTHO":
         projection = orthographic.as_perspective(projection, camera_to_world, depsgraph)
         if report is not None:
@@ -41,21 +47,40 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
     scale = np.array([projection[0, 0], projection[1, 1]])
     shift = np.array([-projection[0, 2], projection[1, 2]])
     half = np.array([width, height]) / 2
-    focal, principal, size = scale * half * (mirror, 1), (1 + shift) * half, max(width, height)
-    corner = 0, 0
-    if border is not None:
-        x0, x1, y0, y1 = border
-        corner = x0, height - y1
-        principal -= corner
-        width, height = x1 - x0, y1 - y0
-    return View(camera_to_world.astype(np.float32), focal.astype(np.float32), principal.astype(np.float32),
-                width, height, size, corner)
+    focal, principal = scale * half * (mirror, 1), (1 + shift) * half
+    return _cut(View(camera_to_world.astype(np.float32), focal.astype(np.float32), principal.astype(np.float32),
+                     width, height, max(width, height)), border)
+
+
+def _cut(view: View, border: tuple[int, int, int, int] | None) -> View:
+    """The part of a whole picture's View inside the border."""
+    if border is None:
+        return view
+    x0, x1, y0, y1 = border
+    corner = x0, view.height - y1
+    return replace(view, principal=view.principal - np.float32(corner), width=x1 - x0, height=y1 - y0, corner=corner)
+
+
+def _projection(eye: Eye, depsgraph, width: int, height: int) -> np.ndarray:
+    """(4, 4), Blender's. The evaluated camera is left as it was."""
+    camera, settings = eye.camera, depsgraph.scene_eval.render
+    own = camera.data.shift_x
+    try:
+        if eye.shift_x != own:
+            camera.data.shift_x = eye.shift_x
+        return np.array(camera.calc_matrix_camera(depsgraph, x=width, y=height, scale_x=settings.pixel_aspect_x,
+                                                  scale_y=settings.pixel_aspect_y))
+    finally:
+        if eye.shift_x != own:
+            camera.data.shift_x = own
 
 
 def clip_start(depsgraph) -> float:
-    """World units along the axis of the camera's View before which it sees nothing; 0 of an orthographic camera."""
+    """World units along the axis of the camera's View, or along all rays of a panorama, before which it sees nothing;
+    0 of an orthographic camera.
+    """
     data = depsgraph.scene_eval.camera.data
-    return data.clip_start if data.type == "PERSP" else 0.0
+    return 0.0 if data.type == "ORTHO" else data.clip_start
 
 
 def _rigid(matrix: np.ndarray, name: str, report) -> tuple[np.ndarray, float]:

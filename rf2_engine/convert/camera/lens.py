@@ -11,6 +11,7 @@ from mathutils import Matrix
 
 from ....model.camera import through_lens
 from ....model.scene import View
+from .eyes import Eye
 
 GOLDEN, PLASTIC = 0.6180339887, 0.7548776662  # parts of a turn, or of a whole, that spread whatever steps by them
 NEAREST = 1e-3   # world units, of what can be in focus: nearer it is the lens itself
@@ -27,9 +28,9 @@ class Lens:
     focus: float              # world units along the axis to what is sharp
 
     @classmethod
-    def of(cls, depsgraph) -> Lens:
-        camera = depsgraph.scene_eval.camera
-        data, matrix = camera.data, np.array(camera.matrix_world, np.float64)
+    def of(cls, eye: Eye) -> Lens:
+        camera, matrix = eye.camera, eye.matrix
+        data = camera.data
         axes = np.vstack([(matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)).T, matrix[:3, 3]])
         size = 1.0 if data.type == "ORTHO" else data.lens * 1e-3  # of Cycles' orthographic aperture at f/1
         radius = size / (2 * max(data.dof.aperture_fstop, 1e-5))
@@ -59,7 +60,10 @@ class Lens:
         return through_lens(pinhole, offset, focus)
 
     def look_from(self, point: np.ndarray, override) -> None:
-        """Move Cycles' camera to a point (2,) of the lens; `override` is the function of cycles_run.overrides."""
+        """Move Cycles' camera to a point (2,) of the lens; `override` is the function of cycles_run.overrides.
+
+        All eyes that belong to one camera move with it.
+        """
         data, matrix = self.camera.data, np.array(self.camera.matrix_world, np.float64)
         matrix[:3, 3] += point @ self.axes[:2]
         if data.type == "ORTHO":

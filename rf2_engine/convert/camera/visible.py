@@ -39,7 +39,7 @@ class Hits:
 
 
 def visible_points(collected: Collected, view: View, clip_start: float = 0.0) -> Hits:
-    """What the view sees from `clip_start` on, in world units along its axis.
+    """What the view sees from `clip_start` on (camera.py).
 
     It sees through what shines, unless there is hardly anything else: a sky dome is no more than a background; and
     through panes that fill most of the picture, far in front of what is behind them.
@@ -66,8 +66,13 @@ def _cast(collected: Collected, view: View, clip_start: float, shown: set[int]) 
     if not len(triangles):
         return Hits(np.zeros((0, 3)), np.zeros(0, np.int64))
     x, y = np.meshgrid((np.arange(GRID) + 0.5) / GRID * view.width, (np.arange(GRID) + 0.5) / GRID * view.height)
-    eye, rays = view_rays_at(view, x.ravel(), y.ravel())
-    starts = rays * clip_start / -(rays @ view.camera_to_world[:3, 2:3])
+    if view.panorama is None:
+        eye, rays = view_rays_at(view, x.ravel(), y.ravel())
+        starts = rays * clip_start / -(rays @ view.camera_to_world[:3, 2:3])
+    else:
+        inside = view.panorama.seen(x + view.corner[0], y + view.corner[1])
+        eye, rays = view_rays_at(view, x[inside], y[inside])
+        starts = rays * clip_start
     met = Rays(triangles - eye).closest(starts, rays)
     hit = met.triangle >= 0
     return Hits(eye + starts[hit] + met.distance[hit, None] * rays[hit], owner[met.triangle[hit]])

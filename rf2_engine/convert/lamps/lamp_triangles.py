@@ -20,7 +20,7 @@ from .placed_lamp import Detail, PlacedLamp, beams, half_angle_of, rotation
 from .suns import Sun
 
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
-SUN_ANGLE = math.radians(3)   # least diameter of a sun
+SUN_ANGLE = math.radians(0.5)  # least diameter of a sun
 SUN_DISTANCE = 50             # scene radii
 LEAST_SPREAD = math.radians(2)  # of an area lamp: narrower beams are lost in the precision of their cosines
 CELL = 0.35                   # scene radii: wanted side of one cell of an area lamp

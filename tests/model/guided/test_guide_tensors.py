@@ -7,9 +7,16 @@ import torch
 
 from renderformer_v2.model.guided import guide_tensors as guides_module
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
-from renderformer_v2.model.guided.decoding import BEHIND, BOUNCED, OUTPUTS, REFRACTED, decode_image, decode_light
+from renderformer_v2.model.guided.decoding import BEHIND, MOST, OUTPUTS, REFRACTED, decode_image, decode_light
 from renderformer_v2.model.guided.guidance import Guidance
-from renderformer_v2.model.guided.guide_tensors import FEATURES, UNSEEN_DISTANCE, guide_tensors, hit_roughness
+from renderformer_v2.model.guided.guide_tensors import (
+    FEATURES,
+    RADIANCE,
+    UNSEEN_DISTANCE,
+    exposed,
+    guide_tensors,
+    hit_roughness,
+)
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
 from renderformer_v2.model.presets import rf2_small
 from renderformer_v2.model.scene import ROUGHNESS
@@ -28,9 +35,9 @@ def tensors(width=64, height=64, hinted=False):
     return guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
 
 
-def dark_outputs():
-    """Of a decoder that sees no light."""
-    return torch.full((1, len(OUTPUTS), 64, 64), -30.0)
+def undecided() -> torch.Tensor:
+    """Of a decoder that leaves the priors as they are."""
+    return torch.zeros(1, len(OUTPUTS), 64, 64)
 
 
 def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
@@ -54,30 +61,53 @@ def test_far_bundles_are_drawn_in():
     assert far.features[:, FEATURES["offset"]].abs().max() < 1
 
 
-def test_the_prior_is_the_only_light_of_an_undecided_decoder():
-    guides, outputs = tensors(), dark_outputs()
-    assert decode_light(outputs, guides)["image"].amax() < 1e-5
-    outputs[:, OUTPUTS["visibility"]] = 30
-    image = decode_light(outputs, guides)["image"]
-    torch.testing.assert_close(image, 1.2 * (guides.prior * guides.colors).sum(1), atol=1e-5, rtol=1e-4)
-    assert image.amax() > 0.01
+def test_an_undecided_decoder_shows_the_priors():
+    guides = tensors()
+    light = decode_light(undecided(), guides)
+    torch.testing.assert_close(light["direct"], guides.prior)
+    expected = (guides.prior * guides.colors).sum(1) + guides.bounced * guides.colors[:, 0]
+    expected = expected + guides.reflected * guides.colors[:, 1]
+    torch.testing.assert_close(light["image"], expected, atol=1e-3, rtol=0)
+    assert light["image"].amax() > 0.01
+
+
+@pytest.mark.parametrize(("raw", "factor"), [(30.0, MOST), (-30.0, 1 / MOST)])
+def test_priors_are_corrected_within_bounds(raw, factor):
+    guides, outputs = tensors(), undecided()
+    outputs[:, OUTPUTS["direct"]] = raw
+    torch.testing.assert_close(decode_light(outputs, guides)["direct"], factor * guides.prior)
 
 
 def test_traced_light_stands_for_all_direct_light():
-    guides, dark = tensors(hinted=True), dark_outputs()
-    dark[:, OUTPUTS["traced"]] = 0
-    image = decode_light(dark, guides)["image"]
-    torch.testing.assert_close(image, guides.traced, atol=1e-5, rtol=1e-4)
+    guides = tensors(hinted=True)
+    guides.bounced, guides.reflected = torch.zeros_like(guides.bounced), torch.zeros_like(guides.reflected)
+    image = decode_light(undecided(), guides)["image"]
+    torch.testing.assert_close(image, guides.traced, atol=1e-3, rtol=1e-4)
     assert image.amax() > 0.1 and guides.features[:, FEATURES["hinted"]].min() == 1
+
+
+def test_what_a_view_sees_is_exposed_alike_however_bright_it_is():
+    """A dim room beside a bright one is no dark picture to the network, and no constant is added to it."""
+    bright = tensors(hinted=True)
+    scene, (view, guides) = floor_scene(), floor_view(64, 64)
+    guides.traced = guides.diffuse_color * np.float32(0.5e-3)
+    scene.emission *= np.float32(1e-3)
+    prior = LightPrior(scene)
+    dim = guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
+    torch.testing.assert_close(dim.exposure, 1000 * bright.exposure, rtol=0.01, atol=0)
+    torch.testing.assert_close(dim.features, bright.features, rtol=0.02, atol=1e-3)
+    image = decode_light(undecided(), dim)["image"] / dim.exposure
+    assert (image - dim.traced / dim.exposure).abs().max() < 1e-4
+    black = exposed(replace(dim, **{name: torch.zeros_like(getattr(dim, name)) for name in RADIANCE}))
+    assert black.exposure == 1
 
 
 @pytest.mark.parametrize(("raw", "factor"), [(30.0, 4.0), (-30.0, 0.25)])
 def test_traced_light_is_corrected_within_bounds(raw, factor):
-    guides, outputs = tensors(hinted=True), dark_outputs()
+    guides, outputs = tensors(hinted=True), undecided()
     outputs[:, OUTPUTS["traced"]] = raw
     light = decode_light(outputs, guides)
     torch.testing.assert_close(light["traced"], factor * guides.traced, atol=1e-5, rtol=1e-4)
-    torch.testing.assert_close(light["image"], light["traced"], atol=1e-5, rtol=1e-4)
 
 
 def test_an_undecided_decoder_adds_a_share_of_the_radiosity():
@@ -90,9 +120,9 @@ def test_an_undecided_decoder_adds_a_share_of_the_radiosity():
         guides.features[:, FEATURES["roughness"]] = rough
         image = decode_light(torch.zeros(1, len(OUTPUTS), 64, 64), guides)["image"]
         transmitted = BEHIND * guides.behind if rough else REFRACTED * guides.refracted
-        expected = (guides.traced + BOUNCED * guides.bounced * guides.colors[:, 0]
+        expected = (guides.traced + guides.bounced * guides.colors[:, 0] + guides.reflected * guides.colors[:, 1]
                     + transmitted * guides.colors[:, 2])
-        torch.testing.assert_close(image, expected, atol=2e-2, rtol=0)
+        torch.testing.assert_close(image, expected, atol=1e-3, rtol=0)
 
 
 def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
@@ -109,15 +139,15 @@ def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
 def test_a_rough_surface_shows_no_image_but_the_mean_of_light_that_has_bounced_before():
     scene, (view, guides) = walls((0.8, 0.8, 0.8)), floor_view(64, 64)
     ends = {"reflected_position": guides.position, "reflected_normal": guides.normal,
-            "reflected_color": np.full_like(guides.position, 0.5)}
+            "reflected_color": np.full_like(guides.position, 0.5), "traced": np.zeros_like(guides.position)}
     prior = LightPrior(scene)
     radiosity, shown = Radiosity(scene, prior), []
     for roughness in (0.1, 0.9):
         scene.tiles[:, ROUGHNESS] = roughness
         found = guide_tensors(scene, view, replace(guides, **ends), prior, radiosity, PATCH)
         seen = found.features[0, FEATURES.index("alpha")] > 0
-        shown.append(found.reflected[0, :, seen])
-    image = 0.5 * found.bounced[0, :, seen]
+        shown.append(found.reflected[0, :, seen] / found.exposure)
+    image = 0.5 * found.bounced[0, :, seen] / found.exposure
     torch.testing.assert_close(shown[0], image)
     assert 0 < shown[1].mean() < 0.5 * image.mean()
 

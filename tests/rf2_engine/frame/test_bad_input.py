@@ -35,22 +35,16 @@ def test_scene_without_a_camera(scene):
         bpy.ops.render.render(scene=scene.name)
 
 
-def test_panorama_camera_is_named(scene, tmp_path):
+def test_camera_of_a_type_that_is_not_supported_is_named(scene, tmp_path):
     cube(scene)
-    scene.camera.name = "Fisheye"
-    scene.camera.data.type = "PANO"
-    expect_error(scene, tmp_path, "Fisheye", "Perspective")
+    scene.camera.name = "Own"
+    scene.camera.data.type = "CUSTOM"
+    expect_error(scene, tmp_path, "Own", "Perspective")
 
 
 def test_light_used_as_camera_is_named(scene, tmp_path):
     scene.camera = sun(scene)
     expect_error(scene, tmp_path, "Sun")
-
-
-def test_stereoscopy_is_refused(scene, tmp_path):
-    scene.render.use_multiview = True
-    with pytest.raises(RuntimeError, match="stereoscopy"):
-        bpy.ops.render.render(scene=scene.name)
 
 
 def test_empty_scene_shows_its_world(scene, tmp_path):

@@ -38,10 +38,10 @@ def test_transparent_glass_is_that_of_cycles(behind_glass, tmp_path):
 def test_transparent_glass_costs_a_second_run_of_cycles_only_where_it_acts(behind_glass, tmp_path, monkeypatch, change):
     runs = []
 
-    def render_passes(*arguments, real=cycles_session.render_passes, **options):
+    def render_views(*arguments, real=cycles_session.render_views, **options):
         runs.append(options)
         return real(*arguments, **options)
-    monkeypatch.setattr(cycles_session, "render_passes", render_passes)
+    monkeypatch.setattr(cycles_session, "render_views", render_views)
     if change == "no glass":
         bpy.data.objects.remove(bpy.data.objects["Pane"])
     else:

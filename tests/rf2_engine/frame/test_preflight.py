@@ -130,9 +130,13 @@ def test_what_renders_hide_is_not_counted_and_what_the_viewport_hides_is_named(s
 
 def test_what_a_render_would_refuse_is_said(scene):
     cube(scene)
-    scene.camera.data.type = "PANO"
+    scene.camera.data.type = "CUSTOM"
     found = look(scene)
     assert "Perspective" in found.error and any("Perspective" in text for text in drawn().texts)
+    scene.camera.data.type, scene.camera.data.stereo.use_spherical_stereo = "PANO", True
+    assert not look(scene).error
+    scene.render.use_multiview = True
+    assert "Spherical Stereo" in look(scene).error
 
 
 def test_a_folder_without_weights_is_refused_as_by_a_render(scene, tmp_path):

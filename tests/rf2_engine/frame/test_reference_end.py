@@ -49,7 +49,8 @@ def test_our_picture_is_on_screen_before_cycles_starts(lit, tmp_path, monkeypatc
 
     def look(status):
         if status._shown[0].endswith("Cycles Reference") and not shown:
-            shown.append(cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]])["combined"])
+            read = cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]])
+            shown.append(read[""]["combined"])
         return False
     monkeypatch.setattr(Status, "esc_pressed", look)
     found = press_f12(lit, tmp_path)
@@ -119,8 +120,19 @@ def test_what_cycles_did_not_write_is_no_reference(lit, samples, same, kept):
     """Combined is still ours until it writes its first samples."""
     picture = np.full((2, 2, 4), np.nan, np.float32)
     rendered = {"cycles_reference": picture.copy() if same else np.ones_like(picture)}
-    found = reference._kept(rendered, samples, {"combined": picture}, FrameReference.of(lit), report := Report())
+    found = reference._kept({"": rendered}, samples, {"": {"combined": picture}}, FrameReference.of(lit),
+                            report := Report())
     assert bool(found) == kept and len(report.entries) == 1
+
+
+def test_a_reference_of_two_views_has_both_or_is_none(lit):
+    ours = {"combined": np.zeros((2, 2, 4), np.float32)}
+    theirs = {"cycles_reference": np.ones((2, 2, 4), np.float32)}
+    chosen = FrameReference.of(lit)
+    views = {"left": ours, "right": ours}
+    assert reference._kept({"left": theirs, "right": theirs}, 3, views, chosen, Report())
+    assert not reference._kept({"left": theirs, "right": {"cycles_reference": ours["combined"]}}, 3, views, chosen,
+                               Report())
 
 
 def test_esc_before_cycles_starts_keeps_our_picture(lit, tmp_path, monkeypatch):

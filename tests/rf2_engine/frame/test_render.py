@@ -236,7 +236,7 @@ def test_first_hits_are_taken_without_light_and_the_scene_keeps_it(scene, tmp_pa
 
     def read(*arguments, real=cycles_run._read):
         found = real(*arguments)
-        taken.append(found["combined"])
+        taken.append(found[""]["combined"])
         return found
     monkeypatch.setattr(cycles_run, "_read", read)
     press_f12(scene, tmp_path)

@@ -102,10 +102,10 @@ def test_passes_and_alpha_are_those_of_cycles(still_life, tmp_path, change, film
 def test_a_view_layer_has_its_own_samples_and_its_name_may_be_too_long_for_files(scene, tmp_path, monkeypatch):
     taken = []
 
-    def render_passes(*arguments, real=cycles_session.render_passes, **options):
+    def render_views(*arguments, real=cycles_session.render_views, **options):
         taken.append(options["samples"])
         return real(*arguments, **options)
-    monkeypatch.setattr(cycles_session, "render_passes", render_passes)
+    monkeypatch.setattr(cycles_session, "render_views", render_views)
     second = scene.view_layers.new("n" * 60)
     second.renderformer_v2.samples = 3
     press_f12(scene, tmp_path)

@@ -108,20 +108,27 @@ def test_light_that_the_weights_are_not_given_is_greyed(scene, tmp_path):
     assert not drawn(scene, panels()["RENDERFORMER_PT_settings"]).active
 
 
-def test_a_panoramic_camera_is_warned_of_beside_its_lens(scene):
+def lens_of(scene):
     layout = Layout()
     context = types.SimpleNamespace(engine="RENDERFORMER_V2", camera=scene.camera.data)
     camera.draw_lens(types.SimpleNamespace(layout=layout), context)
-    assert not layout.texts
-    scene.camera.data.type = "PANO"
-    camera.draw_lens(types.SimpleNamespace(layout=layout), context)
-    assert "Perspective" in " ".join(layout.texts)
+    return layout
 
 
-def test_stereoscopy_is_shown_only_to_be_switched_off(scene):
-    assert "use_multiview" not in drawn(scene, panels()["RENDERFORMER_PT_settings"]).shown
-    scene.render.use_multiview = True
-    assert "use_multiview" in drawn(scene, panels()["RENDERFORMER_PT_settings"]).shown
+def test_a_panoramic_camera_has_the_settings_that_cycles_gives_it(scene):
+    data = scene.camera.data
+    assert not lens_of(scene).shown and not lens_of(scene).texts
+    data.type = "PANO"
+    for kind in data.bl_rna.properties["panorama_type"].enum_items.keys():
+        data.panorama_type = kind
+        assert "panorama_type" in lens_of(scene).shown and not lens_of(scene).texts
+    data.panorama_type = "EQUIRECTANGULAR"
+    assert {"latitude_min", "longitude_max"} <= lens_of(scene).shown
+
+
+def test_a_camera_of_a_type_that_is_not_supported_is_warned_of_beside_its_lens(scene):
+    scene.camera.data.type = "CUSTOM"
+    assert "Perspective" in " ".join(lens_of(scene).texts)
 
 
 def test_other_engines_keep_their_panels_to_themselves(scene):

@@ -1,21 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bounced light in closed form: what is known about it without a renderer."""
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model.geometry import area_vectors
 from renderformer_v2.model.guided.bounce import patches, probes
 from renderformer_v2.model.guided.bounce.probes import gathered
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
-from renderformer_v2.model.guided.prior.light_prior import LightPrior
-from renderformer_v2.model.scene import RenderScene, constant_tile
+from renderformer_v2.model.guided.prior.light_prior import Lamps, LightPrior
+from renderformer_v2.model.scene import ROUGHNESS, RenderScene, constant_tile
 from tests.model.samples import flat, floor_scene, walls
 
 MANY = 50  # times the rays of a point
 RATIO = 0.5 / 0.3  # of half the side of `roof` to its height
 COVERED = 4 / (2 * np.pi) * 2 * RATIO / np.sqrt(1 + RATIO**2) * np.arctan(RATIO / np.sqrt(1 + RATIO**2))  # by it
+NO_LAMPS = Lamps(np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 
 
@@ -26,7 +29,8 @@ def built(scene: RenderScene) -> Radiosity:
 def parts(bounce: Radiosity, points, normals) -> tuple[torch.Tensor, torch.Tensor]:
     """(P, 3) all and that which has bounced before, without the noise of a point's few rays."""
     points, normals = torch.as_tensor(points), torch.as_tensor(normals).expand(len(points), 3)
-    return bounce(points.repeat(MANY, 1), normals.repeat(MANY, 1)).view(MANY, -1, 6).mean(0).split(3, dim=-1)
+    found = bounce(points.repeat(MANY, 1), normals.repeat(MANY, 1))[:, :6]
+    return found.view(MANY, -1, 6).mean(0).split(3, dim=-1)
 
 
 def arriving(bounce: Radiosity, points, normals) -> torch.Tensor:
@@ -42,7 +46,7 @@ def test_a_point_that_faces_a_bright_plane_gathers_its_radiance():
         x = 1 / z
         expected = 4 / (2 * np.pi) * 2 * x / np.sqrt(1 + x * x) * np.arctan(x / np.sqrt(1 + x * x))
         assert found == pytest.approx(expected, rel=error)
-    assert built(floor_scene())(torch.tensor([[0.0, 0.0, 0.5]]), UP).abs().max() == 0  # nothing above but the lamp
+    assert built(floor_scene())(torch.tensor([[0.0, 0.0, 0.5]]), UP)[:, :6].abs().max() == 0  # the lamp alone
 
 
 def test_a_coloured_wall_bleeds_onto_what_is_near_it():
@@ -66,7 +70,7 @@ def test_no_more_than_a_whole_hemisphere_arrives():
     bounce.leaving = torch.ones_like(bounce.leaving)
     points = torch.rand(200, 3, generator=torch.Generator().manual_seed(0)) * 2 - 1
     normals = torch.nn.functional.normalize(torch.randn(200, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
-    assert bounce(points, normals).max() <= 1 + 1e-5
+    assert bounce(points, normals)[:, :6].max() <= 1 + 1e-5
 
 
 def test_merged_patches_give_nearly_the_same_light(monkeypatch):
@@ -78,7 +82,7 @@ def test_merged_patches_give_nearly_the_same_light(monkeypatch):
     exact = arriving(built(scene), points, UP)
     monkeypatch.setattr(patches, "PATCHES", 512)
     few = built(scene)
-    assert 256 < len(few.normal) <= 512 < len(scene)
+    assert 256 < len(few.interior.normal) <= 512 < len(scene)
     torch.testing.assert_close(arriving(few, points, UP), exact, rtol=0.1, atol=1e-3)
 
 
@@ -88,7 +92,7 @@ def test_patches_of_the_rest_stay_when_something_moves(monkeypatch):
     fine = floor_scene(side=24).triangles[:-1] * 0.1 + np.float32((0.5, 0, 0.3))
     found = []
     for plate in fine, fine[7:] + np.float32((0.01, 0, 0.02)):
-        made = patches.patches(walls((0.8, 0.05, 0.05)).appended(flat(plate, (0, 0, 0))))
+        made = patches.patches(walls((0.8, 0.05, 0.05)).appended(flat(plate, (0, 0, 0))), NO_LAMPS)
         found.append(made.center[made.albedo[:, 0] > 0.5])
     assert 100 < len(found[0]) and torch.equal(*found)
 
@@ -116,7 +120,7 @@ def test_what_stands_in_between_keeps_light_away():
     light = []
     for scene in (ceiling, ceiling.appended(roof((0.0, 0.0, 0.0)))):
         bounce = built(scene)
-        bright = patches.patches(scene).center[:, 2] > 0.5
+        bright = patches.patches(scene, LightPrior(scene).lamps()).center[:, 2] > 0.5
         bounce.leaving = bright.float().repeat(2)[:, None].expand(-1, 6)
         light.append(arriving(bounce, [[0.0, 0.0, 0.0], [0.0, 0.0, 0.45]], UP)[:, 0])
     assert light[1][0] < 0.4 * light[0][0] and light[1][1] > 0.9
@@ -166,4 +170,72 @@ def test_a_scene_of_lights_alone_gathers_nothing():
                               ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")})
     radiosity = Radiosity(alone, LightPrior(alone))
     points = torch.zeros(3, 3)
-    assert (radiosity(points, torch.eye(3)) == 0).all() and radiosity(points[:0], points[:0]).shape == (0, 6)
+    assert (radiosity(points, torch.eye(3))[:, :6] == 0).all() and radiosity(points[:0], points[:0]).shape == (0, 9)
+
+
+def closed_box(color) -> RenderScene:
+    """Two units wide, with a lamp in its middle."""
+    square = np.float32([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
+    sides = [np.roll(square + np.float32((0, 0, z)), axis, axis=-1) for axis in range(3) for z in (-1, 1)]
+    scene = floor_scene()
+    lamp = scene.triangles[scene.is_light]
+    scene.triangles[scene.is_light] = lamp - lamp.mean(axis=(0, 1)) + np.float32((0.3, 0.2, 0.1))
+    lights = {name: getattr(scene, name)[scene.is_light] for name in
+              ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")}
+    return flat(np.concatenate(sides), color).appended(replace(scene, **lights))
+
+
+def test_patches_are_small_where_a_lamp_is_near():
+    scene = closed_box((0.5, 0.5, 0.5))
+    lamp = np.float32([[0.0, 0.0, -0.9]])
+    made = patches.patches(scene, Lamps(lamp, np.ones(1, np.float32)))
+    on_floor = made.center[:, 2] < -0.99
+    near = (made.center[:, :2].norm(dim=-1) < 0.2) & on_floor
+    far = (made.center[:, :2].norm(dim=-1) > 0.9) & on_floor
+    assert near.sum() > 10 and 20 * made.vector[near].norm(dim=-1).mean() < made.vector[far].norm(dim=-1).mean()
+
+
+def test_the_points_of_patches_lie_on_them():
+    scene = closed_box((0.5, 0.5, 0.5))
+    made = patches.patches(scene, LightPrior(scene).lamps())
+    points, normals = made.points(4)
+    assert points.shape == normals.shape == (len(made.center), 4, 3)
+    torch.testing.assert_close(points.abs().amax(-1), torch.ones(points.shape[:2]), atol=1e-5, rtol=0)
+    away, size = (points - made.center[:, None]).norm(dim=-1), made.vector.norm(dim=-1).sqrt()
+    assert (away <= 2 * size[:, None]).all() and (away.amax(1) > 0.1 * size).all()
+    assert ((normals * made.vector[:, None]).sum(-1) > 0).all()
+
+
+def test_all_light_of_a_lamp_arrives_in_a_closed_box():
+    scene = closed_box((0.5, 0.5, 0.5))
+    prior = LightPrior(scene)
+    bounce, made = Radiosity(scene, prior), patches.patches(scene, prior.lamps())
+    area, (diffuse, _, of_lamps) = made.vector.norm(dim=-1)[:, None], made.albedo.split(3, dim=1)
+    first = bounce.leaving[:, :3] - bounce.leaving[:, 3:]
+    arrived = sum((area * side / (diffuse + of_lamps)).sum(0) for side in first.split(len(area)))
+    sheets = 2 * np.linalg.norm(area_vectors(prior.corners.numpy()), axis=-1)
+    emitted = torch.from_numpy(np.float32(sheets)) @ prior.radiance[:len(sheets)]  # by both sides, over pi
+    emitted = emitted + 4 * np.pi * prior.radii.square() @ prior.radiance[len(sheets):]
+    torch.testing.assert_close(arrived, emitted, rtol=0.05, atol=0)
+
+
+def test_light_between_white_walls_adds_up_as_the_series_of_its_bounces():
+    """In a closed box nearly all of it is the same everywhere: four diffuse bounces, and glossy ones between them."""
+    scene = closed_box((0.8, 0.8, 0.8))
+    scene.tiles[:, ROUGHNESS] = 0.9
+    prior = LightPrior(scene)
+    bounce, made = Radiosity(scene, prior), patches.patches(scene, prior.lamps())
+    diffuse, glossy, _ = made.albedo[0].view(3, 3)[:, 0].tolist()
+    area = made.vector.norm(dim=-1)[:, None]
+    every, again = ((area.repeat(2, 1) * light).sum().item() for light in bounce.leaving.split(3, dim=1))
+    series = sum(math.comb(d + g, g) * diffuse ** d * glossy ** g for d in range(4) for g in range(3))
+    assert again / (every - again) == pytest.approx(series - 1, rel=0.05)
+
+
+def test_a_glossy_surface_shows_more_of_a_bright_wall_from_where_it_is_mirrored():
+    bounce = built(walls((0.8, 0.8, 0.8)))
+    at, normal = torch.tensor([[0.0, 0.0, 0.0]]), UP
+    towards, away = (torch.nn.functional.normalize(torch.tensor([[x, 0.0, 0.5]]), dim=-1) for x in (1.0, -1.0))
+    (wall, covered), (nothing, clear) = (bounce.glossy(at, normal, eye, torch.tensor([0.2]), torch.tensor([0]))
+                                         for eye in (towards, away))
+    assert wall[0, 0] > 5 * nothing[0, 0] and covered.item() < 0.2 < 0.8 < clear.item()

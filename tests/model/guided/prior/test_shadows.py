@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is known about shadows without a renderer: closed boxes, open skies, a plate under a lamp."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
+from renderformer_v2.model.guided.prior.emitters import gather_emitters
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
-from renderformer_v2.model.guided.prior.sky import sphere_directions
+from renderformer_v2.model.guided.sampling import in_a_row
 from renderformer_v2.model.scene import RenderScene, constant_tile
 from tests.model.samples import floor_scene
 
@@ -22,24 +25,28 @@ def under_a_sky(corners: np.ndarray) -> RenderScene:
                        np.zeros(n, np.int32), constant_tile((0.8, 0.8, 0.8))[None], np.ones((32, 64, 3), np.float32))
 
 
+def sky(prior: LightPrior, points: torch.Tensor, normals: torch.Tensor) -> torch.Tensor:
+    return prior.arriving(points, normals)[:, :3]
+
+
 def test_no_sky_shines_into_a_closed_box():
     scene = under_a_sky(BOX)
     points = torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) * 1.9 - 0.95
     normals = torch.nn.functional.normalize(torch.randn(500, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
     prior = LightPrior(scene)
-    assert prior.sky(points, normals).mean() < 0.01
+    assert sky(prior, points, normals).mean() < 0.01
     assert Radiosity(scene, prior)(points, normals).mean() < 0.02
     wall = torch.tensor(BOX.mean(axis=1))
     outwards = torch.where(wall.abs() > 0.9, wall, 0.0)
-    assert prior.sky(wall, -outwards).mean() < 0.01
-    assert prior.sky(wall, outwards).min() > 0.99
+    assert sky(prior, wall, -outwards).mean() < 0.01
+    assert sky(prior, wall, outwards).min() > 0.99
 
 
 def test_an_open_sky_is_whole_and_a_wall_hides_half_of_it():
     floor = LightPrior(under_a_sky(SQUARE))
-    assert floor.sky(torch.tensor([[0.3, 0.2, 0.0]]), UP).min() == 1
+    assert sky(floor, torch.tensor([[0.3, 0.2, 0.0]]), UP).min() == 1
     wall = np.roll(SQUARE, 1, axis=-1) * np.float32((1, 2, 2)) + np.float32((0.2, 0, 0))
-    beside = LightPrior(under_a_sky(wall)).sky(torch.tensor([[0.0, 0.0, 0.0]]), UP)
+    beside = sky(LightPrior(under_a_sky(wall)), torch.tensor([[0.0, 0.0, 0.0]]), UP)
     assert beside.mean().item() == pytest.approx(0.5, abs=0.1)
 
 
@@ -51,7 +58,21 @@ def test_a_plate_keeps_a_lamp_from_what_is_below_it():
     torch.testing.assert_close(shaded.arriving(points, UP.expand(3, 3))[:, 3], torch.tensor([0.0, 1.0, 1.0]))
 
 
-def test_directions_are_spread_evenly():
-    d = sphere_directions(64)
-    torch.testing.assert_close(d.norm(dim=-1), torch.ones(64))
-    torch.testing.assert_close(3 * d.T @ d / 64, torch.eye(3), atol=0.02, rtol=0)
+def test_the_shadow_of_a_wide_lamp_has_a_soft_edge():
+    """A lamp of half a unit's radius, two above the floor; a plate halfway whose edge is below its middle."""
+    scene = floor_scene()
+    lamp = scene.triangles[scene.is_light]
+    scene.triangles[scene.is_light] = (lamp - lamp.mean(axis=(0, 1))) * 6 + np.float32((0, 0, 2))
+    plate = under_a_sky(SQUARE + np.float32((1, 0, 1)))
+    shaded, many = LightPrior(scene.appended(plate)), 400
+    seen = []
+    for x in (-0.9, 0.0, 0.9):
+        points = torch.tensor([[x, 0.1, 0.0]]).expand(many, 3)
+        seen.append(shaded.lamps_share(points, UP.expand(many, 3), in_a_row(torch.arange(many))).mean().item())
+    assert seen[0] > 0.95 and 0.25 < seen[1] < 0.75 and seen[2] < 0.05
+
+
+def test_suns_are_parallel_and_one_emitter_however_many_triangles_they_have():
+    sun = floor_scene(side=6).triangles[:-1] + np.float32((0, 0, 40))
+    emitters = gather_emitters(replace(under_a_sky(sun), emission=np.ones((len(sun), 3), np.float32)))
+    assert len(emitters) == 1 and len(emitters.radii) == 1

@@ -100,8 +100,8 @@ def test_orthographic_camera_keeps_its_framing_and_is_reported(scene, report, ad
 
 
 def test_impossible_cameras_are_errors_that_name_them(scene):
-    scene.camera.data.type = "PANO"
-    with pytest.raises(SceneError, match='"Camera" is panoramic.* Perspective .* or to Orthographic'):
+    scene.camera.data.type = "CUSTOM"
+    with pytest.raises(SceneError, match='"Camera" is custom.* Perspective, Orthographic or Panoramic'):
         view_of(scene, (50, 37))
     scene.camera.data.type, scene.camera.data.clip_start, scene.camera.data.clip_end = "PERSP", 5, 5
     with pytest.raises(SceneError, match="Clip End beyond its Clip Start"):
