@@ -9,6 +9,8 @@ from .guided.specular import shading_normals
 from .material.reflectance import normal_reflectance
 from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels
 
+OF_PLACE = "position", "normal", "depth", "hit_triangle", "hit_barycentric"
+OF_ALL = "diffuse_color", "glossy_color", "transmission_color", "emission", "environment", "alpha"
 NOTHING_HIT = 1e10  # depth there, as Blender has it
 
 
@@ -36,6 +38,19 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
         environment[~hit] = _seen_in(scene.environment, rays[~hit])
     return Guides(position, normal, *color, emission, environment, depth, hit.astype(np.float32),
                   triangle.astype(np.int32), weights.astype(np.float32))
+
+
+def mean_guides(parts: list[Guides]) -> Guides:
+    """Of several samples of each pixel: means of colours and coverage, and the place and surface of the first hit."""
+    if len(parts) == 1:
+        return parts[0]
+    first = np.argmax([part.alpha > 0 for part in parts], axis=0)[None]
+
+    def of_first(name: str) -> np.ndarray:
+        values = np.stack([getattr(part, name) for part in parts])
+        return np.take_along_axis(values, first.reshape(*first.shape, *(1,) * (values.ndim - 3)), axis=0)[0]
+    return Guides(**{name: of_first(name) for name in OF_PLACE},
+                  **{name: np.mean([getattr(part, name) for part in parts], axis=0) for name in OF_ALL})
 
 
 def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from . import passes, settings, viewport
+from . import passes, settings
 from .frame import reference, render
 from .registering import classes
+from .viewport import viewport
 
 
 class RenderFormerEngine(bpy.types.RenderEngine):
@@ -29,10 +30,10 @@ class RenderFormerEngine(bpy.types.RenderEngine):
         render.render(self, depsgraph)
 
     def view_update(self, context, depsgraph):
-        viewport.ask_to_fall_back()
+        viewport.update(self, context, depsgraph)
 
     def view_draw(self, context, depsgraph):
-        viewport.ask_to_fall_back()
+        viewport.draw(self, context, depsgraph)
 
 
 register, unregister = classes(RenderFormerEngine)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Register everything in order, and unregister it in reverse order."""
-from . import compare, engine, material_settings, panels, paper_scenes, reference_settings, settings, viewport
+from . import compare, engine, material_settings, panels, paper_scenes, reference_settings, settings
 from .cycles import world as world_session
 from .frame import model_cache, preflight, running, shot
 from .progress import costs, frame_lines, last_render, status_line
 from .registering import modules
 from .setup import command, package_operators, preferences, weights_operators
+from .viewport import viewport
 
 MODULES = (running, shot, world_session, costs, last_render, frame_lines, status_line, preflight,
            reference_settings, settings, material_settings, preferences, engine, package_operators, weights_operators,

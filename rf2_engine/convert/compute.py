@@ -21,6 +21,7 @@ from .lamps.one_triangle import one_triangle
 from .material import MaterialTiles
 from .media import medium
 from .media.fog import add_fog, through_fog
+from .memo import Memo
 from .meshes.budget import Simplification, allotted
 from .meshes.sizes import Sizes
 from .report import Report
@@ -31,13 +32,16 @@ UNIT_BOX = np.float32([(-HALF_EXTENT,) * 3, (HALF_EXTENT,) * 3])  # what the net
 
 
 def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda framing: framing, baker=None, as_is: bool = False,
+            steady=lambda framing: framing, baker=None, memo: Memo | None = None, as_is: bool = False,
             paper_lamps: bool = False) -> RenderScene:
-    """The arguments of `convert` (scene.py). On any thread; `copied` stays as it is."""
-    plan = _planned(copied, view, token_budget, max_edge, report, steady, as_is)
+    """The arguments of `convert` (scene.py), and of conversions before this one a memo. On any thread; `copied` stays
+    as it is."""
+    remembered = Memo() if memo is None else memo
+    remembered.begin()
+    plan = _planned(copied, view, token_budget, max_edge, report, steady, remembered, as_is)
     collected = plan.collected
     with progress.part(0.35, 0.6):
-        plan.simplification.apply(report)
+        plan.simplification.apply(report, memo)
     plan.size.subdivide(collected.parts, plan.budget)
     with progress.part(0.6, 0.9):
         surfaces = dressed(collected.parts, MaterialTiles(report, baker), report)
@@ -49,12 +53,13 @@ def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: f
     scene.environment, scene.box = plan.environment, plan.framing.box
     scene.exposure = np.ones(1, np.float32) if as_is else None
     scene.validate()
+    remembered.end()
     return scene
 
 
 def fitted(copied: Copied, view: View, *, token_budget: int, max_edge: float, as_is: bool = False) -> Framing:
     """What `compute` is fitted to by itself, with the triangles of the meshes."""
-    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own, as_is).framing
+    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own, Memo(), as_is).framing
 
 
 @dataclass
@@ -71,12 +76,13 @@ class _Plan:
 
 
 def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: float, report, steady,
-             as_is: bool) -> _Plan:
+             memo: Memo, as_is: bool) -> _Plan:
     if not rays.has_embree():
         report.approximated("Speed", "the Python package embreex is missing, so rays take ten times as long: use "
                                      "Install Packages in Preferences > Add-ons > RenderFormer-V2")
     with progress.part(0.0, 0.1, "Converting the world"):
-        environment, suns = world_light(copied.world, copied.drawn, report, whole=as_is)
+        environment, suns = memo.of(("world", copied.world, id(copied.drawn), as_is), lambda report: world_light(
+            copied.world, copied.drawn, report, whole=as_is), report)
     with progress.part(0.1, 0.3):
         collected = collect(copied, report)
     hits, framing = None, Framing(UNIT_BOX if as_is else np.float32(collected.bounds()), None)

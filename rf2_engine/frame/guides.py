@@ -2,13 +2,14 @@
 """The network's `Guides`: from Cycles' first-hit passes, or from the token triangles alone."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...model import denoise_media
 from ...model.camera import view_rays, view_rays_at
-from ...model.first_hits import guides_of_hits, lobe_colors
+from ...model.first_hits import guides_of_hits, lobe_colors, mean_guides
 from ...model.geometry import barycentric, corner_weights
 from ...model.guided.specular import shading_normals
 from ...model.progress import part
@@ -29,20 +30,25 @@ COVERED = 1e-3       # alpha below this is not worth a token's attention
 ONE_SURFACE = 0.95   # length of the mean of a pixel's unit normals from which it sees one surface
 FILL_RADIUS = 4      # pixels
 FINDING = "Finding visible triangles"
+CENTRE = ((0.5, 0.5),)
+SPREAD = ((0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625))  # over a pixel, no two in a row or column
 
 
-def cast_guides(scene: RenderScene, view: View) -> Guides:
-    """First-hit guides of one view of `scene` (world frame) by rays through the pixels' centres.
+def cast_guides(scene: RenderScene, view: View, places: Sequence[tuple[float, float]] = CENTRE) -> Guides:
+    """First-hit guides of one view of `scene` (world frame) by rays through these places of each pixel.
 
-    For whoever has no passes of Cycles, such as a viewport: no anti-aliasing, and nothing that is not in a token.
+    For whoever has no passes of Cycles, such as a viewport: nothing that is not in a token.
     """
     seen, eye = np.flatnonzero(scene.is_seen), view.camera_to_world[:3, 3]
-    rays = view_rays(view)[1]
-    with part(0.0, 1.0, FINDING):
-        met = Rays(scene.triangles[seen] - eye).closest(np.zeros(3), rays.reshape(-1, 3))
-    triangle = np.append(seen, -1)[met.triangle].astype(np.int32)  # the last row is that of nothing, -1
-    return guides_of_hits(scene, view, rays, triangle.reshape(view.height, view.width),
-                          met.weights.reshape(view.height, view.width, 2))
+    tree, found = Rays(scene.triangles[seen] - eye), []
+    for i, place in enumerate(places):
+        rays = view_rays(replace(view, principal=view.principal - np.subtract(place, 0.5)))[1]
+        with part(i / len(places), (i + 1) / len(places), FINDING):
+            met = tree.closest(np.zeros(3), rays.reshape(-1, 3))
+        triangle = np.append(seen, -1)[met.triangle].astype(np.int32)  # the last row is that of nothing, -1
+        found.append(guides_of_hits(scene, view, rays, triangle.reshape(view.height, view.width),
+                                    met.weights.reshape(view.height, view.width, 2)))
+    return mean_guides(found)
 
 
 def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -> Guides:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import hashlib
 import importlib
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import fields
 from pathlib import Path
@@ -23,6 +24,7 @@ SUFFIXES = (".safetensors", ".json", ".yaml", ".yml")  # of weights and what des
 
 _cached: dict[tuple, object] = {}   # at most one model.renderer.Renderer: networks are large
 _encoded: dict[tuple, object] = {}  # at most one model.renderer.EncodedScene
+holders: list[Callable[[], None]] = []  # called when the network's memory is to be given back, for others who hold it
 
 
 def begin_import() -> Future:
@@ -81,6 +83,8 @@ def free() -> None:
         return  # and PyTorch may be half imported
     _cached.clear()
     _encoded.clear()
+    for let_go in holders:
+        let_go()
     gc.collect()
     import torch
     if torch.cuda.is_available():

@@ -21,6 +21,7 @@ from ..progress.last_render import LayerStatistics
 from ..progress.stages import CONVERT, DIVIDE, WRITE
 from ..progress.status import Status
 from ..setup import packages
+from ..viewport.worker import worker
 from . import failure, model_cache, output, reference, running
 from .hits import Hits, first_hits
 from .layer import Layer
@@ -29,7 +30,7 @@ from .optics import Optics
 from .trained import told
 from .work import layers
 
-LOST = {"unplaced": "without room within the Triangle Budget (seen, but not by the network)",
+LOST = {"unplaced": "without room within Max Triangles (in the picture, but unknown to the network)",
         "skipped": "left out of the picture", "refused": "with data that cannot be used"}
 
 
@@ -63,6 +64,8 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, name
 def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, optics: Optics, status: Status,
                   report: Report) -> LayerStatistics:
     """The steps of docs/architecture.md, section 2."""
+    while not worker.wait_until_idle():  # viewports have the same network
+        progress.report()
     packages.require()                                                              # 1. Requirements
     cycles_session.require()
     threads.sleep_while_waiting()

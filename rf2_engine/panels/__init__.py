@@ -14,12 +14,13 @@ from . import (
     remarks,
     render_settings,
     view_layer,
+    viewport,
 )
 from . import (
     copied as copied,
 )
 
-MODULES = (remarks, presets, render_settings, preflight, reference, last_render, passes, view_layer, material,
+MODULES = (remarks, presets, render_settings, preflight, reference, last_render, viewport, passes, view_layer, material,
            material_latent, camera, copied, adopted)
 
 register, unregister = modules(MODULES)

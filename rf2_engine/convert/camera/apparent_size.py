@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The size of things as seen from the camera, by which the Triangle Budget is spent (docs/scene-input.md 2.3)."""
+"""The size of things as seen from the camera, by which Max Triangles is spent (docs/scene-input.md 2.3)."""
 from __future__ import annotations
 
 import math
@@ -21,7 +21,7 @@ RASTER = 33    # rays along either side of a panorama that tell where it looks
 AROUND = 0.1   # length of the mean of the rays of a picture that shows all around
 
 
-@dataclass
+@dataclass(eq=False)
 class ApparentSize:
     """One eye at `near` or farther from everything it sees."""
 

@@ -31,7 +31,7 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
     if camera.data.type not in {"PERSP", "ORTHO", "PANO"}:
         raise SceneError(f'Camera "{camera.name}" is {camera.data.type.lower()}, which is not supported: set its Type '
                          "to Perspective, Orthographic or Panoramic in Camera Properties > Lens")
-    camera_to_world, mirror = _rigid(eye.matrix, camera.name, report)
+    camera_to_world, mirror = rigid(eye.matrix, camera.name, report)
     if camera.data.type == "PANO":
         panorama = panorama_of(camera, eye.shift_x, width, height, scene.render)
         fine = panorama.pixels_per_radian
@@ -83,7 +83,7 @@ def clip_start(depsgraph) -> float:
     return 0.0 if data.type == "ORTHO" else data.clip_start
 
 
-def _rigid(matrix: np.ndarray, name: str, report) -> tuple[np.ndarray, float]:
+def rigid(matrix: np.ndarray, name: str, report) -> tuple[np.ndarray, float]:
     """`matrix` without scale and shear, and -1 if it mirrors the picture.
 
     A mirrored camera becomes a rigid one whose x axis is turned round; a negative focal length turns the picture back.

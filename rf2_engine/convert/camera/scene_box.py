@@ -19,11 +19,15 @@ REACH = 1.5         # half of the box, in halves of the picture's longer side at
 
 def find_box(collected: Collected, view: View, hits: Hits) -> np.ndarray:
     """(2, 3) f32 lowest and highest corner, world; those of all surfaces and media where the view shows none."""
-    low, high = collected.bounds()
-    points = hits.points
+    return box_around(collected.bounds(), hits.points, view)
+
+
+def box_around(bounds: tuple[np.ndarray, np.ndarray], points: np.ndarray, view: View) -> np.ndarray:
+    """The same for a view that shows `points` (k, 3) of what lies within `bounds`."""
+    low, high = bounds
     if len(points):
         eye = view.camera_to_world[:3, 3]
-        distance = hits.distances(eye)
+        distance = np.linalg.norm(points - eye, axis=1)
         near = distance <= FAR * np.percentile(distance, NEAR)
         center = np.median(points[near], axis=0)
         half_picture = (view.longer_side / 2 / np.abs(view.focal)).max()

@@ -21,10 +21,11 @@ VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmi
 class Blocks:
     """The data-blocks of one conversion."""
 
-    def __init__(self, frame: int, depsgraph: bpy.types.Depsgraph | None = None):
-        """frame: that image sequences show; depsgraph: whose evaluated versions of data-blocks are copied."""
+    def __init__(self, frame: int, depsgraph: bpy.types.Depsgraph | None = None, images: dict | None = None):
+        """frame: that image sequences show; depsgraph: whose evaluated versions of data-blocks are copied; images: what
+        is `known` of them (`Images`)."""
         self.depsgraph = depsgraph
-        self._trees = Trees(Images(frame), _conventions())
+        self._trees = Trees(Images(frame, images), _conventions())
         self._known: dict[int, object] = {}
 
     def of(self, block: bpy.types.ID | None) -> Material | Lamp | World | None:

@@ -19,10 +19,11 @@ MAX_SIZE = 2048
 class Images:
     """The images of one conversion, each read and reduced once."""
 
-    def __init__(self, frame: int):
-        """frame: of the scene that is rendered, which image sequences show."""
+    def __init__(self, frame: int, known: dict | None = None):
+        """frame: of the scene that is rendered, which image sequences show; known: those that were read before, by
+        session_uid and how they are read."""
         self.frame = frame
-        self._known: dict[tuple, tuple[Pyramid, str]] = {}
+        self._known: dict[tuple, tuple[Pyramid, str]] = {} if known is None else known
 
     def picture(self, node) -> Picture:
         """What an Image Texture or Environment Texture shows."""
@@ -39,7 +40,7 @@ class Images:
 
     def _read(self, image, straight: bool, frame: int | None, tile: int | None) -> tuple[Pyramid, str]:
         """And what to say where it cannot be read."""
-        key = image.as_pointer(), straight, frame, tile
+        key = image.session_uid, straight, frame, tile
         if key not in self._known:
             progress.report()
             pixels, remark = stored_pixels(image, frame, tile), ""

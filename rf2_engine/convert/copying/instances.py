@@ -2,6 +2,8 @@
 """Copy the instances of a depsgraph in one walk, before anything is computed."""
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ....model import progress
@@ -15,8 +17,9 @@ from ..meshes import strands
 from ..meshes.mesh import TriangleMesh
 from ..place import Place
 from ..report import AS_GOOD_AS_INFINITE
-from ..visibility import gas_domain, hidden_in_renders, is_shown
+from ..visibility import gas_domain, is_shown
 from .blocks import Blocks
+from .kept import Kept
 from .volumes import gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
@@ -26,16 +29,19 @@ STRANDS = {"CURVES": strands.curves_mesh, "POINTCLOUD": strands.cloud_mesh}
 DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
 
 
-def add_instances(copied: Copied, depsgraph, blocks: Blocks, report) -> None:
-    """Everything that `depsgraph.object_instances` shows, each evaluated mesh read once."""
-    _Walk(copied, depsgraph, blocks, report).run()
+def add_instances(copied: Copied, depsgraph, blocks: Blocks, report, kept: Kept, hides: Callable) -> None:
+    """Everything that `depsgraph.object_instances` shows, each evaluated mesh read once.
+
+    hides: says of an original object that it is not shown, nor what it instances.
+    """
+    _Walk(copied, depsgraph, blocks, report, kept, hides).run()
 
 
 class _Walk:
-    def __init__(self, copied: Copied, depsgraph, blocks: Blocks, report):
+    def __init__(self, copied: Copied, depsgraph, blocks: Blocks, report, kept: Kept, hides: Callable):
         self.copied, self.depsgraph, self.blocks, self.report = copied, depsgraph, blocks, report
+        self.kept, self.hides = kept, hides
         self.layer = depsgraph.view_layer_eval
-        self.hidden = hidden_in_renders(depsgraph)
         self.dark = dark_emitters(depsgraph, report)
         self.asked = Asked(depsgraph)
         self._read: dict[tuple, TriangleMesh] = {}
@@ -50,10 +56,11 @@ class _Walk:
                 progress.report()
                 if instance.show_self and not self._is_hidden(instance):
                     self._add(instance)
+        self.kept.meshes.drop_unused()
 
     def _is_hidden(self, instance) -> bool:
         host = instance.parent if instance.is_instance else instance.object
-        return host is not None and host.original in self.hidden
+        return host is not None and self.hides(host.original)
 
     def _add(self, instance) -> None:
         obj = instance.object
@@ -121,5 +128,5 @@ class _Walk:
     def _mesh(self, obj, slots: list) -> TriangleMesh:
         key = obj.data.as_pointer(), *slots
         if key not in self._read:
-            self._read[key] = meshes.read_mesh(obj.data, obj.name, self.report, self.asked.names[MESH])
+            self._read[key] = self.kept.meshes.of(obj, self.asked.names[MESH], self.report)
         return self._read[key]

@@ -7,26 +7,31 @@ from ... import compat
 from ..camera.camera import clip_start
 from ..copied import Copied
 from ..material import needs_baking
+from ..visibility import hidden_in_renders
 from ..world import drawn_by
 from .blocks import REC709, Blocks
 from .instances import add_instances
+from .kept import Kept
 
 
-def copy(depsgraph, report, by_cycles=None, baker=None) -> Copied:
+def copy(depsgraph, report, by_cycles=None, baker=None, kept=None, hides=None) -> Copied:
     """What a render depsgraph shows; nothing of it refers to Blender's data, which may change or go away afterwards.
 
-    by_cycles: as drawn_by has it. baker: is made ready where nodes will have to be baked.
+    by_cycles: as drawn_by has it. baker: is made ready where nodes will have to be baked. kept: what was read for
+    copies before (`Kept`). hides: says of an original object that it is not shown, in a picture that is no render.
     """
     if (space := compat.working_space()) != REC709:
         report.approximated("Working Space", f"{space} is treated as Linear Rec.709: colors of skies and of lights "
                                              "with a temperature are wrong")
     frame = depsgraph.scene_eval.frame_current
+    kept = Kept() if kept is None else kept
     with progress.part(0.0, 0.1, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
-        world = Blocks(frame, depsgraph).of(shown_world(depsgraph))
+        shown = shown_world(depsgraph)
+        world = kept.world_of(shown, frame, lambda: Blocks(frame, depsgraph, kept.images).of(shown))
         copied = Copied(world, drawn_by(by_cycles, world))
     with progress.part(0.1, 0.9):
-        blocks = Blocks(frame, depsgraph)
-        add_instances(copied, depsgraph, blocks, report)
+        blocks = Blocks(frame, depsgraph, kept.images)
+        add_instances(copied, depsgraph, blocks, report, kept, hides or hidden_in_renders(depsgraph).__contains__)
     if (camera := depsgraph.scene_eval.camera) is not None and camera.type == "CAMERA":
         copied.clip_start = clip_start(depsgraph)
     if baker is not None and any(map(needs_baking, blocks.materials)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Decide how many triangles each mesh keeps, so that the Triangle Budget is spent where it is visible
+"""Decide how many triangles each mesh keeps, so that Max Triangles is spent where it is visible
 (docs/scene-input.md 2.3).
 
 A mesh of curvature k whose n triangles cover a of the picture is wrong by about k a sqrt(1 / n). The sum over all
@@ -8,6 +8,7 @@ meshes is least where n is proportional to (k a)^(2/3).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ..camera.apparent_size import ApparentSize, Lens
 from ..camera.framing import Framing
 from ..camera.visible import GRID, Hits
 from ..collected import Collected, Part
+from ..memo import Memo, content
 from . import reduce
 from .mesh import TriangleMesh
 from .reduce import COARSEST, KEPT_WHOLE
@@ -39,8 +41,8 @@ class Simplification:
     nearest: list[np.ndarray]         # (4, 4) object to world, of the instance that shows most
     apparent: ApparentSize | None
 
-    def apply(self, report) -> None:
-        """Simplify what is too fine."""
+    def apply(self, report, memo: Memo | None = None) -> None:
+        """Simplify what is too fine; memo: of conversions before."""
         before: dict[str, list[int]] = {}
         for i, (part, target, matrix) in enumerate(zip(self.parts, self.targets, self.nearest, strict=True)):
             if target >= len(part.mesh):
@@ -49,7 +51,12 @@ class Simplification:
             lens = None if self.apparent is None else Lens(matrix, self.apparent)
             with progress.part(i / len(self.parts), (i + 1) / len(self.parts),
                                f"Simplifying meshes, {i + 1} of {len(self.parts)}"):
-                part.mesh = reduce.simplify(part.mesh, int(target), lens)
+                simplified = partial(reduce.simplify, part.mesh, int(target), lens)
+                if memo is None:
+                    part.mesh = simplified()
+                else:
+                    key = content(part.mesh), int(target), matrix.tobytes(), self.apparent
+                    part.mesh = memo.of(key, lambda _, work=simplified: work(), report)
             part.flux_gain *= area / part.mesh.area
             before.setdefault(part.name, [count]).append(len(part.mesh))
         for name, (count, *after) in before.items():
@@ -168,7 +175,7 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
     for part, share, want, keep in zip(parts, shown, wanted, np.split(fits, np.cumsum(copies)[:-1]), strict=True):
         if not keep.all():
             some = "it exceeds" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances exceed"
-            room = f"{some} the Triangle Budget"
+            room = f"{some} Max Triangles"
             if keep.any() and len(part.mesh) <= COARSEST and not part.emits:  # as cards and leaves are
                 keep = _sampled(part, share, np.count_nonzero(keep))
                 report.approximated(part.name, f"{room}: a sample is kept and enlarged to cover the same area")

@@ -3,8 +3,9 @@
 import bpy
 import numpy as np
 
+from bl_ext.user_default.renderformer_v2.model.scene import RenderScene, View, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import cast_guides, make_guides
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import SPREAD, cast_guides, make_guides
 
 from tests.rf2_engine.f12 import cube, material, sun
 
@@ -45,3 +46,22 @@ def test_a_lamp_is_not_seen_and_an_empty_scene_is_empty(scene, monkeypatch):
     assert seen["scene"].is_light.any()
     guides = cast_guides(seen["scene"], seen["view"])
     assert not guides.alpha.any() and (guides.hit_triangle == -1).all() and guides.environment.min() > 0
+
+
+def test_several_rays_through_a_pixel_smooth_its_edges_and_keep_one_surface():
+    # A wall that covers the left half of the picture and three quarters of the pixels in the middle.
+    corners = np.float32([[(-9, 4, -9), (0.25, 4, -9), (0.25, 4, 9)], [(-9, 4, -9), (0.25, 4, 9), (-9, 4, 9)]])
+    wall = RenderScene(triangles=corners, normals=np.broadcast_to(np.float32((0, -1, 0)), (2, 3, 3)).copy(),
+                       emission=np.zeros((2, 3), np.float32), beam_axis=np.zeros((2, 3), np.float32),
+                       beam_cosine=np.zeros((2, 2), np.float32), tile_index=np.zeros(2, np.int32),
+                       tiles=constant_tile((0.5, 0.5, 0.5))[None],
+                       environment=np.ones((256, 512, 3), np.float32))
+    forward = np.float32([(1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)])  # along Y, Z is up
+    view = View(forward, np.float32([12, 12]), np.float32([4, 3]), 9, 6)              # a pixel is a third of a unit
+    sharp, smooth = cast_guides(wall, view), cast_guides(wall, view, SPREAD)
+    assert set(np.unique(sharp.alpha)) == {0, 1}
+    np.testing.assert_allclose(smooth.alpha[0], [1, 1, 1, 1, 0.75, 0, 0, 0, 0])
+    np.testing.assert_allclose(smooth.environment[..., 0] + smooth.alpha, 1)
+    np.testing.assert_allclose(smooth.diffuse_color[0, 4], 0.75 * smooth.diffuse_color[0, 0], rtol=1e-5)
+    assert (smooth.hit_triangle >= 0).sum() == (smooth.alpha > 0).sum()
+    np.testing.assert_allclose(smooth.position[smooth.alpha > 0][:, 1], 4, rtol=1e-5)

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From the copy of a scene to pictures of it, on any thread: first hits by rays of our own, light by the network."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from ...model import progress
+from ...model.scene import RenderScene, View
+from ..convert import compute
+from ..convert.camera.framing import Framing
+from ..convert.camera.scene_box import box_around
+from ..convert.copied import Copied
+from ..convert.memo import Memo
+from ..convert.report import Report
+from ..frame import model_cache, output
+from ..frame.guides import CENTRE, SPREAD, cast_guides
+from ..frame.reflections import with_ends
+from ..frame.shot import has_left
+from ..settings import FrameSettings
+
+
+@dataclass(frozen=True)
+class Look:
+    """The settings that decide what a viewport shows."""
+
+    frame: FrameSettings  # of a render, with the viewport's own Triangle Budget
+    finest: int           # what the pixels along a side are divided by at most
+    time_limit: float     # seconds of one picture, 0 = any
+
+    @classmethod
+    def of(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Look:
+        """Raises CheckpointError as FrameSettings.of does."""
+        chosen = scene.renderformer_v2.viewport
+        frame = replace(FrameSettings.of(scene, view_layer), token_budget=chosen.token_budget, guide_samples=1,
+                        reference=None)
+        return cls(frame, int(chosen.resolution), chosen.time_limit)
+
+    @property
+    def of_scene(self) -> tuple:
+        """What of it decides how a scene is encoded."""
+        frame = self.frame
+        return (frame.weights, frame.transformer, frame.device, frame.precision, frame.token_budget, frame.max_edge,
+                frame.guided)
+
+    @property
+    def of_picture(self) -> tuple:
+        return *self.of_scene, self.frame.film_transparent, self.frame.exposure
+
+
+@dataclass(eq=False)
+class Lit:
+    """A scene that is ready for views of it."""
+
+    version: int            # of the copy (Source)
+    made_with: tuple        # Look.of_scene
+    scene: RenderScene
+    framing: Framing
+    encoded: object | None  # model.renderer.EncodedScene; None: there is nothing to light
+    content: bytes          # model_cache.fingerprint
+
+    @property
+    def points(self) -> np.ndarray:
+        """(k, 3) corners of what is seen."""
+        return self.scene.triangles[self.scene.is_seen].reshape(-1, 3)
+
+
+def light(copied: Copied, version: int, view: View, look: Look, before: Lit | None, report: Report,
+          memo: Memo) -> Lit:
+    """Convert and encode a copy of a scene, for this view and those like it.
+
+    before: what was shown of the scene until now, whose box and shares of triangles are kept as long as they fit.
+    memo: of conversions before.
+    """
+    settings, framing = look.frame, None
+
+    def steady(own: Framing) -> Framing:
+        nonlocal framing
+        framing = before.framing if before and not has_left(before.framing.box, own.box) else own
+        return framing
+
+    with progress.part(0.0, 0.4, "Converting the scene"):
+        scene = compute.compute(copied, view, token_budget=settings.token_budget, max_edge=settings.max_edge,
+                                as_is=settings.as_is, paper_lamps=settings.paper_lamps,
+                                report=report, steady=steady, memo=memo)
+    content = model_cache.fingerprint(scene)
+    if before and before.content == content and before.made_with == look.of_scene:
+        return replace(before, version=version, framing=framing)
+    encoded = None
+    if len(scene) or scene.volumes:
+        with progress.part(0.4, 0.5, "Loading the network"):
+            network = model_cache.renderer(settings.weights, settings.device, settings.precision, settings.transformer)
+        with progress.part(0.5, 1.0, "Bouncing light"):
+            encoded = network.encode(scene, view.longer_side)
+    return Lit(version, look.of_scene, scene, framing, encoded, content)
+
+
+def picture(lit: Lit, view: View, look: Look, smooth: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, 4) f32 premultiplied linear Rec.709, row 0 on top, and (k, 3) places of what is seen, world.
+
+    smooth: with several rays through each pixel, against jagged edges.
+    """
+    settings = look.frame
+    with progress.part(0.0, 0.1, "Finding surfaces"):
+        guides = cast_guides(lit.scene, view, SPREAD if smooth else CENTRE)
+    if settings.guided:
+        with progress.part(0.1, 0.2):
+            guides = with_ends(guides, lit.scene, view)
+    seen = guides.alpha > 0
+    radiance = np.zeros_like(guides.position)
+    if lit.encoded is not None and (seen.any() or lit.scene.volumes):
+        with progress.part(0.2, 1.0, "Lighting the picture"):
+            radiance = lit.encoded.view(view, guides)
+    opacity = None if settings.film_transparent else np.ones_like(guides.alpha)
+    return output.composite(radiance, guides, opacity, None, settings.exposure), guides.position[seen]
+
+
+def has_moved_on(lit: Lit, view: View, points: np.ndarray) -> bool:
+    """Whether a view that shows these points (k, 3) is so far from the one that the scene was fitted to that it is to
+    be fitted anew."""
+    if not len(points):
+        return False
+    corners = lit.scene.triangles[~lit.scene.is_light].reshape(-1, 3)
+    corners = corners if len(corners) else points
+    own = box_around((corners.min(axis=0), corners.max(axis=0)), points, view)
+    return has_left(lit.framing.box, own)

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A view layer as viewports show it: copied from Blender in slices, and again after each change."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import bpy
+
+from ...model import progress
+from ..convert.copied import Copied
+from ..convert.copying.kept import Kept
+from ..convert.copying.scene import copy
+from ..convert.report import Report
+from ..frame import failure
+from .changes import Changes
+
+SLICE = 0.05  # seconds that Blender's window waits for us at a time, unless one mesh or image takes longer
+
+Key = tuple
+
+
+class _SliceOver(Exception):
+    pass
+
+
+class Source:
+    """What viewports of the same scene, view layer and local view share."""
+
+    def __init__(self) -> None:
+        self.changes = Changes(everything=True, anything=True)
+        self.copied: Copied | None = None
+        self.version = 0                # of the copy; 0: none yet
+        self.error = ""                 # why it could not be copied
+        self._kept = Kept()
+
+    def refresh(self, depsgraph: bpy.types.Depsgraph, hides: Callable | None = None) -> bool:
+        """Copy what has changed, on Blender's main thread; False if another slice is needed. What fails is tried again
+        after the next change.
+
+        hides: says of an original object that the viewport does not show it.
+        """
+        if not self.changes.anything:
+            return True
+        self._kept = self.changes.drop_from(self._kept)
+        self.changes = Changes(anything=True)
+        begin, read = time.perf_counter(), len(self._kept)
+
+        def listen(*_) -> None:
+            if time.perf_counter() - begin > SLICE and len(self._kept) > read:
+                raise _SliceOver()
+
+        try:
+            with progress.reporting(listen):
+                copied = copy(depsgraph, Report(), kept=self._kept, hides=hides or (lambda obj: False))
+        except _SliceOver:
+            return False
+        except Exception as error:
+            self.error, self.changes = failure.message(error), Changes()
+            return True
+        copied.clip_start = 0.0  # of the scene's camera, which need not be the view
+        self.changes = Changes()
+        self.copied, self.error, self.version = copied, "", self.version + 1
+        return True
+
+
+def key_of(depsgraph: bpy.types.Depsgraph, space: bpy.types.SpaceView3D | None = None) -> Key:
+    """What a source is known by; `space` counts where a viewport hides objects of its own."""
+    key = depsgraph.scene.session_uid, depsgraph.view_layer.name
+    if space is None:
+        return key
+    kinds = tuple(prop.identifier for prop in space.bl_rna.properties
+                  if prop.identifier.startswith("show_object_viewport_") and not getattr(space, prop.identifier))
+    if not (kinds or space.local_view or space.use_local_collections):
+        return key
+    return *key, space.as_pointer(), bool(space.local_view), space.use_local_collections, kinds
+
+
+def hides_in(space: bpy.types.SpaceView3D) -> Callable:
+    """Says of an original object that this viewport does not show it: local view, local collections, object types."""
+    return lambda obj: not obj.visible_in_viewport_get(space)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rendered viewports: Blender calls `update` after changes and `draw` whenever a viewport is drawn."""
+from __future__ import annotations
+
+import weakref
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...model import threads
+from ...model.errors import CheckpointError
+from ..frame import model_cache, running
+from ..registering import handlers
+from ..setup import packages
+from . import status
+from .draw import Texture, draw_message
+from .lighting import Look
+from .region_view import RegionView
+from .session import Request, Session
+from .source import Key, Source, hides_in, key_of
+from .worker import worker
+
+_sources: weakref.WeakValueDictionary[Key, Source] = weakref.WeakValueDictionary()
+
+
+class Viewport:
+    """What is kept with the engine that Blender has made for one viewport, and freed with it."""
+
+    def __init__(self, engine: bpy.types.RenderEngine) -> None:
+        threads.sleep_while_waiting()
+        held = weakref.ref(engine)
+
+        def redraw() -> None:
+            try:
+                if (alive := held()) is not None:
+                    alive.tag_redraw()
+            except ReferenceError:  # Blender has freed it
+                session.close()
+
+        session = self.session = Session(redraw)
+        self.texture, self.source = Texture(), None
+        worker.add(session)
+        weakref.finalize(self, session.close)
+
+    def refresh(self, depsgraph: bpy.types.Depsgraph, space: bpy.types.SpaceView3D) -> bool:
+        """Copy what has changed; False if there is more to do."""
+        key = key_of(depsgraph, space)
+        self.source = _sources.get(key) or Source()
+        _sources[key] = self.source
+        return self.source.refresh(depsgraph, hides_in(space))
+
+    def ask(self, view: RegionView, look: Look) -> None:
+        """Show what was copied last."""
+        if self.source.version and self.session.ask(Request(self.source.copied, self.source.version, view, look)):
+            worker.wake()
+        elif self.session.wants():
+            worker.wake()
+
+
+def update(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+    """After a change of the scene, and when a viewport begins to be Rendered."""
+    _advance(engine, context, depsgraph)
+
+
+def draw(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+    done, error = _advance(engine, context, depsgraph)
+    session, region = _viewport(engine).session, context.region
+    shown = session.shown
+    if shown is not None:
+        _viewport(engine).texture.draw(engine, depsgraph.scene, shown.pixels, _place(shown, region))
+    engine.update_stats("", "" if error else status.text(session, not done))
+    if message := error or session.error:
+        engine.update_stats("", message.split(":")[0])
+        draw_message(message, region.width, region.height)
+    if not done:
+        engine.tag_redraw()
+
+
+def _advance(engine, context, depsgraph) -> tuple[bool, str]:
+    """Whether the scene was read to its end, and why nothing can be shown."""
+    viewport, scene = _viewport(engine), depsgraph.scene
+    if running.is_under_way():
+        return True, ""
+    try:
+        packages.require()
+        look = Look.of(scene, depsgraph.view_layer)
+    except (CheckpointError, packages.MissingPackages) as error:
+        return True, str(error)
+    done = viewport.refresh(depsgraph, context.space_data)
+    if done:
+        view = RegionView.of(context.region.width, context.region.height, context.region_data, context.space_data,
+                             scene, context.preferences.system.pixel_size)
+        viewport.ask(view, look)
+    return done, viewport.source.error
+
+
+def _place(shown, region) -> tuple[int, int, int, int]:
+    """Where a picture is drawn: a region that has another size now shows it stretched until there is a new one."""
+    x0, x1, y0, y1 = shown.request.view.rectangle
+    width, height = shown.request.view.size
+    across, up = region.width / width, region.height / height
+    return round(x0 * across), round(x1 * across), round(y0 * up), round(y1 * up)
+
+
+def _viewport(engine) -> Viewport:
+    if getattr(engine, "viewport", None) is None:
+        engine.viewport = Viewport(engine)
+    return engine.viewport
+
+
+@persistent
+def note_changes(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None) -> None:
+    """Of the last evaluation of a depsgraph, for all viewports that show it."""
+    if depsgraph is None or depsgraph.mode != "VIEWPORT" or not _sources:
+        return
+    changed = key_of(depsgraph)
+    for key, source in list(_sources.items()):
+        if key[:len(changed)] == changed:
+            source.changes.add(depsgraph)
+
+
+@persistent
+def note_undo(*_) -> None:
+    """Whatever was read may have become something else."""
+    for source in list(_sources.values()):
+        source.changes.add_everything()
+
+
+@persistent
+def forget(*_) -> None:
+    """Another file is about to be opened."""
+    for session in worker.works():
+        session.close()
+    _sources.clear()
+
+
+@persistent
+def go_on(*_) -> None:
+    """A render has ended."""
+    for session in worker.works():
+        session.redraw()
+    worker.wake()
+
+
+def _let_go() -> None:
+    for session in worker.works():
+        session.forget()
+
+
+_add_handlers, _remove_handlers = handlers(
+    ("depsgraph_update_post", note_changes), ("frame_change_post", note_changes), ("undo_post", note_undo),
+    ("redo_post", note_undo), ("load_pre", forget), ("render_complete", go_on), ("render_cancel", go_on))
+
+
+def register() -> None:
+    model_cache.holders.append(_let_go)
+    _add_handlers()
+
+
+def unregister() -> None:
+    _remove_handlers()
+    forget()
+    worker.stop()
+    model_cache.holders.remove(_let_go)

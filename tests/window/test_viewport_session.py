@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A Rendered viewport in Blender's window; how to run it: test_session.py."""
+import pytest
+
+from tests.window.test_session import BLENDER, recorded
+
+pytestmark = [pytest.mark.slow,
+              pytest.mark.skipif(not BLENDER, reason="RENDERFORMER_V2_BLENDER names no Blender with a window")]
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    return recorded(tmp_path_factory.mktemp("viewport"), "viewport_session.py")
+
+
+def test_rendered_shading_stays_and_shows_a_picture(found):
+    assert found["entered"][:2] == ["RENDERED", 4] and found["entered"][2] > 0
+
+
+def test_an_orbit_moves_the_view_and_reads_nothing(found):
+    assert found["orbited"] == [True, True] and found["orthographic"]
+
+
+def test_pictures_follow_a_drag_and_a_material(found):
+    assert found["dragged"] > 1 and found["material"]
+
+
+def test_each_view_of_quad_view_is_drawn_and_freed(found):
+    assert (found["quad"], found["single"]) == (4, 1)
+
+
+def test_local_view_shows_what_is_in_it(found):
+    assert 0 < found["local"] < found["global"]
+
+
+def test_a_render_goes_on_beside_it_and_it_goes_on_afterwards(found):
+    assert found["rendered"] == ["", False] and found["after_render"] == ""
+
+
+def test_leaving_in_the_middle_of_work_harms_nothing(found):
+    assert found["other_engine"] == 0 and found["other_file"] == ["", True] and found["enabled_again"] == ""
