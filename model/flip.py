@@ -31,6 +31,12 @@ def flip_map(reference: np.ndarray, test: np.ndarray, pixels_per_degree: float =
 
     Progress is reported, and may cancel.
     """
+    linear = (srgb_to_linear(picture.astype(np.float32)) for picture in (reference, test))
+    return flip_of_linear(*linear, pixels_per_degree)
+
+
+def flip_of_linear(reference: np.ndarray, test: np.ndarray, pixels_per_degree: float) -> np.ndarray:
+    """The same of pictures that are not encoded."""
     kernels = _Kernels(pixels_per_degree)
     edge = ((kernels.radius, kernels.radius), (kernels.radius, kernels.radius), (0, 0))
     padded = [np.pad(_opponent(picture), edge, "edge") for picture in (reference, test)]
@@ -80,9 +86,9 @@ def _flip_of_band(reference: np.ndarray, test: np.ndarray, kernels: _Kernels) ->
     return (color ** (1 - feature)).astype(np.float32)
 
 
-def _opponent(encoded: np.ndarray) -> np.ndarray:
-    """sRGB -> YCxCz, f32."""
-    ycc = srgb_to_linear(encoded.astype(np.float32)) @ YCC.T.astype(np.float32)
+def _opponent(linear: np.ndarray) -> np.ndarray:
+    """Rec.709 -> YCxCz, f32."""
+    ycc = linear.astype(np.float32) @ YCC.T.astype(np.float32)
     return ycc - np.array([16, 0, 0], np.float32)
 
 

@@ -13,6 +13,7 @@ from . import progress
 from .box_filter import box_sums
 from .color import linear_to_srgb
 from .flip import flip_map
+from .hdr_flip import hdr_flip_map
 from .perceptual import lpips
 
 WINDOW = 7                       # pixels, the side of SSIM's square window
@@ -64,21 +65,26 @@ class Closeness:
     psnr: float           # dB
     ssim: float
     flip: float           # mean of the map
+    hdr_flip: float       # mean of that of all exposures, values above 1 included
     lpips: float | None   # None where its package is not there
     flip_map: np.ndarray  # (H, W) f32 in [0, 1], row 0 on top
 
 
 def closeness(a: np.ndarray, b: np.ndarray) -> Closeness:
-    """Metrics of two scene-linear pictures (H, W, 3), b being the reference, after sRGB encoding and clipping.
+    """Metrics of two scene-linear pictures (H, W, 3), b being the reference, after sRGB encoding and clipping but for
+    HDR-FLIP.
 
     Progress is reported, and may cancel. Raises ValueError for pictures of different sizes or too small for SSIM.
     """
     if a.shape != b.shape:
         raise ValueError(f"The pictures have {a.shape[1]} x {a.shape[0]} and {b.shape[1]} x {b.shape[0]} pixels")
+    linear = b, a
     a, b = linear_to_srgb(a), linear_to_srgb(b)
-    with progress.part(0.0, 0.4):
+    with progress.part(0.0, 0.2):
         similarity = ssim(a, b)
-    with progress.part(0.4, 1.0):
+    with progress.part(0.2, 0.3):
         seen = flip_map(b, a)
+    with progress.part(0.3, 1.0):
+        at_exposures = hdr_flip_map(*linear)
     progress.report(1.0)
-    return Closeness(psnr(a, b), similarity, float(seen.mean()), lpips(a, b), seen)
+    return Closeness(psnr(a, b), similarity, float(seen.mean()), float(at_exposures.mean()), lpips(a, b), seen)

@@ -31,7 +31,8 @@ class Normalization:
     @classmethod
     def of(cls, scene: RenderScene) -> Normalization:
         center, scale = _fit(scene)
-        return cls(center, scale, _exposure(scene, center, scale))
+        exposure = _exposure(scene, center, scale) if scene.exposure is None else float(scene.exposure[0])
+        return cls(center, scale, exposure)
 
     def points(self, x: np.ndarray) -> np.ndarray:
         return ((x - self.center) * np.float32(self.scale)).astype(np.float32)

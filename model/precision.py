@@ -1,26 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Choose device and number format by the hardware."""
+"""Choose the number format by the hardware."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import torch
 from torch import nn
+from torch.nn import functional as F
 
 from .network.norm import Float32Conv2d, Linear
 
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
-
-
-def choose_device(name: str = "auto") -> torch.device:
-    """`auto` prefers CUDA, then Apple's MPS, then the CPU. Raises ValueError for a device that is not there."""
-    if name == "auto":
-        name = "cuda" if torch.cuda.is_available() else "mps" if torch.backends.mps.is_available() else "cpu"
-    if name == "cuda" and not torch.cuda.is_available():
-        raise ValueError("no CUDA device is available to PyTorch: choose the device Automatic or CPU")
-    if name == "mps" and not torch.backends.mps.is_available():
-        raise ValueError("no Metal (MPS) device is available to PyTorch: choose the device Automatic or CPU")
-    return torch.device(name)
+NAMES = {torch.float32: "Float32", torch.bfloat16: "BFloat16", torch.float16: "Float16"}  # as the settings call them
+TRIED = 64  # width of what is tried: the least that matrix units take whole
 
 
 def choose_precision(name: str, device: torch.device) -> torch.dtype:
@@ -48,6 +41,37 @@ def of_processor(capabilities: Mapping) -> torch.dtype:
 def of_cuda(capability: tuple[int, int]) -> torch.dtype:
     """bfloat16 from Ampere on (8.0), float16 on Volta and Turing (7.0): what their matrix units multiply."""
     return torch.bfloat16 if capability >= (8, 0) else torch.float16 if capability >= (7, 0) else torch.float32
+
+
+def failure(dtype: torch.dtype, device: torch.device) -> str:
+    """Why the operators that the network needs in this format fail on a device that should have it; "" if they work.
+
+    Builds of PyTorch differ, and so does what they load beside it.
+    """
+    x = torch.ones(1, TRIED, TRIED, device=device, dtype=dtype)
+    try:
+        with torch.inference_mode():
+            seen = F.scaled_dot_product_attention(*[F.linear(x, x[0])[None]] * 3, attn_mask=torch.zeros_like(x[0]))
+            picture = F.conv2d(seen, x[0, :1].view(1, 1, 8, 8), padding=1)
+            F.conv_transpose2d(picture, x[0, :1, :16].view(1, 1, 4, 4), stride=4).float().sum().item()
+    except (RuntimeError, TypeError) as error:
+        return str(error).strip().partition("\n")[0]
+    return ""
+
+
+@contextmanager
+def tensor_float_32(device: torch.device) -> Iterator[None]:
+    """Inside, CUDA multiplies float32 with 10 bits behind the point, as the authors' release does in stage 2."""
+    if device.type != "cuda":
+        yield
+        return
+    settings = torch.backends.cuda.matmul
+    before = settings.allow_tf32
+    settings.allow_tf32 = True
+    try:
+        yield
+    finally:
+        settings.allow_tf32 = before
 
 
 def in_precision(model: nn.Module, dtype: torch.dtype) -> nn.Module:

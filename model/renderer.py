@@ -13,26 +13,32 @@ and the guided one also gives `light`, the same by lobe, and pictures `antialias
 """
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from .camera import beyond_sides, padded_view, place_in
+from .devices import choose_device, name_of
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
 from .lobes import Lobes
+from .network import memory
 from .normalize import Normalization
-from .precision import choose_device, choose_precision
+from .precision import NAMES, choose_precision, failure
 from .presets import BUNDLED, weights_folder
 from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle
 from .published.pipeline import PublishedPipeline
 from .scene import Guides, RenderScene, View
 from .weights_files import explained
+
+T = TypeVar("T")
 
 
 class Renderer:
@@ -43,14 +49,41 @@ class Renderer:
         """weights: a preset that comes with the add-on, a folder of this project's format, or a published bundle, of
         which a transformer may be chosen (published/bundle_files.py), and which keeps textures in the file `latents`.
 
-        Raises CheckpointError for unusable weights, ValueError for a device or precision that is not there.
+        Raises CheckpointError for unusable weights, ValueError for a device or precision that is not there. `remark`
+        says afterwards what automatic choices had to do without, "" for nothing.
         """
+        memory.usual()
         self.device = choose_device(device)
-        self.dtype = choose_precision(precision, self.device)
+        self.dtype, self.remark = choose_precision(precision, self.device), ""
+        if precision == "auto" and self.dtype != torch.float32 and (problem := failure(self.dtype, self.device)):
+            self.remark = f"{NAMES[self.dtype]} does not work in this PyTorch ({problem}): Float32 is used"
+            self.dtype = torch.float32
         with explained():
             published = is_bundle(weights_folder(weights))
         self.pipeline = (PublishedPipeline(weights, self.device, self.dtype, transformer, latents) if published
                          else GuidedPipeline(weights, self.device, self.dtype))
+
+    @property
+    def computed_on(self) -> str:
+        """The device and the number format, as in "CPU (AMD EPYC), BFloat16"."""
+        return f"{name_of(self.device)}, {NAMES[self.dtype]}"
+
+    def fitted(self, compute: Callable[[], T]) -> T:
+        """compute(), again in smaller pieces where a card's memory is too small for it; `remark` says so then.
+
+        Raises torch.OutOfMemoryError when it is too small for the smallest ones.
+        """
+        while True:
+            try:
+                return compute()
+            except torch.OutOfMemoryError:
+                if not memory.smaller():
+                    raise
+            gc.collect()
+            if self.device.type == "cuda":
+                torch.cuda.empty_cache()
+            self.remark = ("the memory of the card was too small for the usual pieces, so it worked in smaller ones: "
+                           "lower the Triangle Budget or the resolution for more speed")
 
     def prepare(self, scene: RenderScene) -> None:
         """What `encode` can keep of a scene in world units for later renders: published weights' textures."""
@@ -63,7 +96,8 @@ class Renderer:
         report(0.0, "Preparing the scene")
         normalization, variant = Normalization.of(scene), self.pipeline.variant(picture_size)
         with torch.inference_mode():
-            encoded = self.pipeline.encode(normalization.scene(scene), variant)
+            normalized = normalization.scene(scene)
+            encoded = self.fitted(lambda: self.pipeline.encode(normalized, variant))
         return EncodedScene(self, normalization, variant, encoded)
 
 
@@ -114,7 +148,8 @@ class EncodedScene:
         larger, guides = padded(view, guides, pipeline.granularity)
         place = (..., *place_in(larger, view))
         with torch.inference_mode():
-            found = run(self.encoded, self.normalization.view(larger), self.normalization.guides(guides))
+            given = self.normalization.view(larger), self.normalization.guides(guides)
+            found = self.renderer.fitted(lambda: run(self.encoded, *given))
             found = {key: radiance[place] / self.normalization.exposure for key, radiance in found.items()}
         if not all(radiance.isfinite().all() for radiance in found.values()):
             exact = self.renderer.dtype == torch.float32

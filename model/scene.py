@@ -44,6 +44,8 @@ BASE_COLOR, NORMAL = TILE["base_color"], TILE["normal"]
 METALLIC, ROUGHNESS, IOR, TRANSMISSION, HEIGHT = map(
     TILE.index, ("metallic", "roughness", "ior", "transmission", "height"))
 
+TWO_LOBES = Channels(1, diffuse=(3, COLOR), specular=(3, COLOR), roughness=1)  # as the published diffspec mapper reads
+
 ENVIRONMENT_SHAPE = (256, 512, 3)
 CELLS, VOXELS = 8, 4  # of a volume's box along each axis, and of a cell
 
@@ -168,6 +170,13 @@ class RenderScene:
     seen: np.ndarray | None = array("N", dtype=bool, default="none")  # by cameras, lamps are not; None = all
     # Lowest and highest corner of the box that becomes the network's, what a camera looks at; None = all but lights
     box: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
+    # Factor on all radiance for the network; None = by how much light there is
+    exposure: np.ndarray | None = array(1, default="none")
+    # Nine-number appearance of the published network in place of a tile's parameters; 0 where there is none
+    latents: np.ndarray | None = array("T", 9, default="none")
+    # Diffuse and specular reflectance of tiles that the parameters show as one surface in between; 0 for others
+    two_lobes: np.ndarray | None = array("T", len(TWO_LOBES), TILE_SIZE, TILE_SIZE, dtype=np.float16,
+                                         channels=TWO_LOBES, default="none")
 
     def __len__(self) -> int:
         return len(self.triangles)
@@ -181,6 +190,18 @@ class RenderScene:
     def is_seen(self) -> np.ndarray:
         """(N,) bool: triangles that a camera sees."""
         return np.ones(len(self), bool) if self.seen is None else self.seen
+
+    @property
+    def tile_latents(self) -> np.ndarray:
+        """(T, 9) f32, 0 where a tile has none."""
+        return np.zeros((len(self.tiles), 9), np.float32) if self.latents is None else self.latents
+
+    @property
+    def tile_lobes(self) -> np.ndarray:
+        """(T, 7, 32, 32) f16, 0 where a tile has none; without any a view that takes no memory."""
+        if self.two_lobes is not None:
+            return self.two_lobes
+        return np.broadcast_to(np.float16(0), (len(self.tiles), len(TWO_LOBES), TILE_SIZE, TILE_SIZE))
 
     def validate(self) -> None:
         """Check shapes, dtypes and finiteness.
@@ -196,11 +217,15 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles = [], 0
+        absent = [name for name in ("latents", "two_lobes")
+                  if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
-            scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen))
+            scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen,
+                                  latents=scene.tile_latents, two_lobes=scene.tile_lobes))
             tiles += len(scene.tiles)
         return replace(self, **{name: np.concatenate([getattr(scene, name) for scene in scenes])
-                                for name, layout in layouts(self).items() if layout.shape[0] in ("N", "T")})
+                                for name, layout in layouts(self).items()
+                                if layout.shape[0] in ("N", "T") and name not in absent})
 
 
 def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1.0, transmission=0.0) -> np.ndarray:

@@ -9,6 +9,12 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from .registering import classes
 
+# As the training pictures of the published weights were rendered (docs/scene-input.md 10).
+PAPER_SAMPLES = 4096
+PAPER = {"max_bounces": 12, "diffuse_bounces": 4, "glossy_bounces": 4, "transmission_bounces": 12, "volume_bounces": 0,
+         "transparent_max_bounces": 8, "sample_clamp_direct": 0.0, "sample_clamp_indirect": 10.0,
+         "caustics_reflective": True, "caustics_refractive": True, "blur_glossy": 1.0, "use_adaptive_sampling": True,
+         "adaptive_threshold": 0.01, "adaptive_min_samples": 0, "use_guiding": False, "use_light_tree": True}
 BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces")
 
 
@@ -38,7 +44,9 @@ class ReferenceSettings(bpy.types.PropertyGroup):
                                 ("OPENIMAGEDENOISE", "OpenImageDenoise", "Intel's, on the processor or a GPU")))
     light_paths: EnumProperty(
         name="Light Paths", description="Bounces, clamping and caustics of the reference",
-        items=(("SCENE", "As in Cycles", "Those of the scene's Cycles settings"), ("OWN", "Own", "Those below")))
+        items=(("SCENE", "As in Cycles", "Those of the scene's Cycles settings"), ("OWN", "Own", "Those below"),
+               ("PAPER", "As in the Paper", "Those of the pictures that the published weights were trained with: no "
+                "bounces in volumes, 4 diffuse and 4 glossy ones, adaptive sampling")))
     max_bounces: IntProperty(name="Max Bounces", default=12, min=0, max=1024,
                              description="Most bounces of a ray of the reference, whatever it bounces off")
     clamp_direct: FloatProperty(name="Clamp Direct", default=0.0, min=0.0,
@@ -83,7 +91,23 @@ def _own(chosen: ReferenceSettings) -> tuple[tuple[str, object], ...]:
                      "cycles.sample_clamp_indirect": chosen.clamp_indirect,
                      "cycles.caustics_reflective": chosen.use_caustics,
                      "cycles.caustics_refractive": chosen.use_caustics}
+    if chosen.light_paths == "PAPER":
+        settings |= {f"cycles.{name}": value for name, value in PAPER.items()}
     return tuple(settings.items())
 
 
-register, unregister = classes(ReferenceSettings)
+class RENDERFORMER_OT_reference_as_in_paper(bpy.types.Operator):
+    bl_idname = "renderformer_v2.reference_as_in_paper"
+    bl_label = "Cycles as in the Paper"
+    bl_description = ("Reference as the pictures that the published weights were trained with: up to 4096 adaptive "
+                      "samples, denoised, no bounces in volumes. It takes long")
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        chosen = context.scene.renderformer_v2.reference
+        chosen.use, chosen.samples, chosen.use_scene_samples, chosen.time_limit = True, PAPER_SAMPLES, False, 0
+        chosen.use_denoising, chosen.denoiser, chosen.light_paths = True, "OPENIMAGEDENOISE", "PAPER"
+        return {"FINISHED"}
+
+
+register, unregister = classes(ReferenceSettings, RENDERFORMER_OT_reference_as_in_paper)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Register everything in order, and unregister it in reverse order."""
-from . import compare, engine, panels, reference_settings, settings
+from . import compare, engine, material_settings, panels, paper_scenes, reference_settings, settings
 from .cycles import world as world_session
 from .frame import model_cache, preflight, running, shot
 from .progress import costs, frame_lines, last_render, status_line
@@ -9,8 +9,8 @@ from .setup import command, package_operators, preferences, weights_operators
 from .viewport import viewport
 
 MODULES = (running, shot, world_session, costs, last_render, frame_lines, status_line, preflight,
-           reference_settings, settings, preferences, engine, package_operators, weights_operators, panels, viewport,
-           compare, command)
+           reference_settings, settings, material_settings, preferences, engine, package_operators, weights_operators,
+           panels, viewport, compare, paper_scenes, command)
 _register_all, _unregister_all = modules(MODULES)
 
 

@@ -60,6 +60,10 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
             ("mps", "Metal", "The GPU of an Apple computer", 3),
         ),
     )
+    card: IntProperty(
+        name="Card", default=0, min=0, soft_max=8, max=64,
+        description="Which of several graphics cards, counted from 1. 0 is the one with the most memory",
+    )
     precision: EnumProperty(
         name="Precision",
         items=(
@@ -78,6 +82,19 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         name="Largest Triangle", default=0.2, min=0.005, max=1.0, precision=3,
         description="Divide triangles with longer edges, up to Max Triangles, so that light can vary across "
                     "large surfaces. As a fraction of the scene's longest side",
+    )
+    as_is: BoolProperty(
+        name="Keep Scale and Light",
+        description="Give the scene to the network as it is: 1 m is one unit of the network, around the world's "
+                    "origin, and light is as bright as it is. For scenes of the paper, and others that were made for "
+                    "the published weights: about 1 m wide, with small lamps of radiance 300 to 5000. Otherwise what "
+                    "the camera sees is scaled to that size, and the light to that brightness",
+    )
+    paper_lamps: BoolProperty(
+        name="Lamps as in the Paper",
+        description="Published weights only: each lamp becomes one small triangle that faces the scene from 2.1 to 2.7 "
+                    "times its size away, as in the scenes that they were trained with, and brings it as much light. "
+                    "Lamps inside the scene stay where they are. Shadows are those of the new place",
     )
     guide_samples: IntProperty(
         name="Samples", default=8, min=1, soft_max=64, max=1024,
@@ -161,6 +178,8 @@ class FrameSettings:
     precision: str
     token_budget: int
     max_edge: float
+    as_is: bool
+    paper_lamps: bool
     guide_samples: int
     bake_unknown: bool
     light: cycles_session.Light
@@ -190,9 +209,10 @@ class FrameSettings:
         ours, blenders = scene.renderformer_v2, scene.render
         weights = ours.weights()
         samples = view_layer.renderformer_v2.samples if view_layer else 0
-        return cls(weights, ours.transformer, ours.device, ours.precision, ours.token_budget, ours.max_edge,
-                   samples or ours.guide_samples, ours.bake_unknown, _light(ours.light, weights), light_passes(scene),
-                   threads(scene),
+        device = f"cuda:{ours.card - 1}" if ours.card and ours.device == "cuda" else ours.device
+        return cls(weights, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
+                   ours.as_is, ours.paper_lamps and _is_published(weights), samples or ours.guide_samples,
+                   ours.bake_unknown, _light(ours.light, weights), light_passes(scene), threads(scene),
                    blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
 
 

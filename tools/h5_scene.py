@@ -21,7 +21,8 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
     Raises SceneError for the scene, CheckpointError for the weights or a picture that is not finite, ValueError for a
     resolution that is not square, OSError as the disk does.
     """
-    from renderformer_v2.model.precision import choose_device, choose_precision
+    from renderformer_v2.model.devices import choose_device
+    from renderformer_v2.model.precision import choose_precision
     from renderformer_v2.model.published.h5 import read_h5
     from renderformer_v2.model.published.pipeline import PublishedPipeline
 
@@ -46,61 +47,16 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
 
 
 def export(scene, weights: str | None, path: Path) -> dict:
-    """Convert the open file's `scene` (bpy), one of whose view layers is rendered, as F12 would, and write it with its
-    camera into a folder that exists.
+    """Write the open file's `scene` (bpy), as F12 would show one of its view layers, into a folder that exists.
 
     Raises CheckpointError, ValueError or RuntimeError with a message for the user, and OSError as the disk does.
     """
-    import bpy
-    _require_bundle(weights)
-    from renderformer_v2.model import errors  # the package's own, not those of `model`
-    from renderformer_v2.model.published.h5 import write_h5
-    from renderformer_v2.model.published.pipeline import PublishedPipeline
-    from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
     from renderformer_v2.rf2_engine.convert.report import Report
-    from renderformer_v2.rf2_engine.convert.scene import convert
-    from renderformer_v2.rf2_engine.cycles.world import CyclesWorld
-    from renderformer_v2.rf2_engine.progress.status import Status
-
-    found, settings, report = [], scene.renderformer_v2, Report()
-    budget, edge = settings.token_budget, settings.max_edge
-
-    class Exporter(bpy.types.RenderEngine):
-        """Stops where F12 would start the network."""
-
-        bl_idname = "RENDERFORMER_V2_H5"
-        bl_label = "RenderFormer-V2 H5 export"
-        emptied = False  # as cycles/run.py has it of an engine
-
-        def render(self, depsgraph):
-            if found:
-                return  # one view layer is enough
-            try:
-                view = convert_camera(depsgraph, self.resolution_x, self.resolution_y, None, report)
-                found.append((convert(depsgraph, view, token_budget=budget, max_edge=edge, report=report,
-                                      by_cycles=CyclesWorld(self, depsgraph, Status(self))), view))
-            except Exception as error:  # Blender would print it and go on
-                found.append(error)
-
-    begin = time.perf_counter()
-    bpy.utils.register_class(Exporter)
-    scene.render.engine = Exporter.bl_idname
-    scene.render.use_compositing = scene.render.use_sequencer = False  # may need no scene
-    bpy.ops.render.render(scene=scene.name)
-    try:
-        if isinstance(found[0], Exception):
-            raise found[0]
-        converted, view = found[0]
-        if not len(converted):
-            holds = "only volumes" if converted.volumes else "nothing to render"
-            raise ValueError(f'scene "{scene.name}" holds {holds}: an H5 scene needs at least one triangle, '
-                             "add a mesh or a lamp")
-        write_h5(path, PublishedPipeline(weights, "cpu", None).process(converted, [view]))
-    except (errors.CheckpointError, errors.SceneError) as error:
-        raise RuntimeError(str(error)) from error
-    seconds = {"total": round(time.perf_counter() - begin, 3)}
-    return {"scene": scene.name, "seconds": seconds, "triangles": len(converted),
-            "report": report.lines(), "output": [str(path)]}
+    from renderformer_v2.rf2_engine.paper_scenes.h5_export import export_h5
+    report, begin = Report(), time.perf_counter()
+    converted = export_h5(scene, weights, path, report)
+    return {"scene": scene.name, "seconds": {"total": round(time.perf_counter() - begin, 3)},
+            "triangles": len(converted), "report": report.lines(), "output": [str(path)]}
 
 
 def _require_bundle(weights: str | None) -> None:

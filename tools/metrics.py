@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compare two pictures: PSNR, SSIM and FLIP of display-encoded images."""
+"""Compare two pictures: PSNR, SSIM and FLIP of display-encoded images, HDR-FLIP of linear ones."""
 from __future__ import annotations
 
 import numpy as np
@@ -16,10 +16,18 @@ def flip(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return error[..., 0]
 
 
+def hdr_flip(a: np.ndarray, b: np.ndarray) -> float:
+    """Mean error at the exposures at which the linear picture b shows something, (H, W, 3)."""
+    import flip_evaluator
+
+    return float(flip_evaluator.evaluate(*(np.maximum(x, 0).astype(np.float32) for x in (b, a)), "HDR",
+                                         applyMagma=False)[1])
+
+
 def compare(rendered: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """PSNR, SSIM and FLIP of two linear (H, W, 3) pictures after sRGB encoding and clipping."""
+    """Of two linear (H, W, 3) pictures: PSNR, SSIM and FLIP after sRGB encoding and clipping, HDR-FLIP as they are."""
     from skimage.metrics import structural_similarity
 
     a, b = linear_to_srgb(rendered), linear_to_srgb(reference)
     return {"psnr": psnr(a, b), "ssim": float(structural_similarity(a, b, channel_axis=2, data_range=1.0)),
-            "flip": float(flip(a, b).mean())}
+            "flip": float(flip(a, b).mean()), "hdr_flip": hdr_flip(rendered, reference)}

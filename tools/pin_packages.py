@@ -40,6 +40,9 @@ CPU_WHEELS = {  # PyTorch's own index, not the one above: sizes are estimates, a
     f"cp{python}-cp{python}-manylinux_2_28_{machine}": {"sha256": "", "download": download, "unpacked": unpacked}
     for python in ("311", "313")
     for machine, download, unpacked in (("x86_64", 190_000_000, 760_000_000), ("aarch64", 150_000_000, 600_000_000))}
+CUDA_WHEELS = {  # likewise, for Windows, where it holds all of CUDA
+    f"cp{python}-cp{python}-win_amd64": {"sha256": "", "download": 2_700_000_000, "unpacked": 4_700_000_000}
+    for python in ("311", "313")}
 
 
 def needs(root: str) -> dict[str, set[str]]:
@@ -137,8 +140,9 @@ def main() -> None:
     wheels = {name: pin(name, where) for name, where in sorted(systems.items())}
     wheels["torch+cpu"] = {"version": f"{wheels['torch']['version']}+cpu", "files": CPU_WHEELS}
     groups = {root: sorted(found) for root, found in graph.items()}
-    groups["torch+cpu"] = ["torch+cpu", *(name for name in groups["torch"] if name != "torch"
-                                          and not name.startswith(CUDA))]
+    wheels["torch+cuda"] = {"version": wheels["torch"]["version"], "files": CUDA_WHEELS}
+    for own in ("torch+cpu", "torch+cuda"):
+        groups[own] = [own, *(name for name in groups["torch"] if name != "torch" and not name.startswith(CUDA))]
     text = json.dumps({"needs": groups, "wheels": wheels}, indent=1)
     OUTPUT.write_text(re.sub(r'\n {5,}|\n {4}(?=})', " ", text) + "\n")  # a line for each wheel
     print(f"{OUTPUT}: {len(wheels)} packages, {sum(len(wheel['files']) for wheel in wheels.values())} wheels")

@@ -133,7 +133,7 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
         statistics["seconds"] = {stage: round(sum(layer["seconds"].get(stage, 0.0) for layer in layers), 3)
                                  for stage in stages} | statistics["seconds"]
         statistics |= {key: sum(layer[key] for layer in layers) for key in ("tokens", "triangles")}
-        statistics |= {key: layers[-1][key] for key in ("size", "weights")}
+        statistics |= {key: layers[-1][key] for key in ("size", "weights", "device")}
         statistics["report"] = [line for layer in layers for line in layer["report"]]
         if len(layers) > 1:
             statistics["layers"] = layers

@@ -80,6 +80,8 @@ class ModelConfig:
     # our own
     embed_norm_eps: float = 1e-6      # docs/network.md 3: the official CPU path uses 1.1920929e-7
     dense: bool = False               # stage 1 without the window (docs/network.md 7, the packed path)
+    light_sinks: bool = True          # lights see and are seen by all; else they are sorted among the others
+    summaries: bool = True            # a token for each run of sorted tokens
     guidance: Guidance | None = None  # None: the paper's network, key for key
 
     def __post_init__(self) -> None:
@@ -101,7 +103,9 @@ class ModelConfig:
         """Tokens of a scene of so many emitting triangles, and other triangles and volume cells (docs/network.md 5)."""
         rows, columns = ENVIRONMENT_GRID
         environment = 2 * rows * columns if self.use_env_lighting else 0  # LDR and HDR
-        return self.num_register_tokens + environment + lights + others + others // self.summary_block_size
+        ordered = others if self.light_sinks else others + lights
+        summaries = ordered // self.summary_block_size if self.summaries else 0
+        return self.num_register_tokens + environment + lights + others + summaries
 
     def validate(self) -> ModelConfig:
         """Return self; raises CheckpointError for a network that this implementation does not have."""

@@ -9,6 +9,7 @@ from torch.nn import functional as F
 from ..progress import part, report
 from .banded import Rows, added, combined, convolved, enlarged, resized, whole
 from .config import ModelConfig
+from .memory import divided
 from .norm import Float32Conv2d
 
 BAND_PIXELS = 1 << 16  # of one band of the picture: about 200 MB of published activations, and short polls
@@ -86,7 +87,7 @@ class DPTDecoder(nn.Module):
         large picture is decoded in bands: the same numbers in bounded memory.
         """
         size = tuple(self.patch_size * side for side in features[0].shape[-2:])
-        rows = max(BAND_PIXELS // (size[1] * len(features[0])), self.patch_size)
+        rows = max(divided(BAND_PIXELS) // (size[1] * len(features[0])), self.patch_size)
         if torch.is_grad_enabled() or rows >= size[0]:
             return self._whole(features, size, extra)
         return self._bands(features, size, extra, rows)

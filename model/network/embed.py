@@ -68,14 +68,15 @@ class SceneEmbedding(nn.Module):
         """N triangles -> (N, D) float32 (docs/network.md 4.1)."""
         with part(0.0, 0.5):
             textures = self.embed_textures(inputs.texture)
+        lights, light_index = self.embed_light(inputs.light)
 
-        def embed(triangles, normals, texture_index, light):
+        def embed(triangles, normals, texture_index, light_index):
             tokens = self.embed_shape(triangles) + self.tri_token.float()[0]
-            tokens = tokens + (textures[texture_index] + self.embed_light(light))
+            tokens = tokens + (textures[texture_index] + lights[light_index])
             return tokens + self.embed_normals(normals)
 
         with part(0.5, 1.0):
-            return chunked(embed, inputs.triangles, inputs.normals, inputs.texture_index, inputs.light)
+            return chunked(embed, inputs.triangles, inputs.normals, inputs.texture_index, light_index)
 
     def embed_shape(self, triangles: torch.Tensor) -> torch.Tensor:
         """Corners relative to their centroid."""
@@ -92,12 +93,12 @@ class SceneEmbedding(nn.Module):
         texture = resize_texture(texture, self.config.texture_encode_patch_size)
         return chunked(lambda t: self.texture_encoder_norm(self.texture_encoder(t)), texture.flatten(1))
 
-    def embed_light(self, light: torch.Tensor) -> torch.Tensor:
-        """(N, 3) encoded radiance -> (N, D). Most triangles are dark, and all dark ones share one embedding."""
+    def embed_light(self, light: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """(N, 3) encoded radiance -> (k + 1, D), and which of these is each one's, (N,). All dark ones share one."""
         lit = (light != 0).any(dim=-1)
         rows = torch.cat([light.new_zeros(1, 3), light[lit]])
         embedded = self.light_strength_encoder_norm(self.light_strength_encoder(rows))
-        return embedded[torch.where(lit, lit.cumsum(0), 0)]
+        return embedded, torch.where(lit, lit.cumsum(0), 0)
 
     def embed_environment(self, environment: EnvironmentInputs) -> torch.Tensor:
         """LDR and HDR panorama -> (64, D) float32 (docs/network.md 4.3)."""

@@ -17,9 +17,41 @@ GPU_CHUNK = 4096
 HUGE = 1 << 22  # bytes: numpy asks the system for huge pages from here on
 
 
+SMALLEST = 16   # part of the usual pieces that is tried last
+_divisor = 1    # of the pieces on a card, since its memory ran out
+
+
+def chunk_for(device: torch.device) -> int:
+    return GPU_CHUNK // _divisor if device.type == "cuda" else CHUNK
+
+
+def divided(size: int) -> int:
+    """The same, or as much less as the memory of a card asked for."""
+    return max(size // _divisor, 1)
+
+
+def smaller() -> bool:
+    """From now on pieces are a quarter as large; False when they are as small as they get."""
+    global _divisor
+    if _divisor >= SMALLEST:
+        return False
+    _divisor *= 4
+    return True
+
+
+def usual() -> None:
+    """Pieces of the usual size again."""
+    global _divisor
+    _divisor = 1
+
+
+def is_divided() -> bool:
+    return _divisor > 1
+
+
 def cuts(begin: int, end: int, device: torch.device) -> list[slice]:
     """begin..end in pieces that are computed one after the other: a single one where gradients are wanted."""
-    size = max(end - begin, 1) if torch.is_grad_enabled() else GPU_CHUNK if device.type == "cuda" else CHUNK
+    size = max(end - begin, 1) if torch.is_grad_enabled() else chunk_for(device)
     return [slice(first, min(first + size, end)) for first in range(begin, end, size)]
 
 
@@ -44,13 +76,13 @@ def by_rows(function: Callable[[slice], torch.Tensor], pieces: list[slice],
     return result
 
 
-def chunked(function, *tensors: torch.Tensor, size: int = CHUNK, axis: int = 0, into: torch.Tensor | None = None):
-    """function(*tensors), computed for `size` rows of the tensors at a time and concatenated along `axis`.
+def chunked(function, *tensors: torch.Tensor, size: int = 0, axis: int = 0, into: torch.Tensor | None = None):
+    """function(*tensors), computed for `size` rows (0: as suit the device) at a time and concatenated along `axis`.
 
     `function` returns a tensor or a tuple of tensors with as many rows (on that axis) as it was given. into: as for
     `by_rows`.
     """
-    rows = len(tensors[0])
+    rows, size = len(tensors[0]), size or chunk_for(tensors[0].device)
     if torch.is_grad_enabled():
         size = max(rows, 1)  # autograd would hold a gradient of full length for every slice
     results = None if into is None else [into]

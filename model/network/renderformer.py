@@ -11,6 +11,7 @@ from ..progress import part
 from .config import ModelConfig
 from .embed import SceneEmbedding
 from .inputs import NetworkInputs, ViewInputs
+from .memory import is_divided
 from .sequence import Tokens, centroids, pack, scene_centre
 from .softmax import KeysValues
 from .view_dependent import ViewTransformer
@@ -72,8 +73,9 @@ class RenderFormer(SceneEmbedding):
         if inputs.volumes is not None:
             volumes.append(Tokens.at(self.volume_encoder(inputs.volumes), inputs.volumes.position))
         with part(0.8, 1.0):
-            return pack(fixed, triangles, inputs.is_light, volumes, self.config.summary_block_size,
-                        self.transformer.summary_token_embed.float()[0])
+            first = inputs.is_light if self.config.light_sinks else torch.zeros_like(inputs.is_light)
+            block = self.config.summary_block_size if self.config.summaries else 0
+            return pack(fixed, triangles, first, volumes, block, self.transformer.summary_token_embed.float()[0])
 
     def render_view(self, context: SceneContext, rays: ViewInputs) -> torch.Tensor:
         """Stage 2 and decoder for V views -> (V, C, H, W) float32, what `decode` returns.
@@ -107,11 +109,13 @@ class RenderFormer(SceneEmbedding):
 
     def scene_keys_values(self, context: SceneContext, index: int) -> KeysValues:
         """What stage-2 layer `index` attends to."""
+        if is_divided():  # a card that is too small keeps nothing
+            context.keys_values.clear()
         if index in context.keys_values:
             return context.keys_values[index]
         stage = self.view_transformer.transformer
         result = stage.layers[index].keys_values(context.tokens, stage.rope_emb(context.positions))
-        if context.keep:
+        if context.keep and not is_divided():
             context.keys_values[index] = result
         return result
 

@@ -67,14 +67,18 @@ def summarise(ordered: Tokens, block: int, embedding: torch.Tensor) -> Tokens:
 
 def pack(fixed: list[Tokens], triangles: Tokens, is_light: torch.Tensor, volumes: list[Tokens], block: int,
          summary_embedding: torch.Tensor) -> tuple[Tokens, int]:
-    """Sort, summarise, concatenate -> the sequence and the sink's length. `fixed` = registers and environment."""
+    """Sort, summarise, concatenate -> the sequence and the sink's length. `fixed` = registers and environment.
+
+    block: sorted tokens for one summary; 0: no summaries.
+    """
     everything = Tokens.concatenate([triangles, *volumes]) if volumes else triangles
     rows = torch.cat([~is_light, is_light.new_ones(len(everything) - len(triangles))]).nonzero()[:, 0]
     rows = rows[hilbert_order(everything.position[rows])]
     with part(0.0, 0.5):
         embedding = chunked(lambda rows: everything.embedding[rows], rows, size=COPIED)
     ordered = Tokens(embedding, everything.position[rows], everything.triangle[rows])
-    sink = Tokens.concatenate([*fixed, summarise(ordered, block, summary_embedding), triangles[is_light]])
+    summaries = [summarise(ordered, block, summary_embedding)] if block else []
+    sink = Tokens.concatenate([*fixed, *summaries, triangles[is_light]])
     with part(0.5, 1.0):
         packed = _stacked(sink.embedding, ordered.embedding)
     return Tokens(packed, torch.cat([sink.position, ordered.position]),

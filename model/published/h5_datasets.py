@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -102,5 +103,6 @@ def load_h5py():
     try:
         import h5py
     except ImportError as error:
-        raise SceneError("h5py is needed to read and write H5 scenes: run `pip install h5py`") from error
+        raise SceneError(f"h5py is needed to read and write H5 scenes: run {sys.executable} -m pip install h5py, and "
+                         "start again") from error
     return h5py

@@ -162,4 +162,10 @@ class ChannelNorm(nn.Module):
         self.gamma = nn.Parameter(norm.gamma.flatten(), False)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return F.rms_norm(x.movedim(1, -1), self.gamma.shape, self.gamma, SMALLEST).movedim(-1, 1)
+        if x.device.type != "cpu":
+            return F.rms_norm(x.movedim(1, -1), self.gamma.shape, self.gamma, SMALLEST).movedim(-1, 1)
+        # For CPUs PyTorch has no kernel of it, and what it does instead takes as long as the convolutions.
+        last = x.movedim(1, -1)
+        length = torch.linalg.vector_norm(last, dim=-1, keepdim=True, dtype=torch.float32).clamp_min(SMALLEST ** 0.5)
+        normal = last * (len(self.gamma) ** 0.5 / length).to(x.dtype)
+        return normal.mul_(self.gamma).movedim(-1, 1)

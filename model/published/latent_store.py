@@ -65,6 +65,11 @@ class LatentStore:
                                      "(SELECT key FROM latents ORDER BY day, rowid LIMIT ?)", [surplus])
 
 
+def files(file: Path) -> list[Path]:
+    """A store's file, and those that SQLite leaves beside it while it works."""
+    return [file, *(file.with_name(file.name + ending) for ending in ("-journal", "-wal", "-shm"))]
+
+
 def today() -> int:
     return int(time.time()) // DAY
 

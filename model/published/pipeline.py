@@ -14,7 +14,7 @@ from ..material.appearance import Appearance
 from ..network.inputs import NetworkInputs
 from ..network.renderformer import RenderFormer, SceneContext, to_radiance
 from ..normalize import Normalization
-from ..precision import in_precision
+from ..precision import in_precision, tensor_float_32
 from ..presets import rf2_200m
 from ..progress import part, report
 from ..scene import Guides, RenderScene, View
@@ -125,7 +125,8 @@ class PublishedPipeline:
         return network, network.encode_scene(inputs.to(self.device))
 
     def _view(self, encoded: PublishedContext, view: View) -> torch.Tensor:
-        log_image = encoded.network.render_view(encoded.context, view_inputs(view).to(self.device))
+        with tensor_float_32(self.device):
+            log_image = encoded.network.render_view(encoded.context, view_inputs(view).to(self.device))
         return to_radiance(log_image)[0].clamp(min=0)
 
 

@@ -11,6 +11,7 @@ import torch
 from ..environment import environment_images
 from ..errors import SceneError
 from ..material.appearance import Appearance
+from ..material.mappers import LATENT_DIM
 from ..network.inputs import EnvironmentInputs, NetworkInputs, encode_light
 from ..progress import part, report
 from ..scene import ENVIRONMENT_SHAPE, RenderScene, constant_tile
@@ -41,14 +42,18 @@ class SceneEncoder:
         """A normalised scene, without views."""
         tiles = np.concatenate([scene.tiles, LIGHT_TILE[None]])
         used, index = np.unique(np.where(scene.is_light, len(scene.tiles), scene.tile_index), return_inverse=True)
-        return ProcessedScene(nearer_lights(scene), scene.normals, self._tile_latents(tiles[used]),
+        given = np.concatenate([scene.tile_latents, np.zeros((1, LATENT_DIM), np.float32)])
+        lobes = None if scene.two_lobes is None else np.concatenate([
+            scene.two_lobes, np.zeros((1, *scene.two_lobes.shape[1:]), np.float16)])[used]
+        return ProcessedScene(nearer_lights(scene), scene.normals, self._tile_latents(tiles[used], given[used], lobes),
                               index.reshape(-1), scene.emission, scene.environment, scene.volumes)
 
     def inputs(self, scene: ProcessedScene) -> NetworkInputs:
         """Tensors on the CPU; a raw texture is encoded, and no environment is a black one (m = 0)."""
         texture = torch.from_numpy(scene.texture)
         if scene.is_raw:
-            texture = self._latents(scene.texture, torch.from_numpy, b"raw")
+            texture = self._latents([digest(self._identity, b"raw", tile) for tile in scene.texture],
+                                    lambda rows: torch.from_numpy(scene.texture[rows]))
         elif texture.shape[1] != 5 * self.images.channels:
             raise SceneError(f"the scene's texture latents have {texture.shape[1]} channels, "
                              f"the network reads {5 * self.images.channels}")
@@ -71,17 +76,29 @@ class SceneEncoder:
         latents = torch.from_numpy(np.frombuffer(known, np.float32).reshape(shape).copy())
         return EnvironmentInputs(latents[0], latents[1], torch.tensor([strength]))
 
-    def _tile_latents(self, tiles: np.ndarray) -> np.ndarray:
-        def raw(tiles: np.ndarray) -> torch.Tensor:
-            parts = material_tiles(torch.from_numpy(tiles).float().to(self.images.device), self.appearance)
+    def _tile_latents(self, tiles: np.ndarray, given: np.ndarray, lobes: np.ndarray | None) -> np.ndarray:
+        """given: (T, 9) appearance in place of the parameters, 0 where there is none; lobes: as in RenderScene."""
+        def raw(rows: list[int]) -> torch.Tensor:
+            parts = material_tiles(torch.from_numpy(tiles[rows]).float().to(self.images.device), self.appearance)
+            if lobes is not None and (two := lobes[rows].any(axis=(1, 2, 3))).any():
+                parts[torch.from_numpy(two), :LATENT_DIM] = self._of_lobes(lobes[rows][two]).to(parts)
+            own = torch.from_numpy(given[rows]).to(parts)[..., None, None]
+            parts[:, :LATENT_DIM] = torch.where(own.any(1, keepdim=True), own, parts[:, :LATENT_DIM])
             emission = parts.new_zeros(len(parts), 3, *parts.shape[2:])  # never encoded
             return torch.cat([parts[:, :12], emission, parts[:, 12:]], 1).half().cpu()  # as files store it
 
-        return self._latents(tiles, raw, b"material").numpy()
+        keys = [digest(self._identity, b"material", tile, *([own] if own.any() else ()),
+                       *([lobes[i]] if lobes is not None and lobes[i].any() else ()))
+                for i, (tile, own) in enumerate(zip(tiles, given, strict=True))]
+        return self._latents(keys, raw).numpy()
 
-    def _latents(self, tiles: np.ndarray, raw: Callable[[np.ndarray], torch.Tensor], kind: bytes) -> torch.Tensor:
-        """(T, 80, 4, 4) f16 of tiles (T, ...), of which raw makes those of docs/scene-input.md 4.1; each once."""
-        keys = [digest(self._identity, kind, tile) for tile in tiles]
+    def _of_lobes(self, lobes: np.ndarray) -> torch.Tensor:
+        """(t, 7, q, q) -> (t, 9, q, q) as the research code makes latents of diffuse and specular."""
+        parameters = torch.from_numpy(lobes).float().movedim(1, -1).to(self.images.device)
+        return self.appearance.diffuse_specular(parameters).movedim(-1, 1)
+
+    def _latents(self, keys: list[bytes], raw: Callable[[list[int]], torch.Tensor]) -> torch.Tensor:
+        """(T, 80, 4, 4) f16 of tiles by their keys; raw: given their numbers, as docs/scene-input.md 4.1; each once."""
         latents = self.store.get(keys)
         new = [i for key, i in {key: i for i, key in enumerate(keys)}.items() if key not in latents]
         for begin in range(0, len(new), CHUNK):
@@ -89,12 +106,12 @@ class SceneEncoder:
                       f"Encoding textures, {begin} of {len(new)}"):
                 report()
                 some = new[begin:begin + CHUNK]
-                images = self.images(image_groups(raw(tiles[some])).flatten(0, 1))
+                images = self.images(image_groups(raw(some)).flatten(0, 1))
                 made = images.unflatten(0, (-1, 5)).flatten(1, 2).half().numpy()
             fresh = {keys[i]: tile.tobytes() for i, tile in zip(some, made, strict=True)}
             self.store.put(fresh)
             latents |= fresh
-        shape = (len(tiles), 5 * self.images.channels, 4, 4)
+        shape = (len(keys), 5 * self.images.channels, 4, 4)
         return torch.from_numpy(np.frombuffer(b"".join(map(latents.get, keys)), np.float16).reshape(shape).copy())
 
 

@@ -94,7 +94,8 @@ def notes(a: np.ndarray, b: np.ndarray, box: Box) -> list[str]:
     found = [] if box.is_whole else [f"Measured: {box.right - box.left} x {box.bottom - box.top} pixels"]
     above = [100 * float((pixels[..., :3] > 1).any(-1).mean()) if pixels.size else 0.0 for pixels in (a, b)]
     if any(above):
-        found.append(f"Values above 1 are clipped: {above[0]:.1f} % of A's pixels, {above[1]:.1f} % of B's")
+        found.append(f"Values above 1 are clipped, but for HDR-FLIP: {above[0]:.1f} % of A's pixels, "
+                     f"{above[1]:.1f} % of B's")
     if (a[..., 3] < 1).any() or (b[..., 3] < 1).any():
         off = float(np.abs(a[..., 3] - b[..., 3]).mean())
         found.append(f"Alpha is not in the metrics, colours count as over black: it is {off:.4f} off on average")

@@ -79,7 +79,8 @@ class RENDERFORMER_PT_compare_metrics(bpy.types.Panel):
 
 
 def _draw_closeness(column, closeness) -> None:
-    rows = [("PSNR", f"{closeness.psnr:.2f} dB"), ("SSIM", f"{closeness.ssim:.4f}"), ("FLIP", f"{closeness.flip:.4f}")]
+    rows = [("PSNR", f"{closeness.psnr:.2f} dB"), ("SSIM", f"{closeness.ssim:.4f}"), ("FLIP", f"{closeness.flip:.4f}"),
+            ("HDR-FLIP", f"{closeness.hdr_flip:.4f}")]
     if closeness.lpips is not None:
         rows.append(("LPIPS", f"{closeness.lpips:.4f}"))
     rows += [("Seconds of A", _seconds(comparison.a)), ("Seconds of B", _seconds(comparison.b))]

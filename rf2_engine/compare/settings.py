@@ -63,8 +63,8 @@ class CompareSettings(bpy.types.PropertyGroup):
         ("FLIP", "FLIP", "How visible the difference is when flipping between A and B")))
     split: FloatProperty(name="Split", default=0.5, min=0, max=1, subtype="FACTOR", update=_redraw,
                          description="Position of the dividing line, from left to right")
-    gain: FloatProperty(name="Gain", default=1, min=0, soft_max=100, update=_redraw,
-                        description="Factor that the difference is multiplied by")
+    gain: FloatProperty(name="Gain", default=5, min=0, soft_max=100, update=_redraw,
+                        description="Factor that the difference is multiplied by. The paper shows 5")
     interval: FloatProperty(name="Interval", default=0.5, min=0.05, soft_max=5, subtype="TIME", unit="TIME_ABSOLUTE",
                             description="Time for which each picture is shown")
     region: EnumProperty(name="Measure", update=_read_again, items=(

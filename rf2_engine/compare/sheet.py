@@ -41,7 +41,7 @@ def write(path: Path, scene: bpy.types.Scene, a: Picture, b: Picture, closeness:
         sheet[top:top + height, left:left + width] = tile
         labels.append((_fitting(text, size, width), left, top - band // 3))
     bottom = sheet.shape[0] - MARGIN
-    numbers = f"PSNR {closeness.psnr:.2f} dB    SSIM {closeness.ssim:.4f}"
+    numbers = f"PSNR {closeness.psnr:.2f} dB    SSIM {closeness.ssim:.4f}    HDR-FLIP {closeness.hdr_flip:.4f}"
     labels.append((_fitting(numbers, size, width), MARGIN, bottom - size // 4))
     labels += _scale(sheet, MARGIN + width + MARGIN, bottom, width, size)
     _save(path, sheet)

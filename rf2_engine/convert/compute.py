@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model import progress, rays
-from ...model.normalize import Normalization
+from ...model.normalize import HALF_EXTENT, Normalization
 from ...model.scene import RenderScene, View
 from .camera.apparent_size import apparent_size
 from .camera.framing import Framing
@@ -17,6 +17,7 @@ from .collect import collect
 from .collected import Collected
 from .copied import Copied
 from .lamps.lamps import convert_lamps
+from .lamps.one_triangle import one_triangle
 from .material import MaterialTiles
 from .media import medium
 from .media.fog import add_fog, through_fog
@@ -27,32 +28,38 @@ from .report import Report
 from .surfaces import dressed
 from .world import world_light
 
+UNIT_BOX = np.float32([(-HALF_EXTENT,) * 3, (HALF_EXTENT,) * 3])  # what the network's box is without scaling
+
 
 def compute(copied: Copied, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda framing: framing, baker=None, memo: Memo | None = None) -> RenderScene:
+            steady=lambda framing: framing, baker=None, memo: Memo | None = None, as_is: bool = False,
+            paper_lamps: bool = False) -> RenderScene:
     """The arguments of `convert` (scene.py), and of conversions before this one a memo. On any thread; `copied` stays
     as it is."""
     remembered = Memo() if memo is None else memo
     remembered.begin()
-    plan = _planned(copied, view, token_budget, max_edge, report, steady, remembered)
+    plan = _planned(copied, view, token_budget, max_edge, report, steady, remembered, as_is)
     collected = plan.collected
     with progress.part(0.35, 0.6):
         plan.simplification.apply(report, memo)
     plan.size.subdivide(collected.parts, plan.budget)
     with progress.part(0.6, 0.9):
         surfaces = dressed(collected.parts, MaterialTiles(report, baker), report)
-    scene = surfaces.appended(*plan.lamps)
+    frame = Normalization.of(RenderScene(box=plan.framing.box))
+    lamps = [one_triangle(lamp, frame.center, frame.scale) for lamp in plan.lamps] if paper_lamps else plan.lamps
+    scene = surfaces.appended(*lamps)
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes = medium.cells(collected.media, report)
     scene.environment, scene.box = plan.environment, plan.framing.box
+    scene.exposure = np.ones(1, np.float32) if as_is else None
     scene.validate()
     remembered.end()
     return scene
 
 
-def fitted(copied: Copied, view: View, *, token_budget: int, max_edge: float) -> Framing:
+def fitted(copied: Copied, view: View, *, token_budget: int, max_edge: float, as_is: bool = False) -> Framing:
     """What `compute` is fitted to by itself, with the triangles of the meshes."""
-    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own, Memo()).framing
+    return _planned(copied, view, token_budget, max_edge, Report(), lambda own: own, Memo(), as_is).framing
 
 
 @dataclass
@@ -69,24 +76,25 @@ class _Plan:
 
 
 def _planned(copied: Copied, view: View | None, token_budget: int, max_edge: float, report, steady,
-             memo: Memo) -> _Plan:
+             memo: Memo, as_is: bool) -> _Plan:
     if not rays.has_embree():
         report.approximated("Speed", "the Python package embreex is missing, so rays take ten times as long: use "
                                      "Install Packages in Preferences > Add-ons > RenderFormer-V2")
     with progress.part(0.0, 0.1, "Converting the world"):
-        environment, suns = memo.of(("world", copied.world, id(copied.drawn)), lambda report: world_light(
-            copied.world, copied.drawn, report), report)
+        environment, suns = memo.of(("world", copied.world, id(copied.drawn), as_is), lambda report: world_light(
+            copied.world, copied.drawn, report, whole=as_is), report)
     with progress.part(0.1, 0.3):
         collected = collect(copied, report)
-    hits, framing = None, Framing(np.float32(collected.bounds()), None)
+    hits, framing = None, Framing(UNIT_BOX if as_is else np.float32(collected.bounds()), None)
     if view is not None:
         hits = visible_points(collected, view, copied.clip_start)
-        framing = steady(Framing(find_box(collected, view, hits), apparent_size(view, hits)))
+        box = UNIT_BOX if as_is else find_box(collected, view, hits)
+        framing = steady(Framing(box, apparent_size(view, hits)))
         if framing.apparent.view is not view:
             hits = visible_points(collected, framing.apparent.view, copied.clip_start)
     progress.report(0.3)
     (low, high), beyond = framing.box, collected.beyond(framing.box)
-    if beyond:
+    if beyond and not as_is:
         report.approximated("Scale", f"the scene is scaled to the {float((high - low).max()):.3g} m around "
                             f"({', '.join(f'{x:.3g}' for x in (low + high) / 2)}) that the camera sees: there is less "
                             f"detail beyond, such as in {', '.join(beyond[:3])}{' ...' if len(beyond) > 3 else ''}")

@@ -17,6 +17,7 @@ from ...model.scene import (
     TILE_CHANNELS,
     TILE_SIZE,
     TRANSMISSION,
+    TWO_LOBES,
     constant_tile,
 )
 from .meshes.displace import HEIGHT_UNIT
@@ -30,6 +31,7 @@ from .shading.evaluate import Evaluator, Points, interpolated
 from .shading.node_call import NodeCall
 from .shading.normal_map import bent_by
 from .shading.surface import closure_at
+from .shading.two_lobes import two_lobes
 from .shading.volume import has_surface
 
 SCALE_DIGITS = 3             # squares of sizes that differ by less are the same
@@ -40,6 +42,7 @@ DARK_FRACTION = 0.01         # triangles this much darker than the brightest one
 CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
 ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
                             None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
+NO_LATENT = (0.0,) * 9
 EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 
 
@@ -49,8 +52,10 @@ class MaterialTiles:
     def __init__(self, report, baker=None):
         self.report, self.baker = report, baker
         self._chunks: list[np.ndarray] = []
+        self._latents: list[np.ndarray] = []
+        self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._count = 0
-        self._constant: dict[bytes, int] = {}
+        self._constant: dict[tuple, int] = {}
         self._placed: set[Material] = set()  # those that look different from place to place
         self._scaled: set[Material] = set()  # and those that look different by size
 
@@ -59,6 +64,21 @@ class MaterialTiles:
         """(T, 11, 32, 32) f16, the rows that the returned tile indices mean."""
         empty = np.zeros((0, TILE_CHANNELS, TILE_SIZE, TILE_SIZE), np.float16)
         return np.concatenate([empty, *self._chunks])
+
+    @property
+    def latents(self) -> np.ndarray | None:
+        """(T, 9) f32 of these tiles, 0 where a material has none; None where none has one."""
+        found = np.concatenate([np.zeros((0, len(NO_LATENT)), np.float32), *self._latents])
+        return found if found.any() else None
+
+    @property
+    def two_lobes(self) -> np.ndarray | None:
+        """(T, 7, 32, 32) f16 of these tiles (model/scene.py), 0 where a material has none; None where none has them."""
+        if all(isinstance(chunk, int) for chunk in self._lobes):
+            return None
+        side = len(TWO_LOBES), TILE_SIZE, TILE_SIZE
+        return np.concatenate([np.zeros((chunk, *side), np.float16) if isinstance(chunk, int) else chunk
+                               for chunk in self._lobes])
 
     def triangle_tiles(self, material: Material | None, mesh: TriangleMesh,
                        place: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -80,19 +100,25 @@ class MaterialTiles:
             part = slice(start, min(start + chunk, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
-                surface, height = self._evaluate(material, _points(mesh.take(part), place or Place()))
-            emission[part] = self.report.finite(material.name, "its emission", _triangle_mean(surface.emission))
+                points = points_of(mesh.take(part), place or Place())
+                surface, height = self.evaluate(material, points)
+                lobes = two_lobes(material, points)
+            emission[part] = self.report.finite(material.name, "its emission", triangle_mean(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
+            own = None if lobes is None else lobe_arrays(lobes, len(tiles))
+            if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
+                tiles = np.repeat(tiles, len(own), axis=0)
             reflects |= surface.base_color.any()
-            nothing[part] = _triangle_mean(surface.clear)[..., 0] > CLEAR
+            nothing[part] = triangle_mean(surface.clear)[..., 0] > CLEAR
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
-                index[:], emission[:], nothing[:] = self._constant_index(tiles[0]), emission[start], nothing[start]
+                index[:] = self._constant_index(tiles[0], material.latent, own)
+                emission[:], nothing[:] = emission[start], nothing[start]
                 break
             if len(tiles) == 1:
-                index[part] = self._constant_index(tiles[0])
+                index[part] = self._constant_index(tiles[0], material.latent, own)
             else:
                 index[part] = np.arange(self._count, self._count + len(tiles))
-                self._append(tiles)
+                self._append(tiles, material.latent, own)
         emission[emission.max(axis=1) < DARK_FRACTION * emission.max()] = 0
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
@@ -107,11 +133,12 @@ class MaterialTiles:
         """(n,) share of light that goes straight, or through glass of at most the roughness `smooth`, at triangles."""
         if material is None:
             return np.zeros(len(mesh))
-        surface, _ = self._evaluate(material, _points(mesh, place))
+        surface, _ = self.evaluate(material, points_of(mesh, place))
         through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
-        return np.broadcast_to(_triangle_mean(through)[..., 0], len(mesh))
+        return np.broadcast_to(triangle_mean(through)[..., 0], len(mesh))
 
-    def _evaluate(self, material: Material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
+    def evaluate(self, material: Material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
+        """The surface and its height, in the units of a tile, at these points."""
         tree = material.node_tree
         if tree is None:
             color = np.array(material.diffuse_color[:3], np.float32)
@@ -151,15 +178,18 @@ class MaterialTiles:
             return tuple(np.round(linear.T @ linear, SCALE_DIGITS).ravel())
         return None
 
-    def _constant_index(self, tile: np.ndarray) -> int:
-        key = tile.tobytes()
+    def _constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
+                        lobes: np.ndarray | None = None) -> int:
+        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes()
         if key not in self._constant:
             self._constant[key] = self._count
-            self._append(tile[None])
+            self._append(tile[None], latent, lobes)
         return self._constant[key]
 
-    def _append(self, tiles: np.ndarray) -> None:
+    def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None, lobes: np.ndarray | None) -> None:
+        self._lobes.append(len(tiles) if lobes is None else lobes)
         self._chunks.append(tiles)
+        self._latents.append(np.tile(np.float32(latent or NO_LATENT), (len(tiles), 1)))
         self._count += len(tiles)
 
 
@@ -215,14 +245,26 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
     return tiles
 
 
-def _points(mesh: TriangleMesh, place: Place) -> Points:
+def lobe_arrays(lobes: dict[str, np.ndarray], count: int) -> np.ndarray:
+    """(m, 7, 32, 32) f16 of what `two_lobes` found, m = `count` of tiles if nothing varies over the surface."""
+    named = {name: lobes[name] for name in TWO_LOBES.parts}
+    count = max([count] + [len(values) for values in named.values() if values.ndim > 1])
+    found = np.empty((count, len(TWO_LOBES), TILE_SIZE, TILE_SIZE), np.float16)
+    for name, values in named.items():
+        full = np.broadcast_to(values, (count, TILE_SIZE, TILE_SIZE, values.shape[-1]))
+        found[:, TWO_LOBES[name]] = np.moveaxis(full, -1, 1)
+    return found
+
+
+def points_of(mesh: TriangleMesh, place: Place) -> Points:
+    """The texels of the tiles of a mesh."""
     uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
     attributes = {name: interpolated(layer) for name, layer in mesh.attributes.items()}
     return Points(uv, mesh.active_uv, attributes, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
                   place, is_displaced=mesh.is_displaced, camera_ray=True)
 
 
-def _triangle_mean(values: np.ndarray) -> np.ndarray:
+def triangle_mean(values: np.ndarray) -> np.ndarray:
     """(c,) or (m, 32, 32, c) -> (c,) or (m, c): mean over the cells inside the triangle."""
     if values.ndim == 1:
         return values

@@ -11,7 +11,8 @@ from .report import Report
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
-            steady=lambda framing: framing, by_cycles=None, baker=None) -> RenderScene:
+            steady=lambda framing: framing, by_cycles=None, baker=None, as_is: bool = False,
+            paper_lamps: bool = False) -> RenderScene:
     """Everything a render depsgraph shows, in Blender's world frame and units.
 
     view: of the whole picture, whose surroundings become the network's box (camera/scene_box.py); None = all there is.
@@ -19,19 +20,21 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
     a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
     steady: given the Framing of this picture, that of its key frame.
     by_cycles: a CyclesWorld (cycles/world.py) or None. baker: rf2_engine/cycles/bake.py, for nodes that only Cycles can
-    evaluate.
+    evaluate. as_is: one unit of the world is one of the network's, around the world's origin, and light stays as it is.
+    paper_lamps: each lamp is one small triangle (lamps/one_triangle.py).
     Raises SceneError when the scene cannot be converted at all.
     """
     with progress.part(0.0, 0.4):
         copied = copy(depsgraph, report, by_cycles, baker)
     with progress.part(0.4, 1.0):
         return compute.compute(copied, view, token_budget=token_budget, max_edge=max_edge, report=report,
-                               steady=steady, baker=baker)
+                               steady=steady, baker=baker, as_is=as_is, paper_lamps=paper_lamps)
 
 
-def fitted(depsgraph, view: View, *, token_budget: int, max_edge: float, by_cycles=None) -> Framing:
+def fitted(depsgraph, view: View, *, token_budget: int, max_edge: float, by_cycles=None,
+           as_is: bool = False) -> Framing:
     """What `convert` of a key frame is fitted to by itself, with the triangles of its meshes."""
     with progress.part(0.0, 0.4):
         copied = copy(depsgraph, Report(), by_cycles)
     with progress.part(0.4, 1.0):
-        return compute.fitted(copied, view, token_budget=token_budget, max_edge=max_edge)
+        return compute.fitted(copied, view, token_budget=token_budget, max_edge=max_edge, as_is=as_is)

@@ -23,7 +23,7 @@ def dressed(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:
                     progress.report()
                     for name, values in _instance(part, place, materials, shared, report).items():
                         rows[name].append(values)
-    scene = RenderScene(tiles=materials.tiles)
+    scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes)
     for name, values in rows.items():
         if values:
             setattr(scene, name, np.concatenate(values))

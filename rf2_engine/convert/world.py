@@ -32,10 +32,11 @@ def drawn_by(by_cycles, world: World | None) -> tuple[np.ndarray | None, list[Su
     return drawn and (_none_if_black(drawn[0]), drawn[1])
 
 
-def world_light(world: World | None, drawn: tuple | None, report) -> tuple[np.ndarray | None, list[Sun]]:
+def world_light(world: World | None, drawn: tuple | None, report,
+                whole: bool = False) -> tuple[np.ndarray | None, list[Sun]]:
     """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these.
 
-    drawn: what Cycles has drawn of it (`drawn_by`).
+    drawn: what Cycles has drawn of it (`drawn_by`). whole: small bright areas of it stay where they are.
     """
     if world is None:
         return None, []
@@ -46,7 +47,7 @@ def world_light(world: World | None, drawn: tuple | None, report) -> tuple[np.nd
         environment, suns = drawn
     else:
         environment, suns = convert_world(world, report), []
-        if environment is not None:
+        if environment is not None and not whole:
             environment, suns = split_suns(environment)
     if suns:
         what = f"{len(suns)} small bright areas become sun lights" if len(suns) > 1 else \

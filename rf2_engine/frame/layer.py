@@ -42,6 +42,7 @@ class Layer:
     status: Status
     report: Report
     framing: Framing | None = None  # once the scene was converted
+    device: str = ""                # that the network works on, once it is loaded
 
     @classmethod
     def of(cls, engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, optics: Optics, status: Status,
@@ -92,12 +93,13 @@ class Layer:
         with Baker(self.depsgraph) if self.settings.bake_unknown else nullcontext() as baker:
             return convert(self.depsgraph, self._whole(), token_budget=self.settings.token_budget,
                            max_edge=self.settings.max_edge, report=self.report, steady=steady,
-                           by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status), baker=baker)
+                           by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status), baker=baker,
+                           as_is=self.settings.as_is, paper_lamps=self.settings.paper_lamps)
 
     def _fitted(self) -> Framing:
         return fitted(self.depsgraph, self._whole(), token_budget=self.settings.token_budget,
                       max_edge=self.settings.max_edge,
-                      by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status))
+                      by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status), as_is=self.settings.as_is)
 
     def _whole(self) -> View:
         return convert_camera(self.depsgraph, self.engine.resolution_x, self.engine.resolution_y, None)

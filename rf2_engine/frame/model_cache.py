@@ -18,7 +18,7 @@ from ...model.presets import weights_folder
 from ...model.progress import part
 from ...model.published.bundle_files import AUTOMATIC
 from ...model.scene import RenderScene
-from ..setup import importing, published_weights
+from ..setup import importing, published_weights, wheels
 
 SUFFIXES = (".safetensors", ".json", ".yaml", ".yml")  # of weights and what describes them
 
@@ -91,6 +91,14 @@ def free() -> None:
         torch.cuda.empty_cache()
     if torch.backends.mps.is_available():
         torch.mps.empty_cache()
+
+
+def unused_card(network) -> str:
+    """Why that renderer does not use an NVIDIA card that is there, and what to do; "" where there is none."""
+    if network.device.type == "cuda":
+        return ""
+    from ...model.devices import unused_card
+    return unused_card(wheels.has_nvidia_driver())
 
 
 def leave_gpu() -> None:

@@ -52,6 +52,15 @@ class Network:
             with self._layer.plan.enter(LOAD):
                 self._renderer = model_cache.renderer(settings.weights, settings.device, settings.precision,
                                                       settings.transformer)
+            self._layer.device = self._renderer.computed_on
+            self._tell()
+            if unused := model_cache.unused_card(self._renderer) if settings.device == "auto" else "":
+                self._layer.report.approximated("Device", unused)
+
+    def _tell(self) -> None:
+        """What the renderer had to do without."""
+        if self._renderer.remark:
+            self._layer.report.approximated("Device", self._renderer.remark)
 
     def has_work(self, guides: Guides) -> bool:
         """Whether anything is seen that it could light."""
@@ -115,8 +124,10 @@ class Network:
         """The network's light of one view."""
         layer = self._layer
         with layer.plan.enter(VIEW):
-            return encoded.lobes(view, guides, layer.lit) if layer.settings.guided else Lobes(
+            found = encoded.lobes(view, guides, layer.lit) if layer.settings.guided else Lobes(
                 encoded.view(view, guides))
+        self._tell()
+        return found
 
     def _antialiased(self, encoded, picture: Picture, wraps: bool, outside: np.ndarray | None) -> Picture:
         """The same with smooth edges: the picture, the light in it, and what is seen to shine.

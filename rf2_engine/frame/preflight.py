@@ -27,7 +27,7 @@ from ..progress.stages import CONVERT, ENCODE, TEXTURES, Work
 from ..registering import handlers
 from ..settings import FrameSettings
 from ..setup import packages
-from . import checks, failure, model_cache, rectangle
+from . import card, checks, failure, model_cache, rectangle
 from .limits import report_limits
 from .optics import Optics
 from .trained import told
@@ -51,6 +51,7 @@ class Preflight:
     state: tuple = ()              # of the settings that it was looked at with: state_of
     seconds: float | None = None   # of all view layers; None: never measured with these settings
     memory: float | None = None    # MiB that Blender will hold; None likewise
+    card: str = ""                 # what is asked of a graphics card's memory
     remarks: list[Remark] = field(default_factory=list)
 
     @property
@@ -68,7 +69,7 @@ class Preflight:
         blur = [self.blur] if self.blur else []
         views = f"{self.views} views of " if self.views > 1 else ""
         return [f"{several}: {views}{width} x {height} pixels, {self.triangles} triangles for the network",
-                f"Time: {time}", *blur, f"Memory: {memory}"]
+                f"Time: {time}", *blur, f"Memory: {memory}", *([self.card] if self.card else [])]
 
 
 def _clock(seconds: float) -> str:
@@ -137,7 +138,8 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     converted = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
                         max_edge=settings.max_edge, report=report,
                         by_cycles=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None,
-                        baker=Promise() if settings.bake_unknown else None)
+                        baker=Promise() if settings.bake_unknown else None, as_is=settings.as_is,
+                        paper_lamps=settings.paper_lamps)
     _report_differences(depsgraph, report)
     converting, count, loaded = time.perf_counter() - begin, layers(scene), model_cache.is_loaded()
     lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
@@ -152,8 +154,9 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     tokens = told(converted, view, settings, report)
     lights, cells = int(tokens.is_light.sum()), len(tokens.volumes or ())
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
-    return Preflight(layer, count, views, size=(view.width, view.height), triangles=len(converted),
-                     tokens=config.sequence_length(lights, len(tokens) - lights + cells),
+    length = config.sequence_length(lights, len(tokens) - lights + cells)
+    return Preflight(layer, count, views, size=(view.width, view.height), triangles=len(converted), tokens=length,
+                     card=card.line(card.memory(settings, length, view.width * view.height)),
                      blur=_blur(optics, others, sharp),
                      seconds=None if others is None else count * (converting + others),
                      memory=None if added is None else memory.held()[0] + added, remarks=report.entries)

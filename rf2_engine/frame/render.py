@@ -88,7 +88,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     if tokens:  # otherwise the network had nothing to do
         layer.plan.learn_memory(status.memory_added, len(views) * view.width * view.height, len(scene))
     return LayerStatistics(layer.name, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
-                           weights=settings.weights, seconds=layer.plan.seconds,
+                           weights=settings.weights, device=layer.device, seconds=layer.plan.seconds,
                            remarks=[*dict.fromkeys(report.entries + beside.entries)], reference_samples=samples)
 
 

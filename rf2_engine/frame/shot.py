@@ -48,7 +48,7 @@ class Shot:
         scene = depsgraph.scene_eval
         camera = scene.camera.name if scene.camera else ""
         rendered = (scene.name, depsgraph.view_layer_eval.name, camera, width, height, settings.token_budget,
-                    settings.max_edge)
+                    settings.max_edge, settings.as_is)
         shot = cls(scene.frame_current_final, _keys(depsgraph.scene, scene.frame_current_final), rendered)
         shot.known = {key: _fitted.get((*rendered, key)) for key in shot.keys}
         return shot

@@ -6,6 +6,7 @@ from . import (
     camera,
     last_render,
     material,
+    material_latent,
     passes,
     preflight,
     presets,
@@ -20,6 +21,6 @@ from . import (
 )
 
 MODULES = (remarks, presets, render_settings, preflight, reference, last_render, viewport, passes, view_layer, material,
-           camera, copied, adopted)
+           material_latent, camera, copied, adopted)
 
 register, unregister = modules(MODULES)

@@ -42,6 +42,8 @@ def _draw_statistics(layout, layer: last_render.LayerStatistics, scene: bpy.type
         draw_text(column, layer.error)
         return
     column.label(text=f"{layer.triangles} triangles for the network")
+    if layer.device:
+        column.label(text=layer.device)
     for stage, seconds in layer.seconds.items():
         column.label(text=f"{stage}: {seconds:.2f} s")
     draw_remarks(layout, layer, scene)

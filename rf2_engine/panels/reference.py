@@ -39,6 +39,7 @@ class RENDERFORMER_PT_reference(EnginePanel):
         if chosen.light_paths == "OWN":
             for name in LIGHT_PATHS:
                 column.prop(chosen, name)
+        column.operator("renderformer_v2.reference_as_in_paper")
         column.prop(chosen, "use_light_passes")
         if hasattr(context.scene, "cycles"):  # Cycles is an add-on, too
             column.prop(context.scene.cycles, "device")

@@ -36,6 +36,8 @@ class RENDERFORMER_PT_settings(EnginePanel):
         if not light_passes(context.scene):  # of guided weights there are some
             column.prop(settings, "transformer")
         column.prop(settings, "device")
+        if settings.device == "cuda":
+            column.prop(settings, "card")
         column.prop(settings, "precision")
         light = column.row()
         light.active = bool(light_passes(context.scene))  # the published network is given no traced light
@@ -46,6 +48,10 @@ class RENDERFORMER_PT_settings(EnginePanel):
         numbers.prop(settings, "max_edge")
         numbers.prop(settings, "guide_samples")
         numbers.separator()
+        numbers.prop(settings, "as_is")
+        if not light_passes(context.scene):
+            numbers.prop(settings, "paper_lamps")
+            numbers.operator("renderformer_v2.suggested_budget")
         numbers.prop(settings, "bake_unknown")
 
 

@@ -27,7 +27,7 @@ _frame: int | None = None    # its number; None before the first one, and a rend
 
 def of_layer(layer: last_render.LayerStatistics) -> dict:
     """What is known of a view layer that was rendered."""
-    keys = ("layer", "size", "triangles", "tokens", "weights", "report", "reference_samples")
+    keys = ("layer", "size", "triangles", "tokens", "weights", "device", "report", "reference_samples")
     return {key: getattr(layer, key) for key in keys} | {
         "seconds": {stage: round(seconds, 3) for stage, seconds in layer.seconds.items()}}
 

@@ -27,6 +27,7 @@ class LayerStatistics:
     triangles: int = 0
     tokens: int = 0  # that the network was given
     weights: str = ""
+    device: str = ""  # that the network worked on, and in which number format; "" where it had nothing to do
     seconds: dict[str, float] = field(default_factory=dict)  # by stage
     remarks: list[Remark] = field(default_factory=list)  # what was approximated or left out
     reference_samples: int = 0  # of Cycles; 0 when no reference was rendered
@@ -50,7 +51,8 @@ class LayerStatistics:
         if self.error or self.cancelled:
             return [f"{self.layer}: {self.error or 'cancelled'}"]
         width, height = self.size
-        return [f"{self.layer}: {width} x {height} pixels, {self.triangles} triangles, weights {self.weights}",
+        return [f"{self.layer}: {width} x {height} pixels, {self.triangles} triangles, weights {self.weights}"
+                f"{f', {self.device}' * bool(self.device)}",
                 *(f"{stage}: {seconds:.2f} s" for stage, seconds in self.seconds.items()), *self.report]
 
 
@@ -72,6 +74,8 @@ def stamp(engine: bpy.types.RenderEngine) -> None:
             result.stamp_data_add_field(f"{layer.layer}.{REFERENCE}.seconds", f"{layer.reference_seconds:.2f}")
             result.stamp_data_add_field(f"{layer.layer}.{REFERENCE}.samples", str(layer.reference_samples))
     result.stamp_data_add_field("RenderFormer-V2 seconds", f"{sum(layer.picture_seconds for layer in done):.2f}")
+    if devices := ", ".join(dict.fromkeys(layer.device for layer in done if layer.device)):
+        result.stamp_data_add_field("RenderFormer-V2 device", devices)
     if report := "\n".join(dict.fromkeys(line for layer in done for line in layer.report)):
         result.stamp_data_add_field("RenderFormer-V2 report", report)
     if any(layer.reference_samples for layer in done):

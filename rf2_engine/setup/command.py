@@ -34,7 +34,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f"blender --command {NAME}", description="Set RenderFormer-V2 up.")
     commands = parser.add_subparsers(required=True, metavar="install | status")
     install = commands.add_parser("install", help="install what is missing (blender --online-mode --command ...)")
-    install.add_argument("--build", choices=("auto", "cpu", "cuda"), help="build of PyTorch on Linux, also for later")
+    install.add_argument("--build", choices=("auto", "cpu", "cuda"),
+                         help="build of PyTorch on Linux and Windows, also for later")
     weights = install.add_mutually_exclusive_group()
     weights.add_argument("--weights", type=Path, metavar="DIR", help="use the published weights in this folder")
     weights.add_argument("--download", action="store_true",

@@ -225,8 +225,9 @@ def explained(error: Exception, what: str, request: dict) -> Explained:
     if status in (401, 403):
         site = constants.ENDPOINT
         ask = "refuses this access token" if request["token"] else "asks for an access token (or does not exist)"
-        return Explained(f"{what} {ask}: accept the conditions on the repository's page, make a token at "
-                         f"{site}/settings/tokens and enter it here", status)
+        return Explained(f"{what} {ask}. 1. Log in at {site}, or make an account. 2. Open the repository's page there "
+                         f"and accept its conditions; access may have to be granted. 3. Make a token of the kind Read "
+                         f"at {site}/settings/tokens. 4. Enter it below and press Download again", status)
     if status == 404:
         return Explained(f"{what} was not found on {constants.ENDPOINT}", status)
     if isinstance(error, json.JSONDecodeError):

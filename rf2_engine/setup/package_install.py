@@ -19,16 +19,16 @@ class Installation(WorkerProcess):
     RUNNING = ("installing", "cancelling")
 
     def __init__(self, target: Path, wanted: list[wheels.Wheel], *, by_content: bool = False, index: str = "",
-                 cpu_index: str = ""):
+                 torch_index: str = ""):
         """Brings what is missing of `wanted`; by_content looks into the files that are there.
 
-        index is the address of the package index (empty: pip's own), cpu_index that of PyTorch's CPU build, for which
-        no hashes are known. Raises OSError when no process can be started.
+        index is the address of the package index (empty: pip's own), torch_index that of a build of PyTorch for
+        which no hashes are known here: its index has them. Raises OSError when no process can be started.
         """
         super().__init__()
         self.was_loaded = any(wheel.name in sys.modules for wheel in wanted)  # and stays what it was
         request = {"target": str(target), "by_content": by_content, "wheels": [
-            dataclasses.asdict(wheel) | {"index": index if wheel.sha256 else cpu_index} for wheel in wanted]}
+            dataclasses.asdict(wheel) | {"index": index if wheel.sha256 else torch_index} for wheel in wanted]}
         self._start("installing", "done", [sys.executable, "-I", str(WORKER)], request)
 
     def cancel(self) -> None:

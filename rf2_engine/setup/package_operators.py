@@ -38,8 +38,9 @@ class _Install:
             self.report({"ERROR"}, problem)
             return {"CANCELLED"}
         kept = packages.preferences()
+        torch_index = kept.torch_cpu_index if packages.build() == "CPU" else kept.torch_cuda_index
         installation = package_install.begin(packages.folder(create=True), self.wanted(), by_content=self.by_content,
-                                             index=kept.package_index, cpu_index=kept.torch_cpu_index)
+                                             index=kept.package_index, torch_index=torch_index)
         if not bpy.app.background:
             redraw.keep_redrawing()
             return {"FINISHED"}

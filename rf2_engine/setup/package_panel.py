@@ -2,8 +2,6 @@
 """Draw the state of the Python packages: missing, the question before they are installed, being installed."""
 from __future__ import annotations
 
-import sys
-
 from . import importing, package_install, packages, wheels
 from .display import amount, draw_progress, draw_text, free_space
 
@@ -38,16 +36,20 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
 
 
 def draw_build(layout) -> None:
-    """Linux has two builds of PyTorch to choose from."""
+    """Linux and Windows have two builds of PyTorch to choose from."""
     preferences = packages.preferences()
-    if sys.platform != "linux":
+    if installed := packages.installed_build():
+        layout.label(text=f"Installed: PyTorch for {installed}", icon="INFO")
+    if not wheels.has_builds():
         return
     layout.prop(preferences, "torch_build")
     if preferences.torch_build == "AUTO":
         found = "An" if wheels.has_nvidia_driver() else "No"
         layout.label(text=f"{found} NVIDIA driver was found: the {packages.build()} build", icon="INFO")
-    if packages.build() == "CPU":
+    if wheels.torch_of(packages.build()) == wheels.CPU_TORCH:
         layout.prop(preferences, "torch_cpu_index")
+    elif wheels.torch_of(packages.build()) == wheels.CUDA_TORCH:
+        layout.prop(preferences, "torch_cuda_index")
 
 
 def draw_choices(layout) -> None:

@@ -138,7 +138,8 @@ def is_complete(distribution: str) -> bool:
 
     def has(build: str) -> bool:
         try:
-            return all(have.get(wheel.name) == wheel.version for wheel in wheels.needed(distribution, build))
+            return all(wheels.public(have.get(wheel.name, "")) == wheels.public(wheel.version)
+                       for wheel in wheels.needed(distribution, build))
         except (wheels.NoWheel, KeyError):  # not made for this computer, or not pinned
             return False
 
@@ -168,12 +169,30 @@ def build() -> str:
     return wheels.build(preferences().torch_build if preferences() else "AUTO")
 
 
+def cuda_release() -> str:
+    """That of PyTorch's CUDA build for Windows."""
+    return wheels.release_of(preferences().torch_cuda_index) if preferences() else wheels.CUDA
+
+
+def installed_build() -> str:
+    """Which build of PyTorch is there: "CPU", "CUDA 13.2", "ROCm 7.1", or "" for none or an unknown one."""
+    found = elsewhere("torch") or folder()
+    try:
+        text = (found / "torch" / "version.py").read_text(encoding="utf-8")
+    except (OSError, TypeError):
+        return ""
+    for name, pattern in (("CUDA", r"^cuda\b.*=\s*'([\d.]+)'"), ("ROCm", r"^hip\b.*=\s*'([\d.]+)")):
+        if match := re.search(pattern, text, re.MULTILINE):
+            return f"{name} {match[1]}"
+    return "CPU" if re.search(r"^cuda\b.*=\s*None", text, re.MULTILINE) else ""
+
+
 def wanted(names: Iterable[str]) -> list[wheels.Wheel]:
     """Everything that our folder should have for these packages, in the build of the preferences. Raises NoWheel."""
     known, found = PACKAGES | PUBLISHED, {}
     for name in names:
         if is_offered(name, known[name]) and not is_elsewhere(name):
-            found |= {wheel.name: wheel for wheel in wheels.needed(known[name], build())}
+            found |= {wheel.name: wheel for wheel in wheels.needed(known[name], build(), cuda_release())}
     return list(found.values())
 
 

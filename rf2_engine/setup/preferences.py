@@ -34,7 +34,7 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
     bl_idname = packages.EXTENSION
 
     torch_build: EnumProperty(
-        name="PyTorch", description="Build of PyTorch to install on Linux", default="AUTO",
+        name="PyTorch", description="Build of PyTorch to install on Linux and Windows", default="AUTO",
         items=(("AUTO", "Automatic", "For CUDA where an NVIDIA driver is found, else for the CPU", 0),
                ("CUDA", "CUDA", "For NVIDIA GPUs and the CPU: 3 GB to download, 5.5 GB on disk", 1),
                ("CPU", "CPU", "For the CPU only: 0.2 GB to download", 2)),
@@ -42,6 +42,12 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
     torch_cpu_index: StringProperty(
         name="CPU Build From", default="https://download.pytorch.org/whl/cpu",
         description="Address of the package index for PyTorch's CPU build",
+    )
+    torch_cuda_index: StringProperty(
+        name="CUDA Build From", default="https://download.pytorch.org/whl/cu132",
+        description="Address of the package index for PyTorch's CUDA build for Windows. Its end names the release of "
+                    "CUDA: for cards before Turing (GTX 16, RTX 20) and for older drivers, choose cu126 if PyTorch "
+                    "offers it",
     )
     package_index: StringProperty(
         name="Package Index",
@@ -104,6 +110,10 @@ def _draw_status(layout) -> None:
     if folder and folder.is_dir():
         layout.label(text=f"{amount(published_weights.size_on_disk(folder))} downloaded to {folder}")
         layout.operator("renderformer_v2.remove_weights", icon="TRASH")
+    latents = published_weights.latents_file()
+    if latents and latents.is_file():
+        layout.label(text=f"{amount(latents.stat().st_size)} of encoded textures kept for later renders")
+        layout.operator("renderformer_v2.remove_latents", icon="TRASH")
 
 
 def _draw_download(layout, preferences: RenderFormerPreferences) -> None:

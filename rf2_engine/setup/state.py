@@ -12,7 +12,7 @@ from ...model.errors import CheckpointError, SceneError
 from ...model.presets import BUNDLED, weights_folder
 from ...model.published.bundle_files import is_bundle
 from ..cycles import session as cycles_session
-from . import importing, packages, published_weights
+from . import importing, packages, published_weights, wheels
 
 
 def status(weights: str = BUNDLED) -> dict:
@@ -48,8 +48,10 @@ def _device(problems: list[str]) -> str:
     except packages.MissingPackages as error:
         problems.append(str(error))
         return ""
-    from ...model.precision import choose_device
-    return str(choose_device())
+    from ...model.devices import choose_device, unused_card
+    device = str(choose_device())
+    reason = "" if device.startswith("cuda") else unused_card(wheels.has_nvidia_driver())
+    return f"{device}; {reason}" if reason else device
 
 
 def _weights(wanted: str, problems: list[str]) -> str:

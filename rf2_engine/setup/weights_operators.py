@@ -6,11 +6,13 @@ import shutil
 
 import bpy
 
+from ...model.published import latent_store
 from ..frame import model_cache, running
 from ..registering import classes
 from . import packages, preferences, published_weights, redraw, shared_folders, weights_download
 
 RENDERING = "A render is running"
+SUGGESTED = 16384  # triangles: stages 5 and 6 of the training, the last with glass (docs/scene-input.md 2.4)
 
 
 def is_rendering() -> bool:
@@ -114,6 +116,39 @@ class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class RENDERFORMER_OT_remove_latents(bpy.types.Operator):
+    bl_idname = "renderformer_v2.remove_latents"
+    bl_label = "Delete Encoded Textures"
+    bl_description = "Delete the encoded textures that are kept for later renders. The next render encodes them again"
+
+    @classmethod
+    def poll(cls, context):
+        file = published_weights.latents_file()
+        return file is not None and file.is_file() and not is_rendering()
+
+    def execute(self, context):
+        model_cache.free()  # it holds the file open
+        try:
+            for file in latent_store.files(published_weights.latents_file()):
+                file.unlink(missing_ok=True)
+        except OSError as error:
+            self.report({"ERROR"}, f"The encoded textures could not be deleted: {error}")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class RENDERFORMER_OT_suggested_budget(bpy.types.Operator):
+    bl_idname = "renderformer_v2.suggested_budget"
+    bl_label = "Triangle Budget for These Weights"
+    bl_description = ("Set the Triangle Budget to 16384, which the published weights know well. They were trained with "
+                      "up to 65536, if memory and time allow")
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        context.scene.renderformer_v2.token_budget = SUGGESTED
+        return {"FINISHED"}
+
+
 class RENDERFORMER_OT_free_model(bpy.types.Operator):
     bl_idname = "renderformer_v2.free_model"
     bl_label = "Free Memory"
@@ -133,7 +168,8 @@ class RENDERFORMER_OT_free_model(bpy.types.Operator):
 
 register, _unregister = classes(
     RENDERFORMER_OT_download_weights, RENDERFORMER_OT_fetch_weights, RENDERFORMER_OT_cancel_download,
-    RENDERFORMER_OT_remove_weights, RENDERFORMER_OT_free_model)
+    RENDERFORMER_OT_remove_weights, RENDERFORMER_OT_remove_latents, RENDERFORMER_OT_suggested_budget,
+    RENDERFORMER_OT_free_model)
 
 
 def unregister() -> None:

@@ -1,22 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The wheels that may be installed on this computer: pinned versions, hashes and sizes (tools/pin_packages.py).
 
-On Linux there are two builds of PyTorch: the package index has the one for CUDA, PyTorch's own index one for the CPU.
+On Linux and Windows there are two builds of PyTorch. The package index has the one for CUDA for Linux, and the one for
+the CPU for Windows; PyTorch's own index has the other.
 Also used in package_worker.py: standard library only.
 """
 from __future__ import annotations
 
 import json
+import os
 import platform
 import shutil
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 PINS = Path(__file__).with_name("wheels.json")
 BUILDS = ("CUDA", "CPU")
-CPU_TORCH = "torch+cpu"  # in PINS; elsewhere its name is torch, as that of the other build
+CPU_TORCH, CUDA_TORCH = "torch+cpu", "torch+cuda"  # in PINS; elsewhere their name is torch, as that of the others
+CUDA = "cu132"  # the release of CUDA that PyTorch's own index has the pinned version for
 
 
 class NoWheel(Exception):
@@ -39,11 +42,35 @@ def pins() -> dict:
     return json.loads(PINS.read_text())
 
 
-def needed(distribution: str, build: str = "CUDA") -> list[Wheel]:
-    """The distribution and all that it needs, but numpy. Raises NoWheel."""
-    if distribution == "torch" and build == "CPU" and sys.platform == "linux":
-        distribution = CPU_TORCH
+def torch_of(build: str) -> str:
+    """The name in PINS of a build of PyTorch on this system."""
+    if sys.platform == "linux" and build == "CPU":
+        return CPU_TORCH
+    return CUDA_TORCH if sys.platform == "win32" and build == "CUDA" and _wheel(CUDA_TORCH) else "torch"
+
+
+def has_builds() -> bool:
+    """Whether this system has two builds of PyTorch to choose from."""
+    return torch_of("CPU") != torch_of("CUDA")
+
+
+def release_of(address: str) -> str:
+    """The release of CUDA that a package index of PyTorch's is for, as its address ends: "cu132"."""
+    return address.rstrip("/").rpartition("/")[2]
+
+
+def public(version: str) -> str:
+    """Without what tells builds apart."""
+    return version.partition("+")[0]
+
+
+def needed(distribution: str, build: str = "CUDA", cuda: str = CUDA) -> list[Wheel]:
+    """The distribution and all that it needs, but numpy; cuda: as of release_of, for Windows. Raises NoWheel."""
+    if distribution == "torch":
+        distribution = torch_of(build)
     wheels = [_wheel(name) for name in pins()["needs"][distribution]]
+    wheels = [replace(wheel, version=f"{wheel.version}+{cuda}") if wheel and distribution == CUDA_TORCH
+              and wheel.name == "torch" else wheel for wheel in wheels]
     own = next((wheel for wheel in wheels if wheel and wheel.name == distribution.partition("+")[0]), None)
     if own is None:
         python = f"{sys.version_info.major}.{sys.version_info.minor}"
@@ -90,13 +117,15 @@ def space_needed(wanted: list[Wheel]) -> int:
 
 
 def has_nvidia_driver() -> bool:
-    return Path("/proc/driver/nvidia").exists() or shutil.which("nvidia-smi") is not None
+    library = Path(os.environ.get("SystemRoot", r"C:\Windows"), "System32", "nvml.dll")
+    return (Path("/proc/driver/nvidia").exists() or shutil.which("nvidia-smi") is not None
+            or sys.platform == "win32" and library.exists())
 
 
 def build(choice: str) -> str:
-    """The build of PyTorch that AUTO, CUDA or CPU means here; systems other than Linux have but one."""
+    """The build of PyTorch that AUTO, CUDA or CPU means here; systems other than Linux and Windows have but one."""
     if choice == "AUTO":
-        return "CUDA" if sys.platform != "linux" or has_nvidia_driver() else "CPU"
+        return "CUDA" if not has_builds() or has_nvidia_driver() else "CPU"
     return choice
 
 

@@ -83,6 +83,7 @@ def light(copied: Copied, version: int, view: View, look: Look, before: Lit | No
 
     with progress.part(0.0, 0.4, "Converting the scene"):
         scene = compute.compute(copied, view, token_budget=settings.token_budget, max_edge=settings.max_edge,
+                                as_is=settings.as_is, paper_lamps=settings.paper_lamps,
                                 report=report, steady=steady, memo=memo)
     content = model_cache.fingerprint(scene)
     if before and before.content == content and before.made_with == look.of_scene:

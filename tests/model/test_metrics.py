@@ -7,7 +7,7 @@ import pytest
 import torch
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from renderformer_v2.model import color, flip, magma, metrics, perceptual, progress
+from renderformer_v2.model import color, flip, hdr_flip, magma, metrics, perceptual, progress
 
 
 def _picture(seed: int, height=90, width=130) -> np.ndarray:
@@ -47,11 +47,19 @@ def test_flip_is_the_authors(pair):
     np.testing.assert_allclose(ours, expected[..., 0], atol=1e-2)
 
 
+def test_hdr_flip_is_the_authors(pair):
+    bright = [color.srgb_to_linear(picture) * np.float32(scale) for picture, scale in zip(pair, (20, 18))]
+    expected, mean, _ = flip_evaluator.evaluate(*bright, "HDR", applyMagma=False)
+    ours = hdr_flip.hdr_flip_map(*bright)
+    assert ours.mean() == pytest.approx(mean, rel=2e-3)
+    np.testing.assert_allclose(ours, expected[..., 0], atol=1e-2)
+
+
 def test_equal_pictures_are_equal():
     picture = _picture(0)
     assert metrics.psnr(picture, picture) == pytest.approx(100)
     assert metrics.ssim(picture, picture) == pytest.approx(1)
-    assert flip.flip_map(picture, picture).max() == 0
+    assert flip.flip_map(picture, picture).max() == 0 and hdr_flip.hdr_flip_map(picture, picture).max() == 0
 
 
 def test_too_small_for_ssim_is_said():

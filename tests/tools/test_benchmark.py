@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.presets import rf2_200m
-from tools.benchmark import farm, load
-from tools.benchmark.flops import decoder_flops_per_ray, forward_flops, stage1_flops, visible_pairs
+from tests.model.published.bundles import tiny_published_config
+from tools.benchmark import device, farm, load
+from tools.benchmark.flops import decoder_flops_per_ray, forward_flops, product_rate, stage1_flops, visible_pairs
 from tools.benchmark.report import extrapolated, stage1_ratio
 from tools.benchmark.ring import LEAST, triangle_corners
 
@@ -123,3 +124,17 @@ def test_processes_side_by_side_are_measured(tmp_path):
     assert all(row["later"] > 0 and row["first"] > 0 and row["memory_mib"] > 100 and row["core_seconds"] > 0.1
                for row in found["measured"])
     assert found["job"]["frames"] == 10000 and set(found["machine_seconds_per_frame"]) == {"1", "2"}
+
+
+def test_a_device_is_measured_by_itself(monkeypatch):
+    monkeypatch.setattr(device, "product_rate", lambda *given: product_rate(*given, size=64))
+    found = device.measure("cpu", "bf16", LEAST, 64, tiny_published_config())
+    assert found["precision"] == "BFloat16" and found["precision_fails"] == "" and found["finite"]
+    assert 0 < found["rms_error"] < 0.1 and found["stage2_seconds"] > 0 and found["device"].startswith("CPU")
+    assert json.loads(json.dumps(found)) == found
+
+
+def test_a_device_that_is_not_there_is_said():
+    command = [sys.executable, "-m", "tools.benchmark", "--device", "cuda:7"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1 and "Automatic or CPU" in done.stderr

@@ -39,7 +39,8 @@ def evaluate(folder: Path, report: Path, *options: str) -> dict:
 
 def test_metrics_of_known_differences():
     picture = np.random.default_rng(0).random((32, 32, 3)).astype(np.float32)
-    assert compare(picture, picture) == pytest.approx({"psnr": 100.0, "ssim": 1.0, "flip": 0.0}, abs=1e-4)
+    assert compare(picture, picture) == pytest.approx(
+        {"psnr": 100.0, "ssim": 1.0, "flip": 0.0, "hdr_flip": 0.0}, abs=1e-4)
     assert psnr(np.full((4, 4, 3), 0.5), np.full((4, 4, 3), 0.6)) == pytest.approx(20.0)
 
 

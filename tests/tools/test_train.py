@@ -179,6 +179,9 @@ def test_configuration_names_wrong_keys(tmp_path):
                         ("[1]", "expected a JSON object, not .1."),
                         (changed(preset="rf2_smal"), "preset must be one of .*rf2_small, not 'rf2_smal'"),
                         (changed(preset=[]), "preset must be one of"),
+                        (changed(network={"windows": 1}), "unknown keys in model_config: windows"),
+                        (changed(network={"dense": 1}), "dense = 1 is not of the kind bool"),
+                        (changed(network=[]), "network must be a JSON object"),
                         (changed(stages=[]), "stages must be a list"),
                         (changed(stages=5), "stages must be a list"),
                         (changed(stages=[{"steps": 1}, {"steps": 2, "glass": 1}]), "stages.1.: unknown keys glass"),
@@ -187,6 +190,13 @@ def test_configuration_names_wrong_keys(tmp_path):
         path.write_text(text)
         with pytest.raises(TrainingError, match=wrong):
             TrainConfig.load(path)
+
+
+def test_a_configuration_may_change_the_network(tmp_path):
+    path = tmp_path / "config.json"
+    path.write_text(changed(network={"light_sinks": False, "summary_block_size": 16}))
+    config = TrainConfig.load(path).model()
+    assert (config.light_sinks, config.summary_block_size, config.summaries) == (False, 16, True)
 
 
 def test_parts_of_a_network_are_trained_alone(tmp_path):
@@ -224,3 +234,17 @@ def test_equal_pictures_cost_nothing():
     picture = torch.rand(1, 3, 32, 32)
     assert float(image_loss(picture, picture, structure_loss)) == pytest.approx(0, abs=1e-6)
     assert float(image_loss(picture, picture.roll(3, -1), structure_loss)) > 0.01
+
+
+def test_equal_tiles_with_other_latents_stay_apart_in_a_sample(tmp_path):
+    scene, (view, guides) = floor_scene(), floor_view()
+    scene.tiles, scene.latents = np.repeat(scene.tiles, 3, axis=0), np.zeros((3, 9), np.float32)
+    scene.latents[2], scene.tile_index[5] = 0.5, 2
+    scene.two_lobes = np.zeros((3, 7, 32, 32), np.float16)
+    scene.two_lobes[2] = 0.25
+    save_sample(tmp_path / "scene_1.npz", scene, [view], [guides], [{"combined": np.zeros((64, 64, 4))}])
+    found, *_ = load_sample(tmp_path / "scene_1.npz")
+    found.validate()
+    assert len(found.tiles) == 2 and found.latents[found.tile_index[5]].tolist() == [0.5] * 9
+    assert not found.latents[found.tile_index[0]].any()
+    assert (found.two_lobes[found.tile_index[5]] == 0.25).all() and not found.two_lobes[found.tile_index[0]].any()

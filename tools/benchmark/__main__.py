@@ -3,12 +3,14 @@
 
     python -m tools.benchmark -o DIR [--triangles 1638,4096,...] [--resolutions 512,...] [--presets rf2_small,rf2_200m]
                               [--cycles-samples N] [--precision P] [--threads N] [--quick]
+    python -m tools.benchmark --device auto|cpu|cuda|cuda:1|mps [--precision P]
 
 rf2_small is F12 with the bundled weights: conversion, guides and network. rf2_200m is the forward alone, with random
 weights of a fixed seed: pictures mean nothing, the cost is that of the published weights. Cycles' time is extrapolated
 from two sample counts (see CYCLES_RULE; --cycles-samples 0 leaves it out). Every point runs in a process of its own and
 is written to DIR/benchmark.csv when done; points that are there are not measured again. Then DIR/benchmark.png is drawn
-and one line of JSON printed. Exit status 1 when a point failed.
+and one line of JSON printed. Exit status 1 when a point failed. --device prints what one device does with the published
+network's sizes, in about a minute (device.py): for reports about graphics cards.
 """
 from __future__ import annotations
 
@@ -26,6 +28,14 @@ from .report import plot, summary
 
 def main() -> int:
     arguments = _arguments()
+    if arguments.device:
+        from .device import measure
+        try:
+            print(json.dumps(measure(arguments.device, arguments.precision)))
+        except ValueError as error:
+            print(error, file=sys.stderr)
+            return 1
+        return 0
     arguments.output.mkdir(parents=True, exist_ok=True)
     table = arguments.output / "benchmark.csv"
     rows, failed = read(table), []
@@ -49,7 +59,8 @@ def main() -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark", description=__doc__.splitlines()[0])
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR")
+    parser.add_argument("--device", help="measure this device alone; needs no -o")
     parser.add_argument("--triangles", type=numbers, default=TRIANGLES)
     parser.add_argument("--resolutions", type=numbers, default=RESOLUTIONS, help="the smallest is that of --triangles")
     parser.add_argument("--fixed-triangles", type=int, default=65536, help="of the plot against resolution")
@@ -59,6 +70,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--threads", type=int, default=0, help="of all programs (default: all cores)")
     parser.add_argument("--quick", action="store_true", help="one small point of everything, to see that it works")
     arguments = parser.parse_args()
+    if not (arguments.output or arguments.device):
+        parser.error("one of -o and --device is needed")
     if not set(arguments.presets) <= set(SUBJECTS):
         parser.error(f"--presets knows {', '.join(SUBJECTS)}")
     if arguments.quick:

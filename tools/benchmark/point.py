@@ -60,8 +60,9 @@ def rf2_200m(point: dict) -> dict:
     import torch
 
     from renderformer_v2.model.camera import square_view
+    from renderformer_v2.model.devices import choose_device
     from renderformer_v2.model.network.renderformer import RenderFormer
-    from renderformer_v2.model.precision import choose_device, choose_precision, in_precision
+    from renderformer_v2.model.precision import choose_precision, in_precision
     from renderformer_v2.model.presets import rf2_200m as preset
     from renderformer_v2.model.tensors import view_inputs
     device = choose_device()
@@ -107,7 +108,8 @@ def random_inputs(triangles: int, config):
 
 def _efficiency(config, triangles: int, point: dict, seconds: float) -> dict:
     """FLOPs by formula, and how they compare with the large matrix products of this machine in the same format."""
-    from renderformer_v2.model.precision import choose_device, choose_precision
+    from renderformer_v2.model.devices import choose_device
+    from renderformer_v2.model.precision import choose_precision
 
     from .flops import forward_flops, product_rate, stage1_flops
     device = choose_device()

@@ -92,7 +92,9 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
 
     scene = group("scene")
     repeat = max(1, tile_size // scene["tiles"].shape[-1])
-    scene["tiles"] = scene["tiles"].repeat(repeat, axis=2).repeat(repeat, axis=3)
+    for name in ("tiles", "two_lobes"):
+        if name in scene:
+            scene[name] = scene[name].repeat(repeat, axis=2).repeat(repeat, axis=3)
     scene["normals"] = _unit(scene["normals"].astype(np.float32))
     if "environment" in scene:
         scene["environment"] = scene["environment"].astype(np.float32)
@@ -115,8 +117,15 @@ def _packed_tiles(scene: RenderScene, size: int) -> dict[str, np.ndarray]:
     step = TILE_SIZE // size
     small = scene.tiles.reshape(t, c, size, step, size, step).astype(np.float32).mean(axis=(3, 5))
     small = small.astype(np.float16)
-    _, first, inverse = np.unique(small.reshape(t, -1).view(np.uint16), axis=0, return_index=True, return_inverse=True)
-    return {"scene.tiles": small[first], "scene.tile_index": inverse.ravel()[scene.tile_index].astype(np.int32)}
+    rows = [small.reshape(t, -1).view(np.uint16), scene.tile_latents.view(np.uint16)]
+    lobes = scene.two_lobes
+    if lobes is not None:
+        lobes = lobes.reshape(t, -1, size, step, size, step).astype(np.float32).mean(axis=(3, 5)).astype(np.float16)
+        rows.append(lobes.reshape(t, -1).view(np.uint16))
+    _, first, inverse = np.unique(np.concatenate(rows, axis=1), axis=0, return_index=True, return_inverse=True)
+    packed = {"scene.tiles": small[first], "scene.tile_index": inverse.ravel()[scene.tile_index].astype(np.int32)}
+    packed |= {} if scene.latents is None else {"scene.latents": scene.latents[first]}
+    return packed if lobes is None else packed | {"scene.two_lobes": lobes[first]}
 
 
 def _packed_guide(name: str, array: np.ndarray) -> np.ndarray:

@@ -111,11 +111,12 @@ def camera_results(case: Case) -> torch.Tensor:
 def embedding_results(network: RenderFormer, case: Case, inputs: NetworkInputs) -> dict[str, torch.Tensor]:
     """The parts of the triangle token, and volume tokens with the masked rows."""
     offsets = (inputs.triangles - centroids(inputs.triangles)[:, None]).flatten(1)
+    lights, light_index = network.embed_light(inputs.light)
     results = {
         "dbg.nerf_pos": nerf_encode(offsets, network.config.vertex_pe_num_freqs),
         "dbg.emb_pos": network.embed_shape(inputs.triangles), "dbg.emb_vn": network.embed_normals(inputs.normals),
         "dbg.emb_tex": network.embed_textures(inputs.texture)[inputs.texture_index],
-        "dbg.emb_light": network.embed_light(inputs.light),
+        "dbg.emb_light": lights[light_index],
     }
     if "in.volume_density" in case.tensors:
         cells = VolumeInputs(*(case.tensors[f"in.volume_{f}"] for f in VOLUME_FIELDS))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 
 from torch import nn
 
+from renderformer_v2.model.errors import CheckpointError
+from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.presets import PRESETS
 from tools.datagen.facts import Facts
 
@@ -48,6 +50,7 @@ class TrainConfig:
     clip_norm: float
     average_decay: float         # of the weights' running average, which is what is saved for rendering
     stages: tuple[Stage, ...]    # the last one goes on for as long as the run is given
+    network: dict = field(default_factory=dict)  # settings of ModelConfig that differ from the preset's (ablations)
     parts: tuple[str, ...] = ("",)  # how the names of the tensors begin that are trained; the others stay
 
     @classmethod
@@ -60,10 +63,20 @@ class TrainConfig:
         config = _filled(cls, values, str(path))
         if config.preset not in tuple(PRESETS):
             raise TrainingError(f"{path}: preset must be one of {', '.join(PRESETS)}, not {config.preset!r}")
+        config.model(str(path))
         if not isinstance(config.stages, list) or not config.stages:
             raise TrainingError(f"{path}: stages must be a list of at least one stage")
         stages = (_filled(Stage, stage, f"{path}, stages[{i}]") for i, stage in enumerate(config.stages))
         return replace(config, stages=tuple(stages))
+
+    def model(self, where: str = "network") -> ModelConfig:
+        """The preset with the settings of `network`. Raises TrainingError for one that does not exist."""
+        try:
+            if not isinstance(self.network, dict):
+                raise CheckpointError("network must be a JSON object")
+            return ModelConfig.from_dict(PRESETS[self.preset]().to_dict() | self.network)
+        except CheckpointError as error:
+            raise TrainingError(f"{where}: {error}") from error
 
     def train(self, model: nn.Module) -> None:
         """Switch gradients on for `parts` of a model, but never for the frequencies of its positions, and else off.
@@ -86,7 +99,7 @@ def _filled(kind, values, where: str):
     if not isinstance(values, dict):
         raise TrainingError(f"{where}: expected a JSON object, not {json.dumps(values)}")
     names = {f.name for f in fields(kind)}
-    needed = {f.name for f in fields(kind) if f.default is MISSING}
+    needed = {f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING}
     for wrong, keys in (("unknown", set(values) - names), ("missing", needed - set(values))):
         if keys:
             raise TrainingError(f"{where}: {wrong} keys {', '.join(sorted(keys))}")

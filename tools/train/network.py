@@ -18,7 +18,6 @@ from renderformer_v2.model.checkpoint import load_material_mapper, new_network, 
 from renderformer_v2.model.guided.decoding import decode_light
 from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.guided.network import GuidedRenderFormer
-from renderformer_v2.model.presets import PRESETS
 
 from .config import Stage, TrainConfig
 from .curriculum import by_stage
@@ -49,7 +48,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     """Raises TrainingError when there is nothing to train with, or when training has gone wrong."""
     device = torch.device(options.device)
     torch.manual_seed(options.seed)
-    model = new_network(PRESETS[config.preset]()).to(device).train()
+    model = new_network(config.model()).to(device).train()
     config.train(model)
     if options.start:
         start_from(model, options.start)

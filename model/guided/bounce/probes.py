@@ -43,12 +43,12 @@ def gathered(light: Callable[..., Tensor], position: Tensor, normal: Tensor, cov
     rows, columns = torch.meshgrid(*place, indexing="ij")
     x, n, valid = (a[rows, columns] for a in (position, normal, covered))
     number = _z_order(*(torch.arange(len(p), device=position.device) for p in place))
-    at_probes = light(*(a[valid[..., 0]] for a in (x, n, number, *(a[rows, columns] for a in known))))
+    where = valid.flatten().nonzero()[:, 0]  # a GPU is waited for here, once
+    at_probes = light(*(a.flatten(0, 1)[where] for a in (x, n, number, *(a[rows, columns] for a in known))))
     if not len(at_probes):
         return at_probes.new_zeros(h, w, at_probes.shape[-1])
-    found = at_probes.new_zeros(*x.shape[:2], at_probes.shape[-1])
-    found[valid[..., 0]] = at_probes
-    near = _near(x, valid)
+    found = at_probes.new_zeros(rows.numel(), at_probes.shape[-1]).index_copy(0, where, at_probes)
+    found, near = found.unflatten(0, x.shape[:2]), _near(x, valid)
     for i, spread in enumerate(spreads):
         found = _mean_around(found, x, n, valid, near, spread, tolerance if i else None)
     total = weights = 0.0

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from ... import compat
+from ...material_settings import latent_of
 from ..shading.blocks import Lamp, Material, World
 from ..shading.conventions import Conventions
 from ..shading.nodes import Tree
@@ -48,7 +49,8 @@ class Blocks:
 
 
 def _material(block, tree: Tree | None) -> Material:
-    return Material(block.name, tree, block.pass_index, tuple(block.diffuse_color), block.displacement_method)
+    return Material(block.name, tree, block.pass_index, tuple(block.diffuse_color), block.displacement_method,
+                    latent_of(block))
 
 
 def _lamp(block, tree: Tree | None) -> Lamp:

@@ -15,6 +15,7 @@ class Material:
     pass_index: int
     diffuse_color: tuple
     displacement_method: str
+    latent: tuple[float, ...] | None = None  # nine numbers that published weights take for its nodes
 
 
 @dataclass(eq=False)

@@ -95,6 +95,22 @@ def test_a_scene_of_lights_only_and_an_empty_scene_run(tiny_network, tiny_inputs
     assert tiny_network(empty, rays).isfinite().all()
 
 
+@pytest.mark.parametrize("changes", [
+    {"dense": True}, {"light_sinks": False}, {"summaries": False}, {"summary_block_size": 7},
+    {"local_attention_window_size_half": 9}, {"dense": True, "light_sinks": False, "summaries": False}])
+def test_ablations_have_the_same_weights_and_another_picture(tiny_network, tiny_inputs, rays, changes):
+    other = RenderFormer(replace(tiny_network.config, **changes).validate()).requires_grad_(False).eval()
+    other.load_state_dict(tiny_network.state_dict())
+    with torch.no_grad():
+        context, usual = other.encode_scene(tiny_inputs), tiny_network.encode_scene(tiny_inputs)
+        pictures = [network.render_view(it, rays) for network, it in ((other, context), (tiny_network, usual))]
+    lights = int(tiny_inputs.is_light.sum())
+    others = len(tiny_inputs.light) - lights + len(tiny_inputs.volumes.density)
+    assert len(context.tokens) == other.config.sequence_length(lights, others)
+    assert len(context.tokens) - context.sink == others + (0 if other.config.light_sinks else lights)
+    assert pictures[0].isfinite().all() and not torch.allclose(*pictures)
+
+
 def test_odd_sizes_are_refused_with_the_numbers(tiny_network, tiny_inputs):
     with pytest.raises(ValueError, match="72 x 64"):
         tiny_network(tiny_inputs, ViewInputs(torch.zeros(1, 3), torch.ones(1, 64, 72, 3)))

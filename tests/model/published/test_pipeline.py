@@ -230,3 +230,29 @@ def test_what_is_missing_is_named(published_bundle, tmp_path, monkeypatch):
     with pytest.raises(CheckpointError, match="needs transformer_512 or transformer_2048, metallic_mapper, .* it holds "
                                               "diffspec_mapper, metallic_transmission_mapper, transformer_512"):
         Renderer(folder, device="cpu", precision="fp32")
+
+
+def test_a_given_latent_takes_the_place_of_parameters(renderer):
+    """What the image encoder is given for such a tile is the latent, and normal and height of the tile."""
+    pipeline, scene, (view, _) = renderer.pipeline, floor_scene(), floor_view()
+    latent = np.linspace(-0.9, 0.9, 9).astype(np.float32)
+    plain = pipeline.process(scene, [view])
+    given = pipeline.process(replace(scene, latents=latent[None]), [view])
+    raw = np.zeros((1, 16, 32, 32), np.float16)
+    raw[:, :9], raw[:, 11] = latent[:, None, None], 1
+    expected = pipeline.encoder.inputs(replace(given, texture=raw, texture_index=np.zeros(len(scene), int))).texture
+    floor = given.texture_index[0]
+    np.testing.assert_allclose(given.texture[floor], expected[0], atol=2e-3)
+    assert np.abs(given.texture[floor] - plain.texture[plain.texture_index[0]]).max() > 0.01
+    assert np.array_equal(given.texture[given.texture_index[-1]], plain.texture[plain.texture_index[-1]])
+
+
+def test_diffuse_and_specular_go_through_their_own_mapper(renderer):
+    pipeline, scene, (view, _) = renderer.pipeline, floor_scene(), floor_view()
+    lobes = np.float16([0.2, 0.4, 0.6, 0.3, 0.2, 0.1, 0.25])
+    given = pipeline.process(replace(scene, two_lobes=np.tile(lobes[:, None, None], (1, 1, 32, 32))), [view])
+    latent = pipeline.encoder.appearance.diffuse_specular(torch.from_numpy(lobes).float())
+    expected = pipeline.process(replace(scene, latents=latent.detach().numpy()[None]), [view])
+    np.testing.assert_allclose(given.texture[given.texture_index[0]], expected.texture[expected.texture_index[0]],
+                               atol=2e-3)
+    assert np.array_equal(given.texture[given.texture_index[-1]], expected.texture[expected.texture_index[-1]])

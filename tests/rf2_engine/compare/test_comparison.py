@@ -95,7 +95,7 @@ def test_clipped_values_and_alpha_are_said(settings, two_slots):
     image.pixels.foreach_set(pixels.ravel())
     settings.a.kind, settings.a.image, settings.b.slot = "IMAGE", image.name, 1
     clipped, alpha = _measured().notes
-    assert clipped == "Values above 1 are clipped: 10.0 % of A's pixels, 0.0 % of B's"
+    assert clipped == "Values above 1 are clipped, but for HDR-FLIP: 10.0 % of A's pixels, 0.0 % of B's"
     assert "Alpha is not in the metrics" in alpha and "0.2000 off" in alpha
 
 

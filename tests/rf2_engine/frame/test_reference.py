@@ -8,7 +8,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine import compat, passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.engine import RenderFormerEngine
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels.reference import RENDERFORMER_PT_reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
-from bl_ext.user_default.renderformer_v2.rf2_engine.reference_settings import BOUNCES
+from bl_ext.user_default.renderformer_v2.rf2_engine.reference_settings import BOUNCES, PAPER
 
 from tests.rf2_engine.f12 import press_f12, read_exr
 
@@ -56,6 +56,24 @@ def test_light_paths_and_samples_are_the_scenes_or_its_own(lit, tmp_path):
     for name in BOUNCES:
         setattr(cycles, name, 0)
     np.testing.assert_array_equal(own, by_cycles(lit, tmp_path)["ViewLayer.Combined"])
+
+
+def test_a_reference_as_in_the_paper_is_cycles_with_its_factory_settings(lit, tmp_path):
+    """Whatever the scene has; the samples are few here."""
+    cycles, factory = lit.cycles, {name: lit.cycles.bl_rna.properties[name].default for name in PAPER}
+    factory |= {"caustics_reflective": True, "caustics_refractive": True}
+    cycles.max_bounces, cycles.sample_clamp_indirect, cycles.use_adaptive_sampling = 0, 1, False
+    cycles.volume_bounces = 9
+    bpy.ops.renderformer_v2.reference_as_in_paper()
+    chosen = lit.renderformer_v2.reference
+    assert (chosen.use, chosen.samples, chosen.use_denoising) == (True, 4096, True)
+    chosen.samples = 4
+    found = press_f12(lit, tmp_path)[REFERENCE]
+    for name, value in factory.items():
+        setattr(cycles, name, value)
+    assert cycles.volume_bounces == 0
+    cycles.denoiser = "OPENIMAGEDENOISE"
+    np.testing.assert_array_equal(found, by_cycles(lit, tmp_path, denoise=True)["ViewLayer.Combined"])
 
 
 @pytest.mark.parametrize("transparent, exposure, denoise", [(False, 2.0, True), (True, 0.5, False)])
@@ -206,6 +224,9 @@ def test_every_setting_has_its_place_in_the_panel(scene):
         def prop(self, owner, name, **options):
             assert name in owner.bl_rna.properties
             drawn.add(name)
+
+        def operator(self, name, **options):
+            assert name == "renderformer_v2.reference_as_in_paper"
 
     panel = type("Panel", (), {"layout": Layout(), "split_layout": lambda self: self.layout})()
     RENDERFORMER_PT_reference.draw_header(panel, bpy.context)

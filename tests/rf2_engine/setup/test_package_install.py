@@ -278,7 +278,7 @@ def test_pytorch_for_the_cpu_comes_from_its_own_index(target, monkeypatch):
     monkeypatch.setattr(wheels, "pins", lambda: pins)
     monkeypatch.setattr(sys, "platform", "linux")
     begun = finished(package_install.Installation(target, wheels.needed("torch", "CPU"), index=own.address,
-                                                  cpu_index=other.address))
+                                                  torch_index=other.address))
     own.stop()
     other.stop()
     assert begun.state == "done", begun.error

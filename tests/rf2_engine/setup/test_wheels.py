@@ -7,7 +7,7 @@ from collections import namedtuple
 
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_panel, packages, wheels
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_panel, packages, preferences, wheels
 
 from tests.rf2_engine.layout import Layout
 from tools.extension import ROOT
@@ -34,7 +34,8 @@ def test_everything_is_there_with_hashes_for_this_system(on, system, machine, mi
     offered = {name for name, distribution in known.items() if packages.is_offered(name, distribution)}
     assert known.keys() - offered == ({"embreex"} if (system, machine) == WITHOUT_EMBREE else set())
     for distribution in (known[name] for name in offered):
-        found = {wheel.name: wheel for wheel in wheels.needed(distribution)}
+        index_build = "CPU" if system == "win32" else "CUDA"  # the other is PyTorch's own index's
+        found = {wheel.name: wheel for wheel in wheels.needed(distribution, index_build)}
         assert distribution in found and all(re.fullmatch("[0-9a-f]{64}", value) for wheel in found.values()
                                              for value in wheel.sha256 or [""])
         assert "numpy" not in found
@@ -43,10 +44,14 @@ def test_everything_is_there_with_hashes_for_this_system(on, system, machine, mi
 
 
 @pytest.mark.parametrize("system, machine", SYSTEMS)
-def test_the_cpu_build_is_another_one_on_linux_only(on, system, machine):
+def test_linux_and_windows_have_two_builds_of_pytorch(on, system, machine):
     on(system, machine, 11)
     cuda, cpu = wheels.needed("torch"), wheels.needed("torch", "CPU")
-    assert (cuda != cpu) == (system == "linux")
+    assert (cuda != cpu) == wheels.has_builds() == (system in ("linux", "win32"))
+    if system == "win32":  # that of the package index knows no CUDA
+        (own,) = [wheel for wheel in wheels.needed("torch", "CUDA", "cu126") if wheel.name == "torch"]
+        assert own.version.endswith("+cu126") and not own.sha256 and all(wheel.sha256 for wheel in cpu)
+        assert not any(wheel.name.startswith("nvidia") for wheel in cuda)
     if system == "linux":
         assert {wheel.name for wheel in cpu if not wheel.sha256} == {"torch"}
         assert wheels.space_needed(cpu) < 1.5e9 < 5e9 < wheels.space_needed(cuda)
@@ -101,12 +106,31 @@ def test_without_the_simplifier_alone_small_scenes_render(on, monkeypatch, tmp_p
 
 
 @pytest.mark.parametrize("system, driver, expected",
-                         [("linux", True, "CUDA"), ("linux", False, "CPU"), ("win32", False, "CUDA")])
+                         [("linux", True, "CUDA"), ("linux", False, "CPU"), ("win32", True, "CUDA"),
+                          ("win32", False, "CPU"), ("darwin", False, "CUDA")])
 def test_automatic_is_cuda_where_a_driver_is_found(on, monkeypatch, system, driver, expected):
-    on(system, "x86_64", 11)
+    on(system, "AMD64" if system == "win32" else "x86_64", 11)
     monkeypatch.setattr(wheels, "has_nvidia_driver", lambda: driver)
     assert wheels.build("AUTO") == expected
     assert wheels.build("CUDA") == "CUDA" and wheels.build("CPU") == "CPU"
+
+
+@pytest.mark.parametrize("text, expected", [
+    ("__version__ = '2.15.0+cu132'\ncuda: Optional[str] = '13.2'\nhip: Optional[str] = None\n", "CUDA 13.2"),
+    ("__version__ = '2.15.0+cpu'\ncuda: Optional[str] = None\nhip: Optional[str] = None\n", "CPU"),
+    ("cuda: Optional[str] = None\nhip: Optional[str] = '7.1.2'\n", "ROCm 7.1.2"), (None, "")])
+def test_the_build_that_is_installed_is_read_from_its_files(monkeypatch, tmp_path, text, expected):
+    monkeypatch.setattr(packages, "elsewhere", lambda name: None)
+    monkeypatch.setattr(packages, "folder", lambda create=False: tmp_path)
+    if text is not None:
+        (tmp_path / "torch").mkdir()
+        (tmp_path / "torch" / "version.py").write_text(text)
+    assert packages.installed_build() == expected
+
+
+def test_the_address_of_pytorchs_index_names_the_release_of_cuda(scene):
+    default = preferences.RenderFormerPreferences.bl_rna.properties["torch_cuda_index"].default
+    assert wheels.release_of(default) == wheels.CUDA and wheels.release_of("https://a.b/whl/cu126/") == "cu126"
 
 
 def test_the_versions_are_those_that_the_tests_run_with():

@@ -12,7 +12,7 @@ import numpy as np
 
 from bl_ext.user_default.renderformer_v2.model.scene import TILE_SIZE
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.attributes import MESH, Asked
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import _points
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import points_of
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.mesh import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
@@ -134,7 +134,7 @@ def evaluated(place, obj, report, asked) -> np.ndarray:
     """(32, 32, 3) colour that reaches the Emission node of a square, row 0 at the bottom as in the picture."""
     mesh = read_mesh(obj.data, obj.name, report, asked.names[MESH]).take([0])
     mesh = mesh.mapped(lambda layer: layer[:, CORNER_ORDER])
-    points = _points(mesh, place)
+    points = points_of(mesh, place)
     made = copied(obj.active_material)
     evaluator = Evaluator(points, made.node_tree.conventions, report, obj.name)
     evaluator.material_index = made.pass_index

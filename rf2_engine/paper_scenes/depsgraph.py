@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Work on the depsgraph of a render: Python has no access to it otherwise."""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+
+from ...model.errors import SceneError
+
+
+def in_render(scene: bpy.types.Scene, work: Callable[[bpy.types.RenderEngine, bpy.types.Depsgraph], object]) -> object:
+    """What work(engine, depsgraph) returns, called where F12 would render the first view layer that is enabled.
+
+    It raises what `work` raises. Settings are as they were afterwards; the render result is a new, empty one.
+    """
+    found = []
+
+    class Visitor(bpy.types.RenderEngine):
+        """Renders nothing."""
+
+        bl_idname = "RENDERFORMER_V2_VISITOR"
+        bl_label = "RenderFormer-V2 Export"
+        emptied = False  # as cycles/run.py has it of an engine
+
+        def render(self, depsgraph):
+            if found:
+                return  # one view layer is enough
+            try:
+                found.append((work(self, depsgraph), None))
+            except Exception as error:  # Blender would print it and go on
+                found.append((None, error))
+
+    render = scene.render
+    before = {name: getattr(render, name) for name in ("engine", "use_compositing", "use_sequencer")}
+    bpy.utils.register_class(Visitor)
+    try:
+        render.engine, render.use_compositing, render.use_sequencer = Visitor.bl_idname, False, False
+        bpy.ops.render.render(scene=scene.name)
+    finally:
+        for name, value in before.items():
+            setattr(render, name, value)
+        bpy.utils.unregister_class(Visitor)
+    if not found:
+        raise SceneError(f'Scene "{scene.name}" has no view layer that is enabled for rendering: switch on Use for '
+                         "Rendering in View Layer Properties")
+    result, error = found[0]
+    if error is not None:
+        raise error
+    return result

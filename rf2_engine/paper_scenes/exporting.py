@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A Blender scene as a prepared frame of the research code (docs/scene-input.md 8.4)."""
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...model.errors import SceneError
+from ...model.geometry import euler_angles
+from ...model.published.obj_mesh import write_obj
+from ...model.published.prepared_frame import (
+    MESHES,
+    FrameCamera,
+    FrameEnvironment,
+    FrameMaterial,
+    FrameObject,
+    FrameVolume,
+    PreparedFrame,
+    write_frame,
+)
+from ...model.published.processed_scene import square_fov
+from ...model.scene import RenderScene
+from ..convert.camera.camera import convert_camera
+from ..convert.collect import collect
+from ..convert.collected import Collected, Part
+from ..convert.copying.scene import copy
+from ..convert.lamps.lamps import convert_lamps
+from ..convert.media.fog import add_fog
+from ..convert.meshes import mesh as meshes
+from ..convert.place import Place
+from ..convert.world import world_light
+from ..cycles.world import CyclesWorld
+from ..frame import rectangle
+from ..progress.status import Status
+from .depsgraph import in_render
+from .material_maps import LAMP, Described, describe
+from .panorama import write_panorama
+from .png import write_png
+from .vdb import write_density
+
+MOST_LAMP_TRIANGLES = 4096
+ENVIRONMENT, EXTERNAL = "env_map.exr", "volumes"
+
+
+def export_frame(scene: bpy.types.Scene, folder: Path, report) -> PreparedFrame:
+    """Write what F12 would show of the scene into a folder that is new or empty: all of it or nothing.
+
+    What the research code cannot show is in the report. Raises SceneError for a scene without surfaces or with a camera
+    that has no place there, and for a folder that holds something; OSError as the disk does.
+    """
+    folder = Path(folder)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise SceneError(f"{folder} is not empty: choose a new folder")
+    partial = folder.with_name(f".{folder.name}.{os.getpid()}")
+    try:
+        frame = in_render(scene, lambda engine, depsgraph: _Export(partial, report, depsgraph).run(
+            scene.name, CyclesWorld(engine, depsgraph, Status(engine))))
+        if folder.exists():
+            folder.rmdir()
+        partial.rename(folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return frame
+
+
+class _Export:
+    def __init__(self, folder: Path, report, depsgraph):
+        self.folder, self.report, self.depsgraph = folder, report, depsgraph
+        self.frame = PreparedFrame("", {}, [])
+        self._described: dict[tuple, Described] = {}
+
+    def run(self, name: str, by_cycles: CyclesWorld) -> PreparedFrame:
+        self.frame.name, self.frame.cameras = name, self._cameras()
+        copied = copy(self.depsgraph, self.report, by_cycles)
+        environment, suns = world_light(copied.world, copied.drawn, self.report, whole=True)
+        collected = collect(copied, self.report)
+        if not collected.parts:
+            raise SceneError(f'Scene "{name}" shows no surface: a frame needs at least one mesh')
+        low, high = collected.bounds()
+        clear = add_fog(collected, copied.world, np.float32([low, high]), None, self.report)
+        lamps = convert_lamps(collected.lamps, suns, MOST_LAMP_TRIANGLES, (low + high) / 2,
+                              float(np.linalg.norm(high - low)) / 2, clear, self.report)
+        (self.folder / MESHES).mkdir(parents=True, exist_ok=True)
+        for part in collected.parts:
+            for place in part.places:
+                self._add_part(part, place)
+        for lamp in lamps:
+            self._add_lamp(lamp)
+        self._add_media(collected)
+        if environment is not None:
+            write_panorama(self.folder / ENVIRONMENT, environment)
+            self.frame.environment = FrameEnvironment(ENVIRONMENT)
+        write_frame(self.frame, self.folder)
+        return self.frame
+
+    def _cameras(self) -> list[FrameCamera]:
+        """That of the scene, then others that markers switch to."""
+        scene = self.depsgraph.scene_eval
+        width, height = rectangle.size(scene.render)
+        view = convert_camera(self.depsgraph, width, height, None, self.report)
+        if width != height:
+            self.report.approximated("Camera", "the research code renders squares: the picture is extended to one")
+        found = [_camera(view.camera_to_world, square_fov(view))]
+        bound = {marker.camera: marker.frame for marker in sorted(scene.timeline_markers, key=lambda it: it.frame)
+                 if marker.camera and marker.camera.type == "CAMERA"}
+        active = scene.camera.original
+        for camera in bound:
+            if camera.original != active and camera.data.type == "PERSP":
+                it = camera.evaluated_get(self.depsgraph)
+                place = np.array(it.matrix_world.normalized(), np.float64)
+                found.append(_camera(place, float(np.degrees(it.data.angle))))
+        return found
+
+    def _add_part(self, part: Part, place: Place) -> None:
+        for slot in np.unique(part.mesh.slot):
+            mesh = part.mesh.take(part.mesh.slot == slot)
+            described = self._of(part.materials[slot], mesh, place)
+            corners, normals = meshes.transform(mesh, place.matrix)
+            solid = meshes.within_reach(corners) & meshes.has_area(corners)
+            if solid.any():
+                uv = mesh.uv.get(mesh.active_uv)
+                self._add(place.name or part.name, corners[solid], normals[solid], None if uv is None else uv[solid],
+                          described)
+
+    def _of(self, material, mesh, place: Place) -> Described:
+        """Of a material of which nothing depends on the place or the mesh, once."""
+        key = material, mesh.active_uv
+        if key not in self._described:
+            before = len(self.report.entries)
+            found = describe(material, mesh, place, self.report)
+            if len(self.report.entries) > before:  # perhaps it is another elsewhere
+                return found
+            self._described[key] = found
+        return self._described[key]
+
+    def _add(self, name: str, corners, normals, uv, described: Described) -> None:
+        key = self._key(name)
+        write_obj(self.folder / MESHES / f"{key}.obj", corners, normals, uv)
+        material, place = described.material, f"{MESHES}/{key}"
+        if described.maps or described.latent is not None:
+            (self.folder / place).mkdir()
+        for map_name, pixels in described.maps.items():
+            write_png(self.folder / place / f"{map_name}.png", pixels)
+        if described.latent is not None:
+            np.save(self.folder / place / "latent.npy", described.latent)
+            material = replace(material, latent=f"{place}/latent.npy")
+        flat = (np.ptp(normals, axis=1) < 1e-4).all(axis=1)
+        material = replace(material, folder=place if described.maps else None, is_smooth=bool(flat.mean() < 0.5))
+        self.frame.objects[key] = FrameObject(f"{MESHES}/{key}.obj", material, is_light=any(material.emission))
+
+    def _add_lamp(self, lamp: RenderScene) -> None:
+        lit = lamp.is_light
+        if lamp.beam_axis[lit].any():
+            self.report.approximated("Lamps", "lamps that shine to one side alone shine to all sides")
+        for radiance in np.unique(lamp.emission[lit], axis=0):
+            rows = (lamp.emission == radiance).all(axis=1)
+            material = FrameMaterial("homo_diffuse_specular", LAMP, emission=tuple(radiance.tolist()))
+            self._add("Lamp", lamp.triangles[rows], lamp.normals[rows], None, Described(material))
+
+    def _add_media(self, collected: Collected) -> None:
+        for i, medium in enumerate(collected.media):
+            file = f"{EXTERNAL}/volume_{i}.vdb"
+            (self.folder / EXTERNAL).mkdir(exist_ok=True)
+            peak = write_density(self.folder / file, medium)
+            if peak is None:
+                self.report.skipped(medium.name, "its volume cannot be written without the Python module openvdb")
+            elif peak:
+                size = medium.box.size
+                unit = peak * np.sqrt(np.mean(np.square(size)))
+                # The research code puts voxels half a voxel too high, and knows where it did (5.3).
+                middle = medium.box.center - medium.box.rotation @ (size / 64)
+                self.frame.volumes.append(FrameVolume(
+                    file, tuple(middle.tolist()), tuple(np.degrees(euler_angles(medium.box.rotation)).tolist()),
+                    tuple(size.tolist()), tuple((medium.scattering * unit).tolist()),
+                    tuple((medium.absorption * unit).tolist())))
+
+    def _key(self, name: str) -> str:
+        """A name for files and for Blender's objects, which the research code finds by it."""
+        stem = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:50] or "Object"
+        key, count = stem, 0
+        while key.lower() in (known.lower() for known in self.frame.objects):  # Windows' names have no case
+            key, count = f"{stem}_{count + 1:03d}", count + 1
+        return key
+
+
+def _camera(camera_to_world: np.ndarray, degrees: float) -> FrameCamera:
+    right, up, back, position = camera_to_world[:3].astype(np.float64).T
+    return FrameCamera(tuple(position.tolist()), tuple((position - back).tolist()), tuple(up.tolist()), degrees)

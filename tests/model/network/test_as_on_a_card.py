@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The network as a graphics card would run it, without one: nothing waits in its loops, and its memory is known."""
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from renderformer_v2.model.network import memory, softmax, window
+from renderformer_v2.model.network.footprint import card_bytes
+from renderformer_v2.model.network.inputs import ViewInputs
+from renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer, SceneContext
+from renderformer_v2.model.network.window import Window
+from renderformer_v2.model.precision import in_precision
+from renderformer_v2.model.presets import rf2_200m
+from renderformer_v2.model.renderer import Renderer
+from tests.model.no_host_copies import NoHostCopies
+from tests.model.samples import floor_scene, floor_view
+
+
+@pytest.fixture
+def as_on_a_card(monkeypatch):
+    """PyTorch's own attention, and pieces as large as a card gets."""
+    for module in (softmax, window):
+        monkeypatch.setattr(module, "fused", lambda q: True)
+    monkeypatch.setattr(memory, "CHUNK", memory.GPU_CHUNK)
+
+
+@torch.inference_mode()
+def test_stage_1_never_waits_for_the_card(as_on_a_card, tiny_network):
+    config, count = tiny_network.config, 6000
+    tokens, positions = torch.randn(count, config.latent_dim), torch.randn(count, 3)
+    with NoHostCopies() as watched:
+        tiny_network.transformer(tokens, positions, 120)
+    bands = -(-(count - 120) // Window.QUERIES)
+    assert watched.attentions < config.num_layers * (bands / 8 + 4)  # many bands of queries at once
+
+
+@torch.inference_mode()
+def test_stage_2_and_the_decoder_never_wait_for_the_card(as_on_a_card, tiny_network, tiny_inputs, rays):
+    context = tiny_network.encode_scene(tiny_inputs)
+    with NoHostCopies():
+        tiny_network.render_view(context, rays)
+
+
+@pytest.mark.parametrize("bad", [lambda x: x[x > 0], lambda x: x.sum().item(), lambda x: bool(x.any()),
+                                 lambda x: x.double(), lambda x: x.nonzero()])
+def test_what_makes_a_card_wait_is_found(bad):
+    with NoHostCopies(), pytest.raises(AssertionError):
+        bad(torch.randn(4))
+
+
+@pytest.fixture
+def usual_pieces():
+    yield
+    memory.usual()
+
+
+def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(usual_pieces, published_bundle):
+    renderer, scene = Renderer(published_bundle, device="cpu", precision="fp32"), floor_scene()
+    view, guides = floor_view()
+    expected = renderer.encode(scene).view(view, guides)
+    tried, encode = [], renderer.pipeline.encode
+
+    def small(*given):
+        tried.append((memory.chunk_for(torch.device("cuda")), memory.divided(Window.TOGETHER)))
+        if len(tried) < 3:
+            raise torch.OutOfMemoryError("CUDA out of memory")
+        return encode(*given)
+
+    renderer.pipeline.encode = small
+    found = renderer.encode(scene)
+    assert tried == [(4096, 16), (1024, 4), (256, 1)] and "smaller ones" in renderer.remark
+    np.testing.assert_allclose(found.view(view, guides), expected, rtol=1e-4, atol=1e-5 * expected.max())
+    assert not found.encoded.context.keys_values
+    assert Renderer(published_bundle, device="cpu", precision="fp32").remark == "" and not memory.is_divided()
+
+
+def test_a_card_that_is_much_too_small_is_said(usual_pieces, published_bundle):
+    def never():
+        raise torch.OutOfMemoryError("CUDA out of memory")
+    with pytest.raises(torch.OutOfMemoryError):
+        Renderer(published_bundle, device="cpu", precision="fp32").fitted(never)
+
+
+class Held(TorchDispatchMode):
+    """The most bytes that tensors of the meta device would have held at once."""
+
+    def __init__(self):
+        super().__init__()
+        self.now, self.most, self._known = 0, 0, set()
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        result = func(*args, **(kwargs or {}))
+        for x in result if isinstance(result, (tuple, list)) else [result]:
+            if isinstance(x, torch.Tensor):
+                self._hold(x.untyped_storage())
+        return result
+
+    def _hold(self, storage) -> None:
+        key, size = storage._cdata, storage.nbytes()
+        if key in self._known:
+            return
+        self._known.add(key)
+        self.now += size
+        self.most = max(self.most, self.now)
+        weakref.finalize(storage, self._forget, key, size)
+
+    def _forget(self, key: int, size: int) -> None:
+        self._known.discard(key)
+        self.now -= size
+
+
+@pytest.mark.parametrize("tokens, side", [(3000, 256), (20000, 512)])
+@torch.inference_mode()
+def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side, monkeypatch):
+    monkeypatch.setattr(memory, "CHUNK", memory.GPU_CHUNK)
+    config = replace(rf2_200m(), num_layers=1)  # all layers of stage 1 use the same memory
+    with torch.device("meta"):
+        network = in_precision(RenderFormer(config), torch.bfloat16)
+        given, positions = torch.empty(tokens, config.latent_dim), torch.empty(tokens, 3)
+        rays = ViewInputs(torch.empty(1, 3), torch.empty(1, side, side, 3))
+        triangle = torch.empty(tokens, dtype=torch.long)
+    with Held() as stage1:
+        done = network.transformer(given, positions, 80 + tokens // 64)
+    with Held() as stage2:
+        network.render_view(SceneContext(done, positions, triangle, 100, keep=True), rays)
+    held = max(stage1.most, stage2.most)
+    parameters = sum(p.numel() for p in network.parameters())
+    asked = card_bytes(config, parameters, tokens, side * side, 2, KEYS_VALUES_BYTES) - 2 * parameters
+    assert held < asked < 2.5 * held

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a render says of the device that it used, of a card that it did not, and of a card's memory."""
+import bpy
+import OpenEXR
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import card, model_cache, preflight
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import frame_lines, last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup.weights_operators import SUGGESTED
+
+from tests.rf2_engine.f12 import press_f12
+
+
+def test_the_device_and_its_number_format_are_said_everywhere(lit, tmp_path, monkeypatch):
+    monkeypatch.setattr(model_cache, "unused_card", lambda network: "the NVIDIA card is not used, because of a test")
+    lit.renderformer_v2.reference.use = False
+    model_cache.free()
+    press_f12(lit, tmp_path)
+    (layer,) = last_render.last_frame
+    assert layer.device.startswith("CPU") and layer.device.endswith("Float32")
+    assert layer.device in layer.lines[0] and frame_lines.of_layer(layer)["device"] == layer.device
+    assert "approximated Device: the NVIDIA card is not used, because of a test" in layer.report
+    with OpenEXR.File(str(tmp_path / "picture.exr")) as file:
+        assert file.header()["RenderFormer-V2 device"] == layer.device
+
+
+@pytest.mark.parametrize("needed, free, said", [(2e9, 8e9, "2.0 GB are needed, 8.0 GB are free"),
+                                                (9e9, 8e9, "smaller pieces")])
+def test_preflight_tells_what_a_card_needs(lit, monkeypatch, needed, free, said):
+    monkeypatch.setattr(card, "memory", lambda *given: (needed, free))
+    found = preflight.run(bpy.context.evaluated_depsgraph_get(), lambda text, fraction: None)
+    assert not found.error and any(said in line for line in found.lines)
+
+
+def test_without_a_card_nothing_is_said_of_one(lit):
+    found = preflight.run(bpy.context.evaluated_depsgraph_get(), lambda text, fraction: None)
+    assert not found.error and not any(line.startswith("Card") for line in found.lines)
+
+
+def test_a_budget_for_the_published_weights_is_suggested(scene):
+    bpy.ops.renderformer_v2.suggested_budget()
+    assert scene.renderformer_v2.token_budget == SUGGESTED
+
+
+def test_encoded_textures_can_be_deleted(scene, tmp_path, monkeypatch):
+    file = tmp_path / "latents.sqlite"
+    monkeypatch.setattr(published_weights, "latents_file", lambda: file)
+    assert not bpy.ops.renderformer_v2.remove_latents.poll()
+    for ending in ("", "-journal"):
+        file.with_name(file.name + ending).write_bytes(b"some")
+    assert bpy.ops.renderformer_v2.remove_latents() == {"FINISHED"}
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Make a .blend file of a scene of the authors' code: a prepared frame's folder, or an H5 scene.
+
+    python -m tools.import_scene FRAME_DIR|SCENE.h5 -o SCENE.blend [--resolution N]
+
+Prints a line of JSON: the scene, its triangles, and what is missing or was approximated. An error is one line on stderr
+and exit status 1; wrong arguments are explained with exit status 2.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+
+from renderformer_v2.model.errors import SceneError
+
+from . import extension
+from .arguments import file_with, whole_number
+from .picture import prepare
+from .scene_file import one_line
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tools.import_scene", description=__doc__.splitlines()[0])
+    parser.add_argument("scene", type=Path, help="folder of a prepared frame, or .h5 scene")
+    parser.add_argument("-o", "--output", type=file_with(".blend"), required=True)
+    parser.add_argument("--resolution", type=whole_number(64), default=512,
+                        help="width and height of the picture in pixels (default: 512)")
+    arguments = parser.parse_args()
+    answer = os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    try:
+        found = _run(arguments)
+    except (SceneError, RuntimeError, OSError) as error:
+        print(one_line(error), file=sys.stderr)
+        return 1
+    print(json.dumps(found), file=answer, flush=True)
+    return 0
+
+
+def _run(arguments: argparse.Namespace) -> dict:
+    import bpy
+    prepare(arguments.output)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    extension.load().register()
+    from renderformer_v2.rf2_engine.convert.report import Report
+    from renderformer_v2.rf2_engine.paper_scenes.h5_import import import_h5
+    from renderformer_v2.rf2_engine.paper_scenes.importing import import_frame
+    report, empty = Report(), bpy.context.scene
+    run = import_frame if arguments.scene.is_dir() else import_h5
+    scene = run(arguments.scene, report, arguments.resolution)
+    bpy.context.window.scene = scene
+    bpy.data.scenes.remove(empty)
+    bpy.ops.wm.save_as_mainfile(filepath=str(arguments.output), relative_remap=True)
+    triangles = sum(len(it.data.polygons) for it in scene.objects if it.type == "MESH")
+    return {"scene": scene.name, "triangles": triangles, "cameras": sum(it.type == "CAMERA" for it in scene.objects),
+            "report": report.lines(), "output": [str(arguments.output)]}
+
+
+if __name__ == "__main__":
+    extension.run(main)
