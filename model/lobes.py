@@ -16,6 +16,7 @@ from .color import HALF_MAX
 from .scene import Guides
 
 LOBES = ("diffuse", "glossy", "transmission")
+OTHERS = "others"  # traced light that nobody wants to have apart
 FAINT = 1e-4   # half floats are too coarse for a colour below this: its light is not taken apart
 TRACE = 1e-6   # direct light that every lobe has at least, so that all traced light belongs to some lobe
 RADIUS = 2     # pixels: shares are those of a square around the pixel, for samples are few and noisy
@@ -75,6 +76,8 @@ def light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
     and light of no lobe: "volume_indirect" if there are `volumes`, else the same indirect light for every lobe. What no
     colour can be multiplied with is in "volume_indirect" as well. Without traced light `sampled` is not looked at, all
     is the network's, and "volume_direct" is black.
+    `sampled` may have some of the passes alone. Those are returned then, and make less than the picture; without
+    "volume_indirect", which is what all others leave.
     """
     parts = [{name: light[inner] for name, light in _light_passes(
         guides.rows(outer), lobes.rows(outer), {name: x[outer] for name, x in sampled.items()}, volumes).items()}
@@ -89,8 +92,9 @@ def _light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
     if lobes.traced is None:
         light |= {f"{lobe}_direct": lobes.direct[i] for i, lobe in enumerate(LOBES)}
     else:
-        for name, share in _divided(lobes.traced, colors, sampled).items():
+        for name, share in _divided(lobes.traced, colors, sampled, volumes).items():
             light[name] = light.get(name, 0) + share
+        light = {f"{lobe}_direct": np.zeros_like(lobes.radiance) for lobe in LOBES} | light
     light.setdefault("volume_direct", np.zeros_like(lobes.radiance))
     light.pop("volume_indirect", None)  # it is what the others leave
     if not volumes:
@@ -98,6 +102,8 @@ def _light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],
         for lobe in LOBES:
             light[f"{lobe}_indirect"] = light[f"{lobe}_indirect"] + left.clip(0) / np.maximum(color, FAINT)
     light |= {name: np.where(color > FAINT, light[name].clip(0, HALF_MAX), 0) for name, color in colors.items()}
+    if OTHERS in light:
+        return {name: light[name] for name in sampled}
     return light | {"volume_indirect": (lobes.radiance - _picture(light, colors)).clip(0)}
 
 
@@ -117,14 +123,18 @@ def _colors(guides: Guides) -> dict[str, np.ndarray]:
     return {f"{lobe}_{part}": color for lobe, color in colors for part in ("direct", "indirect")}
 
 
-def _divided(traced: np.ndarray, colors: dict[str, np.ndarray],
-             sampled: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """`traced` (H, W, 3) as light of passes, before their colours, in the proportions of `sampled`."""
+def _divided(traced: np.ndarray, colors: dict[str, np.ndarray], sampled: dict[str, np.ndarray],
+             volumes: bool) -> dict[str, np.ndarray]:
+    """`traced` (H, W, 3) as light of passes, before their colours, in the proportions of `sampled`, and the OTHERS."""
     light = {}
     for name, noisy in sampled.items():
         color = colors.get(name, np.ones_like(noisy))
         light[name] = box_means(noisy * color, RADIUS) / np.maximum(box_means(color, RADIUS), FAINT)
         if name.endswith("_direct") and name in colors:
             light[name] += TRACE
-    scale = traced / np.maximum(_picture(light, colors), TRACE * FAINT)
-    return {name: share * scale for name, share in light.items()}
+    whole = np.maximum(_picture(light, colors), TRACE * FAINT)
+    if colors.keys() | ({"volume_direct", "volume_indirect"} if volumes else set()) <= sampled.keys():
+        return {name: share * traced / whole for name, share in light.items()}
+    whole = np.maximum(whole, box_means(traced, RADIUS))
+    light = {name: share * traced / whole for name, share in light.items()}
+    return light | {OTHERS: traced - _picture(light, colors)}

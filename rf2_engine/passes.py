@@ -137,9 +137,18 @@ def asked_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> b
     return any(p.key in lighting for p in of_view_layer(view_layer, lighting))
 
 
-def of_session(view_layer: bpy.types.ViewLayer, lighting: bool) -> list[Pass]:
-    """The passes of one Cycles session: first hits, what the user ticked, and all light passes on demand."""
-    always = [p for p in PASSES if p.source in ("network", "guide") or lighting and p.source == "lighting"]
+def divided_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> frozenset[str]:
+    """Keys of the light passes that Cycles has to give so that those with these keys that are ticked can be made.
+
+    An added pass stays in the file. Volume Indirect alone needs all: it is what they leave of the picture.
+    """
+    asked = {p.key for p in of_view_layer(view_layer, lighting) if p.source == "lighting"}
+    return LIGHTING if "volume_indirect" in asked else frozenset(asked)
+
+
+def of_session(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[Pass]:
+    """The passes of one Cycles session: first hits, what the user ticked, and the light passes with these keys."""
+    always = [p for p in PASSES if p.source in ("network", "guide") or p.key in lighting]
     return always + [p for p in of_view_layer(view_layer, ()) if p not in always]
 
 

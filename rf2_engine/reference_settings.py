@@ -28,7 +28,7 @@ class ReferenceSettings(bpy.types.PropertyGroup):
     samples: IntProperty(name="Samples", default=128, min=1, soft_max=4096, max=1 << 24,
                          description="Samples per pixel of the reference")
     use_scene_samples: BoolProperty(
-        name="Samples as in Cycles", description="As many samples as the scene's Cycles settings have")
+        name="As in Cycles", description="As many samples as the scene's Cycles settings have")
     time_limit: FloatProperty(name="Time Limit", default=0.0, min=0.0, step=100, subtype="TIME", unit="TIME_ABSOLUTE",
                               description="Stop the reference after this time and keep the samples rendered so far. 0 "
                                           "is no limit")

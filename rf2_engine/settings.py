@@ -43,7 +43,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     transformer: EnumProperty(
         name="Published Network",
         description="Which of the two published networks draws the picture. Both know scenes of up to 65536 triangles: "
-                    "raise the Triangle Budget as far as memory and time allow",
+                    "raise Max Triangles as far as memory and time allow",
         items=(
             (AUTOMATIC, "Automatic", "The second for pictures from 2048 pixels, else the first; or the one that is "
              "there", 0),
@@ -70,42 +70,43 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     token_budget: IntProperty(
-        name="Triangle Budget", default=4096, min=256, soft_max=131072, max=1 << 20,
+        name="Max Triangles", default=4096, min=256, soft_max=131072, max=1 << 20,
         description="Maximum triangles sent to the network. Denser meshes are simplified. More triangles give finer "
                     "shadows and reflections, but take more time and memory",
     )
     max_edge: FloatProperty(
         name="Largest Triangle", default=0.2, min=0.005, max=1.0, precision=3,
-        description="Divide triangles with longer edges, up to the Triangle Budget, so that light can vary across "
+        description="Divide triangles with longer edges, up to Max Triangles, so that light can vary across "
                     "large surfaces. As a fraction of the scene's longest side",
     )
     guide_samples: IntProperty(
         name="Samples", default=8, min=1, soft_max=64, max=1024,
-        description="Samples per pixel that Cycles renders for the first hits and, with Traced Hints, for direct "
-                    "light. More samples give smoother edges and textures. The time of the network does not depend on "
-                    "them",
+        description="Camera rays per pixel that Cycles traces to find what is seen and, if Light is With Cycles, "
+                    "its direct light. More samples give smoother edges and textures. The time of the network does not "
+                    "depend on them",
     )
 
     lens_samples: IntProperty(
         name="Lens Samples", default=2, min=1, soft_max=64, max=1024,
         description="Points on the lens that the picture is rendered from, for cameras with Depth of Field. 1 disables "
-                    "it. The network renders the picture once per sample, and Cycles traces Samples as often and once "
-                    "more. 2 take about twice as long as a sharp picture; more are smoother",
+                    "it. The network and Cycles render the picture once per sample: 2 take about twice as long as a "
+                    "sharp picture; more are smoother",
     )
     shutter_samples: IntProperty(
         name="Shutter Samples", default=2, min=1, soft_max=64, max=1024,
         description="Moments at which the picture is rendered while the shutter is open, with Motion Blur. 1 disables "
-                    "it. The network renders the picture once per sample. Together with Lens Samples, each sample has "
-                    "a point and a moment, and the larger number is used",
+                    "it. The network and Cycles render the picture once per sample: 2 take about twice as long as a "
+                    "sharp picture. Together with Lens Samples, each sample has a point and a moment, and the larger "
+                    "number is used",
     )
     light: EnumProperty(
         name="Light", update=_passes_change,
         items=(
-            ("TRACED", "Traced Hints", "Cycles traces direct light and what smooth mirrors and glass show, with "
-                                       "the samples below. The network adds light that has bounced. Bundled "
-                                       "network only", 0),
-            ("NETWORK", "Network Alone", "Cycles finds only the first hits. All light comes from the network and "
-                                         "from estimates on its triangles", 1),
+            ("TRACED", "With Cycles", "Cycles traces direct light and what smooth mirrors and glass show, with the "
+                                      "samples below. The network adds light that has bounced. Bundled network only",
+             0),
+            ("NETWORK", "Network Alone", "Cycles finds only what the camera sees. All light comes from the "
+                                         "network and from estimates on its triangles", 1),
         ),
     )
     bake_unknown: BoolProperty(
@@ -124,7 +125,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     threads: IntProperty(name="Threads", default=1, min=1, max=1024,
-                         description="Number of processor threads for the first hits and the network")
+                         description="Number of processor threads for Cycles and the network")
     reference: PointerProperty(type=ReferenceSettings)
     viewport: PointerProperty(type=RenderFormerViewportSettings)
 

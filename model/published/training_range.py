@@ -32,7 +32,7 @@ def remarks(scene: RenderScene) -> list[str]:
         found.append(f"{inside.sum()} of {len(corners)} light triangles are inside the scene, where training scenes "
                      "had none: theirs were 2.1 to 2.7 times its longest side away")
     if len(scene) > TRIANGLES:
-        found.append(f"{len(scene)} triangles, training scenes had up to {TRIANGLES}: lower the Triangle Budget")
+        found.append(f"{len(scene)} triangles, training scenes had up to {TRIANGLES}: lower Max Triangles")
     if scene.volumes is not None and len(scene.volumes):
         side = scene.volumes.scale.min(axis=1) / CELLS
         if (thin := int((side < 0.99 * THINNEST).sum())):

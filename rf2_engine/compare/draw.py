@@ -13,7 +13,8 @@ import numpy as np
 
 from ...model.color import srgb_to_linear
 from ...model.magma import magma
-from . import comparison, events, overlay, shader
+from ..cycles import growing as cycles_growing
+from . import comparison, events, growing, overlay, shader
 
 _shader = None
 _textures: dict[str, object] = {}
@@ -27,6 +28,11 @@ def is_drawn(context) -> bool:
     return comparison.is_shown() and comparison.is_compared(context.space_data.image)
 
 
+def is_split(context) -> bool:
+    """Whether there is a line to be dragged in this Image Editor."""
+    return comparison.settings().mode == "SPLIT" and (is_drawn(context) or growing.is_drawn(context))
+
+
 def _before_image() -> None:
     import gpu
     global _scene_linear
@@ -37,10 +43,14 @@ def _after_image() -> None:
     import gpu
     if comparison.settings().show:
         events.look_again()
+    if growing.is_drawn(bpy.context):
+        growing.draw(_scene_linear, _program())
+    elif cycles_growing.running() is None:
+        growing.forget()
     if not is_drawn(bpy.context):
         return
     chosen, textures = comparison.settings(), _current_textures()
-    show = partial(shader.draw, _shader, opaque=bpy.context.space_data.display_channels == "COLOR")
+    show = partial(shader.draw, _program(), opaque=bpy.context.space_data.display_channels == "COLOR")
     gpu.state.blend_set("NONE")
     if chosen.mode == "SIDE":
         shader.erase(1 + overlay.GAP)
@@ -57,23 +67,30 @@ def _after_image() -> None:
             show(textures["b" if chosen.mode == "BLINK" and events.blink else "a"])
     if chosen.mode == "FLIP" and "flip" in textures:  # its colours are a scale, not light
         area = comparison.measurement.box.area
-        shader.draw(_shader, textures["flip"], part=area, area=area)
+        shader.draw(_program(), textures["flip"], part=area, area=area)
 
 
 def _over_image() -> None:
     context = bpy.context
-    if is_drawn(context):
-        overlay.draw(context)
+    if growing.is_drawn(context):
+        overlay.draw(context, *growing.labels())
+    elif is_drawn(context):
+        overlay.draw(context, f"A: {comparison.a.label}", f"B: {comparison.b.label}")
     elif comparison.settings().show and comparison.message and comparison.is_compared(context.space_data.image):
         overlay.say(context, comparison.message)
 
 
-def _current_textures() -> dict[str, object]:
-    global _shader, _of
-    measured = comparison.measurement and comparison.measurement.closeness
-    now = comparison.generation, id(measured)
+def _program():
+    global _shader
     if _shader is None:
         _shader = shader.create()
+    return _shader
+
+
+def _current_textures() -> dict[str, object]:
+    global _of
+    measured = comparison.measurement and comparison.measurement.closeness
+    now = comparison.generation, id(measured)
     if _of != now:
         if _of[:1] != now[:1]:
             _textures.clear()
@@ -98,4 +115,5 @@ def unregister() -> None:
         bpy.types.SpaceImageEditor.draw_handler_remove(handle, "WINDOW")
     _handles.clear()
     _textures.clear()
+    growing.forget()
     _shader, _of, _scene_linear = None, (), None

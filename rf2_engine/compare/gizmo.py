@@ -44,7 +44,7 @@ class RENDERFORMER_GGT_split(bpy.types.GizmoGroup):
 
     @classmethod
     def poll(cls, context):
-        return comparison.settings().mode == "SPLIT" and draw.is_drawn(context)
+        return draw.is_split(context)
 
     def setup(self, context):
         self.gizmos.new(RENDERFORMER_GT_split.bl_idname)

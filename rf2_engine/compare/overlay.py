@@ -17,10 +17,9 @@ ICONS = 56           # pixels of Blender's own gizmos at the right edge, at an i
 GAP = 0.02           # between pictures side by side, of their width
 
 
-def draw(context) -> None:
-    """In pixels of the region."""
+def draw(context, a: str, b: str) -> None:
+    """In pixels of the region, with the names of A and B."""
     chosen, unit = comparison.settings(), context.preferences.system.ui_scale
-    a, b = f"A: {comparison.a.label}", f"B: {comparison.b.label}"
     left, bottom, right, top = _place(context)
     line = min(top + 8 * unit, context.region.height - 48 * unit)  # below the header, however large the picture is
     if chosen.mode == "SIDE":

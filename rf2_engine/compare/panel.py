@@ -44,8 +44,8 @@ def _draw_side(column, side) -> None:
         column.prop_search(side, "image", bpy.data, "images", text="")
     elif side.kind == "SLOT":
         column.prop(side, "slot")
-    column.prop(side, "pass_name")
-    column.prop(side, "layer")
+    column.prop(side, "pass_name", placeholder="As in header")
+    column.prop(side, "layer", placeholder="As in header")
 
 
 class RENDERFORMER_PT_compare_metrics(bpy.types.Panel):

@@ -36,6 +36,7 @@ class Window(NamedTuple):
 
 _cropped: dict[int, Window] = {}   # by slot number
 _bordered: dict[int, Window] = {}  # the same of renders that show all of the frame, and hold nothing elsewhere
+rendering = 0  # index of the slot that the last render went into
 
 
 def whole(width: int, height: int) -> Window:
@@ -57,8 +58,11 @@ def rendered_of_slot(slot: int | None, width: int, height: int) -> Window:
 @persistent
 def _begins(scene, *_):
     """Note what the slot that is shown will hold."""
+    global rendering
+    rendering = 0
     for image in bpy.data.images:
         if image.type == "RENDER_RESULT":
+            rendering = image.render_slots.active_index
             _cropped.pop(slot := image.render_slots.active_index + 1, None)
             _bordered.pop(slot, None)
             if scene.render.use_border:

@@ -51,7 +51,7 @@ def world_light(world: World | None, drawn: tuple | None, report) -> tuple[np.nd
     if suns:
         what = f"{len(suns)} small bright areas become sun lights" if len(suns) > 1 else \
             "a small bright area becomes a sun light"
-        report.approximated(world.name, f"{what}, at least {math.degrees(SUN_ANGLE):.0f} degrees wide")
+        report.approximated(world.name, f"{what}, at least {math.degrees(SUN_ANGLE):g} degrees wide")
     return environment, suns
 
 

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,12 +20,15 @@ import numpy as np
 import mathutils
 
 from ...model import progress
-from ...model.errors import SceneError
+from ...model.errors import RenderCancelled, SceneError
 from .. import exr, main_thread
 from .. import passes as pass_table
+from ..frame import running
 from . import progress as cycles_progress
 
 INTERVAL = 0.1  # seconds between two looks at the Esc key
+GRACE = 30.0    # seconds for a Blender that is to hand over what it has
+STOP = b"stop\n"
 WORKER = Path(__file__).with_name("background_worker.py")
 COLLECTIONS = {"SCENE": "scenes", "OBJECT": "objects", "WORLD": "worlds", "CAMERA": "cameras",
                "NODETREE": "node_groups"}
@@ -64,14 +68,19 @@ def changed(data: bpy.types.ID, path: str, value: object) -> tuple[str, str, boo
     return COLLECTIONS[original.id_type], original.name, original.library is not None, path, value
 
 
-def run(engine: bpy.types.RenderEngine, job: Job, wanted: list[pass_table.Pass]) -> dict[str, np.ndarray]:
+def run(engine: bpy.types.RenderEngine, job: Job, wanted: list[pass_table.Pass],
+        partial: bool = False) -> dict[str, np.ndarray]:
     """{key: (H, W, C) f32} of the `wanted` passes, row 0 on top, of the render border.
 
-    Raises RenderCancelled after Esc, and then ends that Blender; SceneError when it cannot be started or fails.
+    Raises RenderCancelled after Esc, and then ends that Blender; where `partial` pictures are wanted it is asked for
+    what it has, and the last status of `engine` says how many samples that has. Raises SceneError when that Blender
+    cannot be started or fails.
     """
     with tempfile.TemporaryDirectory(prefix="renderformer-v2-") as folder:
         answer = Path(folder) / "passes.exr"
-        _wait(started(WORKER, *written(folder, bpy.data.scenes[job.scene], vars(job)), str(answer)))
+        process = started(WORKER, *written(folder, bpy.data.scenes[job.scene], vars(job)), str(answer),
+                          stdin=subprocess.PIPE)
+        _wait(engine, process, partial and bool(bpy.app.binary_path))  # the bpy module cannot be told
         try:
             file = exr.read(answer)
         except (OSError, ValueError) as error:
@@ -108,28 +117,53 @@ def _command(worker: str, *arguments: str) -> list[str]:
     return [sys.executable, worker, "--", *arguments]
 
 
-def _wait(process: subprocess.Popen) -> None:
-    """Until it has ended; progress is Cycles' own."""
+def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bool) -> None:
+    """Until it has ended, of itself or because it was told to; progress is Cycles' own."""
     lines = [""]
     reader = threading.Thread(target=lambda: lines.extend(process.stdout), daemon=True)
     reader.start()
     try:
-        while reader.is_alive():
-            reader.join(INTERVAL)
-            status = next((line for line in reversed(lines[-20:]) if "Sample" in line), "").strip()
-            progress.report(cycles_progress.fraction(status), f"Background Blender {status[status.find('Sample'):]}"
-                            if status else "Starting a background Blender")
+        try:
+            while reader.is_alive():
+                reader.join(INTERVAL)
+                status = _status(lines)
+                progress.report(cycles_progress.fraction(status), status or "Starting a background Blender")
+        except RenderCancelled:
+            if not partial or running.is_stopping() or not _hands_over(engine, process, reader):
+                raise
+            engine.update_stats("", _status(lines))
+            return  # with the status of a render that was ended; its file says whether it had anything
         code = process.wait()
     finally:
         process.kill()
         process.wait()
         reader.join()
         process.stdout.close()
+        with suppress(OSError):
+            process.stdin.close()
     if code:
         print("".join(lines))
         last = next((line.strip() for line in reversed(lines) if line.strip()), f"it ended with code {code}")
         raise SceneError(f"the background Blender failed: {last}. See the console; Cycles must work in this Blender, "
                          "so install it again from blender.org")
+
+
+def _status(lines: list[str]) -> str:
+    """What Cycles said last of its samples, or ""."""
+    said = next((line for line in reversed(lines[-20:]) if "Sample" in line), "").strip()
+    return said and f"Background Blender {said[said.find('Sample'):]}"
+
+
+def _hands_over(engine: bpy.types.RenderEngine, process: subprocess.Popen, reader: threading.Thread) -> bool:
+    """Whether it has ended in time with what it had rendered, once it was told to."""
+    try:
+        process.stdin.write(STOP.decode())
+        process.stdin.flush()
+    except OSError:
+        pass  # it has just ended
+    engine.update_stats("", "Background Blender finishes the samples that it has begun")
+    reader.join(GRACE)
+    return not reader.is_alive()
 
 
 def _pixels(channels: dict[str, np.ndarray], order: str) -> np.ndarray:

@@ -8,7 +8,9 @@ It uses only the module compat of the add-on.
 """
 import json
 import os
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -37,6 +39,8 @@ def main() -> None:
                     value = mathutils.Matrix(value)
                 parent, _, last = path.rpartition(".")
                 setattr(data.path_resolve(parent) if parent else data, last, value)
+    if bpy.app.binary_path:
+        threading.Thread(target=_end_when_told, daemon=True).start()
     bpy.ops.render.render(scene=scene.name)
     settings = scene.render.image_settings
     compat.set_file_format(settings, "OPEN_EXR_MULTILAYER")
@@ -92,6 +96,12 @@ def run(program: Callable[[], None]) -> None:
             sys.stdout.flush()
             sys.stderr.flush()
             os._exit(status)
+
+
+def _end_when_told() -> None:
+    """Blender's own handler of this signal ends a render in the background as Esc would."""
+    if os.read(0, 1):  # and not sys.stdin: a thread that waits for that keeps Python from ending
+        signal.raise_signal(signal.SIGINT)
 
 
 def _tell(status=None, *_) -> None:

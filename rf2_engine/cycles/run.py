@@ -13,6 +13,7 @@ from ..convert.camera.eyes import view_names
 from ..convert.report import Report
 from ..frame import failure
 from . import background as background_cycles
+from . import growing
 
 Passes = dict[str, np.ndarray]  # of one view: {key: (H, W, C) f32}, row 0 on top
 
@@ -56,7 +57,18 @@ def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Non
             evaluated.original.update_tag(refresh={"DATA"})
         scene = depsgraph.scene_eval
         # A mere update would leave what is copied anew as the originals are: at the frame before an animation.
-        engine.frame_set(scene.frame_current, scene.frame_subframe)
+        evaluate_at(engine, depsgraph, scene.frame_current, scene.frame_subframe)
+
+
+def evaluate_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, frame: int, subframe: float) -> None:
+    """Evaluate the scene that is rendered at another time.
+
+    Blender's function moves the user's scene along, which a timeline would show for as long as a picture takes.
+    """
+    users = depsgraph.scene
+    frame_of_users, subframe_of_users = users.frame_current, users.frame_subframe
+    engine.frame_set(frame, subframe)
+    users.frame_current, users.frame_subframe = frame_of_users, subframe_of_users
 
 
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
@@ -75,7 +87,7 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     except CyclesFailed as error:
         if failure.is_out_of_memory(error.__cause__):
             raise error.__cause__ from None
-        rendered = _run_outside(engine, job, wanted, error.__cause__, report)
+        rendered = _run_outside(engine, job, wanted, error.__cause__, report, partial)
     if engine.test_break():
         if partial:
             return rendered
@@ -93,7 +105,8 @@ def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer
     with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
         with _of_cycles():
             cycles_engine.reset(engine, bpy.data, depsgraph)
-            cycles_engine.render(engine, depsgraph)
+            with growing.drawable(engine):
+                cycles_engine.render(engine, depsgraph)
             cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         if engine.test_break() and not partial:
             raise RenderCancelled()
@@ -102,13 +115,13 @@ def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer
     return rendered
 
 
-def _run_outside(engine, job, wanted, why: Exception, report: Report) -> dict[str, Passes]:
+def _run_outside(engine, job, wanted, why: Exception, report: Report, partial: bool) -> dict[str, Passes]:
     reason = str(why).splitlines()[0] if str(why) else type(why).__name__
     if view_names(engine) != [""]:
         raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), which stereoscopy needs: switch it off "
                          "in Output Properties > Stereoscopy") from why
     try:
-        rendered = background_cycles.run(engine, job, wanted)
+        rendered = background_cycles.run(engine, job, wanted, partial)
     except SceneError as error:
         raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), and {error}") from why
     report.approximated("Cycles", f"it cannot be run inside this Blender ({reason}), so a Blender in the background "

@@ -62,7 +62,7 @@ _WORLD_UNLIT = {f"cycles_visibility.{ray}": False for ray in ("diffuse", "glossy
 def require() -> None:
     """Raises SceneError when Cycles is switched off."""
     if not addon_utils.check("cycles")[1]:
-        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on for first hits: "
+        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on to find what the camera sees: "
                          "enable 'Cycles Render Engine' in Preferences > Add-ons")
 
 
@@ -117,7 +117,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
     seen directly, denoised where Blender can, "noise" (H, W, 3), what the denoiser took away, if the view layer wants
-    the noisy picture, and all light passes (never denoised) if the view layer asks for one; where shadow catchers catch
+    the noisy picture, and the light passes (never denoised) of passes.divided_light; where shadow catchers catch
     also "combined", as with Light.ALL.
     With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
     if `denoise`) and all light passes.
@@ -133,7 +133,8 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     require()
     view_layer = depsgraph.view_layer_eval
     clean = light is Light.TRACED and compat.has_openimagedenoise()
-    lobes = light is Light.ALL or light is Light.TRACED and pass_table.asked_light(view_layer, pass_table.LIGHTING)
+    lobes = {Light.ALL: pass_table.LIGHTING, Light.NONE: (),
+             Light.TRACED: pass_table.divided_light(view_layer, pass_table.LIGHTING)}[light]
     layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, lobes)
     if not clean:
         wanted = [p for p in wanted if p != pass_table.NOISY]

@@ -102,7 +102,7 @@ class CyclesWorld:
     def _drawn(self, frame: np.ndarray, half: tuple[float, float], discs: bool) -> np.ndarray | None:
         """(H, W, 3) of half so many radians of longitude and latitude; the columns of `frame` are the window's axes."""
         engine, depsgraph = self.engine, self.depsgraph
-        wanted = [p for p in pass_table.of_session(depsgraph.view_layer_eval, False) if p.key == "combined"]
+        wanted = [p for p in pass_table.of_session(depsgraph.view_layer_eval, ()) if p.key == "combined"]
         samples = (RAYS_OF_SUN if discs else RAYS) // max(engine.resolution_x * engine.resolution_y, 1)
         kept, engine.bl_use_gpu_context = engine.bl_use_gpu_context, True
         try:

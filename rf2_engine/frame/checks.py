@@ -23,9 +23,9 @@ def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Repor
     if scene.render.use_multiview and scene.render.views_format == "STEREO_3D" and has_spherical_stereo(scene.camera):
         raise SceneError(no_spherical_stereo(scene.camera))
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
-        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so traced hints are noisy: raise "
+        report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so direct light is noisy: raise "
                                         "Samples, or set Light to Network Alone")
-    names = passes.of_session(layer, passes.asked_light(layer, settings.light_passes))
+    names = passes.of_session(layer, passes.divided_light(layer, settings.light_passes))
     names += passes.REFERENCE if settings.reference else ()
     longest = max((p.blender_name for p in names), key=len)
     if (room := LONGEST_NAME - len(f".{longest}.X")) < len(layer.name.encode()):

@@ -18,7 +18,7 @@ def message(error: Exception) -> str:
         return str(error)
     if is_out_of_memory(error):
         on_cpu = isinstance(error, MemoryError) or "cpu" in str(error).lower()
-        return ("Out of memory: lower the Triangle Budget or the resolution"
+        return ("Out of memory: lower Max Triangles or the resolution"
                 + (", or close other programs" if on_cpu else ", or set Device to CPU"))
     traceback.print_exception(error)
     return f"Internal error, please report it with the console's text: {error!r}"

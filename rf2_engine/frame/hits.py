@@ -59,7 +59,7 @@ def first_hits(layer: Layer, scene: RenderScene, views: dict[str, View], passes:
     """
     opacity, catch, found = _opacity(layer, views), _catch(layer, views), {}
     with layer.plan.enter(FIRST_HITS):
-        rendered = _session(layer, scene, layer.optics.look(), layer.settings.guide_samples * layer.optics.samples)
+        rendered = _session(layer, scene, layer.optics.look(), layer.optics.rays_of_all(layer.settings.guide_samples))
         for name, each in rendered.items():
             passes[name] |= output.first_hits(each, layer.settings.exposure)
         if layer.optics and layer.optics.samples == 1 and not any(
@@ -115,7 +115,7 @@ def _session(layer: Layer, scene: RenderScene, look: Look, samples: int) -> dict
     """The passes of cycles_session.render_views."""
     settings = layer.settings
     lit_by = " and direct light" if settings.light is Light.TRACED else ""
-    with layer.status.during_cycles(f"First hits{lit_by} {{}}", share=CYCLES_SHARE):
+    with layer.status.during_cycles(f"Camera rays{lit_by} {{}}", share=CYCLES_SHARE):
         return cycles_session.render_views(layer.engine, layer.depsgraph, samples=samples, look=look,
                                            light=settings.light, hazy=bool(scene.volumes), threads=settings.threads,
                                            report=layer.report)
@@ -157,5 +157,5 @@ def _catch(layer: Layer, views: Iterable[str]) -> dict[str, Catch | None]:
 
 def _of_all_samples(layer: Layer, light: Light, look: Look) -> dict[str, Passes]:
     return cycles_session.render_views(
-        layer.engine, layer.depsgraph, samples=layer.settings.guide_samples * layer.optics.samples, light=light,
+        layer.engine, layer.depsgraph, samples=layer.optics.rays_of_all(layer.settings.guide_samples), light=light,
         look=look, threads=layer.settings.threads, report=layer.report)

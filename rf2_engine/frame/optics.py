@@ -34,6 +34,10 @@ class Optics:
         """Rays of Cycles through a pixel for one of the samples; together they are as many as a sharp picture has."""
         return -(-guide_samples // self.samples)
 
+    def rays_of_all(self, guide_samples: int) -> int:
+        """Rays through a pixel of the whole picture: two samples have twice a sharp picture's, with those of each."""
+        return guide_samples * (self.samples if self.samples > 2 else 1)
+
     @property
     def sessions(self) -> int:
         """How often Cycles runs for the picture."""
@@ -75,10 +79,11 @@ class Optics:
         for catcher in shadow_catchers(depsgraph):
             report.approximated(catcher.name, "a shadow catcher catches only shadows of direct light"
                                 if light is Light.TRACED else
-                                "a shadow catcher is shown like any object: its shadows need Light > Traced Hints")
+                                "a shadow catcher is shown like any object: its shadows need Light > With Cycles")
             allowed = replace(allowed, catchers=light is Light.TRACED)
         if self.glass and light is not Light.TRACED:
-            report.approximated(scene.name, "the film is opaque behind glass: Transparent Glass needs Traced Hints")
+            report.approximated(scene.name, "the film is opaque behind glass: Transparent Glass needs Light > With "
+                                            "Cycles")
             return replace(allowed, glass=False)
         return allowed
 

@@ -58,7 +58,7 @@ def first_hits(rendered: dict[str, np.ndarray], exposure: float) -> dict[str, np
 
 def light_passes(guides: Guides, lobes: Lobes, rendered: dict[str, np.ndarray], volumes: bool,
                  exposure: float) -> dict[str, np.ndarray]:
-    """The light passes of the picture; `rendered` is what the session of Cycles gave, its noisy light included."""
+    """Light passes of the picture; `rendered` is what the session of Cycles gave, the noisy light of each included."""
     sampled = {key: pixels for key, pixels in rendered.items() if key in pass_table.LIGHTING}
     passes = model_lobes.light_passes(guides, lobes, sampled, volumes)
     return {key: light * exposure for key, light in passes.items()}

@@ -67,7 +67,7 @@ class Preflight:
             memory = f"Blender will use about {self.memory / 1024:.1f} GB"
         blur = [self.blur] if self.blur else []
         views = f"{self.views} views of " if self.views > 1 else ""
-        return [f"{several}: {views}{width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens",
+        return [f"{several}: {views}{width} x {height} pixels, {self.triangles} triangles for the network",
                 f"Time: {time}", *blur, f"Memory: {memory}"]
 
 
@@ -164,8 +164,8 @@ def _blur(optics: Optics, seconds: float | None, sharp: float | None) -> str:
     if optics.samples == 1:
         return ""
     kinds = [name for name, count in (("depth of field", optics.lens), ("motion blur", optics.shutter)) if count > 1]
-    times = f", about {seconds / sharp:.1f} times as long as without" if seconds and sharp else ""
-    return f"{' and '.join(kinds).capitalize()}: {optics.samples} pictures by the network for one{times}"
+    times = f"{seconds / sharp:.1f}" if seconds and sharp else optics.samples
+    return f"{' and '.join(kinds).capitalize()}: {optics.samples} pictures for one, about {times} times as long"
 
 
 def _report_differences(depsgraph: bpy.types.Depsgraph, report: Report) -> None:

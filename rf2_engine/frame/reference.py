@@ -7,6 +7,7 @@ Film, seed, bounces, device and all else are the scene's Cycles settings, so the
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import bpy
 import numpy as np
@@ -16,15 +17,16 @@ from ...model.errors import RenderCancelled
 from .. import compat
 from .. import passes as pass_table
 from ..convert.report import Report
+from ..cycles import growing
 from ..cycles import run as cycles_run
 from ..cycles.run import Passes
 from ..progress.stages import REFERENCE
 from ..reference_settings import FrameReference
-from . import failure, model_cache, output, running
+from . import failure, model_cache, output, reference_file, running
 from .layer import Layer
 
 NAME = REFERENCE.text  # of the pass, too
-LOST = "the files of an animation do not have it: choose OpenEXR MultiLayer as file format, or switch it off"
+LOST = "a movie does not have it: choose an image format, or switch it off"
 
 
 def is_wanted(scene: bpy.types.Scene) -> bool:
@@ -32,9 +34,9 @@ def is_wanted(scene: bpy.types.Scene) -> bool:
 
 
 def is_lost(scene: bpy.types.Scene) -> bool:
-    """Whether the files of an animation will not have the reference."""
+    """Whether no file of an animation will have the reference."""
     composed = scene.render.use_compositing and compat.compositor(scene)
-    return is_wanted(scene) and scene.render.image_settings.file_format != "OPEN_EXR_MULTILAYER" and not composed
+    return is_wanted(scene) and scene.render.is_movie_format and not composed
 
 
 def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
@@ -56,13 +58,16 @@ def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
     line of `report`.
     """
     engine, chosen, rendered, begin = layer.engine, layer.settings.reference, {}, time.perf_counter()
-    samples = chosen.samples
+    height, width, _ = next(iter(pictures.values()))["combined"].shape
+    samples, seconds = chosen.samples, sum(layer.plan.seconds.values())
     if layer.depsgraph.scene_eval.cycles.device == "GPU":
         model_cache.leave_gpu()
     try:
         with layer.plan.enter(REFERENCE):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
-            with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit) as status:
+            with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit) as status, \
+                    growing.announced(growing.Running(layer.name, width, height, seconds, partial(
+                        status.samples, samples), samples, begin)):
                 rendered = _render(engine, layer.depsgraph, chosen, layer.settings.threads, report)
                 if layer.status.esc_pressed():
                     samples = status.samples(chosen.samples)
@@ -73,17 +78,33 @@ def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
             raise
     except Exception as error:
         report.skipped(NAME, failure.message(error))
-        engine.report({"WARNING"}, f"no {NAME}: {report.entries[-1][2]}")
+        engine.report({"WARNING"}, f"No {NAME}: {report.entries[-1][2]}")
     finally:  # Cycles shows its picture in Combined
         output.write_views(engine, layer.name, {view: passes | rendered.get(view, {})
                                                 for view, passes in pictures.items()})
     if rendered and 0 < chosen.time_limit < time.perf_counter() - begin:
         report.approximated(NAME, f"it may have fewer than {chosen.samples} samples because of its Time Limit")
-    if engine.is_animation and is_lost(layer.depsgraph.scene):
-        report.approximated(NAME, LOST)
+    if engine.is_animation and rendered:
+        for view, passes in rendered.items():
+            _save(layer, view, passes["cycles_reference"], report)
     if rendered and chosen.denoise and not compat.has_openimagedenoise():
         report.approximated(NAME, "this Blender lacks OpenImageDenoise, so it is noisy: raise its samples")
     return samples if rendered else 0
+
+
+def _save(layer: Layer, view: str, pixels: np.ndarray, report: Report) -> None:
+    """To a file of its own, where the frames of the animation have one picture."""
+    scene = layer.depsgraph.scene
+    if is_lost(scene):
+        report.approximated(NAME, LOST)
+    elif reference_file.is_written(scene) and not layer.status.esc_pressed():  # then Blender writes no frame either
+        try:
+            reference_file.write(scene, layer.name, pixels, view)
+        except RenderCancelled:
+            if running.is_stopping():
+                raise
+        except (OSError, RuntimeError) as error:
+            report.skipped(NAME, f"it cannot be saved beside the frame: {error}")
 
 
 def _kept(rendered: dict[str, Passes], samples: int, pictures: dict[str, Passes], chosen: FrameReference,

@@ -30,7 +30,7 @@ from .optics import Optics
 from .trained import told
 from .work import layers
 
-LOST = {"unplaced": "without room within the Triangle Budget (seen, but not by the network)",
+LOST = {"unplaced": "without room within Max Triangles (in the picture, but unknown to the network)",
         "skipped": "left out of the picture", "refused": "with data that cannot be used"}
 
 

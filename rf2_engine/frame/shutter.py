@@ -36,21 +36,28 @@ def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     scene = depsgraph.scene_eval
     now = shown = scene.frame_current_final
 
-    def move_to(frame: float) -> set[str]:
+    def move_to(moment: float) -> set[str]:
         nonlocal shown
-        if frame == shown:
+        if moment == shown:
             cycles_run.renew(engine, depsgraph)
             return set()
-        shown = frame
-        whole = int(np.floor(frame))
-        engine.frame_set(whole, frame - whole)
-        changed = {"camera" if _is_camera(update.id) else "scene" for update in depsgraph.updates}
+        shown = moment
+        whole = int(np.floor(moment))
+        cycles_run.evaluate_at(engine, depsgraph, whole, moment - whole)
+        changed = {"camera" if _is_camera(update.id) else "scene" for update in depsgraph.updates
+                   if not _is_back_in_time(update.id)}
         cycles_run.renew(engine, depsgraph)
         return changed
     try:
         yield move_to
     finally:
         move_to(now)
+
+
+def _is_back_in_time(data: bpy.types.ID) -> bool:
+    """Whether cycles_run.evaluate_at alone has changed it: a scene without animation of its own."""
+    return isinstance(data, bpy.types.Scene) and data.animation_data is None and not any(
+        marker.camera for marker in data.timeline_markers)
 
 
 def _is_camera(data: bpy.types.ID) -> bool:

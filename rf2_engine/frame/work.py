@@ -27,13 +27,13 @@ def work(width: int, height: int, part: Border | None, settings: FrameSettings, 
     x0, x1, y0, y1 = part or (0, width, 0, height)
     pixels = (x1 - x0) * (y1 - y0)
     seen = pixels * views
-    rays, samples = seen * settings.guide_samples, optics.samples
+    rays, samples = seen * optics.rays_of_all(settings.guide_samples), optics.samples
     smooth = settings.guided and settings.light is Light.TRACED and not (optics or optics.catchers)
     return {stages.CONVERT: Work(1, optics.scenes),
             stages.LOAD: Work(1, not model_cache.is_loaded()),
-            stages.ALPHA: Work(rays * samples, optics.holes),
-            stages.CATCHERS: Work(rays * samples, 2 * optics.catchers),
-            stages.FIRST_HITS: Work(rays * samples),
+            stages.ALPHA: Work(rays, optics.holes),
+            stages.CATCHERS: Work(rays, 2 * optics.catchers),
+            stages.FIRST_HITS: Work(rays),
             stages.SAMPLE_HITS: Work(seen * optics.rays_of_each(settings.guide_samples), samples if optics else 0),
             stages.TEXTURES: Work(settings.token_budget, 0 if settings.guided else optics.shutter),
             stages.ENCODE: Work(settings.token_budget, optics.shutter),

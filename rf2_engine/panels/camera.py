@@ -50,9 +50,9 @@ def draw_lens_samples(self, context) -> None:
     if context.camera.type == "PANO":
         draw_text(layout, "A panoramic camera has no depth of field with this engine", icon="INFO")
         return
-    layout.prop(context.scene.renderformer_v2, "lens_samples")
+    layout.prop(context.scene.renderformer_v2, "lens_samples", text="Samples")
     if context.camera.dof.use_dof and context.scene.renderformer_v2.lens_samples == 1:
-        draw_text(layout, "Everything is in focus: set Lens Samples above 1 for blur", icon="INFO")
+        draw_text(layout, "Everything is in focus: set Samples above 1 for blur", icon="INFO")
 
 
 register, unregister = appended("DATA_PT_lens", draw_lens)

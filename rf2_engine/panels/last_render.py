@@ -41,7 +41,7 @@ def _draw_statistics(layout, layer: last_render.LayerStatistics, scene: bpy.type
     if layer.error:
         draw_text(column, layer.error)
         return
-    column.label(text=f"{layer.triangles} triangles, {layer.tokens} tokens")
+    column.label(text=f"{layer.triangles} triangles for the network")
     for stage, seconds in layer.seconds.items():
         column.label(text=f"{stage}: {seconds:.2f} s")
     draw_remarks(layout, layer, scene)

@@ -28,7 +28,7 @@ class RENDERFORMER_PT_preflight(EnginePanel):
             column = self.layout.column(align=True)
             if latest.state != preflight.state_of(context.scene, context.scene.view_layers.get(latest.layer)
                                                   or context.view_layer):
-                draw_text(column, "The settings have changed since: look again")
+                draw_text(column, "The settings have changed since: check again")
             for line in latest.lines:
                 draw_text(column, line, icon="ERROR" if latest.error else "BLANK1")
             draw_remarks(self.layout, latest, context.scene)
@@ -38,8 +38,9 @@ class RENDERFORMER_PT_preflight(EnginePanel):
 class RENDERFORMER_OT_preflight(bpy.types.Operator):
     bl_idname = "renderformer_v2.preflight"
     bl_label = "Check Scene"
-    bl_description = ("Convert the scene without rendering it, to show how many tokens it has, how long a render will "
-                      f"take, and what will be approximated. Takes at most {preflight.LONGEST:.0f} seconds")
+    bl_description = ("Convert the scene without rendering it, to show how many triangles the network will get, how "
+                      "long a render will take, and what will be approximated. Takes at most "
+                      f"{preflight.LONGEST:.0f} seconds")
     bl_options = {"INTERNAL"}
 
     @classmethod

@@ -2,7 +2,7 @@
 """The panel Cycles Reference in Render Properties."""
 from __future__ import annotations
 
-from ..frame import reference
+from ..frame import reference, reference_file
 from ..registering import classes
 from ..setup.display import draw_text
 from .panel import EnginePanel
@@ -25,6 +25,8 @@ class RENDERFORMER_PT_reference(EnginePanel):
         column.active = chosen.use
         if chosen.use and reference.is_lost(context.scene):
             draw_text(column, f"Animations: {reference.LOST}")
+        elif chosen.use and reference_file.is_written(context.scene):
+            draw_text(column, f"Animations: saved beside each frame, as NAME{reference_file.SUFFIX}", icon="INFO")
         samples = column.column()
         samples.active = not chosen.use_scene_samples
         samples.prop(chosen, "samples")

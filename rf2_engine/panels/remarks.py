@@ -50,9 +50,9 @@ def draw_remarks(layout: bpy.types.UILayout, report: LayerStatistics | Preflight
 def _draw_group(layout: bpy.types.UILayout, group: Group, names: frozenset[str]) -> None:
     known_by = zlib.crc32(f"{group.kind} {group.message}".encode())
     header, body = layout.panel(f"RENDERFORMER_{known_by}", default_closed=True)
-    header.label(text=f"{len(group.remarks)} {group.kind}: {group.message}", icon=ICONS[group.kind])
+    header.label(text=f"{len(group.remarks)} {group.kind}", icon=ICONS[group.kind])  # the message would be cut
     if body is None:
-        draw_text(layout, group.names, icon="BLANK1")
+        draw_text(layout, f"{group.message}: {group.names}", icon="BLANK1")
         return
     draw_text(body, group.message, icon="BLANK1")
     for remark in group.remarks:

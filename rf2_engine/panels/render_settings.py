@@ -78,7 +78,7 @@ class RENDERFORMER_PT_film(EnginePanel):
         glass = layout.column()
         glass.active = scene.render.film_transparent and scene.renderformer_v2.light == "TRACED"
         glass.prop(scene.cycles, "film_transparent_glass", text="Transparent Glass")
-        glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness Threshold")
+        glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness")
         column = layout.column()
         column.prop(scene.cycles, "pixel_filter_type", text="Pixel Filter")
         if scene.cycles.pixel_filter_type != "BOX":

@@ -25,7 +25,7 @@ class LayerStatistics:
     cancelled: bool = False
     size: tuple[int, int] = (0, 0)  # width, height in pixels, of the render border
     triangles: int = 0
-    tokens: int = 0
+    tokens: int = 0  # that the network was given
     weights: str = ""
     seconds: dict[str, float] = field(default_factory=dict)  # by stage
     remarks: list[Remark] = field(default_factory=list)  # what was approximated or left out
@@ -50,8 +50,7 @@ class LayerStatistics:
         if self.error or self.cancelled:
             return [f"{self.layer}: {self.error or 'cancelled'}"]
         width, height = self.size
-        return [f"{self.layer}: {width} x {height} pixels, {self.triangles} triangles, {self.tokens} tokens, "
-                f"weights {self.weights}",
+        return [f"{self.layer}: {width} x {height} pixels, {self.triangles} triangles, weights {self.weights}",
                 *(f"{stage}: {seconds:.2f} s" for stage, seconds in self.seconds.items()), *self.report]
 
 

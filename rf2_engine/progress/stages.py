@@ -35,10 +35,10 @@ class Work(NamedTuple):
 # In the order of a frame.
 CONVERT = Stage("Converting the scene", "scene", 1.0)
 LOAD = Stage("Loading the network", "network", 3.0)
-ALPHA = Stage("First hits", "sample of a pixel", 2.5e-6, "alpha")
-CATCHERS = Stage("First hits", "sample of a pixel", 2.5e-6, "shadow catchers")
-FIRST_HITS = Stage("First hits", "sample of a pixel", 2.5e-6)
-SAMPLE_HITS = Stage("First hits", "sample of a pixel", 2.5e-6, "blur")  # for a sample on the lens or in the shutter
+ALPHA = Stage("Camera rays", "sample of a pixel", 2.5e-6, "alpha")
+CATCHERS = Stage("Camera rays", "sample of a pixel", 2.5e-6, "shadow catchers")
+FIRST_HITS = Stage("Camera rays", "sample of a pixel", 2.5e-6)
+SAMPLE_HITS = Stage("Camera rays", "sample of a pixel", 2.5e-6, "blur")  # for a sample on the lens or in the shutter
 TEXTURES = Stage("Encoding textures", "triangle", 1e-3)  # for published weights
 ENCODE = Stage("Network", "triangle", 3e-4, "scene")
 VIEW = Stage("Network", "pixel", 2e-5, "view")

@@ -64,9 +64,9 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
     )
 
     show_reference: BoolProperty(
-        name="Show Both After a Cycles Reference", default=True,
-        description="After a render with a Cycles reference the Image Editor shows the picture and the reference, "
-                    "divided by a line. The button Both in its header switches that off and on",
+        name="Show Both With a Cycles Reference", default=True,
+        description="While Cycles renders a reference, and after that, the Image Editor shows the picture and the "
+                    "reference, divided by a line. The button Both in its header switches that off and on",
     )
 
     def draw(self, context):

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Light passes add up to the picture, and traced light goes where the samples say."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,10 +67,30 @@ def test_traced_light_keeps_the_proportions_of_the_samples():
 def test_denoised_light_where_no_sample_found_any_belongs_to_the_lobes():
     given = guides(np.random.default_rng(3), traced=True)
     dark = np.zeros((3, H, W, 3), np.float32)
-    sampled = {f"{lobe}_{part}": dark[0] for lobe in LOBES for part in ("direct", "indirect")}
+    sampled = {f"{lobe}_{part}": dark[0] for lobe in (*LOBES, "volume") for part in ("direct", "indirect")}
     passes = light_passes(given, Lobes(given.traced, given.traced, dark, dark), sampled, volumes=True)
     np.testing.assert_allclose(recipe(passes, given), given.traced, rtol=1e-4, atol=1e-5)
     assert passes["volume_indirect"][2:].max() < 1e-5
+
+
+def test_some_of_the_passes_have_the_light_that_they_have_among_all():
+    rng = np.random.default_rng(4)
+    given = guides(rng, traced=True)
+    indirect, shares = rng.random((3, H, W, 3), np.float32), {"diffuse_direct": 0.6, "glossy_indirect": 0.4}
+    colors = {"diffuse": given.diffuse_color, "glossy": given.glossy_color, "transmission": given.transmission_color}
+    for color in colors.values():
+        color[:] = 0.5
+    smooth = np.broadcast_to(np.linspace(1, 2, W, dtype=np.float32)[:, None], (H, W, 3))
+    given = replace(given, traced=smooth)
+    sampled = {f"{lobe}_{part}": smooth * shares.get(f"{lobe}_{part}", 0) / colors[lobe]
+               for lobe in LOBES for part in ("direct", "indirect")}
+    lobes = Lobes(smooth + sum(color * light for color, light in zip(colors.values(), indirect)), smooth,
+                  np.zeros_like(indirect), indirect)
+    all_of_them = light_passes(given, lobes, sampled, volumes=False)
+    some = light_passes(given, lobes, {name: sampled[name] for name in shares}, volumes=False)
+    assert set(some) == set(shares)
+    for name in shares:
+        np.testing.assert_allclose(some[name], all_of_them[name], rtol=0.02, atol=1e-3)
 
 
 def test_bands_do_not_show(monkeypatch):

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 STEP = 0.05       # seconds between two looks
-PATIENCE = 120.0  # seconds for anything that is waited for
+PATIENCE = 400.0  # seconds for anything that is waited for
 F12 = "96"        # as a keycode: its name comes with Alt on a display without a keyboard
 ESC = "Escape"
 

@@ -7,13 +7,12 @@ import bpy
 import numpy as np
 
 sys.path.append(str(Path(__file__).parent))
-from driver import ESC, F12, Driver, area, is_rendering, middle, region  # noqa: E402  it lies beside this file
+from driver import ESC, F12, area, is_rendering, middle, region  # noqa: E402  it lies beside this file
+from references import both, slots, stop_elsewhere, stop_reference  # noqa: E402
+from rendering import ARCHIVE, FOLDER, driver, lines, render, stages, watch  # noqa: E402
 
-ARCHIVE, FOLDER = map(Path, sys.argv[sys.argv.index("--") + 1:])
-STAGES = ("Converting the scene", "First hits", "Network", "Cycles Reference")
+STAGES = ("Converting the scene", "Camera rays", "Network", "Cycles Reference")
 PROPERTIES = ("RENDER", "OUTPUT", "VIEW_LAYER", "WORLD", "OBJECT", "DATA", "MATERIAL")
-
-driver, stages, lines = Driver(FOLDER), [], []
 
 
 def session():
@@ -29,11 +28,14 @@ def session():
     scene.render.engine = "RENDERFORMER_V2"
     yield 5.0
     driver.shot("rendered_viewport")
-    scene.render.resolution_x, scene.render.resolution_y = 640, 480
+    scene.render.resolution_x, scene.render.resolution_y = 400, 300
     reference = scene.renderformer_v2.reference
     reference.use, reference.samples, reference.use_denoising = True, 64, False
+    scene.renderformer_v2.precision, scene.cycles.use_adaptive_sampling = "fp32", False
+    scene.renderformer_v2.max_edge = 1.0  # few triangles: this is about the window
     yield 1.0
     driver.shot("engine")
+    yield from preflight(found)
     yield from properties()
 
     area("VIEW_3D").type = "IMAGE_EDITOR"
@@ -47,25 +49,14 @@ def session():
     yield from render(editor, shots=True)
     found["lines"] = sorted(set(lines), key=lines.index)
     found["reference_samples"] = last_render.last_frame[0].reference_samples
+    yield from both(comparison, found)
     yield from compare(editor, comparison, found)
+    yield from stop_reference(editor, comparison, last_render, found)
+    yield from slots(editor, comparison, last_render, found)
     yield from escape(editor, last_render, found)
     yield from reopen(editor, comparison, found)
     yield from hostile(editor, comparison, last_render, found)
     yield from elsewhere(editor, last_render, found)
-
-
-def watch() -> None:
-    """Note the stages that begin, and the lines that are shown while Cycles runs."""
-    from bl_ext.user_default.renderformer_v2.rf2_engine.progress import plan, status_line
-
-    def enter(of, stage, real=plan.Plan.enter):
-        stages.append(stage.text)
-        return real(of, stage)
-
-    def show(text, real=status_line.show):
-        lines.append(text)
-        real(text)
-    plan.Plan.enter, status_line.show = enter, show
 
 
 def properties():
@@ -77,21 +68,20 @@ def properties():
         driver.shot(f"properties_{name.lower()}")
 
 
-def render(editor, shots=False):
-    stages.clear()
-    driver.key(F12)
-    yield is_rendering
-    if editor.spaces.active.image is None:
-        editor.spaces.active.image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
-    if shots:
-        for stage, name in (("First hits", "tracing"), ("Cycles Reference", "reference_runs")):
-            yield lambda stage=stage: stage in stages
-            yield 1.5
-            driver.shot(name)
-    yield lambda: not is_rendering()
-    yield 1.0
-    if shots:
-        driver.shot("rendered")
+def preflight(found):
+    """Looked at, and then outdated by a setting; what is said is drawn by panels, so it is in the screenshots."""
+    from bl_ext.user_default.renderformer_v2.rf2_engine.frame import preflight as looked_at
+    scene, space = bpy.context.scene, area("PROPERTIES").spaces.active
+    space.context = "RENDER"
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area("PROPERTIES")):
+        bpy.ops.renderformer_v2.preflight()
+    yield 0.5
+    latest = looked_at.last[scene.name]
+    scene.renderformer_v2.guide_samples += 1
+    found["preflight"] = [latest.lines, latest.state != looked_at.state_of(scene, bpy.context.view_layer)]
+    yield 0.5
+    driver.shot("preflight_outdated")
+    scene.renderformer_v2.guide_samples -= 1
 
 
 def compare(editor, comparison, found):
@@ -220,7 +210,7 @@ def hostile(editor, comparison, last_render, found):
     yield from hears("slot_removed")
     stages.clear()
     driver.key(F12)
-    yield lambda: "First hits" in stages
+    yield lambda: "Camera rays" in stages
     scene.render.engine = "CYCLES"
     yield lambda: not is_rendering()
     scene.render.engine = "RENDERFORMER_V2"
@@ -237,6 +227,18 @@ def elsewhere(editor, last_render, found):
     yield from render(editor, shots=True)
     found["elsewhere"] = {"report": last_render.last_frame[0].report, "lines": sorted(set(lines), key=lines.index),
                           "samples": last_render.last_frame[0].reference_samples}
+    yield from stop_elsewhere(editor, last_render, found)
+    yield from packages()
+
+
+def packages():
+    """The add-on's preferences, with what is missing."""
+    editor = area("PROPERTIES")
+    editor.type = "PREFERENCES"
+    bpy.context.preferences.active_section = "ADDONS"
+    bpy.ops.preferences.addon_show(module="bl_ext.user_default.renderformer_v2")
+    yield 2.0
+    driver.shot("preferences")
 
 
 bpy.context.preferences.view.show_splash = False

@@ -4,7 +4,7 @@
     python -m tools.benchmark.conversion [SCENE.blend ...] [--budgets 4096,16384,65536] [--resolutions 512,1408]
 
 Without files: a mesh of a million triangles, and a million triangles in 500 objects, all of which are seen. Prints one
-line of JSON: per scene its triangles and per Triangle Budget the triangles that remain, the seconds of all that happens
+line of JSON: per scene its triangles and per Max Triangles the triangles that remain, the seconds of all that happens
 between Blender and the network, the longest time between two looks at Esc, and for each resolution the seconds' share
 of those of the published network's forward (random weights) for that many triangles, measured in the same run. A
 picture of 1408x1408 has about as many pixels as one of 1920x1080.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The size of things as seen from the camera, by which the Triangle Budget is spent (docs/scene-input.md 2.3)."""
+"""The size of things as seen from the camera, by which Max Triangles is spent (docs/scene-input.md 2.3)."""
 from __future__ import annotations
 
 import math

@@ -148,7 +148,7 @@ def _sun(lamp: PlacedLamp) -> Sun:
     own = lamp.light.angle
     if own < SUN_ANGLE:
         was, now = math.degrees(own), math.degrees(SUN_ANGLE)
-        lamp.approximated(f"the sun's angle is {now:.0f} instead of {was:.2g} degrees: shadows are softer")
+        lamp.approximated(f"the sun's angle is {now:.2g} instead of {was:.2g} degrees: shadows are softer")
     disk = math.pi * math.sin(own / 2) ** 2 if own and not normalized(lamp.light) else 1.0
     return Sun(lamp.frame[:, 2], lamp.strength * disk, own)
 

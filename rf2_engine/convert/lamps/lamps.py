@@ -39,7 +39,7 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
         near = [shape for shape in near if shape.is_light.any()]
         if sum(map(len, near)) + sum(map(len, distant)) <= budget:
             return near + distant
-        report.approximated("Lamps", "their shapes are coarser than usual: raise the Triangle Budget")
+        report.approximated("Lamps", "their shapes are coarser than usual: raise Max Triangles")
     most = max(int(SUNS_SHARE * budget) // max(map(len, distant), default=1), 1)
     if len(suns) > most:
         distant = _distant(fewer_suns(suns, most), center, radius, COARSE, report)
@@ -48,7 +48,7 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
     while sum(map(len, fewer)) > room and most > 0:
         fewer, most = _merged(near, most, center, max(radius, 1e-6)), int(0.9 * most)
     report.approximated("Lamps", f"{len(fewer) + len(distant)} lights replace {len(near) + len(suns)}, each with the "
-                                 "light of those near it: raise the Triangle Budget")
+                                 "light of those near it: raise Max Triangles")
     return fewer + distant
 
 

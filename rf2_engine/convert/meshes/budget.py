@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Decide how many triangles each mesh keeps, so that the Triangle Budget is spent where it is visible
+"""Decide how many triangles each mesh keeps, so that Max Triangles is spent where it is visible
 (docs/scene-input.md 2.3).
 
 A mesh of curvature k whose n triangles cover a of the picture is wrong by about k a sqrt(1 / n). The sum over all
@@ -175,7 +175,7 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
     for part, share, want, keep in zip(parts, shown, wanted, np.split(fits, np.cumsum(copies)[:-1]), strict=True):
         if not keep.all():
             some = "it exceeds" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances exceed"
-            room = f"{some} the Triangle Budget"
+            room = f"{some} Max Triangles"
             if keep.any() and len(part.mesh) <= COARSEST and not part.emits:  # as cards and leaves are
                 keep = _sampled(part, share, np.count_nonzero(keep))
                 report.approximated(part.name, f"{room}: a sample is kept and enlarged to cover the same area")

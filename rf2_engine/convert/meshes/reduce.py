@@ -32,7 +32,7 @@ def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> Trian
     try:
         import fast_simplification  # noqa: F401
     except ImportError as error:
-        raise SceneError("The scene has more triangles than the Triangle Budget, and the package that reduces them, "
+        raise SceneError("The scene has more triangles than Max Triangles, and the package that reduces them, "
                          "fast-simplification, is missing: use Render Properties > RenderFormer-V2 > Install Packages, "
                          "or raise the budget") from error
     progress.report(0.0)

@@ -30,7 +30,7 @@ def test_out_of_memory_is_said_with_the_settings_to_lower(scene, tmp_path, monke
     monkeypatch.setattr(render.model_cache, "encoded", lambda *_: allocate())
     press_f12(scene, tmp_path, may_fail=True)
     (layer,) = last_render.last_frame
-    assert layer.error.startswith("Out of memory: lower the Triangle Budget or the resolution")
+    assert layer.error.startswith("Out of memory: lower Max Triangles or the resolution")
     assert "Device" not in layer.error
 
 

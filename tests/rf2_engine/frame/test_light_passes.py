@@ -93,6 +93,30 @@ def test_traced_light_goes_to_the_lobes_that_cycles_finds(asked, tmp_path):
         assert error < 0.25 * (color * cycles[key]).mean(), key
 
 
+@pytest.mark.parametrize("ticked", [{"diffuse_direct"}, {"diffuse_direct", "glossy_indirect", "volume_direct"}])
+def test_a_file_has_the_light_passes_that_are_ticked_and_no_others(asked, tmp_path, ticked):
+    whole = by_key(press_f12(asked, tmp_path))
+    for key in passes.LIGHTING - ticked:
+        untick(asked.view_layers[0], key)
+    found = by_key(press_f12(asked, tmp_path))
+    assert passes.LIGHTING & set(found) == ticked
+    np.testing.assert_allclose(found["combined"], whole["combined"], atol=1e-5)
+    for key in ticked - {"volume_direct"}:
+        color = whole[key.replace("indirect", "color").replace("direct", "color")]
+        assert np.abs(color * (found[key] - whole[key])).mean() < 0.1 * (color * whole[key]).mean() > 0, key
+
+
+def test_volume_indirect_needs_all_light(asked, tmp_path):
+    for key in passes.LIGHTING - {"volume_indirect"}:
+        untick(asked.view_layers[0], key)
+    assert_recipe_holds(by_key(press_f12(asked, tmp_path)))
+
+
+def untick(layer, key):
+    owner, _, name = next(p.setting for p in passes.PASSES if p.key == key).rpartition(".")
+    setattr(getattr(layer, owner) if owner else layer, name, False)
+
+
 def test_light_in_a_volume_is_in_the_volume_passes(scene, tmp_path):
     fog = material("Fog")
     tree = fog.node_tree

@@ -149,6 +149,19 @@ def test_a_moving_camera_costs_no_second_scene(blurry, tmp_path, seen):
     assert len({view.camera_to_world.tobytes() for *_, view in seen["samples"][:SAMPLES]}) == SAMPLES
 
 
+def test_the_timeline_stays_where_it_is_while_other_moments_are_rendered(blurry, tmp_path, monkeypatch):
+    moving(blurry, bpy.data.objects["Cube"], (-1, 0, 0), (0, 0, 0), (1, 0, 0))
+    shown, evaluated = [], []
+
+    def look(layer, *given, real=hits._session):
+        shown.append(blurry.frame_current_final)
+        evaluated.append(layer.depsgraph.scene_eval.frame_current_final)
+        return real(layer, *given)
+    monkeypatch.setattr(hits, "_session", look)
+    press_f12(blurry, tmp_path)
+    assert set(shown) == {2.0} and len(set(evaluated)) == SAMPLES + 1 and blurry.frame_current_final == 2
+
+
 def test_where_nothing_moves_there_is_one_sample(blurry, tmp_path, seen):
     blurry.render.use_motion_blur, blurry.renderformer_v2.shutter_samples = True, SAMPLES
     press_f12(blurry, tmp_path)
@@ -164,7 +177,7 @@ def test_passes_are_those_of_cycles_and_light_passes_make_the_picture(still_life
     still_life.renderformer_v2.lens_samples = still_life.renderformer_v2.shutter_samples = 2
     still_life.render.use_motion_blur, still_life.renderformer_v2.light = True, "TRACED"
     ours = press_f12(still_life, tmp_path)
-    cycles = with_cycles(still_life, tmp_path, 2 * still_life.renderformer_v2.guide_samples)
+    cycles = with_cycles(still_life, tmp_path, still_life.renderformer_v2.guide_samples)
     computed = {f"ViewLayer.{p.blender_name}" for p in passes.PASSES if p.source in ("network", "lighting")}
     assert set(ours) == set(cycles)
     for name in set(cycles) - computed:
@@ -195,6 +208,8 @@ def test_the_switches_of_camera_and_scene_are_followed(blurry, tmp_path, seen):
 
 def test_all_samples_together_have_as_many_rays_as_a_sharp_picture():
     assert [Optics(lens=lens).rays_of_each(8) for lens in (1, 2, 3, 16)] == [8, 4, 3, 1]
+    assert [Optics(lens=lens).rays_of_all(8) for lens in (1, 2, 3, 16)] == [8, 8, 24, 128]
+    assert Optics().rays_of_all(8) == Optics(glass=True).rays_of_all(8) == 8
 
 
 def test_blur_of_one_sample_is_reported_where_the_scene_wants_it(blurry, tmp_path):

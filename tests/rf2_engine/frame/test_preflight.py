@@ -49,7 +49,7 @@ def test_it_tells_what_the_render_then_tells(scene, tmp_path):
     assert layout.texts[:2] == [str(sum(remark.kind == kind for remark in before.remarks))
                                 for kind in ("approximated", "refused")]
     assert any("Catcher" in getattr(o, "name", "") for o in layout.operators)
-    assert "tokens" in preflight.as_text(scene) and "Catcher" in preflight.as_text(scene)
+    assert "triangles" in preflight.as_text(scene) and "Catcher" in preflight.as_text(scene)
     assert bpy.ops.renderformer_v2.copy_report(source="PREFLIGHT") == {"FINISHED"}
 
 
@@ -166,7 +166,7 @@ def test_the_cost_of_blur_is_said(scene, tmp_path):
     assert "blur" not in " ".join(look(scene).lines)
     press_f12(scene, tmp_path)
     scene.render.use_motion_blur = scene.camera.data.dof.use_dof = True
-    assert "Depth of field and motion blur: 2 pictures" in " ".join(look(scene).lines)
+    assert "Depth of field and motion blur: 2 pictures for one, about 2 times as long" in " ".join(look(scene).lines)
     press_f12(scene, tmp_path)
     assert "times as long" in " ".join(look(scene).lines)
 

@@ -6,7 +6,6 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat, passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.engine import RenderFormerEngine
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels.reference import RENDERFORMER_PT_reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.reference_settings import BOUNCES
@@ -57,20 +56,6 @@ def test_light_paths_and_samples_are_the_scenes_or_its_own(lit, tmp_path):
     for name in BOUNCES:
         setattr(cycles, name, 0)
     np.testing.assert_array_equal(own, by_cycles(lit, tmp_path)["ViewLayer.Combined"])
-
-
-@pytest.mark.parametrize("file_format, said", [("PNG", True), ("OPEN_EXR_MULTILAYER", False)])
-def test_an_animation_whose_files_lack_the_reference_says_so(lit, tmp_path, file_format, said):
-    compat.set_file_format(lit.render.image_settings, file_format)
-    lit.frame_start = lit.frame_end = 1
-    lit.render.filepath = str(tmp_path / "frame")
-    bpy.ops.render.render(animation=True, scene=lit.name)
-    assert any(reference.LOST in line for line in last_render.last_frame[0].report) == said
-    bpy.ops.render.render(scene=lit.name)
-    assert not any(reference.LOST in line for line in last_render.last_frame[0].report)
-    if said:
-        compositor_input(lit)  # which may write it
-        assert not reference.is_lost(lit)
 
 
 @pytest.mark.parametrize("transparent, exposure, denoise", [(False, 2.0, True), (True, 0.5, False)])

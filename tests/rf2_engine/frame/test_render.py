@@ -41,7 +41,7 @@ def test_reports_stages_tokens_and_triangles(scene, tmp_path):
     press_f12(scene, tmp_path)
     (last,) = last_render.last_frame
     assert last.triangles >= 12 and last.tokens >= last.triangles and last.size == (50, 37)
-    assert {"Converting the scene", "First hits", "Network"} <= set(last.seconds)
+    assert {"Converting the scene", "Camera rays", "Network"} <= set(last.seconds)
 
 
 def test_opaque_film_shows_the_world_and_transparent_film_does_not(scene, tmp_path):

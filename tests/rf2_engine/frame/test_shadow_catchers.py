@@ -60,4 +60,4 @@ def test_shadows_are_those_of_cycles_and_objects_stay(product, tmp_path, film_tr
 def test_without_a_ray_to_a_light_they_are_shown_and_reported(product, tmp_path):
     product.renderformer_v2.light, product.render.film_transparent = "NETWORK", True
     assert press_f12(product, tmp_path)["ViewLayer.Combined"][35, 25, 3] == 1
-    assert any("Traced Hints" in line and "Floor" in line for line in last_render.last_frame[0].report)
+    assert any("With Cycles" in line and "Floor" in line for line in last_render.last_frame[0].report)

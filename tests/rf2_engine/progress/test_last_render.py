@@ -45,7 +45,7 @@ def test_every_view_layer_keeps_its_numbers(layers, tmp_path):
     assert (full.layer, bare.layer) == ("Full", "Bare") and full.triangles > bare.triangles
     texts = drawn()
     assert texts.index("Full") < texts.index("Bare")
-    assert {f"{layer.triangles} triangles, {layer.tokens} tokens" for layer in (full, bare)} <= set(texts)
+    assert {f"{layer.triangles} triangles for the network" for layer in (full, bare)} <= set(texts)
 
 
 def test_one_view_layer_needs_no_name(layers, tmp_path):
@@ -113,12 +113,12 @@ def test_many_things_without_room_are_one_line_that_opens_and_every_one_stays_in
     lines = last_render.last_frame[0].report
     lost = [line for line in lines if line.startswith("unplaced Box")]
     printed = capsys.readouterr().out
-    assert len(lost) > 3 and f"unplaced {len(lost)} (Box" in printed and "Triangle Budget" in printed
+    assert len(lost) > 3 and f"unplaced {len(lost)} (Box" in printed and "Max Triangles" in printed
     assert f"and {len(lost) - 3} more" in printed and f"{len(lost)} without room" in printed
     assert "not in the picture" not in printed
     opened = shown()
-    assert len([text for text in opened.texts if "Triangle Budget" in text]) <= 2
-    assert len([o for o in opened.operators if "Triangle Budget" in getattr(o, "remark", "")]) == len(lost)
+    assert len([text for text in opened.texts if "Max Triangles" in text]) <= 2
+    assert len([o for o in opened.operators if "Max Triangles" in getattr(o, "remark", "")]) == len(lost)
     assert set(lost) <= set(last_render.as_text().splitlines())
 
 

@@ -29,8 +29,8 @@ def test_a_stage_says_its_text_and_its_seconds_are_added_to_those_with_the_same(
         for stage in (FIRST_HITS, SAMPLE_HITS):
             with plan.enter(stage):
                 progress.report(0.5)
-    assert said == 2 * [("First hits", 0.0), ("First hits", 0.5), ("First hits", 1.0)]
-    assert set(plan.seconds) == {"First hits"} and plan.seconds["First hits"] > 0
+    assert said == 2 * [("Camera rays", 0.0), ("Camera rays", 0.5), ("Camera rays", 1.0)]
+    assert set(plan.seconds) == {"Camera rays"} and plan.seconds["Camera rays"] > 0
 
 
 def test_each_of_several_entries_takes_its_share_of_what_was_expected(plan):

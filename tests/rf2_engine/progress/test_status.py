@@ -96,7 +96,7 @@ def test_both_runs_of_cycles_say_how_far_they_are_and_how_long_the_frame_takes(l
     lit.cycles.use_auto_tile, lit.cycles.tile_size = True, 16  # Cycles says more than once how far it is
     lit.renderformer_v2.reference.samples = 256
     press_f12(lit, tmp_path)
-    first = re.compile(r"First hits and direct light( \d+ %)?, \d+:\d\d left")
+    first = re.compile(r"Camera rays and direct light( \d+ %)?, \d+:\d\d left")
     beside = re.compile(r"RenderFormer 100 %, Cycles(?: (\d+) %)?, \d+:\d\d left")
     shown = [text for text, _ in lines if text]
     assert first.fullmatch(shown[0]) and beside.fullmatch(shown[-1])

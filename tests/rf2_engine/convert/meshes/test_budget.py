@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the Triangle Budget goes, for the camera at (0, -5, 0) that looks along +Y."""
+"""Where Max Triangles goes, for the camera at (0, -5, 0) that looks along +Y."""
 from itertools import pairwise
 
 import bpy

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The reference while it is rendered: when there is something to draw, and what its label says."""
+import time
+
+import bpy
+import pytest
+
+import cycles.engine
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import growing as both
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import growing
+
+from tests.rf2_engine.f12 import press_f12
+
+
+@pytest.fixture
+def looks(monkeypatch):
+    """What could be drawn while Cycles renders, once for each of its runs."""
+    found = []
+
+    def render(engine, depsgraph, real=cycles.engine.render):
+        real(engine, depsgraph)
+        reference = growing.running()
+        found.append((growing._engine is not None, reference, reference and reference.samples()))
+    monkeypatch.setattr(cycles.engine, "render", render)
+    return found
+
+
+def test_only_the_reference_can_be_seen_while_cycles_renders_it(lit, tmp_path, looks):
+    press_f12(lit, tmp_path)
+    (_, camera_rays, _), (there, reference, samples) = looks
+    assert camera_rays is None and there and samples == 4
+    assert reference.layer == "ViewLayer" and (reference.width, reference.height) == (50, 37)
+    assert reference.wanted == 4 and reference.our_seconds > 0
+    assert growing._running is None and growing._engine is None
+
+
+def test_nothing_is_left_to_be_drawn_when_cycles_fails(lit, tmp_path, monkeypatch):
+    def fail(engine, depsgraph, real=cycles.engine.render, runs=[]):  # noqa: B006  the runs so far
+        runs.append(engine)
+        real(engine, depsgraph)
+        if len(runs) == 2:
+            raise MemoryError
+    monkeypatch.setattr(cycles.engine, "render", fail)
+    press_f12(lit, tmp_path)
+    assert growing._running is None and growing._engine is None
+
+
+def test_before_the_first_sample_there_is_nothing(lit):
+    samples = [0]
+    reference = growing.Running("ViewLayer", 50, 37, 7.24, lambda: samples[0], 128, time.perf_counter() - 12.3)
+    assert growing.running() is None and both.labels() == ("RenderFormer-V2", "Cycles")
+    with growing.announced(reference):
+        assert growing.running() is None
+        with growing.drawable(lit):
+            assert growing.running() is None
+            samples[0] = 24
+            assert growing.running() == reference
+            assert both.labels() == ("RenderFormer-V2, 7.2 s", "Cycles, 24 of 128 samples, 12 s")
+        assert growing.running() is None
+
+
+def test_a_cycles_with_another_function_is_asked_once(lit, monkeypatch, capsys):
+    asked = []
+
+    def draw(engine, depsgraph):
+        asked.append(engine)
+    monkeypatch.setattr(cycles.engine, "draw", draw)
+    reference = growing.Running("ViewLayer", 50, 37, 1.0, lambda: 1, 2, 0.0)
+    with growing.announced(reference), growing.drawable(lit):
+        for _ in range(2):
+            growing.draw(bpy.context)
+        assert growing.running() is None
+    assert not asked and capsys.readouterr().out.count("cannot be shown") == 1
