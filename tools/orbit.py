@@ -62,7 +62,7 @@ def _pictures(scene, depsgraph, arguments: argparse.Namespace):
         turned = _turned(matrix, center, math.radians(arguments.angle) * math.sin(2 * math.pi * number
                                                                                   / arguments.frames))
         view = RegionView(_frozen(projection), _frozen(turned), (0, width, 0, height), (width, height))
-        session.ask(Request(source.copied, source.version, view, Look.of(scene, depsgraph.view_layer)))
+        session.ask(Request(source.copied, source.state, view, Look.of(scene, depsgraph.view_layer)))
         while session.wants():
             session.step(lambda *_: None)
         if session.error:

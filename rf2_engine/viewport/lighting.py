@@ -20,6 +20,7 @@ from ..frame.guides import CENTRE, SPREAD, cast_guides
 from ..frame.reflections import with_ends
 from ..frame.shot import has_left
 from ..settings import FrameSettings
+from .source import State
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Look:
 class Lit:
     """A scene that is ready for views of it."""
 
-    version: int            # of the copy (Source)
+    state: State            # of the source that was copied
     made_with: tuple        # Look.of_scene
     scene: RenderScene
     framing: Framing
@@ -67,7 +68,7 @@ class Lit:
         return self.scene.triangles[self.scene.is_seen].reshape(-1, 3)
 
 
-def light(copied: Copied, version: int, view: View, look: Look, before: Lit | None, report: Report,
+def light(copied: Copied, state: State, view: View, look: Look, before: Lit | None, report: Report,
           memo: Memo) -> Lit:
     """Convert and encode a copy of a scene, for this view and those like it.
 
@@ -87,14 +88,14 @@ def light(copied: Copied, version: int, view: View, look: Look, before: Lit | No
                                 report=report, steady=steady, memo=memo)
     content = model_cache.fingerprint(scene)
     if before and before.content == content and before.made_with == look.of_scene:
-        return replace(before, version=version, framing=framing)
+        return replace(before, state=state, framing=framing)
     encoded = None
     if len(scene) or scene.volumes:
         with progress.part(0.4, 0.5, "Loading the network"):
             network = model_cache.renderer(settings.weights, settings.device, settings.precision, settings.transformer)
         with progress.part(0.5, 1.0, "Bouncing light"):
             encoded = network.encode(scene, view.longer_side)
-    return Lit(version, look.of_scene, scene, framing, encoded, content)
+    return Lit(state, look.of_scene, scene, framing, encoded, content)
 
 
 def picture(lit: Lit, view: View, look: Look, smooth: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -17,6 +17,7 @@ from ..frame import failure, model_cache
 from . import levels
 from .lighting import Lit, Look, has_moved_on, light, picture
 from .region_view import RegionView
+from .source import State
 from .worker import Stopped
 
 NAMES = {1: "full resolution", 2: "1/2", 4: "1/4", 8: "1/8"}
@@ -29,7 +30,7 @@ class Request:
     """What a viewport is to show."""
 
     copied: Copied
-    version: int  # of the copy
+    state: State  # of the source that was copied
     view: RegionView
     look: Look
     asked: float = field(default_factory=time.perf_counter)
@@ -40,7 +41,7 @@ class Request:
 
     @property
     def of_scene(self) -> tuple:
-        return self.version, self.look.of_scene
+        return self.state, self.look.of_scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,13 +163,13 @@ class Session:
 
     def _needs_scene(self, request: Request) -> bool:
         lit = self._lit
-        return lit is None or (lit.version, lit.made_with) != request.of_scene or self._refit is request
+        return lit is None or (lit.state, lit.made_with) != request.of_scene or self._refit is request
 
     def _light(self, request: Request) -> None:
         before = None if self._refit is request else self._lit
         points = before.points if before else np.zeros((0, 3))
         whole = request.view.view(1, points)
-        self._lit = light(request.copied, request.version, whole, request.look, before, Report(), self._memo)
+        self._lit = light(request.copied, request.state, whole, request.look, before, Report(), self._memo)
         if before is None:
             self._fitted = request.view
         self._refit, self._done, self.error, self._undrawn = None, None, "", request

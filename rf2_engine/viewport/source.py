@@ -2,6 +2,7 @@
 """A view layer as viewports show it: copied from Blender in slices, and again after each change."""
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable
 
@@ -18,6 +19,9 @@ from .changes import Changes
 SLICE = 0.05  # seconds that Blender's window waits for us at a time, unless one mesh or image takes longer
 
 Key = tuple
+State = tuple[int, int]
+
+_numbers = itertools.count()
 
 
 class _SliceOver(Exception):
@@ -33,6 +37,12 @@ class Source:
         self.version = 0                # of the copy; 0: none yet
         self.error = ""                 # why it could not be copied
         self._kept = Kept()
+        self._number = next(_numbers)
+
+    @property
+    def state(self) -> State:
+        """Which copy `copied` is, of all copies of all sources."""
+        return self._number, self.version
 
     def refresh(self, depsgraph: bpy.types.Depsgraph, hides: Callable | None = None) -> bool:
         """Copy what has changed, on Blender's main thread; False if another slice is needed. What fails is tried again

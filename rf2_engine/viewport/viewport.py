@@ -51,7 +51,7 @@ class Viewport:
 
     def ask(self, view: RegionView, look: Look) -> None:
         """Show what was copied last."""
-        if self.source.version and self.session.ask(Request(self.source.copied, self.source.version, view, look)):
+        if self.source.version and self.session.ask(Request(self.source.copied, self.source.state, view, look)):
             worker.wake()
         elif self.session.wants():
             worker.wake()

@@ -111,7 +111,7 @@ def look_around():
     before = shown()
     call(bpy.ops.view3d.view_orbit, angle=0.5, type="ORBITLEFT")
     yield from settled()
-    found["orbited"] = [shown().request.view != before.request.view, shown().request.version == before.request.version]
+    found["orbited"] = [shown().request.view != before.request.view, shown().request.state == before.request.state]
     driver.shot("orbited")
     call(bpy.ops.view3d.view_camera)
     yield from settled()
@@ -132,14 +132,14 @@ def edit():
         yield 0.1
         if shown() is not seen[-1]:
             seen.append(shown())
-    found["dragged"] = len({picture.request.version for picture in seen})
+    found["dragged"] = len({picture.request.state for picture in seen})
     yield from settled()
     driver.shot("dragged")
     color = bpy.data.materials["Material"].node_tree.nodes["Principled BSDF"].inputs["Base Color"]
     color.default_value = (0.8, 0.1, 0.1, 1)
-    version = shown().request.version
+    version = shown().request.state
     yield from settled()
-    found["material"] = shown().request.version > version
+    found["material"] = shown().request.state > version
     driver.shot("material")
     bpy.context.scene.render.film_transparent = True
     yield from settled()

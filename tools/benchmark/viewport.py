@@ -107,7 +107,7 @@ class _Viewport:
         while not self.source.refresh(depsgraph):
             pass
         found = {"read": time.perf_counter() - begin, "lock": 0.0}
-        self.session.ask(Request(self.source.copied, self.source.version, self._view(depsgraph),
+        self.session.ask(Request(self.source.copied, self.source.state, self._view(depsgraph),
                                  Look.of(self.scene, depsgraph.view_layer), begin))
         worker.wake()
         before, last = self.session.shown, time.perf_counter()

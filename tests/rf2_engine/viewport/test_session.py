@@ -99,7 +99,7 @@ def test_an_edit_that_changes_nothing_is_not_encoded_again(corner):
     source.changes.add_everything()
     ask(session, corner, read(source), view)
     pictures(session)
-    assert session._lit.encoded is lit and session._lit.version == 2
+    assert session._lit.encoded is lit and session._lit.state == source.state
 
 
 def test_the_newest_view_is_shown_and_finer_pictures_of_older_ones_are_dropped(corner, monkeypatch):
@@ -202,9 +202,9 @@ def test_there_are_pictures_while_edits_go_on(corner, monkeypatch):
                 source.changes.add_everything()
                 ask(session, corner, read(source), view)
         session.step(edits)
-        shown.add(session.shown and session.shown.request.version)
-    assert len(shown - {None}) == 3 and max(shown - {None}) < source.version
-    assert pictures(session)[-1].request.version == source.version
+        shown.add(session.shown and session.shown.request.state)
+    assert len(shown - {None}) == 3 and max(shown - {None}) < source.state
+    assert pictures(session)[-1].request.state == source.state
 
 
 def test_a_long_piece_of_work_is_dropped_once_and_then_finished(corner, monkeypatch):
@@ -222,3 +222,12 @@ def test_a_long_piece_of_work_is_dropped_once_and_then_finished(corner, monkeypa
     assert session.shown is None and session.wants()
     session.step(moves)
     assert session.shown is not None
+
+
+def test_another_view_layer_or_local_view_is_another_scene(corner):
+    session, view = Session(), through_camera(corner, 32, 24)
+    counts = []
+    for hides in (None, lambda obj: obj.name == "Floor", None):
+        ask(session, corner, read(hides=hides), view)
+        counts.append(pictures(session)[-1].triangles)
+    assert counts[0] == counts[2] != counts[1]

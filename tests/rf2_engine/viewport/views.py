@@ -36,7 +36,7 @@ def read(source=None, hides=None):
 def request(scene, source, view):
     """Of all levels, however busy the machine is."""
     scene.renderformer_v2.viewport.time_limit = 0
-    return Request(source.copied, source.version, view, Look.of(scene, depsgraph().view_layer))
+    return Request(source.copied, source.state, view, Look.of(scene, depsgraph().view_layer))
 
 
 def pictures(session):
