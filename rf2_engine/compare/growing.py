@@ -9,8 +9,7 @@ import bpy
 from mathutils import Matrix
 
 from ..cycles import growing as cycles_growing
-from ..setup import packages
-from . import comparison, credits, overlay, shader, windows
+from . import comparison, credits, events, overlay, shader, windows
 
 MODES = ("SPLIT", "SIDE")  # the others need the pixels of both
 INTERVAL = 1.0             # seconds between two looks at what Cycles has
@@ -20,13 +19,16 @@ _next = 0.0    # time of the next look
 
 
 def is_drawn(context: bpy.types.Context) -> bool:
-    """Whether this Image Editor shows the picture beside which Cycles renders, and both are wanted."""
+    """Whether this Image Editor shows the picture beside which Cycles renders, and both are wanted.
+
+    The first look at a render's reference asks for that.
+    """
     running, space = cycles_growing.running(), context.space_data
     if running is None or space.image is None or space.image.type != "RENDER_RESULT":
         return False
-    chosen, preferences = comparison.settings(), packages.preferences()
-    wanted = chosen.show or preferences is None or preferences.show_reference
-    return (wanted and chosen.mode in MODES and space.image.render_slots.active_index == windows.rendering
+    events.offer_both()
+    chosen = comparison.settings()
+    return (chosen.show and chosen.mode in MODES and space.image.render_slots.active_index == windows.rendering
             and space.image_user.multilayer_pass == 0 and _is_of_layer(space, context.scene, running.layer))
 
 

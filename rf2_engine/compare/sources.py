@@ -31,11 +31,15 @@ class SourceError(Exception):
 
 @dataclass(frozen=True)
 class Picture:
-    name: str
+    place: tuple[str, ...]  # slot or image, and for a pass its view layer and its name
     pixels: np.ndarray  # (H, W, 4) f32, scene-linear, premultiplied, row 0 on top
     window: Window      # the part of the frame that it shows
     rendered: Window    # the part of it that was rendered, in its own pixels
     credits: Credits = Credits()
+
+    @property
+    def name(self) -> str:
+        return ", ".join(self.place)
 
     @property
     def label(self) -> str:
@@ -56,7 +60,7 @@ class Reader:
         if side.kind == "IMAGE":
             image, name = image_of(side), side.image
             if len(image.pixels):  # which loads it; empty for a multilayer EXR
-                return Picture(name, _plain(image), *[windows.whole(*image.size)] * 2)
+                return Picture((name,), _plain(image), *[windows.whole(*image.size)] * 2)
         layer, of = self.chosen(side)
         return _pass_of(self.files[key(side)], layer, of, slot_number(side), _name(side))
 
@@ -91,7 +95,7 @@ class Reader:
                 image.save_render(str(path), scene=self._scene)
                 return exr.read(path)
             except RuntimeError as error:
-                raise SourceError(f"Slot {slot} is empty: render into it first" if slot else
+                raise SourceError(f"{_slot_name(image, slot)} is empty: render into it first" if slot else
                                   f"The passes of '{image.name}' cannot be read") from error
             except (OSError, ValueError) as error:
                 raise SourceError(f"The passes of '{image.name}' cannot be read: {error}") from error
@@ -107,7 +111,12 @@ def image_of(side) -> bpy.types.Image:
 
 
 def _name(side) -> str:
-    return side.image if side.kind == "IMAGE" else f"Slot {slot_number(side)}"
+    """As the header has it: a slot keeps its name where one before it is removed, and users give others."""
+    return side.image if side.kind == "IMAGE" else _slot_name(_render_result(), slot_number(side))
+
+
+def _slot_name(image: bpy.types.Image, number: int) -> str:
+    return image.render_slots[number - 1].name
 
 
 def slot_number(side) -> int | None:
@@ -167,7 +176,7 @@ def _pass_of(file: exr.Multilayer, layer: str, of: str, slot: int | None, name: 
     if of in pass_table.REFERENCE_NAMES and credits.lacks_reference(file.metadata, layer) and not pixels[..., :3].any():
         raise SourceError(f"{name} has no {of} in '{layer}': it was stopped before every pixel had a sample, or failed")
     height, width, _ = pixels.shape
-    return Picture(f"{name}, {layer}, {of}", pixels, windows.of_slot(slot, width, height),
+    return Picture((name, layer, of), pixels, windows.of_slot(slot, width, height),
                    windows.rendered_of_slot(slot, width, height), credits.of_pass(file.metadata, layer, of))
 
 

@@ -139,8 +139,8 @@ class RENDERFORMER_OT_remove_latents(bpy.types.Operator):
 
 class RENDERFORMER_OT_suggested_budget(bpy.types.Operator):
     bl_idname = "renderformer_v2.suggested_budget"
-    bl_label = "Triangle Budget for These Weights"
-    bl_description = ("Set the Triangle Budget to 16384, which the published weights know well. They were trained with "
+    bl_label = "Max Triangles for These Weights"
+    bl_description = ("Set Max Triangles to 16384, which the published weights know well. They were trained with "
                       "up to 65536, if memory and time allow")
     bl_options = {"REGISTER", "UNDO"}
 

@@ -182,6 +182,25 @@ def test_after_a_reference_both_are_shown_unless_the_user_does_not_want_it(setti
     assert not bpy.app.timers.is_registered(events.show_reference)
 
 
+def test_who_switches_a_growing_reference_off_is_not_shown_it_again(settings, two_slots):
+    settings.show = False
+    bpy.app.handlers.render_post.append(look := lambda *_: events.offer_both())  # an Image Editor is drawn
+    try:
+        render_with_reference(two_slots)
+    finally:
+        bpy.app.handlers.render_post.remove(look)
+    assert bpy.app.timers.is_registered(events._show_both)
+    assert not bpy.app.timers.is_registered(events.show_reference)
+    bpy.app.timers.unregister(events._show_both)
+    events._show_both()
+    assert settings.show and settings.b.pass_name == "Cycles Reference"
+    events.offer_both()
+    assert not bpy.app.timers.is_registered(events._show_both)
+    bpy.ops.render.render()  # in which nobody looked at the editor
+    assert bpy.app.timers.is_registered(events.show_reference)
+    bpy.app.timers.unregister(events.show_reference)
+
+
 def test_a_reference_that_is_not_there_is_neither_compared_nor_exported(settings, two_slots, monkeypatch):
     monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0].endswith("Cycles Reference"))
     render_with_reference(two_slots)

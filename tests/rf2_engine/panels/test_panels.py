@@ -100,12 +100,31 @@ def test_a_folder_without_weights_is_warned_of_below_its_name(scene, tmp_path):
     assert "weights" not in " ".join(drawn(scene, panels()["RENDERFORMER_PT_settings"]).texts)
 
 
-def test_light_that_the_weights_are_not_given_is_greyed(scene, tmp_path):
-    settings = scene.renderformer_v2
-    assert drawn(scene, panels()["RENDERFORMER_PT_settings"]).active
+def test_each_network_has_its_own_settings(scene, tmp_path):
+    settings, of_published = scene.renderformer_v2, {"transformer", "paper_lamps"}
+
+    def shown():
+        return drawn(scene, panels()["RENDERFORMER_PT_settings"]).shown & (of_published | {"light"})
+    assert shown() == {"light"}
+    settings.weights_source = "FOLDER"
+    assert shown() == {"light"}  # no folder is chosen yet
     (tmp_path / "model_index.json").write_text("{}")
-    settings.weights_source, settings.weights_folder = "FOLDER", str(tmp_path)
-    assert not drawn(scene, panels()["RENDERFORMER_PT_settings"]).active
+    settings.weights_folder = str(tmp_path)
+    assert shown() == of_published
+    settings.weights_source = "PUBLISHED"
+    assert shown() == of_published
+
+
+def test_transparent_glass_that_the_light_does_not_give_says_so(scene):
+    def texts():
+        return " ".join(drawn(scene, panels()["RENDERFORMER_PT_film"]).texts)
+    settings = scene.renderformer_v2
+    settings.light = "NETWORK"
+    assert "Transparent Glass" not in texts()  # the film is opaque
+    scene.render.film_transparent = True
+    assert "needs the bundled network, and Light: With Cycles" in texts()
+    settings.light = "TRACED"
+    assert "Transparent Glass" not in texts()
 
 
 def lens_of(scene):
