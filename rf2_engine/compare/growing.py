@@ -89,7 +89,7 @@ def _look() -> None:
         gpu.state.active_framebuffer_get().clear(color=(0, 0, 0, 0))
         gpu.matrix.load_identity()
         gpu.matrix.load_projection_matrix(Matrix.Translation((-1, -1, 0)) @ Matrix.Diagonal(
-            (2 / running.width, 2 / running.height, 1, 1)))
+            (2 / running.width, 2 / running.height, 1, 1)) @ Matrix.Translation((-running.left, -running.bottom, 0)))
         cycles_growing.draw(bpy.context)
     gpu.state.blend_set("NONE")
     _next = time.perf_counter() + INTERVAL

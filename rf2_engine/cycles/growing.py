@@ -24,6 +24,8 @@ class Running(NamedTuple):
     samples: Callable[[], int]  # so far
     wanted: int                 # samples
     begin: float                # by time.perf_counter
+    left: int = 0               # of the render region in the frame, in pixels: Cycles draws it there
+    bottom: int = 0
 
 
 _lock = threading.Lock()  # the window is drawn by another thread: engine and session must not go away meanwhile
@@ -60,6 +62,12 @@ def running() -> Running | None:
     """The reference of which `draw` can draw something."""
     with _lock:
         return _running if _running and _engine and _running.samples() else None
+
+
+def size() -> tuple[int, int] | None:
+    """Width and height of the picture that `draw` draws, in pixels."""
+    reference = running()
+    return reference and (reference.width, reference.height)
 
 
 def draw(context: bpy.types.Context) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import addon_utils
+from bl_ext.user_default.renderformer_v2.model.color import linear_to_srgb
 from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, events
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
@@ -97,6 +98,26 @@ def test_clipped_values_and_alpha_are_said(settings, two_slots):
     clipped, alpha = _measured().notes
     assert clipped == "Values above 1 are clipped, but for HDR-FLIP: 10.0 % of A's pixels, 0.0 % of B's"
     assert "Alpha is not in the metrics" in alpha and "0.2000 off" in alpha
+
+
+def test_a_noisy_reference_is_said(settings, two_slots):
+    y, x = np.mgrid[:37, :50] / 50
+    clean = np.float32(0.2 + 0.3 * x + 0.2 * y)
+    rough = clean + np.random.default_rng(5).normal(0, 0.05, clean.shape)
+    for name, values in (("Clean", clean), ("Off", 1.15 * clean), ("Rough", rough), ("Far off", 3 * clean)):
+        image = bpy.data.images.new(name, 50, 37, float_buffer=True)
+        image.pixels.foreach_set(np.repeat(values[..., None], 4, -1).astype(np.float32).clip(0, 1).ravel())
+
+    def noisy(a, b):
+        for side, name in ((settings.a, a), (settings.b, b)):
+            side.kind, side.image = "IMAGE", name
+        return [note for note in _measured().notes if "noisy" in note]
+    assert noisy("Clean", "Rough") == [
+        "B is noisy: its noise is most of the difference. Give it more samples, or denoise it"]
+    (said,) = noisy("Off", "Rough")
+    without = -10 * np.log10(np.mean((linear_to_srgb(1.15 * clean) - linear_to_srgb(clean)) ** 2))
+    assert float(re.search(r"PSNR would be about (\d+) dB", said)[1]) == pytest.approx(without, abs=1)
+    assert not noisy("Rough", "Clean") and not noisy("Clean", "Off") and not noisy("Far off", "Rough")
 
 
 def test_a_region_too_small_is_said(settings, two_slots):
