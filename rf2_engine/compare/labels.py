@@ -19,10 +19,10 @@ def _short(picture: Picture, other: Picture, layered: bool) -> str:
     """Without what both have in common and the header of the Image Editor says."""
     if not picture.credits.engine or picture.credits == other.credits:
         return picture.name
-    where, layer, of = (*picture.place, "", "")[:3]
-    where_other, layer_other, _ = (*other.place, "", "")[:3]
+    where, layer, of, view = (*picture.place, "", "", "")[:4]
+    where_other, layer_other, *_ = (*other.place, "")
     said = [where if where != where_other else "", layer if layered or layer != layer_other else "",
-            of if of not in USUAL else ""]
+            of if of not in USUAL else "", view]
     more = ", ".join(filter(None, said))
     return f"{picture.credits} ({more})" if more else str(picture.credits)
 

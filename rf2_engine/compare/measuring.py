@@ -11,6 +11,7 @@ import numpy as np
 from ...model import metrics, noise, progress
 from ...model.color import linear_to_srgb
 from ...model.errors import RenderCancelled
+from . import header
 from .sources import Picture
 
 NOISY = 0.2  # share of the squared difference that is worth a line: 1 dB
@@ -52,6 +53,7 @@ class Measurement:
         self.notes: list[str] = []  # what the numbers do not tell
         self.error, self.fraction, self.box = "", 0.0, box
         self._cancelled = False
+        self._composited = composited(a, b)
         self._pixels = box.cut(a.pixels), box.cut(b.pixels)
         self._thread = threading.Thread(target=self.run, daemon=True)
 
@@ -76,7 +78,8 @@ class Measurement:
         try:
             with progress.reporting(self._listen):
                 measured = metrics.closeness(*(pixels[..., :3] for pixels in self._pixels))
-                self.notes = notes(*self._pixels, self.box) + noise_of_b(*self._pixels, measured.psnr)
+                self.notes = (self._composited + notes(*self._pixels, self.box)
+                              + noise_of_b(*self._pixels, measured.psnr))
                 self.closeness = measured
         except RenderCancelled:
             self.error = "Measuring was cancelled"
@@ -92,6 +95,16 @@ class Measurement:
         self.fraction = fraction
         if self._cancelled:
             raise RenderCancelled
+
+
+def composited(a: Picture, b: Picture) -> list[str]:
+    """A line if the compositor made one of the two."""
+    ours, other = (header.COMPOSITE in picture.place[1:2] for picture in (a, b))
+    if ours == other:
+        return []
+    first, second = "AB" if ours else "BA"
+    return [f"{first} went through the compositor and {second} did not: to compare renders, choose a view layer for "
+            f"{first}"]
 
 
 def notes(a: np.ndarray, b: np.ndarray, box: Box) -> list[str]:

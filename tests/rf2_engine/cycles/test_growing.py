@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The reference while it is rendered: when there is something to draw, and what its label says."""
 import time
+from contextlib import contextmanager
 
 import bpy
 import pytest
@@ -41,6 +42,20 @@ def test_a_render_region_is_drawn_from_where_cycles_draws_it(lit, tmp_path, look
     press_f12(lit, tmp_path)
     reference = looks[-1][1]
     assert (reference.left, reference.bottom, reference.width, reference.height) == (10, 18, 30, 19)
+
+
+def test_the_view_of_stereoscopy_that_is_rendered_is_known(lit, tmp_path, monkeypatch):
+    lit.render.use_multiview, found = True, []
+    monkeypatch.setattr(growing, "drawable", lambda engine, real=growing.drawable: look(real(engine)))
+
+    @contextmanager
+    def look(drawable):
+        with drawable:
+            yield
+            found.append((growing._running is not None, growing.view()))
+    bpy.ops.render.render()
+    assert [number for is_reference, number in found if is_reference] == [1]  # Cycles has rendered both by then
+    assert growing.view() == 0
 
 
 def test_nothing_is_left_to_be_drawn_when_cycles_fails(lit, tmp_path, monkeypatch):
