@@ -155,3 +155,13 @@ def test_other_engines_keep_their_panels_to_themselves(scene):
     assert not any(panel.poll(context) for panel in copied.classes)
     simplify = bpy.types.RENDER_PT_simplify
     assert "RENDERFORMER_V2" not in simplify.COMPAT_ENGINES and "BLENDER_RENDER" in simplify.COMPAT_ENGINES
+
+
+def test_a_latent_is_offered_where_the_weights_know_it_or_the_material_has_one(scene):
+    panel, material = panels()["RENDERFORMER_PT_material_latent"], cube(scene).active_material
+    context = types.SimpleNamespace(engine="RENDERFORMER_V2", scene=scene, material=material)
+    assert not panel.poll(context)
+    material.renderformer_v2.use_latent = True
+    assert "Only published weights" in " ".join(drawn(scene, panel, material=material).texts)
+    scene.renderformer_v2.weights_source, material.renderformer_v2.use_latent = "PUBLISHED", False
+    assert not drawn(scene, panel, material=material).texts
