@@ -14,7 +14,7 @@ from ..material.appearance import Appearance
 from ..network.inputs import NetworkInputs
 from ..network.renderformer import RenderFormer, SceneContext, to_radiance
 from ..normalize import Normalization
-from ..precision import in_precision, tensor_float_32
+from ..precision import as_released, tensor_float_32
 from ..presets import rf2_200m
 from ..progress import part, report
 from ..scene import Guides, RenderScene, View
@@ -120,7 +120,7 @@ class PublishedPipeline:
         report(0.0, f"Loading {variant}")
         if self._network is None or self._network[0] != variant:
             self._network = None
-            self._network = variant, in_precision(self.load(variant), self.dtype).to(self.device).eval()
+            self._network = variant, as_released(self.load(variant), self.dtype, self.device).to(self.device).eval()
         network = self._network[1]
         return network, network.encode_scene(inputs.to(self.device))
 

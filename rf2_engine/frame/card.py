@@ -17,7 +17,7 @@ def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int]
     from ...model.devices import choose_device, free_memory
     from ...model.network.footprint import card_bytes
     from ...model.network.renderformer import KEYS_VALUES_BYTES
-    from ...model.precision import choose_precision
+    from ...model.precision import choose_precision, has_tensor_float_32
     try:
         device = choose_device(settings.device)
         item = choose_precision(settings.precision, device).itemsize
@@ -27,7 +27,8 @@ def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int]
     if free is None:
         return None
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
-    return card_bytes(config, PARAMETERS[settings.guided], tokens, pixels, item, KEYS_VALUES_BYTES), free
+    view_item = item if settings.guided or not has_tensor_float_32(device) else 4
+    return card_bytes(config, PARAMETERS[settings.guided], tokens, pixels, (item, view_item), KEYS_VALUES_BYTES), free
 
 
 def line(found: tuple[int, int] | None) -> str:
