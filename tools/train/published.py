@@ -21,7 +21,7 @@ from renderformer_v2.model.checkpoint import new_network
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
-from renderformer_v2.model.published.bundle_files import MODEL_CONFIG, TRANSFORMERS
+from renderformer_v2.model.published.bundle_files import MODEL_CONFIG, TRANSFORMERS, is_transformer
 from renderformer_v2.model.published.image_encoder import find_vae
 from renderformer_v2.model.published.pipeline import PublishedPipeline
 from renderformer_v2.model.weights_files import FORMAT
@@ -50,6 +50,8 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     device, bundle = torch.device(options.device), options.out / "bundle"
     if bundle.resolve() == options.start.resolve():
         raise TrainingError(f"{bundle} would be overwritten: choose another --out than its own")
+    if is_transformer(options.start):
+        raise TrainingError(f"{options.start} is one transformer by itself: --start needs a whole renderformer-v2")
     torch.manual_seed(options.seed)
     pipeline = PublishedPipeline(options.start, device, torch.float32)
     variant = pipeline.variant(picture_size(options.data))
