@@ -40,7 +40,7 @@ def described(folder: Path, name: str = "config.json") -> dict:
     """What the file `name` says of a network in this project's format: the arguments of its ModelConfig."""
     if folder.is_dir() and not (folder / name).is_file():
         raise CheckpointError(f"{folder} holds no weights: choose the folder renderformer-v2 (with transformer_512 or "
-                              "transformer_2048, and the mappers), or one that tools.train.network wrote (with "
+                              "transformer_2048, and the mappers), or that of a network you trained (with "
                               f"{name}); it holds {listing(folder)}")
     description = read_json(require(folder, name))
     found = {key: description.get(key) for key in FORMAT}

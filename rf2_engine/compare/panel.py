@@ -66,7 +66,7 @@ class RENDERFORMER_PT_compare_metrics(bpy.types.Panel):
         if measured.closeness:
             _draw_closeness(layout.column(align=True), measured.closeness)
             for note in measured.notes:
-                draw_text(layout, note)
+                draw_text(layout, note, icon="INFO")
         elif measured.error:
             draw_text(layout, measured.error)
         else:
