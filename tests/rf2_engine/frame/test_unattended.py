@@ -59,6 +59,29 @@ def test_a_fault_of_ours_saves_no_empty_frame(scene, saved, monkeypatch, how):
     assert "ZeroDivisionError" in last_render.last_frame[0].error
 
 
+@pytest.mark.parametrize("how", ["animation", "write_still"])
+def test_an_interruption_saves_no_empty_frame(scene, saved, monkeypatch, how):
+    """Ctrl-C in a Python that has imported bpy; Blender would go on with the next frame."""
+    def interrupted(depsgraph):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(render.Optics, "of", interrupted)
+    assert saved(**{how: True}) == []
+    assert last_render.last_frame[0].cancelled and bpy.context.scene.frame_current == 1
+
+
+def test_placeholders_of_frames_that_failed_are_removed_and_those_of_others_are_left_alone(scene, saved, tmp_path):
+    wrong_weights_from_frame_2(scene)
+    scene.render.use_placeholder, scene.render.use_overwrite = True, False
+    (tmp_path / "picture_0001.png").touch()  # another machine is at it
+    assert saved(animation=True) == ["picture_0001.png"]
+    assert (tmp_path / "picture_0001.png").stat().st_size == 0
+    scene.animation_data_clear()
+    scene.renderformer_v2.weights_source = "BUNDLED"
+    assert saved(animation=True) == [f"picture_000{i}.png" for i in (1, 2, 3)]
+    assert [(tmp_path / f"picture_000{i}.png").stat().st_size > 0 for i in (1, 2, 3)] == [False, True, True]
+
+
 @pytest.mark.parametrize("content", [None, [], ["config.json"], ["model_index.json.txt"], ["transformer_512"]])
 def test_a_folder_without_weights_is_found_before_the_scene_is_converted(scene, saved, tmp_path_factory, monkeypatch,
                                                                          content):
