@@ -4,10 +4,14 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model.published.obj_mesh import read_obj
+from bl_ext.user_default.renderformer_v2.model.published.prepared_frame import read_frame
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.importing import import_frame
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
 from tests.model.published import frames
+from tests.rf2_engine import f12
 from tests.rf2_engine.paper_scenes.test_paper_scenes import lobes_at, shown
 
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 7\n"
@@ -65,3 +69,50 @@ def test_what_is_in_the_file_already_stays_as_it_is(frame):
     for it in imported.objects:
         assert it.data not in before["meshes"] | before["cameras"]
         assert not {slot.material for slot in it.material_slots} & before["materials"]
+
+
+@pytest.mark.parametrize("name", ["new", "new.json", "scene_config.JSON"])
+def test_an_export_is_a_folder_whatever_its_name_ends_with(scene, tmp_path, name):
+    f12.cube(scene)
+    assert bpy.ops.export_scene.renderformer_v2(filepath=str(tmp_path / name)) == {"FINISHED"}
+    assert (tmp_path / name.partition(".")[0] / "scene_config.json").is_file()
+
+
+def test_an_export_that_cannot_be_is_said_in_a_line_and_leaves_nothing(scene, tmp_path):
+    def said(*names: str) -> str:
+        with pytest.raises(RuntimeError) as raised:
+            bpy.ops.export_scene.renderformer_v2(filepath=str(tmp_path.joinpath(*names)))
+        assert "Traceback" not in str(raised.value)
+        return str(raised.value)
+
+    (tmp_path / "file").write_text("mine")
+    assert "shows no surface" in said("new")
+    f12.cube(scene)
+    assert "cannot be written: Not a directory" in said("file", "new")
+    assert "is not empty" in said("file")
+    camera, scene.camera = scene.camera, None
+    assert "has no camera: add one" in said("new")
+    scene.camera = camera
+    camera.data.shift_x = 0.1
+    assert "lens shift" in said("new")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"] and (tmp_path / "file").read_text() == "mine"
+    assert scene.render.engine == "RENDERFORMER_V2"
+
+
+def test_what_is_in_edit_mode_is_exported_and_rendered(scene, tmp_path):
+    cube = f12.cube(scene, of=f12.material("Red", (0.8, 0.05, 0.05)))
+    cube.data.uv_layers.new(name="UVMap")
+    bpy.context.view_layer.objects.active = cube
+    bpy.ops.object.mode_set(mode="EDIT")
+    converted, _ = shown(scene)
+    assert bpy.ops.export_scene.renderformer_v2(filepath=str(tmp_path / "new")) == {"FINISHED"}
+    scene.renderformer_v2.guide_samples, scene.render.resolution_x, scene.render.resolution_y = 1, 32, 32
+    f12.press_f12(scene, tmp_path)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    (layer,) = last_render.last_frame
+    assert len(converted) == layer.triangles == len(shown(scene)[0]) >= 12
+    np.testing.assert_allclose(converted.tiles[0, :3, 0, 0], (0.8, 0.05, 0.05), atol=1e-3)
+    np.testing.assert_allclose(np.linalg.norm(converted.normals, axis=-1), 1, atol=1e-3)
+    assert read_obj(tmp_path / "new" / "split" / "Cube.obj").uv is not None
+    exported = read_frame(tmp_path / "new").objects["Cube"].material
+    assert exported.numbers["base_color"][0] == pytest.approx(0.8, abs=1e-3)
