@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from ..errors import SceneError
+from ..git_lfs import is_pointer
 
 CONFIG, MESHES = "scene_config.json", "split"
-POINTER = b"version https://git-lfs.github.com/spec/"
 VERSION = "2.0.0"
 # By material type: where its numbers stand, and how many there are of each.
 NUMBERS = {
@@ -114,12 +114,8 @@ def missing(frame: PreparedFrame, folder: Path) -> list[str]:
 
 def pointers(frame: PreparedFrame, folder: Path) -> list[str]:
     """Those that a clone without Git LFS has in place of the files themselves. Raises OSError."""
-    found = []
-    for name in set(named(frame, folder)) - set(missing(frame, folder)):
-        with open(Path(folder) / name, "rb") as file:
-            if file.read(len(POINTER)) == POINTER:
-                found.append(name)
-    return sorted(found)
+    there = set(named(frame, folder)) - set(missing(frame, folder))
+    return sorted(name for name in there if is_pointer(Path(folder) / name))
 
 
 def maps(material: FrameMaterial) -> tuple[str, ...]:

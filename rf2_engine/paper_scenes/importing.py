@@ -10,6 +10,7 @@ import numpy as np
 
 from mathutils import Matrix, Vector
 
+from ...model import git_lfs
 from ...model.errors import SceneError
 from ...model.published.obj_mesh import ObjMesh, read_obj
 from ...model.published.prepared_frame import (
@@ -40,8 +41,7 @@ def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.type
     for name in missing(frame, folder):
         report.skipped(frame.name, f"{name} is not in {folder}: put it there and import again")
     for name in pointers(frame, folder):
-        report.skipped(frame.name, f"{name} stands for a file that was not downloaded: run `git lfs pull` in {folder} "
-                                   "and import again")
+        report.skipped(frame.name, f"{name} {git_lfs.remedy(folder)}, and import again")
     meshes = {key: _read(folder / it.mesh, report) for key, it in frame.objects.items()}
     if not frame.cameras:
         raise SceneError(f"{folder} has no camera: add one to its scene_config.json")
