@@ -133,11 +133,10 @@ class EncodedScene:
         """All `pictures` (H, W, C) f32, with the edges of the view of `lobes` as more samples would show them.
 
         They are made of the view's light or its guides, which have so many samples; wraps: as View's. Guided networks
-        alone know how, and where light was traced.
+        alone know how.
         """
         with torch.inference_mode():
-            return self.renderer.pipeline.antialiased(pictures, lobes.radiance, guides, self.normalization.exposure,
-                                                      samples, wraps)
+            return self.renderer.pipeline.antialiased(pictures, lobes.radiance, guides, samples, wraps)
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""

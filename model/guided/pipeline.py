@@ -66,9 +66,7 @@ class GuidedPipeline:
             light = decode_bands(raw, inputs.guides, keys)
             return {key: radiance[0] / inputs.guides.exposure for key, radiance in light.items()}
 
-    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, exposure: float,
-                    samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
-        """As the function of that name, in world units; `pictures` as they are if no light was traced."""
-        if guides.traced is None:
-            return pictures
-        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, exposure, samples, wraps)
+    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, samples: int,
+                    wraps: bool = False) -> dict[str, np.ndarray]:
+        """As the function of that name."""
+        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, samples, wraps)
