@@ -83,7 +83,7 @@ class Renderer:
             if self.device.type == "cuda":
                 torch.cuda.empty_cache()
             self.remark = ("the memory of the card was too small for the usual pieces, so it worked in smaller ones: "
-                           "lower the Triangle Budget or the resolution for more speed")
+                           "lower Max Triangles or the resolution for more speed")
 
     def prepare(self, scene: RenderScene) -> None:
         """What `encode` can keep of a scene in world units for later renders: published weights' textures."""
