@@ -95,9 +95,12 @@ def name_of(device: torch.device) -> str:
     return f"CPU ({cpu})" if cpu else "CPU"
 
 
-def free_memory(device: torch.device) -> int | None:
-    """Bytes that a card can still give, those that PyTorch keeps for itself included; None where nothing tells."""
+def free_memory(device: torch.device, with_ours: bool = False) -> int | None:
+    """Bytes that a card can still give, those that PyTorch keeps for itself included; None where nothing tells.
+
+    with_ours: also those that tensors of this process have.
+    """
     if device.type != "cuda":
         return None
     free, _ = torch.cuda.mem_get_info(device)
-    return free + torch.cuda.memory_reserved(device) - torch.cuda.memory_allocated(device)
+    return free + torch.cuda.memory_reserved(device) - (0 if with_ours else torch.cuda.memory_allocated(device))

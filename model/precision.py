@@ -2,7 +2,7 @@
 """Choose the number format by the hardware."""
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
 import torch
@@ -10,6 +10,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from .network.norm import Float32Conv2d, Linear
+from .network.renderformer import RenderFormer
 
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
 NAMES = {torch.float32: "Float32", torch.bfloat16: "BFloat16", torch.float16: "Float16"}  # as the settings call them
@@ -59,10 +60,15 @@ def failure(dtype: torch.dtype, device: torch.device) -> str:
     return ""
 
 
+def has_tensor_float_32(device: torch.device) -> bool:
+    """Whether it multiplies float32 at the speed of half precision, with 10 bits behind the point: from Ampere on."""
+    return device.type == "cuda" and not torch.version.hip and torch.cuda.get_device_capability(device) >= (8, 0)
+
+
 @contextmanager
 def tensor_float_32(device: torch.device) -> Iterator[None]:
-    """Inside, CUDA multiplies float32 with 10 bits behind the point, as the authors' release does in stage 2."""
-    if device.type != "cuda":
+    """Inside, a device that has it multiplies float32 in that way."""
+    if not has_tensor_float_32(device):
         yield
         return
     settings = torch.backends.cuda.matmul
@@ -74,9 +80,21 @@ def tensor_float_32(device: torch.device) -> Iterator[None]:
         settings.allow_tf32 = before
 
 
-def in_precision(model: nn.Module, dtype: torch.dtype) -> nn.Module:
-    """Store the weights of matrix products and convolutions in `dtype`; norms, tokens and last layer stay float32."""
-    for module in model.modules():
+def in_precision(model: nn.Module, dtype: torch.dtype, but: Iterable[nn.Module] = ()) -> nn.Module:
+    """Store the weights of matrix products and convolutions in `dtype`; norms, tokens and last layer stay float32.
+
+    but: parts of the model that stay as they are.
+    """
+    left = {module for part in but for module in part.modules()}
+    for module in set(model.modules()) - left:
         if isinstance(module, (Linear, nn.Conv2d, nn.ConvTranspose2d)) and not isinstance(module, Float32Conv2d):
             module.to(dtype)
     return model
+
+
+def as_released(network: RenderFormer, dtype: torch.dtype, device: torch.device) -> RenderFormer:
+    """In the precision of the authors' `release` profile (docs/network.md 11): stage 2 without its decoder stays in
+    float32 where the device has TensorFloat-32, all else is in `dtype`."""
+    stage2 = network.view_transformer
+    exact = (stage2.ray_map_encoder, stage2.transformer) if has_tensor_float_32(device) else ()
+    return in_precision(network, dtype, exact)

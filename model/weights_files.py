@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import CheckpointError
-from .published.bundle_files import is_bundle, missing_parts
+from .published.bundle_files import AUTOMATIC, is_bundle, missing_parts, whole
 
 FORMAT = {"format": "renderformer-model", "format_version": 2}
 SOME = 8  # names in a message
@@ -30,7 +30,7 @@ def explained():
 def check(folder: Path) -> None:
     """Look for a network in a folder, as a render would before it reads tensors."""
     if is_bundle(folder):
-        require_parts(folder)
+        require_parts(*whole(folder))
     else:
         described(folder)
         weights_file(folder)
@@ -92,9 +92,14 @@ def require_folder(folder: Path) -> None:
 
 
 @explained()
-def require_parts(bundle: Path) -> None:
-    """A published bundle must hold what a render needs."""
-    if parts := missing_parts(bundle):
+def require_parts(bundle: Path, chosen: str = AUTOMATIC) -> None:
+    """A published bundle must hold what a render with the chosen transformer needs."""
+    parts = missing_parts(bundle, chosen)
+    if parts and chosen not in (AUTOMATIC, *parts):
+        raise CheckpointError(f"A render with the transformer {bundle / chosen} also needs {', '.join(parts)} beside "
+                              f"it, but {bundle} holds {listing(bundle)}: download or copy the folder renderformer-v2 "
+                              "whole. A transformer that was saved by itself belongs into it")
+    if parts:
         raise CheckpointError(f"{bundle} is incomplete: a render needs {', '.join(parts)}, each a folder with its "
                               f"configuration and model.safetensors, and it holds {listing(bundle)}. Download or copy "
                               "them again")

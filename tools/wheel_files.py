@@ -41,12 +41,12 @@ def of_platform(platform: str) -> list[tuple[str, str, str, dict]]:
 def fitting(platform: str, python: str) -> list[tuple[str, str, str, dict]]:
     """The same of all pinned distributions for one of PLATFORMS and PYTHONS, the best wheel of each.
 
-    The build of PyTorch that has its own index has no hash and is left out.
+    The builds of PyTorch that have their own index have no hash and are left out.
     """
     found = []
     for name, pin in pins().items():
         tags = [tag for tag in pin["files"] if _fits(tag, platform, python)]
-        if tags and not name.endswith("+cpu"):
+        if tags and "+" not in name:
             best = min(tags, key=lambda tag: (tag.endswith("any"), tag.split("-")[0] != python))
             found.append((name, pin["version"], best, pin["files"][best]))
     return found

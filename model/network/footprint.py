@@ -11,20 +11,29 @@ DECODER = 4 << 10    # bytes of the published decoder for each pixel of a band
 DRIVER = 600 << 20   # bytes that CUDA and its libraries take for themselves
 
 
-def card_bytes(config: ModelConfig, parameters: int, tokens: int, pixels: int, item: int, kept: int,
+def card_bytes(config: ModelConfig, parameters: int, tokens: int, pixels: int, items: tuple[int, int], kept: int,
                band: int = 1 << 16) -> int:
-    """An upper estimate for a scene of so many tokens and a picture of so many pixels, with weights of `item` bytes.
+    """An upper estimate for a scene of so many tokens and a picture of so many pixels.
 
-    parameters: of all networks that are loaded. kept: bytes that stage 2 may keep of a scene. band: pixels that are
-    decoded at once.
+    parameters: of all networks that are loaded. items: bytes of a weight, and of one of stage 2. kept: bytes that stage
+    2 may keep of a scene. band: pixels that are decoded at once.
     """
+    item, view_item = items
     width, rays = config.latent_dim, pixels // config.patch_size ** 2
     window = 256 + 2 * config.local_attention_window_size_half
     keys = 2 * tokens * width * item
     stage1 = STREAMS * tokens * width * FULL + keys + 16 * (window + tokens // config.summary_block_size) * (
         2 * width * item + 256 * (1 + config.num_heads * item))
-    layers = config.view_transformer_n_layers * keys
-    stage2 = tokens * width * FULL + max(keys, layers if layers <= kept else 0) + (
+    seen = 2 * tokens * width * view_item
+    layers = config.view_transformer_n_layers * seen
+    stage2 = tokens * width * FULL + max(seen, layers if layers <= kept else 0) + (
         2 * STREAMS + len(config.decoder_layers)) * rays * width * FULL
     pieces = 4 * GPU_CHUNK * max(config.dim_feedforward, config.view_transformer_ffn_hidden_dim) * FULL
-    return parameters * item + max(stage1, stage2 + DECODER * min(pixels, band)) + pieces
+    weights = parameters * item + (view_item - item) * view_parameters(config)
+    return weights + max(stage1, stage2 + DECODER * min(pixels, band)) + pieces
+
+
+def view_parameters(config: ModelConfig) -> int:
+    """Of the layers of stage 2."""
+    width = config.latent_dim
+    return config.view_transformer_n_layers * width * (8 * width + 3 * config.view_transformer_ffn_hidden_dim)

@@ -45,9 +45,9 @@ class Bundle:
         if (self.folder / "config.json").is_file():
             raise version_one(self.folder / "config.json")
 
-    def require_parts(self) -> Bundle:
-        """Raises CheckpointError when a render would not find what it needs."""
-        require_parts(self.folder)
+    def require_parts(self, chosen: str = AUTOMATIC) -> Bundle:
+        """Raises CheckpointError when a render, with the chosen transformer, would not find what it needs."""
+        require_parts(self.folder, chosen)
         return self
 
     def transformer(self, resolution: int, chosen: str = AUTOMATIC) -> RenderFormer:

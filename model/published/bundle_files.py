@@ -18,12 +18,26 @@ AUTOMATIC = "auto"
 
 
 def is_bundle(folder: str | Path) -> bool:
-    """Whether the folder is a published bundle, or what a partial download left of it. Raises OSError."""
-    return any((Path(folder) / name).exists() for name in (INDEX, *COMPONENTS))
+    """Whether the folder is a published bundle, what a partial download left of it, or one transformer of it.
+
+    Raises OSError.
+    """
+    return is_transformer(folder) or any((Path(folder) / name).exists() for name in (INDEX, *COMPONENTS))
+
+
+def is_transformer(folder: str | Path) -> bool:
+    """Whether it holds one transformer by itself, as the authors' `save_pretrained` writes it. Raises OSError."""
+    return any((Path(folder) / name).is_file() for name in TRANSFORMER)
+
+
+def whole(folder: Path, chosen: str = AUTOMATIC) -> tuple[Path, str]:
+    """The bundle, and which of its transformers is chosen: a chosen transformer's folder lies in its bundle."""
+    return (folder.absolute().parent, folder.absolute().name) if is_transformer(folder) else (folder, chosen)
 
 
 def transformer_for(bundle: Path, picture_size: int, chosen: str = AUTOMATIC) -> str:
-    """The folder of the network for pictures whose longer side has so many pixels: the chosen one of TRANSFORMERS.
+    """The folder of the network for pictures whose longer side has so many pixels: the chosen one, of TRANSFORMERS or
+    beside them.
 
     Automatic takes the one that was trained for that size, or the only one that is there.
     """
@@ -33,14 +47,16 @@ def transformer_for(bundle: Path, picture_size: int, chosen: str = AUTOMATIC) ->
     return other if isdir(bundle / other) and not isdir(bundle / wanted) else wanted
 
 
-def missing_parts(bundle: Path) -> list[str]:
-    """What a render would not find: one transformer and all mappers are needed, the VAE is elsewhere.
+def missing_parts(bundle: Path, chosen: str = AUTOMATIC) -> list[str]:
+    """What a render would not find: one transformer, or the chosen one, and all mappers are needed, the VAE is
+    elsewhere.
 
     Names of files are proof enough: a download gives them to complete files only.
     """
     def complete(name: str) -> bool:  # False where a path may not be looked at, and no error
         return isfile(bundle / name / "model.safetensors") and any(
-            isfile(bundle / name / config) for config in COMPONENTS[name])
+            isfile(bundle / name / config) for config in COMPONENTS.get(name, TRANSFORMER))
 
-    parts = [] if any(map(complete, TRANSFORMERS)) else [" or ".join(TRANSFORMERS)]
+    wanted = TRANSFORMERS if chosen == AUTOMATIC else (chosen,)
+    parts = [] if any(map(complete, wanted)) else [" or ".join(wanted)]
     return parts + [name for name in MAPPERS if not complete(name)]

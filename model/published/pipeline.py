@@ -15,14 +15,15 @@ from ..material.appearance import Appearance
 from ..network.inputs import NetworkInputs
 from ..network.renderformer import RenderFormer, SceneContext, to_radiance
 from ..normalize import Normalization
-from ..precision import in_precision, tensor_float_32
+from ..precision import as_released, tensor_float_32
 from ..presets import rf2_200m
 from ..progress import part, report
 from ..scene import Guides, RenderScene, View
 from ..tensors import view_inputs
+from ..weights_files import explained
 from .as_trained import as_trained, emitters
 from .bundle import Bundle, load_transformer
-from .bundle_files import AUTOMATIC, MAPPERS, transformer_for
+from .bundle_files import AUTOMATIC, MAPPERS, transformer_for, whole
 from .cube_faces import cube_faces, joined
 from .image_encoder import ImageEncoder, find_vae
 from .latent_store import LatentStore
@@ -44,9 +45,13 @@ class PublishedPipeline:
 
     def __init__(self, folder: str | Path, device: torch.device, dtype: torch.dtype, transformer: str = AUTOMATIC,
                  latents: Path | None = None):
-        """latents: file of a LatentStore. Raises CheckpointError for what is missing, VAE and diffusers included."""
-        self.device, self.dtype, self.bundle = device, dtype, Bundle(folder).require_parts()
-        self.chosen = transformer
+        """folder: of the bundle, or of the transformer in it that is chosen. latents: file of a LatentStore.
+
+        Raises CheckpointError for what is missing, VAE and diffusers included.
+        """
+        with explained():
+            folder, self.chosen = whole(Path(folder), transformer)
+        self.device, self.dtype, self.bundle = device, dtype, Bundle(folder).require_parts(self.chosen)
         self.granularity = rf2_200m().granularity
         mappers = (self.bundle.mapper(name).to(device) for name in MAPPERS)
         images = ImageEncoder(find_vae(self.bundle.folder), device, dtype)
@@ -121,7 +126,7 @@ class PublishedPipeline:
         report(0.0, f"Loading {variant}")
         if self._network is None or self._network[0] != variant:
             self._network = None
-            self._network = variant, in_precision(self.load(variant), self.dtype).to(self.device).eval()
+            self._network = variant, as_released(self.load(variant), self.dtype, self.device).to(self.device).eval()
         network = self._network[1]
         return network, network.encode_scene(inputs.to(self.device))
 

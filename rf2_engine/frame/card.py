@@ -5,29 +5,49 @@ from __future__ import annotations
 import sys
 
 from ...model import presets
+from ...model.scene import RenderScene
+from ..convert.report import Report
 from ..settings import FrameSettings
+from . import model_cache
 
 PARAMETERS = {True: 11_000_000, False: 270_000_000}  # of guided networks; of published ones with the image encoder
 
 
+def length(given: RenderScene, settings: FrameSettings) -> int:
+    """Of the token sequence; given: the scene as its weights are told it (trained.py)."""
+    config = presets.rf2_small() if settings.guided else presets.rf2_200m()
+    lights = int(given.is_light.sum())
+    return config.sequence_length(lights, len(given) - lights + len(given.volumes or ()))
+
+
 def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int] | None:
-    """Bytes that are needed, an upper estimate, and that are free; None where no card is used, or nothing tells."""
+    """Bytes that are needed, an upper estimate, and that are free; None where no card is used, or nothing tells.
+
+    What a loaded network takes counts as free: it is among what is needed.
+    """
     if "torch" not in sys.modules:
         return None  # importing it takes seconds
     from ...model.devices import choose_device, free_memory
     from ...model.network.footprint import card_bytes
     from ...model.network.renderformer import KEYS_VALUES_BYTES
-    from ...model.precision import choose_precision
+    from ...model.precision import choose_precision, has_tensor_float_32
     try:
         device = choose_device(settings.device)
         item = choose_precision(settings.precision, device).itemsize
     except ValueError:
         return None  # the render will say why
-    free = free_memory(device)
+    free = free_memory(device, with_ours=model_cache.is_loaded())
     if free is None:
         return None
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
-    return card_bytes(config, PARAMETERS[settings.guided], tokens, pixels, item, KEYS_VALUES_BYTES), free
+    view_item = item if settings.guided or not has_tensor_float_32(device) else 4
+    return card_bytes(config, PARAMETERS[settings.guided], tokens, pixels, (item, view_item), KEYS_VALUES_BYTES), free
+
+
+def warn(settings: FrameSettings, given: RenderScene, pixels: int, report: Report) -> None:
+    """Say before the network begins that the card may be too small for it. To be called when PyTorch is there."""
+    if (found := memory(settings, length(given, settings), pixels)) and found[0] > found[1]:
+        report.approximated("Device", line(found))
 
 
 def line(found: tuple[int, int] | None) -> str:
@@ -35,5 +55,5 @@ def line(found: tuple[int, int] | None) -> str:
     if found is None:
         return ""
     needed, free = found
-    advice = ": it will work in smaller pieces, more slowly" if needed > free else ""
+    advice = ": if that is too little, it works in smaller pieces, more slowly" if needed > free else ""
     return f"Card: at most {needed / 1e9:.1f} GB are needed, {free / 1e9:.1f} GB are free{advice}"

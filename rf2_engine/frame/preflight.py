@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import bpy
 from bpy.app.handlers import persistent
 
-from ...model import presets, progress
+from ...model import progress
 from ...model.errors import CheckpointError, RenderCancelled
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
@@ -151,10 +151,7 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
     unblurred = replace(optics, lens=1, shutter=1)
     sharp = costs.measured_seconds(work(width, height, border, settings, unblurred, lit, views), settings.setup)
     added = costs.measured_memory(settings.setup, loaded, views * view.width * view.height, len(converted))
-    tokens = told(converted, view, settings, report)
-    lights, cells = int(tokens.is_light.sum()), len(tokens.volumes or ())
-    config = presets.rf2_small() if settings.guided else presets.rf2_200m()
-    length = config.sequence_length(lights, len(tokens) - lights + cells)
+    length = card.length(told(converted, view, settings, report), settings)
     return Preflight(layer, count, views, size=(view.width, view.height), triangles=len(converted), tokens=length,
                      card=card.line(card.memory(settings, length, view.width * view.height)),
                      blur=_blur(optics, others, sharp),

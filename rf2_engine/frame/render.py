@@ -22,7 +22,7 @@ from ..progress.stages import CONVERT, DIVIDE, WRITE
 from ..progress.status import Status
 from ..setup import packages
 from ..viewport.worker import worker
-from . import failure, model_cache, output, reference, running
+from . import card, failure, model_cache, output, reference, running
 from .hits import Hits, first_hits
 from .layer import Layer
 from .network import Network, Picture
@@ -78,9 +78,9 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             views = layer.views()                                                   # 2. Camera
             scene = layer.scene()                                                   # 3. Scene
             view = next(iter(views.values()))
-            told(scene, view, settings, report)
+            given = told(scene, view, settings, report)
         layer.plan.has_triangles(len(scene))
-        passes, tokens = _passes(layer, views, scene)                               # 4. to 7.
+        passes, tokens = _passes(layer, views, scene, given)                        # 4. to 7.
     with layer.plan.enter(WRITE):
         output.write_views(engine, layer.name, passes)
     beside = Report()
@@ -92,8 +92,12 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
                            remarks=[*dict.fromkeys(report.entries + beside.entries)], reference_samples=samples)
 
 
-def _passes(layer: Layer, views: dict[str, View], scene: RenderScene) -> tuple[dict[str, Passes], int]:
-    """All passes of the picture, as output.write_views has them, and how many tokens the network was given."""
+def _passes(layer: Layer, views: dict[str, View], scene: RenderScene,
+            given: RenderScene) -> tuple[dict[str, Passes], int]:
+    """All passes of the picture, as output.write_views has them, and how many tokens the network was given.
+
+    given: the scene as its weights are told it.
+    """
     exposure, network = layer.settings.exposure, Network(layer, scene)
     with output.unless_stopped(layer.engine, layer.name, views) as passes:
         hits = first_hits(layer, scene, views, passes)                              # 4. First hits
@@ -109,6 +113,7 @@ def _passes(layer: Layer, views: dict[str, View], scene: RenderScene) -> tuple[d
         pictures, light = {name: Picture.dark(each, exposure) for name, each in hits.items()}, dict.fromkeys(hits, {})
         if any(network.has_work(each.guides) for each in hits.values()):
             network.load()
+            card.warn(layer.settings, given, max(view.width * view.height for view in views.values()), layer.report)
             with threads.team(layer.settings.threads):
                 if layer.optics:
                     pictures = network.blurred(hits, show)                          # 7. Blur

@@ -26,6 +26,14 @@ def draw_text(layout, text: str, icon: str = "ERROR") -> None:
         column.label(text=line, icon="BLANK1" if number else icon)
 
 
+def draw_steps(layout, steps: list[tuple[str, str]]) -> None:
+    """What to do one after the other, with a button to the web page where that is done."""
+    for number, (text, page) in enumerate(steps, 1):
+        draw_text(layout, f"{number}. {text}", icon="BLANK1")
+        if page:
+            layout.operator("wm.url_open", text=page.partition("://")[2], icon="URL").url = page
+
+
 def wrapped(text: str, width: float) -> list[str]:
     """Lines of at most this width, in pixels at the size that blf has; words wider than that are broken."""
     def fits(line: str) -> bool:

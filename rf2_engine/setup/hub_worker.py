@@ -4,7 +4,8 @@
 A program, not a module of the add-on: `python -P hub_worker.py` reads a line of JSON from standard input,
     {"fetch": bool, "target": folder, "token": str or "",
      "repositories": [{"id", "revision" (null: head), "folder", "parts": [file or folder/], "sha256": {file: hash}}]}
-and writes one a line: {"total", "present" (bytes), "text"}, or at the end {"error", "status" (HTTP or null)}.
+and writes one a line: {"total", "present" (bytes), "text"}, or at the end {"error", "status" (HTTP or null), "steps"
+([[what to do, address or ""]])}.
 
 A file has its final name only when it is complete and has the repository's hash; before that it is FILE.HASH.part,
 to which the next start appends. One process at a time writes into a target. huggingface_hub's own download function
@@ -40,6 +41,7 @@ class RemoteFile:
     size: int
     sha256: str  # of the content, for large files
     blob: str    # Git's SHA-1 of the others
+    repository: str
 
     @property
     def part(self) -> Path:
@@ -103,7 +105,7 @@ def list_files(repository: dict, target: Path, token: str) -> list[RemoteFile]:
             if told and told != known.get(entry.rfilename, told):
                 raise Explained(f"{repository['id']}: {entry.rfilename} is not the file that this add-on knows")
             files.append(RemoteFile(url, target / repository["folder"] / name, entry.size,
-                                    known.get(entry.rfilename, told), entry.blob_id))
+                                    known.get(entry.rfilename, told), entry.blob_id, repository["id"]))
     if not files or known.keys() - {file.path.relative_to(target / repository["folder"]).as_posix() for file in files}:
         raise Explained(f"{repository['id']} does not hold the expected files")
     return files
@@ -170,7 +172,7 @@ def run(request: dict, tell) -> None:
     files = []
     for repository in request["repositories"]:
         tell(total=0, present=0, text=f"Asking for {repository['id']}")
-        with explaining(repository["id"], request):
+        with explaining(repository["id"], request, repository["id"]):
             files += list_files(repository, target, token)
     if request["fetch"]:
         target.mkdir(parents=True, exist_ok=True)
@@ -194,40 +196,37 @@ def run(request: dict, tell) -> None:
     for file in missing:
         last = 0.0  # a new file is told at once
         tell_length(file, present[file.path])
-        with explaining(file.url, request):
+        with explaining(file.url, request, file.repository):
             download(file, token, partial(tell_length, file))
     tell(total=total, present=total, text="")
 
 
 class Explained(Exception):
-    """An error in the user's words, with the HTTP status if the server gave one."""
+    """An error in the user's words, with the HTTP status if the server gave one, and the steps that help."""
 
-    def __init__(self, message: str, status: int | None = None):
+    def __init__(self, message: str, status: int | None = None, steps: list[tuple[str, str]] = ()):
         super().__init__(message)
-        self.status = status
+        self.status, self.steps = status, steps
 
 
 @contextmanager
-def explaining(what: str, request: dict):
+def explaining(what: str, request: dict, repository: str = ""):
     """Raises every error as Explained; `what` is asked for or written."""
     try:
         yield
     except Explained:
         raise
     except Exception as error:
-        raise explained(error, what, request) from error
+        raise explained(error, what, request, repository) from error
 
 
-def explained(error: Exception, what: str, request: dict) -> Explained:
+def explained(error: Exception, what: str, request: dict, repository: str = "") -> Explained:
     from huggingface_hub import constants
 
     status = getattr(getattr(error, "response", None), "status_code", None)
     if status in (401, 403):
-        site = constants.ENDPOINT
-        ask = "refuses this access token" if request["token"] else "asks for an access token (or does not exist)"
-        return Explained(f"{what} {ask}. 1. Log in at {site}, or make an account. 2. Open the repository's page there "
-                         f"and accept its conditions; access may have to be granted. 3. Make a token of the kind Read "
-                         f"at {site}/settings/tokens. 4. Enter it below and press Download again", status)
+        asks = "refuses this access token" if request["token"] else "asks for an access token (or does not exist)"
+        return Explained(f"{what} {asks}", status, access_steps(constants.ENDPOINT, repository))
     if status == 404:
         return Explained(f"{what} was not found on {constants.ENDPOINT}", status)
     if isinstance(error, json.JSONDecodeError):
@@ -236,6 +235,15 @@ def explained(error: Exception, what: str, request: dict) -> Explained:
         return unusable(request["target"], error)
     return Explained(f"{what}: {type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''} "
                      f"(check the connection; {KEPT})", status)
+
+
+def access_steps(site: str, repository: str) -> list[tuple[str, str]]:
+    """How to get at a repository that is not open to all, each step with the page where that is done."""
+    return [("Log in, or make an account", f"{site}/login"),
+            ("Accept the conditions on the repository's page. Its owners may have to grant access",
+             f"{site}/{repository}"),
+            ("Make a token of the kind Read, and copy it", f"{site}/settings/tokens"),
+            ("Paste it into Access Token, and press Download again", "")]
 
 
 def unusable(target: str, error: OSError, kept: str = KEPT) -> Explained:
@@ -255,7 +263,8 @@ def main() -> int:
         with explaining(request["target"], request):
             run(request, tell)
     except Exception as error:
-        tell(error=str(error) or type(error).__name__, status=getattr(error, "status", None))
+        tell(error=str(error) or type(error).__name__, status=getattr(error, "status", None),
+             steps=getattr(error, "steps", ()))
         return 1
     return 0
 

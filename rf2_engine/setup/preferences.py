@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ...model.published.bundle_files import LARGE, SMALL, TRANSFORMERS
 from ..frame import model_cache
 from . import package_panel, packages, published_weights, shared_folders, weights_download
-from .display import amount, draw_progress, draw_text, free_space
+from .display import amount, draw_progress, draw_steps, draw_text, free_space
 
 _token = ""  # only for this session: a property of Blender's own would be saved with the preferences
 
@@ -123,6 +123,7 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
     if download is None or download.state in ("done", "failed", "cancelled"):
         if download and download.state == "failed":
             draw_text(layout, download.error)
+            draw_steps(layout, download.steps)
             if download.needs_token or token():
                 layout.prop(preferences, "access_token")
         layout.row().prop(preferences, "networks", expand=True)

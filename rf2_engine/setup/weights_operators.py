@@ -44,7 +44,7 @@ class _Download(bpy.types.Operator):
             return {"FINISHED"}
         download.wait()  # a script's call returns when all is there
         if download.state == "failed":
-            self.report({"ERROR"}, download.error)
+            self.report({"ERROR"}, download.explanation)
             return {"CANCELLED"}
         return {"FINISHED"}
 

@@ -9,10 +9,11 @@ import time
 
 
 class WorkerProcess:
-    """state, total, present (bytes), text, error, status are written by a thread that reads the program's messages.
+    """state, total, present (bytes), text, error, status, steps are written by a thread that reads the program's
+    messages.
 
     The program reads one line of JSON from its standard input, which stays open as long as it is wanted, and writes
-    lines of JSON: {"total", "present", "text"}, or at the end {"error", "status"}.
+    lines of JSON: {"total", "present", "text"}, or at the end {"error", "status", "steps"}.
     """
 
     RUNNING: tuple[str, ...] = ()  # states
@@ -21,6 +22,7 @@ class WorkerProcess:
         self.state = self.text = self.error = ""
         self.total = self.present = 0
         self.status: int | None = None
+        self.steps: list[tuple[str, str]] = []  # what helps, and the web page where that is done or ""
 
     @property
     def is_running(self) -> bool:
@@ -30,6 +32,12 @@ class WorkerProcess:
     def silent_seconds(self) -> float:
         """Since the last message."""
         return time.monotonic() - self._heard
+
+    @property
+    def explanation(self) -> str:
+        """The error with the steps that help, for where there are no buttons."""
+        steps = (f"{i}. {text} ({page})" if page else f"{i}. {text}" for i, (text, page) in enumerate(self.steps, 1))
+        return ". ".join([self.error, *steps])
 
     def cancel(self) -> None:
         """End the process now."""
@@ -62,6 +70,7 @@ class WorkerProcess:
             message = json.loads(line)
             self._heard = time.monotonic()
             self.error, self.status = message.get("error", ""), message.get("status")
+            self.steps = message.get("steps", [])
             if not self.error:
                 self.total, self.present, self.text = (message[key] for key in ("total", "present", "text"))
         self._process.stdout.close()

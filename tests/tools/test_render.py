@@ -157,7 +157,8 @@ def test_one_view_layer_is_told_without_its_name(scene, save, tmp_path):
     scene.render.resolution_x = scene.render.resolution_y = 16
     done = run(save(), "-o", tmp_path / "out.png")
     found = json.loads(done.stdout)
-    assert list(found) == ["scene", "engine", "seconds", "tokens", "triangles", "report", "output", "size", "weights"]
+    assert list(found) == ["scene", "engine", "seconds", "tokens", "triangles", "report", "output", "size", "weights",
+                           "device"]
     assert found["size"] == [16, 16] and "Network" in found["seconds"] and found["seconds"]["total"] > 0
 
 

@@ -9,6 +9,7 @@ import pytest
 from safetensors.torch import load_file
 
 from renderformer_v2.model.checkpoint import new_network
+from renderformer_v2.model.published.bundle import load_transformer
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.tools.test_finetune import options
 from tests.tools.test_train_ranks import write
@@ -16,6 +17,7 @@ from tools.datagen.facts import facts
 from tools.train import cost, published, throughput
 from tools.train.config import TrainConfig
 from tools.train.curriculum import by_stage
+from tools.train.errors import TrainingError
 from tools.train.state import TrainingState
 
 PAPER = Path(published.__file__).with_name("paper")
@@ -42,6 +44,33 @@ def test_all_stages_train_one_after_the_other_from_new_weights(tmp_path):
         assert goes_on == (stage.name != "stage1"), "the first one has new weights, not those of the bundle"
         start = out / "bundle"
     assert not (start / "transformer_2048").exists()
+
+
+@pytest.mark.parametrize("settings", [
+    {"dense": True}, {"light_sinks": False}, {"summaries": False}, {"summary_block_size": 7},
+    {"local_attention_window_size_half": 3}])
+def test_a_row_of_the_papers_table_is_trained_and_rendered_with_its_setting(tmp_path, settings):
+    write(tmp_path / "data", 1)
+    start = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
+    for from_scratch in (True, False):
+        out = tmp_path / f"{from_scratch}"
+        chosen = options(tmp_path, start, out=out, minutes=None, steps=1, scenes_per_step=1, cache=tmp_path / "cache",
+                         from_scratch=from_scratch)
+        published.train(chosen, replace(config("stage3"), network=settings))
+        trained = load_transformer(out / "bundle" / "transformer_512")
+        assert {name: getattr(trained.config, name) for name in settings} == settings
+    published.train(options(tmp_path, out / "bundle", out=tmp_path / "next", minutes=None, steps=1, scenes_per_step=1,
+                            cache=tmp_path / "cache"), config("stage3"))
+    assert load_transformer(tmp_path / "next" / "bundle" / "transformer_512").config == trained.config
+
+
+@pytest.mark.parametrize("settings, message", [({"colour": 1}, "unknown keys in model_config: colour"),
+                                               ({"dim_feedforward": 32}, "do not fit .* --from-scratch")])
+def test_a_setting_that_the_network_cannot_have_is_said(tmp_path, settings, message):
+    write(tmp_path / "data", 1)
+    start = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
+    with pytest.raises(TrainingError, match=message):
+        published.train(options(tmp_path, start, minutes=None, steps=1), replace(config("stage3"), network=settings))
 
 
 def test_the_first_stage_adds_textures_then_environments_then_volumes(tmp_path):

@@ -13,7 +13,7 @@ import torch
 from renderformer_v2.model.camera import square_view
 from renderformer_v2.model.devices import choose_device, free_memory, name_of, unused_card
 from renderformer_v2.model.network.renderformer import RenderFormer
-from renderformer_v2.model.precision import NAMES, choose_precision, failure, in_precision
+from renderformer_v2.model.precision import NAMES, as_released, choose_precision, failure, tensor_float_32
 from renderformer_v2.model.presets import rf2_200m
 from renderformer_v2.model.tensors import view_inputs
 
@@ -43,7 +43,7 @@ def measure(name: str, precision: str = "auto", triangles: int = TRIANGLES, reso
     if dtype != torch.float32:
         exact, seconds = _run(network, inputs, rays, device)
         found |= {f"float32_{key}": value for key, value in seconds.items()}
-    network = in_precision(network, dtype)
+    network = as_released(network, dtype, device)
     if device.type == "cuda":
         torch.cuda.reset_peak_memory_stats(device)
     _run(network, inputs, rays, device)  # warm up
@@ -63,6 +63,7 @@ def _run(network: RenderFormer, inputs, rays, device: torch.device) -> tuple[tor
     context = network.encode_scene(inputs)
     context.tokens[0, 0].item()
     middle = time.perf_counter()
-    picture = network.render_view(context, rays).float().cpu()
+    with tensor_float_32(device):
+        picture = network.render_view(context, rays).float().cpu()
     return picture, {"stage1_seconds": round(middle - begin, 3),
                      "stage2_seconds": round(time.perf_counter() - middle, 3)}

@@ -3,8 +3,9 @@
 
 One file per seed; seeds whose file is there are skipped, so a killed run goes on where it was. A seed always gives the
 same scene. --profile simple has no textures, glass or volumes and at most four lights; mixed makes every third seed
-(those that 3 divides) simple and the others full. What wide and paper hold is said in wide.py and paper.py. A line of
-each sample goes into a manifest (manifest.py). --hdris, --meshes and --textures name folders of your own files.
+(those that 3 divides) simple and the others full. What wide, indirect and paper hold is said in wide.py, interiors.py
+and paper.py. A line of each sample goes into a manifest (manifest.py). --hdris, --meshes and --textures name folders of
+your own files.
 
 python -m tools.datagen OUT_DIR --blend FILE.blend [FILE.blend ...]: samples of your own scenes (blend_files.py). The
 files are opened and never saved; a sample is made again when its file is newer.
@@ -103,7 +104,7 @@ def main() -> int:
                         help="of the reference, before OpenImageDenoise")
     parser.add_argument("--equal", type=whole_number(0), default=0, metavar="N",
                         help="also store Cycles with N samples and OpenImageDenoise, for tools.evaluate")
-    parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide", "paper"), default="full")
+    parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide", "indirect", "paper"), default="full")
     for option, what in (("--hdris", "panoramas"), ("--meshes", "objects"), ("--textures", "sets of texture maps")):
         parser.add_argument(option, type=Path, metavar="DIR", help=f"your own {what}, beside those that are built in")
     parser.add_argument("--own", type=float, default=0.5, metavar="SHARE",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import own_data, paper, wide
+from . import interiors, own_data, paper, wide
 from .cameras import Setup, build_cameras
 from .environments import build_world
 from .lights import build_lights
@@ -18,6 +18,7 @@ LIGHTS = {"simple": 4, "full": 8}  # at most; few are more likely, because they 
 WORLDS = {"simple": (0.25, 0.35, 0.4), "full": (0.55, 0.15, 0.3)}  # hdri, constant, none
 VOLUMES = {"simple": (1.0, 0.0, 0.0), "full": (0.7, 0.18, 0.12)}   # 0, 1, 2
 ATTEMPTS = 20
+BUILT = {"wide": wide.build, "indirect": interiors.build}
 
 
 def build_scene(seed: tuple[int, ...], profile: str, views: int, triangles: int | None = None) -> Setup:
@@ -31,8 +32,10 @@ def build_scene(seed: tuple[int, ...], profile: str, views: int, triangles: int 
         rng = np.random.default_rng([*seed, attempt])
         if profile == "paper":
             setup = paper.build(rng, views, triangles or paper.TRIANGLES)
+        elif profile in BUILT:
+            setup = BUILT[profile](rng, views)
         else:
-            setup = wide.build(rng, views) if profile == "wide" else _build(rng, profile, views)
+            setup = _build(rng, profile, views)
         if setup is not None:
             return setup._replace(token_budget=triangles or setup.token_budget)
     raise RuntimeError(f"seed {seed[0]}: no scene with {views} good views in {ATTEMPTS} attempts")

@@ -7,6 +7,7 @@ bundle's other files, ready for `--weights DIR/bundle`; BUNDLE_DIR is only read.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shutil
 import sys
@@ -17,10 +18,13 @@ import torch
 from safetensors.torch import save_file
 
 from renderformer_v2.model.checkpoint import new_network
+from renderformer_v2.model.errors import CheckpointError
+from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
-from renderformer_v2.model.published.bundle_files import TRANSFORMERS
+from renderformer_v2.model.published.bundle_files import MODEL_CONFIG, TRANSFORMERS, is_transformer
 from renderformer_v2.model.published.image_encoder import find_vae
 from renderformer_v2.model.published.pipeline import PublishedPipeline
+from renderformer_v2.model.weights_files import FORMAT
 
 from . import ranks
 from .config import Stage, TrainConfig
@@ -46,13 +50,14 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     device, bundle = torch.device(options.device), options.out / "bundle"
     if bundle.resolve() == options.start.resolve():
         raise TrainingError(f"{bundle} would be overwritten: choose another --out than its own")
+    if is_transformer(options.start):
+        raise TrainingError(f"{options.start} is one transformer by itself: --start needs a whole renderformer-v2")
     torch.manual_seed(options.seed)
     pipeline = PublishedPipeline(options.start, device, torch.float32)
     variant = pipeline.variant(picture_size(options.data))
     encoded = Encoded(options.cache or options.out / "cache", pipeline)
     encoded.prepare(options.data, pipeline)
-    network = pipeline.load(variant)
-    network = trainable(new_network(network.config) if options.from_scratch else network).to(device)
+    network = trainable(changed(pipeline.load(variant), config.network, options.from_scratch)).to(device)
     config.train(network)
     del pipeline  # and with it the image encoder
     state = TrainingState(network, config.learning_rate, config.weight_decay, config.average_decay)
@@ -60,6 +65,8 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     if ranks.first():
         others = {*TRANSFORMERS} - {variant} if options.from_scratch else ()
         copy_bundle(options.start, bundle, f"{variant}/{WEIGHTS}", *others)
+        if config.network:
+            write_config(bundle / variant, network.config)
 
     def scenes(stage: Stage) -> Iterator[PublishedSample]:
         return shared_stream(options.data, encoded, stage, (options.seed, state.step), 0.0, options.workers)
@@ -67,6 +74,31 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     run(state, config, options, by_stage(config, state, scenes),
         lambda sample: sample_loss(network, sample, perceptual),
         lambda: write_transformer(bundle / variant, network, state.average))
+
+
+def changed(network: RenderFormer, settings: dict, from_scratch: bool) -> RenderFormer:
+    """The network with other settings of its ModelConfig (ablations), and with new weights or its own.
+
+    Raises TrainingError for settings that do not exist, or for which its weights are of the wrong size.
+    """
+    try:
+        config = ModelConfig.from_dict(network.config.to_dict() | settings)
+        if from_scratch:
+            return new_network(config)
+        with torch.device("meta"):
+            other = new_network(config)
+        other.load_state_dict(network.state_dict(), assign=True)
+        return other
+    except CheckpointError as error:
+        raise TrainingError(f"network: {error}") from error
+    except RuntimeError as error:
+        raise TrainingError(f"the weights do not fit a network of {settings}: leave it out, or add --from-scratch"
+                            ) from error
+
+
+def write_config(folder: Path, config: ModelConfig) -> None:
+    """Say what the published config.yaml beside it has no names for; it is read before that."""
+    (folder / MODEL_CONFIG).write_text(json.dumps(FORMAT | {"model_config": config.to_dict()}, indent=1) + "\n")
 
 
 def trainable(network: RenderFormer) -> RenderFormer:

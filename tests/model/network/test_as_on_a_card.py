@@ -8,12 +8,13 @@ import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
+from renderformer_v2.model import precision
 from renderformer_v2.model.network import memory, softmax, window
-from renderformer_v2.model.network.footprint import card_bytes
+from renderformer_v2.model.network.footprint import card_bytes, view_parameters
 from renderformer_v2.model.network.inputs import ViewInputs
 from renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer, SceneContext
 from renderformer_v2.model.network.window import Window
-from renderformer_v2.model.precision import in_precision
+from renderformer_v2.model.precision import as_released
 from renderformer_v2.model.presets import rf2_200m
 from renderformer_v2.model.renderer import Renderer
 from tests.model.no_host_copies import NoHostCopies
@@ -113,13 +114,15 @@ class Held(TorchDispatchMode):
         self.now -= size
 
 
+@pytest.mark.parametrize("exact", [False, True], ids=["bf16", "stage 2 in float32"])
 @pytest.mark.parametrize("tokens, side", [(3000, 256), (20000, 512)])
 @torch.inference_mode()
-def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side, monkeypatch):
+def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side, exact, monkeypatch):
+    monkeypatch.setattr(precision, "has_tensor_float_32", lambda device: exact)
     monkeypatch.setattr(memory, "CHUNK", memory.GPU_CHUNK)
     config = replace(rf2_200m(), num_layers=1)  # all layers of stage 1 use the same memory
     with torch.device("meta"):
-        network = in_precision(RenderFormer(config), torch.bfloat16)
+        network = as_released(RenderFormer(config), torch.bfloat16, torch.device("cpu"))
         given, positions = torch.empty(tokens, config.latent_dim), torch.empty(tokens, 3)
         rays = ViewInputs(torch.empty(1, 3), torch.empty(1, side, side, 3))
         triangle = torch.empty(tokens, dtype=torch.long)
@@ -128,6 +131,6 @@ def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side
     with Held() as stage2:
         network.render_view(SceneContext(done, positions, triangle, 100, keep=True), rays)
     held = max(stage1.most, stage2.most)
-    parameters = sum(p.numel() for p in network.parameters())
-    asked = card_bytes(config, parameters, tokens, side * side, 2, KEYS_VALUES_BYTES) - 2 * parameters
+    asked = card_bytes(config, 0, tokens, side * side, (2, 4 if exact else 2), KEYS_VALUES_BYTES)
+    asked -= 2 * view_parameters(config) * exact
     assert held < asked < 2.5 * held

@@ -24,6 +24,7 @@ from renderformer_v2.model.published.processed_scene import square_fov
 from renderformer_v2.model.published.scene_encoder import SceneEncoder
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.scene import BASE_COLOR
+from renderformer_v2.model.weights_files import check
 from tests.model.published.bundles import tiny_vae, write_bundle
 from tests.model.samples import floor_scene, floor_view
 from tools.parity.cases import with_recipe_weights
@@ -185,6 +186,36 @@ def test_a_transformer_that_its_authors_code_saved_is_read(published_bundle, tmp
     file.with_name("model_config.json").write_text(json.dumps(saved | {"model_config": section | {"colour": 1}}))
     with pytest.raises(CheckpointError, match="model_config.json: unknown keys in model_config: colour"):
         picture(folder, 512)
+
+
+def saved_by_itself(bundle: Path, folder: Path) -> Path:
+    """One transformer of a bundle as the authors' `save_pretrained` writes it."""
+    folder.mkdir()
+    section = yaml.safe_load((bundle / "transformer_512" / "config.yaml").read_text())["model_config"]
+    (folder / "model_config.json").write_text(json.dumps({
+        "format": "renderformer-model", "format_version": 1, "model_config": section}))
+    shutil.copyfile(bundle / "transformer_512" / "model.safetensors", folder / "model.safetensors")
+    return folder
+
+
+def test_a_transformer_beside_the_mappers_may_be_chosen_by_its_own_folder(both, tmp_path):
+    folder = tmp_path / "renderformer-v2"
+    shutil.copytree(both, folder, ignore=shutil.ignore_patterns("transformer_512"))
+    tuned = saved_by_itself(both, folder / "my tuned one")
+    check(tuned)
+    np.testing.assert_array_equal(picture(tuned, 2048), picture(both, 2048, "transformer_512"))
+    np.testing.assert_array_equal(picture(folder / "transformer_2048", 512), picture(both, 2048))
+
+
+def test_a_transformer_alone_is_told_where_it_belongs(both, tmp_path):
+    alone = saved_by_itself(both, tmp_path / "tuned")
+    with pytest.raises(CheckpointError, match="tuned also needs diffspec_mapper.*by itself belongs into it"):
+        check(alone)
+    with pytest.raises(CheckpointError, match="also needs diffspec_mapper"):
+        picture(alone, 512)
+    (alone / "model.safetensors").unlink()
+    with pytest.raises(CheckpointError, match="needs tuned, diffspec_mapper"):
+        check(alone)
 
 
 def test_a_border_is_rendered_by_the_network_of_the_whole_picture(both):

@@ -24,9 +24,9 @@ def work(scene, monkeypatch):
         done.append(len(mesh))
         return real(mesh, *rest)
 
-    def world_light(*given, real=compute.world_light):
+    def world_light(*given, real=compute.world_light, **named):
         done.append("world")
-        return real(*given)
+        return real(*given, **named)
     monkeypatch.setattr(reduce, "simplify", simplify)
     monkeypatch.setattr(compute, "world_light", world_light)
     for name, x, levels in (("A", -1.5, 4), ("B", 1.5, 5)):

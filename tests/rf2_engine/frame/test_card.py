@@ -3,7 +3,9 @@
 import bpy
 import OpenEXR
 import pytest
+import torch
 
+from bl_ext.user_default.renderformer_v2.model.devices import free_memory
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import card, model_cache, preflight
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import frame_lines, last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
@@ -31,6 +33,20 @@ def test_preflight_tells_what_a_card_needs(lit, monkeypatch, needed, free, said)
     monkeypatch.setattr(card, "memory", lambda *given: (needed, free))
     found = preflight.run(bpy.context.evaluated_depsgraph_get(), lambda text, fraction: None)
     assert not found.error and any(said in line for line in found.lines)
+
+
+@pytest.mark.parametrize("needed, said", [(2e9, False), (9e9, True)])
+def test_a_card_that_may_be_too_small_is_said_before_the_network_begins(lit, tmp_path, monkeypatch, needed, said):
+    monkeypatch.setattr(card, "memory", lambda settings, tokens, pixels: (needed, 8e9) if tokens > 10 else None)
+    press_f12(lit, tmp_path)
+    (layer,) = last_render.last_frame
+    assert any("8.0 GB are free: if that is too little" in line for line in layer.report) == said
+
+
+def test_a_network_that_is_there_already_needs_no_more_memory(monkeypatch):
+    for name, found in (("mem_get_info", (6, 10)), ("memory_reserved", 3), ("memory_allocated", 2)):
+        monkeypatch.setattr(torch.cuda, name, lambda device, found=found: found)
+    assert free_memory(torch.device("cuda", 0)) == 7 and free_memory(torch.device("cuda", 0), with_ours=True) == 9
 
 
 def test_without_a_card_nothing_is_said_of_one(lit):

@@ -21,6 +21,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup.weights_download import Download
 
 from tests.rf2_engine.installed import PACKAGE
+from tests.rf2_engine.layout import Layout
 from tests.rf2_engine.setup.hub import BUNDLE, LARGE, REVISION, TRAINED, VAE, Hub
 
 WANTED = 13  # files: 11 of the bundle, 2 of the VAE
@@ -292,6 +293,21 @@ def test_a_token_is_asked_for_only_when_the_repository_wants_one(hub, tmp_path, 
     refused = finished(Download(tmp_path, "hf_wrong"))
     assert refused.needs_token and "refuses" in refused.error and "hf_wrong" not in refused.error
     assert finished(Download(tmp_path, "hf_secret")).state == "done"
+
+
+def test_the_way_to_a_repository_that_is_not_open_is_shown_step_by_step(hub, online):
+    hub.token, hub.gate = "hf_secret", f"/api/models/{BUNDLE}"
+    steps = rf"asks for an access token .*1\. Log in.*2\..*{BUNDLE}.*3\..*/settings/tokens"
+    with pytest.raises(RuntimeError, match=steps):
+        bpy.ops.renderformer_v2.download_weights()
+    drawn = Layout()
+    preferences._draw_download(drawn, bpy.context.preferences.addons[PACKAGE].preferences)
+    pages = [it.url for it in drawn.operators if hasattr(it, "url")]
+    assert pages == [f"{hub.endpoint}/{page}" for page in ("login", BUNDLE, "settings/tokens")]
+    assert "access_token" in drawn.shown and any(text.startswith("4. Paste it") for text in drawn.texts)
+    bpy.context.preferences.addons[PACKAGE].preferences.access_token = "hf_secret"
+    assert bpy.ops.renderformer_v2.download_weights() == {"FINISHED"} and weights_download.current.state == "ready"
+    bpy.context.preferences.addons[PACKAGE].preferences.access_token = ""
 
 
 @pytest.mark.parametrize("token", ["hf_\u00e9", "hf_a b\nX"])
