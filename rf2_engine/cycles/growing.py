@@ -74,9 +74,8 @@ def size() -> tuple[int, int] | None:
 def view() -> int:
     """The number of the view that Cycles renders; 0 without stereoscopy."""
     with _lock:
-        if _running is None or _engine is None or len(_running.views) < 2:
-            return 0
-        return _running.views.index(_engine.active_view_get())
+        name = _engine.active_view_get() if _running and _engine else ""
+        return _running.views.index(name) if _running and name in _running.views else 0
 
 
 def draw(context: bpy.types.Context) -> None:
