@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the panel says of packages that are missing: what renders without them, and why they cannot be installed."""
+import pytest
+
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_panel, packages, wheels
+
+from tests.rf2_engine.layout import Layout
+
+
+@pytest.fixture
+def missing(monkeypatch):
+    def lacks(*names):
+        monkeypatch.setattr(packages, "missing", lambda group=packages.PACKAGES: list(names))
+    return lacks
+
+
+def drawn():
+    layout = Layout()
+    package_panel.draw_packages(layout, packages.PACKAGES)
+    return " ".join(layout.texts), len(layout.operators)
+
+
+def test_without_fast_simplification_small_scenes_render(missing):
+    missing("fast_simplification")
+    assert "Scenes whose meshes fit into Max Triangles render without it" in drawn()[0]
+    missing("fast_simplification", "torch")
+    assert "Max Triangles" not in drawn()[0]
+
+
+def test_a_greyed_button_has_its_reason_below(missing, monkeypatch):
+    missing("torch")
+    monkeypatch.setattr(packages, "offline", lambda: "Enable Allow Online Access first")
+    assert drawn() == ("Missing Python packages: torch Enable Allow Online Access first", 1)
+    monkeypatch.setattr(packages, "offline", lambda: "")
+    monkeypatch.setattr(packages, "folder", lambda: None)
+    assert "runs from its source folder" in drawn()[0]
+
+
+def test_a_python_that_packages_are_not_made_for_is_told_what_to_do_and_has_no_button(missing, monkeypatch):
+    missing("embreex")
+
+    def wanted(names):
+        raise wheels.NoWheel("embreex is not made for Python 3.14: use Blender from blender.org")
+    monkeypatch.setattr(packages, "wanted", wanted)
+    assert drawn() == ("Missing Python packages: embreex "
+                       "embreex is not made for Python 3.14: use Blender from blender.org", 0)
