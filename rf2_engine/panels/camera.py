@@ -9,12 +9,12 @@ from .panel import EnginePanel
 
 # What Blender shows with Cycles alone: names of the settings, in groups, with labels where theirs are too long.
 OF_PANORAMAS = {
-    "EQUIRECTANGULAR": ({"latitude_min": "Latitude Min", "latitude_max": "Max"},
-                        {"longitude_min": "Longitude Min", "longitude_max": "Max"}),
+    "EQUIRECTANGULAR": ({"latitude_min": "Latitude", "latitude_max": "To"},
+                        {"longitude_min": "Longitude", "longitude_max": "To"}),
     "CENTRAL_CYLINDRICAL": (
-        {"central_cylindrical_range_v_min": "Height Min", "central_cylindrical_range_v_max": "Max"},
-        {"central_cylindrical_range_u_min": "Longitude Min", "central_cylindrical_range_u_max": "Max"},
-        {"central_cylindrical_radius": "Cylinder Radius"}),
+        {"central_cylindrical_range_v_min": "Height", "central_cylindrical_range_v_max": "To"},
+        {"central_cylindrical_range_u_min": "Longitude", "central_cylindrical_range_u_max": "To"},
+        {"central_cylindrical_radius": "Radius"}),
     "FISHEYE_EQUIDISTANT": ({"fisheye_fov": None},),
     "FISHEYE_EQUISOLID": ({"fisheye_lens": "Lens"}, {"fisheye_fov": None}),
     "FISHEYE_LENS_POLYNOMIAL": ({"fisheye_fov": None},
@@ -35,7 +35,7 @@ def draw_lens(self, context) -> None:
 
 def _draw_panorama(layout, camera) -> None:
     layout.use_property_split = True
-    layout.prop(camera, "panorama_type")
+    layout.prop(camera, "panorama_type", text="Panorama")
     for group in OF_PANORAMAS.get(camera.panorama_type, ()):
         column = layout.column(align=True)
         for name, label in group.items():
