@@ -12,6 +12,7 @@ import bpy
 from .worker_process import WorkerProcess
 
 MARGIN = 70        # of a panel and an icon; pixels at Blender's usual size
+TABS = 22          # of a sidebar
 CHARACTERS = 70    # of a line where no region is drawn
 
 
@@ -20,7 +21,8 @@ def draw_text(layout, text: str, icon: str = "ERROR") -> None:
     region, preferences = bpy.context.region, bpy.context.preferences
     scale = preferences.system.ui_scale
     blf.size(0, preferences.ui_styles[0].widget.points * scale)
-    lines = textwrap.wrap(text, CHARACTERS) if region is None else wrapped(text, region.width - MARGIN * scale)
+    margin = MARGIN + TABS * (region is not None and region.type == "UI")
+    lines = textwrap.wrap(text, CHARACTERS) if region is None else wrapped(text, region.width - margin * scale)
     column = layout.column(align=True)
     for number, line in enumerate(lines):
         column.label(text=line, icon="BLANK1" if number else icon)

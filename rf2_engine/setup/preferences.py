@@ -118,7 +118,7 @@ def _draw_status(layout) -> None:
 
 def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
     download, offline = weights_download.current, packages.offline()
-    if offline:
+    if offline and not packages.missing(packages.PUBLISHED):  # else it stands below that button
         layout.label(text=offline, icon="INTERNET_OFFLINE")
     if download is None or download.state in ("done", "failed", "cancelled"):
         if download and download.state == "failed":
@@ -126,7 +126,9 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
             draw_steps(layout, download.steps)
             if download.needs_token or token():
                 layout.prop(preferences, "access_token")
-        layout.row().prop(preferences, "networks", expand=True)
+        row = layout.row()
+        row.label(text="Network for pictures of so many pixels:")
+        row.prop(preferences, "networks", expand=True)
         layout.operator("renderformer_v2.download_weights", icon="IMPORT")
         return
     if download.state == "ready":

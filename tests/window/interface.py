@@ -37,7 +37,9 @@ def refused(found):
     from bl_ext.user_default.renderformer_v2.rf2_engine.frame import preflight as looked_at
     from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
     settings = bpy.context.scene.renderformer_v2
-    settings.weights_source, settings.weights_folder = "FOLDER", str(FOLDER)
+    empty = FOLDER / "empty"
+    empty.mkdir()
+    settings.weights_source, settings.weights_folder = "FOLDER", str(empty)
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area("PROPERTIES")):
         bpy.ops.renderformer_v2.preflight()
     yield 0.5
@@ -75,10 +77,8 @@ def report(editor, last_render, found):
         scene.collection.objects.link(lamp)
     scene.renderformer_v2.reference.use = False
     yield from render(editor)
-    panel = bpy.types.RENDERFORMER_PT_report
-    bpy.utils.unregister_class(panel)
-    panel.bl_options = set()  # it is closed at first
-    bpy.utils.register_class(panel)
+    closed = bpy.types.RENDERFORMER_PT_report
+    bpy.utils.register_class(type("RENDERFORMER_PT_open_report", (closed,), {"bl_options": set()}))
     space.context = "RENDER"
     yield 1.0
     driver.shot("report")

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panel says of packages that are missing: what renders without them, and why they cannot be installed."""
+import bpy
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_panel, packages, wheels
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_panel, packages, preferences, wheels
 
 from tests.rf2_engine.layout import Layout
 
@@ -44,3 +45,15 @@ def test_a_python_that_packages_are_not_made_for_is_told_what_to_do_and_has_no_b
     monkeypatch.setattr(packages, "wanted", wanted)
     assert drawn() == ("Missing Python packages: embreex "
                        "embreex is not made for Python 3.14: use Blender from blender.org", 0)
+
+
+def test_the_same_reason_is_not_given_twice(missing, monkeypatch):
+    monkeypatch.setattr(packages, "offline", lambda: "Enable Allow Online Access first")
+    addon = bpy.context.preferences.addons.new()
+    addon.module = packages.EXTENSION
+    chosen = addon.preferences
+    for names, given in ((["diffusers"], 0), ([], 1)):  # by the panel of the packages, which stands above
+        missing(*names)
+        layout = Layout()
+        preferences._draw_download(layout, chosen)
+        assert layout.texts.count("Enable Allow Online Access first") == given
