@@ -109,7 +109,7 @@ def _save(layer: Layer, view: str, pixels: np.ndarray, report: Report) -> None:
 
 
 def _kept(rendered: dict[str, Passes], samples: int, pictures: dict[str, Passes], chosen: FrameReference,
-          report: Report, why: str) -> dict[str, Passes]:
+          report: Report, why: str = "") -> dict[str, Passes]:
     """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then.
 
     All its views, or none. why: there is nothing, if that is known better.
