@@ -8,14 +8,14 @@ A pipeline is one of the two ways from a normalised scene to a picture, guided/p
     granularity                     the view's sides are multiples of it
     variant(picture_size)           which of its networks renders pictures whose longer side has so many pixels
     encode(scene, variant)          stage 1; the result has `.context` (SceneContext)
-    image(encoded, view, guides)    (3, H, W) f32 radiance in network exposure, without emitters seen directly
-and the guided one also gives `light`, the same by lobe, and pictures `antialiased`.
+    image(encoded, view, guides, effort)    (3, H, W) f32 radiance in network exposure, without emitters seen directly
+and the guided one also gives `light`, the same by lobe, pictures `antialiased`, and a `draft` of a scene.
 """
 from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -26,6 +26,7 @@ from torch import Tensor
 from .camera import beyond_sides, padded_view, place_in
 from .devices import choose_device, name_of
 from .errors import CheckpointError
+from .guided.effort import FULL, Effort
 from .guided.pipeline import GuidedPipeline
 from .lobes import Lobes
 from .network import memory
@@ -91,14 +92,18 @@ class Renderer:
             with torch.inference_mode():
                 self.pipeline.prepare(Normalization.of(scene).scene(scene))
 
-    def encode(self, scene: RenderScene, picture_size: int = 512) -> EncodedScene:
-        """Stage 1 of a scene in world units, for pictures whose longer side has so many pixels."""
+    def encode(self, scene: RenderScene, picture_size: int = 512, draft: bool = False) -> EncodedScene:
+        """Stage 1 of a scene in world units, for pictures whose longer side has so many pixels.
+
+        draft: without stage 1, for first pictures, where the network can do without; `EncodedScene.finished` adds it.
+        """
         report(0.0, "Preparing the scene")
         normalization, variant = Normalization.of(scene), self.pipeline.variant(picture_size)
+        draft = draft and isinstance(self.pipeline, GuidedPipeline)
         with torch.inference_mode():
-            normalized = normalization.scene(scene)
-            encoded = self.fitted(lambda: self.pipeline.encode(normalized, variant))
-        return EncodedScene(self, normalization, variant, encoded)
+            normalized, make = normalization.scene(scene), self.pipeline.draft if draft else self.pipeline.encode
+            encoded = self.fitted(lambda: make(normalized, variant))
+        return EncodedScene(self, normalization, variant, encoded, draft)
 
 
 @dataclass
@@ -109,15 +114,24 @@ class EncodedScene:
     normalization: Normalization
     variant: str
     encoded: object  # what the pipeline's `encode` returned
+    is_draft: bool = False
 
-    def view(self, view: View, guides: Guides) -> np.ndarray:
+    def finished(self) -> EncodedScene:
+        """Of a draft, the scene after stage 1."""
+        renderer = self.renderer
+        with torch.inference_mode():
+            return replace(self, encoded=renderer.fitted(lambda: renderer.pipeline.finished(self.encoded)),
+                           is_draft=False)
+
+    def view(self, view: View, guides: Guides, effort: Effort = FULL) -> np.ndarray:
         """(H, W, 3) f32 radiance of surfaces and volumes, premultiplied, scene-linear, row 0 on top.
 
         View and guides are in world units, as the scene was. Directly seen emitters and the world are not in the
         picture: they are in `guides`. Raises CheckpointError when the picture is not finite, ValueError for a view that
         another network of the bundle renders.
         """
-        return self._rendered(view, guides, lambda *given: {"image": self.renderer.pipeline.image(*given)})["image"]
+        image = self.renderer.pipeline.image
+        return self._rendered(view, guides, lambda *given: {"image": image(*given, effort)})["image"]
 
     def lobes(self, view: View, guides: Guides, apart: bool = True) -> Lobes:
         """The same and what is traced light in it, `apart` with the light of each lobe: guided networks alone know it.

@@ -20,8 +20,9 @@ from ..progress import part
 from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
 from .bounce.probes import NOISY, gathered, grid_of
 from .bounce.radiosity import Radiosity
+from .effort import FULL, Effort
 from .exposure import key_exposure
-from .prior.light_prior import LightPrior
+from .prior.light_prior import SKY_RAYS, LightPrior
 from .sampling import in_a_row
 from .specular import blur
 from .specular import reflected as reflected_ray
@@ -74,7 +75,7 @@ class GuideTensors(TensorGroup):
 
 
 def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
-                  patch: int) -> GuideTensors:
+                  patch: int, effort: Effort = FULL) -> GuideTensors:
     """Tensors of one view (V = 1) on the prior's device, for ray bundles of `patch` pixels along a side.
 
     Scene, view, guides and prior are all normalised; H and W are multiples of `patch`.
@@ -86,7 +87,7 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     for begin in range(0, h, rows):
         pixels = slice(begin, begin + rows)
         with part(begin / h, min(begin + rows, h) / h):
-            band = _band(scene, view, guides, prior, radiosity, pixels, patch)
+            band = _band(scene, view, guides, prior, radiosity, pixels, patch, effort)
         if features is None:
             features, light = like(band.features, h, 1), like(band.light, h, 1)
         features[:, pixels], light[:, pixels] = band.features, band.light
@@ -123,7 +124,7 @@ class _Band:
 
 
 def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity, rows: slice,
-          patch: int) -> _Band:
+          patch: int, effort: Effort) -> _Band:
     device = prior.radiance.device
     tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
     guides = Guides(**{name: array[rows] for name, array in guides.arrays().items()})
@@ -132,19 +133,22 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    probed = partial(gathered, grid=grid_of(view.longer_side))
-    seen = partial(probed, partial(_leaving, radiosity, prior if guides.traced is None else None), spreads=NOISY)
+    coarse, noisy = grid_of(view.longer_side), NOISY[:effort.smoothings]
+    probed = partial(gathered, grid=coarse)
+    seen = partial(probed, partial(_leaving, radiosity, prior if guides.traced is None else None, effort),
+                   spreads=noisy)
     with part(0.0, 0.2):
-        coarse = grid_of(view.longer_side)  # where light was traced, shadows need not be sharp
-        grid = min(shadow_grid(len(prior.radiance)), coarse) if guides.traced is None else coarse
-        lamps_share = gathered(partial(_lamps_share, prior), position, normal, alpha > 0, grid=grid, spreads=NOISY,
-                               tolerance=SAME_SHADOW)
+        fine = min(max(shadow_grid(len(prior.radiance)), effort.shadow_grid), coarse)
+        grid = fine if guides.traced is None else coarse  # where light was traced, shadows need not be sharp
+        lamps_share = gathered(partial(_lamps_share, prior, effort), position, normal, alpha > 0, grid=grid,
+                               spreads=noisy, tolerance=SAME_SHADOW)
     with part(0.2, 0.5):
-        bounced, _, sky_share = probed(radiosity, position, normal, alpha > 0, spreads=NOISY).split(3, dim=-1)
+        bounced, _, sky_share = probed(partial(radiosity, effort=effort), position, normal, alpha > 0,
+                                       spreads=noisy).split(3, dim=-1)
     with part(0.5, 0.6):
         glossy, again, sky = probed(
-            lambda x, n, number, v, r: torch.cat(radiosity.glossy(x, n, v, r[:, 0], number), dim=-1), position, normal,
-            alpha > 0, -rays, roughness[..., None], spreads=NOISY[:1]).split([3, 3, 1], dim=-1)
+            lambda x, n, number, v, r: torch.cat(radiosity.glossy(x, n, v, r[:, 0], number, effort), dim=-1), position,
+            normal, alpha > 0, -rays, roughness[..., None], spreads=NOISY[:1]).split([3, 3, 1], dim=-1)
         around = again if guides.traced is not None else glossy
     with part(0.6, 0.7):
         behind = seen(position, -normal, tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
@@ -185,9 +189,9 @@ def shadow_grid(lamps: int) -> int:
     return next((grid for most, grid in ((SHADOW_RAYS, 1), (4 * SHADOW_RAYS, 2)) if lamps <= most), 4)
 
 
-def _lamps_share(prior: LightPrior, x: Tensor, n: Tensor, number: Tensor) -> Tensor:
+def _lamps_share(prior: LightPrior, effort: Effort, x: Tensor, n: Tensor, number: Tensor) -> Tensor:
     """Mean of `LightPrior.lamps_share` of some rays to every lamp: SHADOW_RAYS of all together, LAMP_RAYS at most."""
-    count = max(min(SHADOW_RAYS // max(len(prior.radiance), 1), LAMP_RAYS), 1)
+    count = max(min(SHADOW_RAYS // max(len(prior.radiance), 1), effort.of(LAMP_RAYS)), 1)
     total = torch.zeros_like(x)
     for k in range(count):
         with part(k / count, (k + 1) / count):
@@ -195,12 +199,15 @@ def _lamps_share(prior: LightPrior, x: Tensor, n: Tensor, number: Tensor) -> Ten
     return total / count
 
 
-def _leaving(radiosity: Radiosity, prior: LightPrior | None, x: Tensor, n: Tensor, number: Tensor) -> Tensor:
+def _leaving(radiosity: Radiosity, prior: LightPrior | None, effort: Effort, x: Tensor, n: Tensor,
+             number: Tensor) -> Tensor:
     """(P, 3) light that white diffuse surfaces send on: what has bounced before, and with a prior direct light too."""
     with part(0.0, 0.5):
-        bounced = radiosity(x, n, number)[:, :3]
+        bounced = radiosity(x, n, number, effort)[:, :3]
     with part(0.5, 1.0):
-        return bounced if prior is None else bounced + prior.diffuse(x, n)
+        if prior is None:
+            return bounced
+        return bounced + prior.diffuse(x, n, prior.arriving(x, n, sky_rays=effort.of(SKY_RAYS)))
 
 
 def _seen_light(lit: Callable, guides: Guides, name: str, tensor) -> tuple[Tensor, Tensor]:

@@ -17,6 +17,7 @@ from ..network.inputs import EnvironmentInputs, NetworkInputs, ViewInputs, Volum
 from ..scene import Guides, RenderScene, View, Volumes
 from ..tensors import material_tiles, nearer_lights, view_inputs, volume_inputs
 from .bounce.radiosity import Radiosity
+from .effort import FULL, Effort
 from .encoders import panorama_size, tile_side
 from .guide_tensors import GuideTensors, guide_tensors
 from .prior.light_prior import LightPrior
@@ -65,11 +66,11 @@ def _volumes(volumes: Volumes | None) -> VolumeInputs | None:
 
 
 def guided_view(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
-                config: ModelConfig) -> GuidedView:
+                config: ModelConfig, effort: Effort = FULL) -> GuidedView:
     """Rays and guides of one view, all normalised, on the prior's device."""
     rays = view_inputs(view).to(prior.radiance.device)
     return GuidedView(rays.origin, rays.directions,
-                      guides=guide_tensors(scene, view, guides, prior, radiosity, config.patch_size))
+                      guides=guide_tensors(scene, view, guides, prior, radiosity, config.patch_size, effort))
 
 
 def _environment(radiance: np.ndarray | None, size: tuple[int, int]) -> EnvironmentInputs:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,8 @@ from ..progress import part
 from ..scene import Guides, RenderScene, View
 from .antialiasing import antialiased
 from .bounce.radiosity import Radiosity
-from .decoding import decode_bands
+from .decoding import OUTPUTS, decode_bands
+from .effort import FULL, QUICK, Effort
 from .guided_inputs import guided_inputs, guided_view
 from .prior.light_prior import LightPrior
 
@@ -27,7 +28,7 @@ class GuidedContext:
     """A scene after stage 1, with what guides a view of it."""
 
     scene: RenderScene
-    context: SceneContext
+    context: SceneContext | None  # None: a draft
     prior: LightPrior
     radiosity: Radiosity
 
@@ -44,24 +45,36 @@ class GuidedPipeline:
         return ""
 
     def encode(self, scene: RenderScene, variant: str) -> GuidedContext:
-        inputs = guided_inputs(scene, self.network.config, self.mapper).to(self.device)
         with part(0.0, 0.05, "Estimating direct light"):
             prior = LightPrior(scene, self.device)
+        return self.finished(GuidedContext(scene, None, prior, None))
+
+    def draft(self, scene: RenderScene, variant: str) -> GuidedContext:
+        """The scene without stage 1: pictures of it show the light of the priors, by fewer rays."""
+        with part(0.0, 0.5, "Estimating direct light"):
+            prior = LightPrior(scene, self.device)
+        with part(0.5, 1.0, "Estimating bounced light"):
+            return GuidedContext(scene, None, prior, Radiosity(scene, prior, QUICK))
+
+    def finished(self, draft: GuidedContext) -> GuidedContext:
         with part(0.05, 0.1, "Estimating bounced light"):
-            radiosity = Radiosity(scene, prior)
+            radiosity = Radiosity(draft.scene, draft.prior)
         with part(0.1, 1.0):
-            return GuidedContext(scene, self.network.encode_scene(inputs), prior, radiosity)
+            inputs = guided_inputs(draft.scene, self.network.config, self.mapper).to(self.device)
+            return replace(draft, context=self.network.encode_scene(inputs), radiosity=radiosity)
 
-    def image(self, encoded: GuidedContext, view: View, guides: Guides) -> torch.Tensor:
-        return self.light(encoded, view, guides, ("image",))["image"]
+    def image(self, encoded: GuidedContext, view: View, guides: Guides, effort: Effort = FULL) -> torch.Tensor:
+        return self.light(encoded, view, guides, ("image",), effort)["image"]
 
-    def light(self, encoded: GuidedContext, view: View, guides: Guides, keys: Sequence[str]) -> dict[str, torch.Tensor]:
+    def light(self, encoded: GuidedContext, view: View, guides: Guides, keys: Sequence[str],
+              effort: Effort = FULL) -> dict[str, torch.Tensor]:
         """The `keys` of `decode_light` without its first axis, in network exposure; `image` as above."""
         with part(0.0, 0.1, "Estimating direct light"):
             inputs = guided_view(encoded.scene, view, guides, encoded.prior, encoded.radiosity,
-                                 self.network.config)
+                                 self.network.config, effort)
         with part(0.1, 0.95):
-            raw = self.network.render_view(encoded.context, inputs)
+            raw = (self.network.render_view(encoded.context, inputs) if encoded.context else
+                   inputs.origin.new_zeros(1, len(OUTPUTS), view.height, view.width))
         with part(0.95, 1.0, "Adding the light up"):
             light = decode_bands(raw, inputs.guides, keys)
             return {key: radiance[0] / inputs.guides.exposure for key, radiance in light.items()}

@@ -10,6 +10,7 @@ import torch
 
 from ..camera import padded_view, square_view
 from ..errors import CheckpointError
+from ..guided.effort import FULL, Effort
 from ..material.appearance import Appearance
 from ..network.inputs import NetworkInputs
 from ..network.renderformer import RenderFormer, SceneContext, to_radiance
@@ -72,7 +73,7 @@ class PublishedPipeline:
             network, context = self._stage1(inputs, variant)
         return PublishedContext(emits, network, context)
 
-    def image(self, encoded: PublishedContext, view: View, guides: Guides) -> torch.Tensor:
+    def image(self, encoded: PublishedContext, view: View, guides: Guides, effort: Effort = FULL) -> torch.Tensor:
         rendered = (self._view(encoded, view) if view.panorama is None
                     else joined(view, cube_faces(view, self.granularity), lambda face: self._view(encoded, face)))
         return rendered * torch.from_numpy(shown(guides, encoded.emitters)).to(self.device)

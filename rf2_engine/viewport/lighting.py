@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ...model import progress
+from ...model.guided.effort import FULL, QUICK
 from ...model.scene import RenderScene, View
 from ..convert import compute
 from ..convert.camera.framing import Framing
@@ -22,12 +23,14 @@ from ..frame.shot import has_left
 from ..settings import FrameSettings
 from .source import State
 
+COARSE = 4  # what pixels are divided by in pictures that are quickly made
+
 
 @dataclass(frozen=True)
 class Look:
     """The settings that decide what a viewport shows."""
 
-    frame: FrameSettings  # of a render, with the viewport's own Triangle Budget
+    frame: FrameSettings  # of a render, with the viewport's own Max Triangles
     finest: int           # what the pixels along a side are divided by at most
     time_limit: float     # seconds of one picture, 0 = any
 
@@ -51,7 +54,7 @@ class Look:
         return *self.of_scene, self.frame.film_transparent, self.frame.exposure
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, frozen=True)
 class Lit:
     """A scene that is ready for views of it."""
 
@@ -63,6 +66,10 @@ class Lit:
     content: bytes          # model_cache.fingerprint
 
     @property
+    def is_draft(self) -> bool:
+        return self.encoded is not None and self.encoded.is_draft
+
+    @property
     def points(self) -> np.ndarray:
         """(k, 3) corners of what is seen."""
         return self.scene.triangles[self.scene.is_seen].reshape(-1, 3)
@@ -70,7 +77,7 @@ class Lit:
 
 def light(copied: Copied, state: State, view: View, look: Look, before: Lit | None, report: Report,
           memo: Memo) -> Lit:
-    """Convert and encode a copy of a scene, for this view and those like it.
+    """Convert and encode a copy of a scene, for this view and those like it, as a draft where the network has them.
 
     before: what was shown of the scene until now, whose box and shares of triangles are kept as long as they fit.
     memo: of conversions before.
@@ -94,15 +101,23 @@ def light(copied: Copied, state: State, view: View, look: Look, before: Lit | No
         with progress.part(0.4, 0.5, "Loading the network"):
             network = model_cache.renderer(settings.weights, settings.device, settings.precision, settings.transformer)
         with progress.part(0.5, 1.0, "Bouncing light"):
-            encoded = network.encode(scene, view.longer_side)
+            encoded = network.encode(scene, view.longer_side, draft=True)
     return Lit(state, look.of_scene, scene, framing, encoded, content)
 
 
-def picture(lit: Lit, view: View, look: Look, smooth: bool) -> tuple[np.ndarray, np.ndarray]:
+def finished(lit: Lit) -> Lit:
+    """Of a draft, the scene with the network's light."""
+    with progress.part(0.0, 1.0, "Bouncing light"):
+        return replace(lit, encoded=lit.encoded.finished())
+
+
+def picture(lit: Lit, view: View, look: Look, divisor: int) -> tuple[np.ndarray, np.ndarray]:
     """(H, W, 4) f32 premultiplied linear Rec.709, row 0 on top, and (k, 3) places of what is seen, world.
 
-    smooth: with several rays through each pixel, against jagged edges.
+    divisor: the level that it is of. At the finest several rays pass through each pixel, against jagged edges. Coarse
+    ones, which others soon replace, have fewer rays of light.
     """
+    smooth, effort = divisor == look.finest, QUICK if divisor >= COARSE and divisor != look.finest else FULL
     settings = look.frame
     with progress.part(0.0, 0.1, "Finding surfaces"):
         guides = cast_guides(lit.scene, view, SPREAD if smooth else CENTRE)
@@ -113,7 +128,7 @@ def picture(lit: Lit, view: View, look: Look, smooth: bool) -> tuple[np.ndarray,
     radiance = np.zeros_like(guides.position)
     if lit.encoded is not None and (seen.any() or lit.scene.volumes):
         with progress.part(0.2, 1.0, "Lighting the picture"):
-            radiance = lit.encoded.view(view, guides)
+            radiance = lit.encoded.view(view, guides, effort)
     opacity = None if settings.film_transparent else np.ones_like(guides.alpha)
     return output.composite(radiance, guides, opacity, None, settings.exposure), guides.position[seen]
 

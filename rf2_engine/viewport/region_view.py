@@ -13,6 +13,7 @@ from ..convert.camera.orthographic import DEPTHS, DISTANCE
 Matrix = tuple[tuple[float, ...], ...]
 Rectangle = tuple[int, int, int, int]
 ALL = (0.0, 1.0, 0.0, 1.0)
+STEP = 64  # pixels: coarse pictures have multiples of them, because the network does no less for others
 
 
 @dataclass(frozen=True)
@@ -56,9 +57,10 @@ class RegionView:
         return self.projection[3][3] == 1
 
     def picture_size(self, divisor: int) -> tuple[int, int]:
-        """Width and height of a picture with 1 / divisor of the resolution."""
+        """Width and height of a picture with about 1 / divisor of the resolution."""
         x0, x1, y0, y1 = self.rectangle
-        return tuple(max(round(length / self.pixel_size / divisor), 1) for length in (x1 - x0, y1 - y0))
+        sides = (max(round(length / self.pixel_size / divisor), 1) for length in (x1 - x0, y1 - y0))
+        return tuple(round(side / STEP) * STEP if divisor > 1 and side > STEP else side for side in sides)
 
     def view(self, divisor: int, points: np.ndarray, longer_side: int = 0) -> View:
         """The View of a picture of `picture_size(divisor)`.

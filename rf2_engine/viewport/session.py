@@ -15,11 +15,12 @@ from ..convert.memo import Memo
 from ..convert.report import Report
 from ..frame import failure, model_cache
 from . import levels
-from .lighting import Lit, Look, has_moved_on, light, picture
+from .lighting import Lit, Look, finished, has_moved_on, light, picture
 from .region_view import RegionView
 from .source import State
 from .worker import Stopped
 
+SCENE, NETWORK = "Updating the scene", "Bouncing light"  # pieces of work; the others are levels
 NAMES = {1: "full resolution", 2: "1/2", 4: "1/4", 8: "1/8"}
 SAID = 1.0      # seconds that a text stays
 PATIENCE = 2.0  # seconds that a piece of work for something older may still take, so that something is shown meanwhile
@@ -105,18 +106,17 @@ class Session:
     def wants(self) -> bool:
         request = self.request
         return request is not None and request is not self._failed and not request.view.is_empty and (
-            self._level(request) is not None)
+            self._piece(request) is not None)
 
     def step(self, listen: Callable[..., None]) -> None:
-        """The next piece of work: the scene, or one level of its picture."""
+        """The next piece of work: the scene, its network's light, or one level of its picture."""
         newest = self.request
         request = self._next(newest)
-        level = self._level(request) if request is not None else None
-        if level is None:
+        piece = self._piece(request) if request is not None else None
+        if piece is None:
             return
-        needs_scene = self._needs_scene(request)
         begin = time.perf_counter()
-        coarse = needs_scene or self._done is None or not self._done[0].shows_as(request)
+        coarse = piece == SCENE or self._done is None or not self._done[0].shows_as(request)
 
         def heard(text: str, fraction: float) -> None:
             listen()
@@ -129,16 +129,18 @@ class Session:
                 self._say(text)
 
         count = request.look.frame.threads
-        self._say("Updating the scene" if needs_scene else f"Drawing {NAMES[level]}")
+        self._say(piece if isinstance(piece, str) else f"Drawing {NAMES[piece]}")
         try:
             with progress.reporting(heard), threads.limited(count):
                 with progress.part(0.0, 0.0, "Loading PyTorch"):
                     background.finish(model_cache.begin_import())
                 with threads.team(count):
-                    if needs_scene:
+                    if piece == SCENE:
                         self._light(request)
+                    elif piece == NETWORK:
+                        self._finish(request)
                     else:
-                        self._draw(request, level)
+                        self._draw(request, piece)
             self._dropped = False
         except (Superseded, Stopped, RenderCancelled):
             pass
@@ -174,17 +176,23 @@ class Session:
             self._fitted = request.view
         self._refit, self._done, self.error, self._undrawn = None, None, "", request
 
+    def _finish(self, request: Request) -> None:
+        made = finished(self._lit)
+        if levels.divisors(request.look.finest)[-1] == self._done[1]:  # there is no finer picture to come
+            self._done = None
+        self._lit = made
+
     def _draw(self, request: Request, divisor: int) -> None:
         begin, lit = time.perf_counter(), self._lit
         # The published network is chosen by the size of the whole picture, and the same for all levels.
         longer = 0 if request.look.frame.guided else max(request.view.picture_size(1))
         view = request.view.view(divisor, lit.points, longer)
-        pixels, points = picture(lit, view, request.look, divisor == request.look.finest)
+        pixels, points = picture(lit, view, request.look, divisor)
         now = time.perf_counter()
         self._known(request)[divisor] = now - begin
         self.shown = Shown(pixels, request, divisor, now - request.asked, now - begin, len(lit.scene))
         self._done, self.error, self._undrawn = (request, divisor), "", None
-        if self._level(request) is None and self._fitted != request.view and has_moved_on(lit, view, points):
+        if self._piece(request) is None and self._fitted != request.view and has_moved_on(lit, view, points):
             self._refit = request
 
     def _known(self, request: Request) -> dict[int, float]:
@@ -195,11 +203,15 @@ class Session:
             self._seconds = {key: {}}
         return self._seconds[key]
 
-    def _level(self, request: Request) -> int | None:
-        """The next one to draw; None if the request is done."""
+    def _piece(self, request: Request) -> str | int | None:
+        """SCENE, NETWORK, or the next level to draw; None if the request is done."""
+        if self._needs_scene(request):
+            return SCENE
         steps = levels.divisors(request.look.finest)
-        if self._needs_scene(request) or self._done is None or not self._done[0].shows_as(request):
+        if self._done is None or not self._done[0].shows_as(request):
             return levels.first(steps, self._known(request))
+        if self._lit.is_draft:
+            return NETWORK
         done = self._done[1]
         known = self._known(request)
         return levels.following(steps, done, known[done], request.look.time_limit, known)

@@ -13,6 +13,7 @@ from torch.nn import functional as F
 
 from ...progress import part
 from ...scene import RenderScene
+from ..effort import FULL, Effort
 from ..prior.light_prior import LightPrior
 from ..sampling import cosine_directions, ggx_directions, in_a_row, scattered
 from .patches import PATCHES, patches
@@ -31,17 +32,17 @@ GLOSSY_RAYS = 32  # from a point, towards what it reflects
 class Radiosity:
     """Built from a normalised RenderScene and its LightPrior; the result is in the prior's radiance units."""
 
-    def __init__(self, scene: RenderScene, prior: LightPrior):
+    def __init__(self, scene: RenderScene, prior: LightPrior, effort: Effort = FULL):
         device = prior.radiance.device
         found = patches(scene, lamps := prior.lamps())
         with part(0.0, 0.2):
             self.interior = Interior(scene, found, prior.fog, prior.environment, device)
-        count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(lamps.share), 1)), 1), POINTS)
+        count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(lamps.share), 1)), 1), effort.of(POINTS))
         # Of all fronts, then of all backs, as of all that follows; points of a patch are one after the other.
         x, n = (torch.cat(sides).flatten(0, 1).to(device) for sides in _both_sides(*found.points(count)))
         diffuse, glossy, of_lamps = found.albedo.repeat(2, 1).to(device).split(3, dim=1)
         with part(0.2, 0.4):
-            arriving = prior.arriving(x, n, scattered(x, 2), SKY_RAYS // count)
+            arriving = prior.arriving(x, n, scattered(x, 2), effort.of(SKY_RAYS) // count)
         with part(0.4, 0.5):
             first = (diffuse + of_lamps) * _mean_of(prior.diffuse(x + ABOVE * n, n, arriving), count)
         if self.interior.panes is not None:
@@ -49,7 +50,7 @@ class Radiosity:
                 of_lamps_alone = arriving * arriving.new_tensor([0, 0, 0, 1, 1, 1])
                 self.interior.shining = _mean_of(prior.diffuse(x, n, of_lamps_alone), count)
         with part(0.6, 1.0):
-            directions = cosine_directions(n, PATCH_RAYS // count, scattered(x, 2))
+            directions = cosine_directions(n, effort.of(PATCH_RAYS) // count, scattered(x, 2))
             around = self.interior.look(x, n, directions).together(count)
         through = (diffuse + glossy) * around.through
         again = through + self._bounced(around, first + through, diffuse, glossy)
@@ -67,7 +68,8 @@ class Radiosity:
                                   if key in arriving)
         return sum(found.values()) - light
 
-    def __call__(self, position: Tensor, normal: Tensor, number: Tensor | None = None) -> Tensor:
+    def __call__(self, position: Tensor, normal: Tensor, number: Tensor | None = None,
+                 effort: Effort = FULL) -> Tensor:
         """Radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3) -> (P, 9).
 
         Light that has bounced, the part of it that has more than once, and the share of the sky's light that arrives.
@@ -75,18 +77,18 @@ class Radiosity:
         """
         number = torch.arange(len(position), device=position.device) if number is None else number
         start = in_a_row(number)
-        around = self.interior.look(position, normal, cosine_directions(normal, RAYS, start))
+        around = self.interior.look(position, normal, cosine_directions(normal, effort.of(RAYS), start))
         bounced = F.pad(around.through, (0, 3)) + around.gathered(self.leaving)
         return torch.cat([bounced, around.sky_share(self.interior.environment)], dim=1)
 
     def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
-               number: Tensor) -> tuple[Tensor, Tensor]:
+               number: Tensor, effort: Effort = FULL) -> tuple[Tensor, Tensor]:
         """Radiance leaving a white glossy surface at points (P, 3) towards `outgoing` (P, 3) -> (P, 6), as above.
 
         roughness: (P,), perceptual; number: (P,) as above. And the share of its light that comes from the sky (P, 1).
         """
         start = in_a_row(number)
-        direction, weight = ggx_directions(normal, outgoing, roughness, GLOSSY_RAYS, start)
+        direction, weight = ggx_directions(normal, outgoing, roughness, effort.of(GLOSSY_RAYS), start)
         around = self.interior.look(position, normal, direction)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
         sky = (weight * around.passing * around.sky).mean(1, keepdim=True)

@@ -37,13 +37,15 @@ class EnvironmentPrior:
         weight = solid_angles(*COARSE, device=radiance.device).expand(COARSE).reshape(-1)
         colors = coarse.reshape(3, -1).T
         self.harmonics = _harmonics(directions).T @ (colors * weight[:, None])
-        cosines = directions @ directions.T
+        rows, columns = COARSE
+        cosines = directions[::columns] @ directions.T  # of the first column: the others see the same, turned
+        ahead = torch.arange(columns, device=radiance.device)
+        turned = colors.view(rows, columns, 3)[:, (ahead[:, None] + ahead) % columns].flatten(0, 1)
         levels = [F.adaptive_avg_pool2d(image, SHARP)[0]]
         for roughness in ROUGHNESS_LEVELS[1:]:
             kernel = _lobe(cosines, roughness) * weight
-            blurred = (kernel @ colors) / kernel.sum(1, keepdim=True)
-            blurred = blurred.T.reshape(1, 3, *COARSE)
-            levels.append(F.interpolate(blurred, SHARP, mode="bilinear", align_corners=False)[0])
+            blurred = torch.einsum("rs,scd->drc", kernel, turned) / kernel.sum(1, keepdim=True)
+            levels.append(F.interpolate(blurred[None], SHARP, mode="bilinear", align_corners=False)[0])
         stack = torch.stack(levels, 1)[None]                       # 1, 3, level, row, column
         self.levels = torch.cat([stack[..., -1:], stack, stack[..., :1]], -1)  # wrap around
 

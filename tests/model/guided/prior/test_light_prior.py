@@ -98,6 +98,19 @@ def test_environment_irradiance_and_mirror_reflection():
     np.testing.assert_allclose(seen, coarse[[48, 112, 240], [16, 240, 496]], atol=1e-3)
 
 
+def test_rough_surfaces_mirror_the_mean_of_what_is_around():
+    coarse = np.random.default_rng(1).random((32, 64, 3))
+    looking, weights = direction_map(32, 64), solid_angles(32, 64).numpy()[..., None]
+    at = [4, 16, 27], [5, 40, 63]
+    seen = EnvironmentPrior(torch.tensor(coarse, dtype=torch.float32)).filtered(
+        torch.tensor(looking[at]), torch.full((3,), 0.75))
+    lobe = [(1 + looking @ towards)[..., None] / 2 * (0.75 ** 4 - 1) + 1 for towards in looking[at]]
+    share = [(looking @ towards).clip(0)[..., None] / each ** 2 * weights
+             for towards, each in zip(looking[at], lobe, strict=True)]
+    expected = [(each * coarse).sum((0, 1)) / each.sum() for each in share]
+    np.testing.assert_allclose(seen, expected, rtol=0.05)
+
+
 def test_a_sun_shines_alike_on_near_and_far_ground():
     sun = floor_scene()
     sun.triangles[sun.is_light] = (sun.triangles[sun.is_light] - np.float32((0, 0, 2))) * 25 + np.float32((0, 0, 50))

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much is spent on light: all of it for pictures that stay, a part for those that others replace at once."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Effort:
+    rays: float = 1.0      # share of the rays of a finished picture
+    shadow_grid: int = 1   # pixels between points where shadows are looked for, at least
+    smoothings: int = 2    # of light that was found by rays
+
+    def of(self, count: int) -> int:
+        """So many of `count` rays, one at least."""
+        return max(round(self.rays * count), 1)
+
+
+FULL = Effort()
+QUICK = Effort(rays=0.25, shadow_grid=2, smoothings=1)
