@@ -7,7 +7,7 @@
 A pipeline is one of the two ways from a normalised scene to a picture, guided/pipeline.py and published/pipeline.py:
     granularity                     the view's sides are multiples of it
     variant(picture_size)           which of its networks renders pictures whose longer side has so many pixels
-    encode(scene, variant)          stage 1; the result has `.context` (SceneContext)
+    encode(scene, variant)          stage 1; the result has `.tokens`, their number
     image(encoded, view, guides, effort)    (3, H, W) f32 radiance in network exposure, without emitters seen directly
 and the guided one also gives `light`, the same by lobe, pictures `antialiased`, and a `draft` of a scene.
 """
@@ -173,8 +173,8 @@ class EncodedScene:
 
     @property
     def tokens(self) -> int:
-        """Length of the token sequence."""
-        return len(self.encoded.context.positions)
+        """Length of the scene's token sequence."""
+        return self.encoded.tokens
 
 
 def padded(view: View, guides: Guides, granularity: int) -> tuple[View, Guides]:
