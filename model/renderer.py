@@ -7,7 +7,7 @@
 A pipeline is one of the two ways from a normalised scene to a picture, guided/pipeline.py and published/pipeline.py:
     granularity                     the view's sides are multiples of it
     variant(picture_size)           which of its networks renders pictures whose longer side has so many pixels
-    encode(scene, variant)          stage 1; the result has `.context` (SceneContext)
+    encode(scene, variant)          stage 1; the result has `.tokens`, their number
     image(encoded, view, guides, effort)    (3, H, W) f32 radiance in network exposure, without emitters seen directly
 and the guided one also gives `light`, the same by lobe, pictures `antialiased`, and a `draft` of a scene.
 """
@@ -84,7 +84,7 @@ class Renderer:
             if self.device.type == "cuda":
                 torch.cuda.empty_cache()
             self.remark = ("the memory of the card was too small for the usual pieces, so it worked in smaller ones: "
-                           "lower the Triangle Budget or the resolution for more speed")
+                           "lower Max Triangles or the resolution for more speed")
 
     def prepare(self, scene: RenderScene) -> None:
         """What `encode` can keep of a scene in world units for later renders: published weights' textures."""
@@ -147,11 +147,10 @@ class EncodedScene:
         """All `pictures` (H, W, C) f32, with the edges of the view of `lobes` as more samples would show them.
 
         They are made of the view's light or its guides, which have so many samples; wraps: as View's. Guided networks
-        alone know how, and where light was traced.
+        alone know how.
         """
         with torch.inference_mode():
-            return self.renderer.pipeline.antialiased(pictures, lobes.radiance, guides, self.normalization.exposure,
-                                                      samples, wraps)
+            return self.renderer.pipeline.antialiased(pictures, lobes.radiance, guides, samples, wraps)
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""
@@ -173,8 +172,8 @@ class EncodedScene:
 
     @property
     def tokens(self) -> int:
-        """Length of the token sequence."""
-        return len(self.encoded.context.positions)
+        """Length of the scene's token sequence."""
+        return self.encoded.tokens
 
 
 def padded(view: View, guides: Guides, granularity: int) -> tuple[View, Guides]:

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import CheckpointError
+from .git_lfs import is_pointer, remedy
 from .published.bundle_files import AUTOMATIC, is_bundle, missing_parts, whole
 
 FORMAT = {"format": "renderformer-model", "format_version": 2}
@@ -113,6 +114,8 @@ def require(folder: Path, name: str) -> Path:
     if not file.is_file():
         raise CheckpointError(f"{file} is missing: the weights folder is incomplete (it holds {listing(folder)}), "
                               "download or copy it again")
+    if is_pointer(file):
+        raise CheckpointError(f"{file} {remedy(folder)}")
     return file
 
 

@@ -23,6 +23,12 @@ class Multilayer(NamedTuple):
     # in their name: "Combined.right"
     passes: dict[tuple[str, str], dict[str, np.ndarray]]
     metadata: dict[str, str]
+    views: list[str]  # of stereoscopy, the first that is shown at first; none without
+
+    def apart(self, name: str) -> tuple[str, str]:
+        """A pass as its first view has it, and the name of the view that it is of: "" for the first."""
+        of, _, view = name.rpartition(".")
+        return (of, view) if view in self.views[1:] else (name, "")
 
 
 def read(path: Path) -> Multilayer:
@@ -41,7 +47,7 @@ def read(path: Path) -> Multilayer:
         layer, _, of = stem.rpartition(".")
         passes.setdefault((layer, (of or "Combined") + view), {})[channel] = rows[name]
     return Multilayer(passes, {name: value.decode(errors="replace") for name, value in attributes.items()
-                               if name not in ("channels", "dataWindow", "multiView")})
+                               if name not in ("channels", "dataWindow", "multiView")}, views)
 
 
 def _apart(stem: str, views: list[str]) -> tuple[str, str]:

@@ -234,6 +234,13 @@ def light_passes(scene: bpy.types.Scene) -> frozenset[str]:
     return passes.LIGHTING - ({"volume_direct"} if scene.renderformer_v2.light == "NETWORK" else set())
 
 
+def is_published(settings: RenderFormerSettings) -> bool:
+    """Whether the published network is chosen, complete or not."""
+    if settings.weights_source == "PUBLISHED":
+        return True
+    return settings.weights_source == "FOLDER" and bool(settings.weights_folder) and _is_published(settings.weights())
+
+
 def _light(chosen: str, weights: str) -> cycles_session.Light:
     """The published network is never guided."""
     alone = chosen == "NETWORK" or _is_published(weights)

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 
 import bpy
@@ -38,29 +39,42 @@ def main() -> int:
     parser.add_argument("-f", "--render-frame", dest="frames", type=frames)
     parser.add_argument("-a", "--render-anim", dest="animation", action="store_true")
     chosen = parser.parse_args()
+    if chosen.command is not None and chosen.command[:1] != [extension.PACKAGE]:
+        parser.error(f"the only --command here is {extension.PACKAGE}")
+    if chosen.command is None and (not chosen.file or chosen.animation == bool(chosen.frames)):
+        parser.error("a file, and either an animation (-a) or frames (-f) are needed")
+    for number in (signal.SIGINT, signal.SIGTERM):  # Blender would swallow a KeyboardInterrupt
+        signal.signal(number, lambda number, _: extension.leave(128 + number))
     extension.load().register()
     if chosen.command:
         from renderformer_v2.rf2_engine.setup import command
         return command.run(chosen.command[1:])
-    if not chosen.file or chosen.animation == bool(chosen.frames):
-        parser.error("a file, and either an animation (-a) or frames (-f) are needed")
     try:
         bpy.ops.wm.open_mainfile(filepath=chosen.file, use_scripts=chosen.scripts)
+        prepare(bpy.context.scene.render, chosen)
         render_frames(bpy.context.scene, chosen)
-    except RuntimeError as error:  # what Blender's operators raise
+    except (RuntimeError, ValueError) as error:  # what Blender's operators raise, and a wrong format
         print(str(error).strip(), file=sys.stderr)
         return 1
     return 0
 
 
-def render_frames(scene: bpy.types.Scene, chosen: argparse.Namespace) -> None:
-    """Raises RuntimeError for a frame that failed, as Blender would end with 1."""
-    render = scene.render
+def prepare(render: bpy.types.RenderSettings, chosen: argparse.Namespace) -> None:
+    """Raises ValueError for a format that Blender does not know."""
+    from renderformer_v2.rf2_engine.compat import set_file_format
+
     if chosen.threads:
         render.threads_mode, render.threads = "FIXED", chosen.threads
     render.filepath = chosen.output or render.filepath
-    if chosen.format:
-        render.image_settings.file_format = chosen.format
+    if chosen.format and chosen.format != render.image_settings.file_format:
+        try:
+            set_file_format(render.image_settings, chosen.format)
+        except TypeError as error:
+            raise ValueError(f"-F {chosen.format}: {error}") from error
+
+
+def render_frames(scene: bpy.types.Scene, chosen: argparse.Namespace) -> None:
+    """Raises RuntimeError for a frame that failed, as Blender would end with 1."""
     first = scene.frame_start if chosen.first is None else chosen.first
     last = scene.frame_end if chosen.last is None else chosen.last
     for scene.frame_start, scene.frame_end in chosen.frames or [(first, last)]:

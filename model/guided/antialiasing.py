@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Smooth noisy edges: each pixel of the finished picture becomes a weighted mean of those around it.
 
-With a few samples the coverage of a pixel is noisy, in traced light and in added light. The pixels along an edge
-together show it better (kernel prediction, Bako et al. 2017; docs/architecture.md 4.2).
+With a few samples the coverage of a pixel is noisy, in traced light and in added light, and so is light that a few
+rays have estimated. The pixels around together show it better (kernel prediction, Bako et al. 2017;
+docs/architecture.md 4.2).
 """
 from __future__ import annotations
 
@@ -17,6 +18,7 @@ from ..fields import COLOR, DIRECTION, Channels
 from ..network.norm import Float32Conv2d
 from ..scene import Guides
 from .decoding import shown
+from .exposure import key_exposure
 
 SEEN = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), colors=(9, COLOR), normal=(3, DIRECTION),
                 alpha=1)
@@ -67,8 +69,16 @@ def weighted(picture: Tensor, kernels: Tensor, samples: int = SAMPLES) -> Tensor
     return picture + moved
 
 
+def exposure_of(radiance: np.ndarray, guides: Guides) -> float:
+    """Of a whole picture as in `seen`, by all that it shows but lamps."""
+    return float(key_exposure(torch.from_numpy((radiance + guides.environment).mean(-1).ravel())))
+
+
 def seen(radiance: np.ndarray, guides: Guides, exposure: float) -> Tensor:
-    """(1, len(SEEN), H, W) of a picture (H, W, 3) without emitters and world seen directly, in world radiance."""
+    """(1, len(SEEN), H, W) of a picture (H, W, 3) without emitters and world seen directly, in world radiance.
+
+    Where no light was traced, there is none in `traced`.
+    """
     traced = np.zeros_like(radiance) if guides.traced is None else guides.traced
     whole = radiance + guides.emission + guides.environment
     light = shown(tensor(np.dstack([whole, guides.emission, traced]) * np.float32(exposure)))
@@ -78,7 +88,7 @@ def seen(radiance: np.ndarray, guides: Guides, exposure: float) -> Tensor:
 
 
 def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
-                exposure: float, samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
+                samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
     """All `pictures` (H, W, C) f32 under the kernels of one, of which `radiance` and `guides` are as in `seen`.
 
     samples: of a pixel in the first hits and in the traced light. wraps: whether the sides are neighbours.
@@ -86,9 +96,9 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], rad
     if wraps:
         wide = lambda picture: beyond_sides(picture, REACH, REACH, wraps)  # noqa: E731
         done = antialiased(predictor, {key: wide(picture) for key, picture in pictures.items()}, wide(radiance),
-                           Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}), exposure, samples)
+                           Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}), samples)
         return {key: picture[:, REACH:-REACH] for key, picture in done.items()}
-    device, done = predictor.enter.weight.device, []
+    device, exposure, done = predictor.enter.weight.device, exposure_of(radiance, guides), []
     for outer, inner in bands(*guides.alpha.shape, margin=REACH):
         kernels = predictor(seen(radiance[outer], guides.rows(outer), exposure).to(device))
         joined = tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)

@@ -43,6 +43,7 @@ def decode_light(raw: Tensor, guides: GuideTensors) -> dict[str, Tensor]:
     hinted = guides.features[:, FEATURES["hinted"]]
     traced = guides.traced * factor(raw[:, OUTPUTS["traced"]])
     arriving = hinted * traced + (1 - hinted) * (direct * guides.colors).sum(1)
+    rest = rest + guides.glow
     return {"image": arriving + (indirect * guides.colors).sum(1) + rest, "direct": direct, "indirect": indirect,
             "rest": rest, "traced": traced}
 

@@ -21,6 +21,7 @@ from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
 from .bounce.probes import NOISY, gathered, grid_of
 from .bounce.radiosity import Radiosity
 from .effort import FULL, Effort
+from .exposure import key_exposure
 from .prior.light_prior import SKY_RAYS, LightPrior
 from .sampling import in_a_row
 from .specular import blur
@@ -43,14 +44,13 @@ FEATURES = Channels(
 )
 # Guides that are radiance, and the features that tell the network of them
 RADIANCE = {"prior": "light", "bounced": "bounced", "behind": None, "reflected": "reflected", "refracted": "refracted",
-            "traced": "traced"}
+            "traced": "traced", "glow": None}
 SHADOW_RAYS, LAMP_RAYS = 16, 4  # of a pixel, and of them those to one lamp
 SAME_SHADOW = 0.3         # difference of the shares of light in a penumbra, whose noise is smoothed
 BAND_PIXELS = 1 << 17     # computed at once: guides of a large picture are gigabytes
 OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
+BEYOND = 4.0              # network units from a camera that sees nothing: no volume is farther off
 UNSEEN_DISTANCE = 2.0     # where a bundle that hits nothing is placed along its rays, network units
-KEY = 0.18                # log average of what a view sees, in its exposure
-LEAST_OF_MEAN = 0.01      # added to every pixel before its logarithm, times the mean
 UNKNOWN_ROUGHNESS = 0.5   # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
 
 
@@ -70,6 +70,7 @@ class GuideTensors(TensorGroup):
     reflected: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # radiance of what mirrors show, by radiosity
     refracted: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # and glass
     traced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # radiance; 0 if nothing was traced
+    glow: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})       # radiance of volumes; 0 if light was traced
     exposure: Tensor = array("V")                                    # times network exposure
 
 
@@ -99,11 +100,10 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
 
 
 def exposed(guides: GuideTensors) -> GuideTensors:
-    """Of one view in network exposure, in the exposure in which what it sees is bright: it may look at a dim room
-    beside a bright one. The features of radiance are filled in."""
+    """Of one view in network exposure, in the exposure of what it sees; the features of radiance are filled in."""
     untraced = 1 - guides.features[:, FEATURES["hinted"], None]
     light = untraced * guides.prior + torch.stack([guides.bounced, guides.reflected, guides.refracted], dim=1)
-    image = (guides.traced + (light * guides.colors).sum(1)).mean(1)
+    image = (guides.traced + guides.glow + (light * guides.colors).sum(1)).mean(1)
     exposure = key_exposure(image[guides.features[:, FEATURES.index("alpha")] > 0])
     radiance = {name: getattr(guides, name) * exposure for name in RADIANCE}
     features = guides.features
@@ -113,13 +113,6 @@ def exposed(guides: GuideTensors) -> GuideTensors:
     return replace(guides, features=features, exposure=exposure.expand(1), **radiance)
 
 
-def key_exposure(luminance: Tensor) -> Tensor:
-    """Factor that puts the log average of (P,) at KEY (Reinhard et al. 2002); 1 where all is dark."""
-    mean = luminance.mean() if len(luminance) else luminance.new_zeros(())
-    average = (luminance + LEAST_OF_MEAN * mean).log().mean().exp() if mean > 0 else mean
-    return torch.where(average > 0, KEY / average.clamp_min(1e-20), 1.0)
-
-
 @dataclass
 class _Band:
     """Some rows of the picture, whole bundles."""
@@ -127,7 +120,7 @@ class _Band:
     features: Tensor   # (C, h, W)
     light: Tensor      # (9, h, W)
     positions: Tensor  # (R, 3)
-    pictures: Tensor   # (5, h, W, 3): bounced, behind, reflected, refracted, traced
+    pictures: Tensor   # (6, h, W, 3): bounced, behind, reflected, refracted, traced, glow
 
 
 def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity, rows: slice,
@@ -177,8 +170,18 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     mirrored = reflected_ray(rays, normal)
     features = torch.cat([offset, normal, colors, roughness[..., None], alpha, light, mirrored, bounced, traced, hinted,
                           reflected, refracted], -1)  # radiance is not exposed yet
+    glow = torch.zeros_like(position) if guides.traced is not None else _glow(prior, origin, rays, position, normal)
     return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3),
-                 torch.stack([bounced, behind, reflected, refracted, traced]))
+                 torch.stack([bounced, behind, reflected, refracted, traced, glow]))
+
+
+def _glow(prior: LightPrior, origin: Tensor, rays: Tensor, position: Tensor, normal: Tensor) -> Tensor:
+    """(h, W, 3) radiance of the volumes before what is hit."""
+    if prior.in_scattering is None:
+        return torch.zeros_like(position)
+    hit = normal.square().sum(-1, keepdim=True) > 0.25
+    end = torch.where(hit, position, origin + BEYOND * rays)
+    return prior.in_scattering(origin.expand_as(end).flatten(0, 1), end.flatten(0, 1)).view_as(end)
 
 
 def shadow_grid(lamps: int) -> int:

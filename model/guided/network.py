@@ -55,6 +55,12 @@ class GuidedRenderFormer(RenderFormer):
         """Ray bundles are where they hit."""
         return view.guides.positions
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether the decoder ends in zeros, which leave the priors as they are, whatever tokens and rays are."""
+        last = self.view_transformer.out_dpt.scratch.output_conv2[-1]
+        return not (last.weight.any() or last.bias.any())
+
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
         """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
         return self.view_transformer.out_dpt(features, view.guides.features)

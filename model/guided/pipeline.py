@@ -28,9 +28,10 @@ class GuidedContext:
     """A scene after stage 1, with what guides a view of it."""
 
     scene: RenderScene
-    context: SceneContext | None  # None: a draft
+    context: SceneContext | None  # None: a draft, or of a network that adds nothing
     prior: LightPrior
     radiosity: Radiosity
+    tokens: int
 
 
 class GuidedPipeline:
@@ -39,7 +40,7 @@ class GuidedPipeline:
     def __init__(self, weights: str | Path, device: torch.device, dtype: torch.dtype):
         self.network = in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
         self.device, self.mapper = device, load_material_mapper()
-        self.granularity = self.network.config.granularity
+        self.granularity, self.is_idle = self.network.config.granularity, self.network.is_idle
 
     def variant(self, picture_size: int) -> str:
         return ""
@@ -47,21 +48,27 @@ class GuidedPipeline:
     def encode(self, scene: RenderScene, variant: str) -> GuidedContext:
         with part(0.0, 0.05, "Estimating direct light"):
             prior = LightPrior(scene, self.device)
-        return self.finished(GuidedContext(scene, None, prior, None))
+        return self.finished(GuidedContext(scene, None, prior, None, self._tokens(scene)))
 
     def draft(self, scene: RenderScene, variant: str) -> GuidedContext:
         """The scene without stage 1: pictures of it show the light of the priors, by fewer rays."""
         with part(0.0, 0.5, "Estimating direct light"):
             prior = LightPrior(scene, self.device)
         with part(0.5, 1.0, "Estimating bounced light"):
-            return GuidedContext(scene, None, prior, Radiosity(scene, prior, DRAFT))
+            return GuidedContext(scene, None, prior, Radiosity(scene, prior, DRAFT), self._tokens(scene))
 
     def finished(self, draft: GuidedContext) -> GuidedContext:
-        with part(0.05, 0.1, "Estimating bounced light"):
+        with part(0.05, 1.0 if self.is_idle else 0.1, "Estimating bounced light"):
             radiosity = Radiosity(draft.scene, draft.prior)
+        if self.is_idle:
+            return replace(draft, radiosity=radiosity)
         with part(0.1, 1.0):
             inputs = guided_inputs(draft.scene, self.network.config, self.mapper).to(self.device)
             return replace(draft, context=self.network.encode_scene(inputs), radiosity=radiosity)
+
+    def _tokens(self, scene: RenderScene) -> int:
+        lights = int(scene.is_light.sum())
+        return self.network.config.sequence_length(lights, len(scene) - lights + len(scene.volumes or ()))
 
     def image(self, encoded: GuidedContext, view: View, guides: Guides, effort: Effort = FULL) -> torch.Tensor:
         return self.light(encoded, view, guides, ("image",), effort)["image"]
@@ -69,19 +76,18 @@ class GuidedPipeline:
     def light(self, encoded: GuidedContext, view: View, guides: Guides, keys: Sequence[str],
               effort: Effort = FULL) -> dict[str, torch.Tensor]:
         """The `keys` of `decode_light` without its first axis, in network exposure; `image` as above."""
-        with part(0.0, 0.1, "Estimating direct light"):
+        known = 0.1 if encoded.context else 0.95
+        with part(0.0, known, "Estimating direct light"):
             inputs = guided_view(encoded.scene, view, guides, encoded.prior, encoded.radiosity,
                                  self.network.config, effort)
-        with part(0.1, 0.95):
+        with part(known, 0.95):
             raw = (self.network.render_view(encoded.context, inputs) if encoded.context else
                    inputs.origin.new_zeros(1, len(OUTPUTS), view.height, view.width))
         with part(0.95, 1.0, "Adding the light up"):
             light = decode_bands(raw, inputs.guides, keys)
             return {key: radiance[0] / inputs.guides.exposure for key, radiance in light.items()}
 
-    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, exposure: float,
-                    samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
-        """As the function of that name, in world units; `pictures` as they are if no light was traced."""
-        if guides.traced is None:
-            return pictures
-        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, exposure, samples, wraps)
+    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, samples: int,
+                    wraps: bool = False) -> dict[str, np.ndarray]:
+        """As the function of that name."""
+        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, samples, wraps)

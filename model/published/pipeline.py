@@ -39,6 +39,10 @@ class PublishedContext:
     network: RenderFormer
     context: SceneContext
 
+    @property
+    def tokens(self) -> int:
+        return len(self.context.positions)
+
 
 class PublishedPipeline:
     """Two networks, for pictures below and from 2048 pixels, or the chosen one; the one in use is in memory."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from ..errors import SceneError
+from ..git_lfs import is_pointer
 
 CONFIG, MESHES = "scene_config.json", "split"
 VERSION = "2.0.0"
@@ -86,24 +87,35 @@ def read_frame(folder: Path) -> PreparedFrame:
     """
     file = Path(folder) / CONFIG
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = json.loads(file.read_text(encoding="utf-8-sig"))
     except FileNotFoundError as error:
         raise SceneError(f"{folder} is no prepared frame: there is no {CONFIG} in it. Choose the folder that holds "
                          "that file") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise SceneError(f"{file} cannot be read ({error}): copy or export it again") from error
     return _Entry(content, str(file)).frame()
 
 
-def missing(frame: PreparedFrame, folder: Path) -> list[str]:
-    """Files of the frame that are not in its folder, by their names in it."""
+def named(frame: PreparedFrame, folder: Path) -> list[str]:
+    """All files that the frame consists of, by their names in its folder."""
     wanted = [it.mesh for it in frame.objects.values()]
     for it in frame.objects.values():
         wanted += [] if it.material.latent is None else [it.material.latent]
         wanted += [map_file(folder, it.material, name).relative_to(folder).as_posix() for name in maps(it.material)]
     wanted += [frame.environment.image] if frame.environment else []
     wanted += [volume.grid for volume in frame.volumes]
-    return [name for name in dict.fromkeys(wanted) if not (Path(folder) / name).is_file()]
+    return list(dict.fromkeys(wanted))
+
+
+def missing(frame: PreparedFrame, folder: Path) -> list[str]:
+    """Those that are not there."""
+    return [name for name in named(frame, folder) if not (Path(folder) / name).is_file()]
+
+
+def pointers(frame: PreparedFrame, folder: Path) -> list[str]:
+    """Those that a clone without Git LFS has in place of the files themselves. Raises OSError."""
+    there = set(named(frame, folder)) - set(missing(frame, folder))
+    return sorted(name for name in there if is_pointer(Path(folder) / name))
 
 
 def maps(material: FrameMaterial) -> tuple[str, ...]:
@@ -186,6 +198,8 @@ class _Entry:
         found.kind, found.has_height = kind, self["use_heightmap"].flag() and kind in MAPS
         if self["emissive"].value is not None:
             found.emission = tuple(self["emissive"].numbers(3))
+            if min(found.emission) < 0:
+                raise self["emissive"].wrong("3 numbers that are not negative")
         found.is_smooth = self["smooth_shading"].flag(True)
         return found
 
@@ -261,7 +275,8 @@ class _Entry:
 
 
 def _is_number(value) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    """Whether it is one that a float can hold."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 _IDENTITY = ((0.0,) * 3, (0.0,) * 3, (1.0,) * 3)

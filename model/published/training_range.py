@@ -13,6 +13,7 @@ LIGHT_AREA = 0.0087, 0.0135    # of each, in network units
 LIGHT_RADIANCE = 312, 5000     # of the strongest channel, in network exposure
 FACTOR = 3                     # beyond these so much is much
 TRIANGLES = 65536
+WELL_KNOWN = 16384             # triangles of stages 5 and 6 of the training, the last with glass
 THINNEST = 0.5 / CELLS         # side of a volume cell, network units
 
 

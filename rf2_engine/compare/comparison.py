@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from . import header, sources
+from .labels import of_pictures
 from .measuring import Box, Measurement
 
 REFERENCE = "Cycles Reference"  # a pass of our own engine
@@ -47,6 +48,12 @@ def show_reference() -> None:
         for side, name in ((chosen.a, ""), (chosen.b, REFERENCE)):
             side.kind, side.layer, side.pass_name = "SHOWN", "", name
     chosen.show = True
+
+
+def labels() -> list[tuple[str, str]]:
+    """Of A and B, the longest first."""
+    layers = {layer for side in (settings().a, settings().b) for layer, _ in known_passes(side)}
+    return of_pictures(a, b, layered=len(layers - {header.COMPOSITE}) > 1)
 
 
 def known_passes(side) -> list[tuple[str, str]]:

@@ -73,9 +73,9 @@ def _after_image() -> None:
 def _over_image() -> None:
     context = bpy.context
     if growing.is_drawn(context):
-        overlay.draw(context, *growing.labels())
+        overlay.draw(context, [growing.labels()])
     elif is_drawn(context):
-        overlay.draw(context, f"A: {comparison.a.label}", f"B: {comparison.b.label}")
+        overlay.draw(context, comparison.labels())
     elif comparison.settings().show and comparison.message and comparison.is_compared(context.space_data.image):
         overlay.say(context, comparison.message)
 

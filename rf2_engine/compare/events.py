@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
+from ..cycles import growing
 from ..progress import last_render
 from ..registering import handlers
 from ..setup import packages
@@ -14,6 +15,7 @@ INTERVAL = 0.2  # seconds between two looks at what goes on
 
 blink = False   # B is shown
 _fitted = False  # the editors were zoomed out for two pictures
+_offered = False  # this render has shown its reference: whoever switches it off means it
 
 
 def read() -> None:
@@ -53,6 +55,14 @@ def fit_soon() -> None:
     _call(_fit, 0.0)
 
 
+def offer_both() -> None:
+    """As soon as there is something of a reference; the user may switch it off again."""
+    global _offered
+    if not _offered and _wants_both():
+        _call(_show_both, 0.0)
+    _offered = True
+
+
 def redraw() -> None:
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
@@ -71,14 +81,21 @@ def _read() -> float | None:
 
 def _fit() -> float | None:
     global _fitted
-    chosen = comparison.settings()
-    if comparison.is_reading or chosen.show and comparison.a is None and not comparison.message:
+    chosen, size = comparison.settings(), _size()
+    if comparison.is_reading or chosen.show and size is None and not comparison.message:
         return INTERVAL
-    wanted = chosen.show and comparison.a is not None and chosen.mode == "SIDE"
+    wanted = chosen.show and size is not None and chosen.mode == "SIDE"
     if wanted != _fitted:
         _fitted = wanted
-        fitting.fit(wanted)
+        fitting.fit(size if wanted else None)
     return None
+
+
+def _size() -> tuple[int, int] | None:
+    """Width and height of each of the two pictures, in pixels, once there are two."""
+    if comparison.a is not None:
+        return comparison.a.pixels.shape[1::-1]
+    return growing.size()
 
 
 def _watch() -> float | None:
@@ -102,12 +119,14 @@ def _call(action, seconds: float) -> None:
         bpy.app.timers.register(action, first_interval=seconds)
 
 
-@persistent
-def _rendered(scene, *_):
-    comparison.outdate()  # and nothing more: this may be the thread of the render. The editor is drawn again anyway
+def _wants_both() -> bool:
     chosen = packages.preferences()  # none where a script enabled the add-on
-    if (chosen is None or chosen.show_reference) and any(layer.reference_samples for layer in last_render.last_frame):
-        _call(show_reference, 0.0)
+    return chosen is None or chosen.show_reference
+
+
+def _show_both() -> None:
+    comparison.show_reference()
+    redraw()
 
 
 def show_reference() -> float | None:
@@ -120,18 +139,31 @@ def show_reference() -> float | None:
 
 
 @persistent
+def _begins(*_):
+    global _offered
+    _offered = False
+
+
+@persistent
+def _rendered(*_):
+    comparison.outdate()  # and nothing more: this may be the thread of the render. The editor is drawn again anyway
+    if not _offered and _wants_both() and any(layer.reference_samples for layer in last_render.last_frame):
+        _call(show_reference, 0.0)
+
+
+@persistent
 def _loaded(*_):
     comparison.forget_all()
     comparison.settings().show = False
 
 
-register, _remove_handlers = handlers(("render_complete", _rendered), ("render_cancel", _rendered),
-                                      ("load_post", _loaded))
+register, _remove_handlers = handlers(("render_init", _begins), ("render_complete", _rendered),
+                                      ("render_cancel", _rendered), ("load_post", _loaded))
 
 
 def unregister() -> None:
     _remove_handlers()
-    for action in (_read, _fit, _watch, _blink, show_reference):
+    for action in (_read, _fit, _watch, _blink, _show_both, show_reference):
         if bpy.app.timers.is_registered(action):
             bpy.app.timers.unregister(action)
     comparison.forget_all()

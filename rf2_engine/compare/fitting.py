@@ -21,8 +21,8 @@ class View(NamedTuple):
 _before: dict[int, View] = {}  # by the editor's address
 
 
-def fit(side_by_side: bool) -> None:
-    """In every Image Editor that shows what is compared, which has to be read to be shown side by side."""
+def fit(size: tuple[int, int] | None) -> None:
+    """In every Image Editor that shows what is compared, to two pictures of that size in pixels, or back to one."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             space = area.spaces.active
@@ -31,9 +31,9 @@ def fit(side_by_side: bool) -> None:
             region = next(region for region in area.regions if region.type == "WINDOW")
             with bpy.context.temp_override(window=window, area=area, region=region):
                 now, before = _now(bpy.context), _before.pop(area.as_pointer(), None)
-                if side_by_side:
+                if size:
                     _before[area.as_pointer()] = now
-                if wanted := _of_two(bpy.context) if side_by_side else before:
+                if wanted := _of_two(bpy.context, *size) if size else before:
                     space.zoom_percentage = 100 * wanted.zoom
                     # After a render Blender goes back to where something was panned to last: nothing else moves it.
                     bpy.ops.image.view_pan(offset=(wanted.x - now.x, wanted.y - now.y))
@@ -45,9 +45,9 @@ def _now(context) -> View:
     return View(zoom, (region.width / 2 - x) / zoom, (region.height / 2 - y) / zoom)
 
 
-def _of_two(context) -> View | None:
+def _of_two(context, width: int, height: int) -> View | None:
     """None where there is no room."""
-    (height, width, _), unit = comparison.a.pixels.shape, context.preferences.system.ui_scale
+    unit = context.preferences.system.ui_scale
     left, right = overlay.free(context)
     zoom = min((right - left) * (1 - MARGIN) / (width * (2 + overlay.GAP)),
                (context.region.height - 2 * LABELS * unit) / height)

@@ -9,25 +9,29 @@ import bpy
 from mathutils import Matrix
 
 from ..cycles import growing as cycles_growing
-from ..setup import packages
-from . import comparison, credits, overlay, shader, windows
+from . import comparison, credits, events, overlay, shader, windows
 
 MODES = ("SPLIT", "SIDE")  # the others need the pixels of both
 INTERVAL = 1.0             # seconds between two looks at what Cycles has
 
 _shown = None  # the picture on the graphics card
 _next = 0.0    # time of the next look
+_of = 0        # the number of the view that it shows
 
 
 def is_drawn(context: bpy.types.Context) -> bool:
-    """Whether this Image Editor shows the picture beside which Cycles renders, and both are wanted."""
+    """Whether this Image Editor shows the picture beside which Cycles renders, and both are wanted.
+
+    The first look at a render's reference asks for that.
+    """
     running, space = cycles_growing.running(), context.space_data
     if running is None or space.image is None or space.image.type != "RENDER_RESULT":
         return False
-    chosen, preferences = comparison.settings(), packages.preferences()
-    wanted = chosen.show or preferences is None or preferences.show_reference
-    return (wanted and chosen.mode in MODES and space.image.render_slots.active_index == windows.rendering
-            and space.image_user.multilayer_pass == 0 and _is_of_layer(space, context.scene, running.layer))
+    events.offer_both()
+    chosen = comparison.settings()
+    return (chosen.show and chosen.mode in MODES and space.image.render_slots.active_index == windows.rendering
+            and space.image_user.multilayer_pass == 0 and _is_of_layer(space, context.scene, running.layer)
+            and (_renders_view_of(space) or _shown is not None and _of == space.image_user.multilayer_view))
 
 
 def _is_of_layer(space: bpy.types.SpaceImageEditor, scene: bpy.types.Scene, layer: str) -> bool:
@@ -35,6 +39,11 @@ def _is_of_layer(space: bpy.types.SpaceImageEditor, scene: bpy.types.Scene, laye
         each for each in scene.view_layers if each.use]
     number = space.image_user.multilayer_layer
     return len(rendered) < 2 or number < len(rendered) and rendered[number].name == layer
+
+
+def _renders_view_of(space: bpy.types.SpaceImageEditor) -> bool:
+    """Whether the view of stereoscopy is rendered that this Image Editor shows; in 3D that is the first."""
+    return space.image_user.multilayer_view == cycles_growing.view()
 
 
 def labels() -> tuple[str, str]:
@@ -72,10 +81,10 @@ def forget() -> None:
 def _look() -> None:
     """Take over what Cycles has by now, but not at each of the many times that the editor is drawn."""
     import gpu
-    global _shown, _next
+    global _shown, _next, _of
 
     running = cycles_growing.running()
-    if running is None or time.perf_counter() < _next:
+    if running is None or time.perf_counter() < _next or not _renders_view_of(bpy.context.space_data):
         return
     size = (running.width, running.height)
     if _shown is None or (_shown.width, _shown.height) != size:
@@ -87,7 +96,8 @@ def _look() -> None:
         gpu.state.active_framebuffer_get().clear(color=(0, 0, 0, 0))
         gpu.matrix.load_identity()
         gpu.matrix.load_projection_matrix(Matrix.Translation((-1, -1, 0)) @ Matrix.Diagonal(
-            (2 / running.width, 2 / running.height, 1, 1)))
+            (2 / running.width, 2 / running.height, 1, 1)) @ Matrix.Translation((-running.left, -running.bottom, 0)))
         cycles_growing.draw(bpy.context)
     gpu.state.blend_set("NONE")
+    _of = cycles_growing.view()
     _next = time.perf_counter() + INTERVAL

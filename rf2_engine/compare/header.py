@@ -14,14 +14,16 @@ from .. import passes as pass_table
 COMPOSITE = "Composite"  # what the compositor made
 
 
-def numbers(image: bpy.types.Image) -> tuple[int, int]:
-    """(layer, pass) in the first Image Editor that shows the image; those of a new editor when none does."""
+def numbers(image: bpy.types.Image) -> tuple[int, int, int]:
+    """(layer, pass, view of stereoscopy) in the first Image Editor that shows the image; where none does as in a new
+    one."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             space = area.spaces.active
             if area.type == "IMAGE_EDITOR" and space.image == image:
-                return space.image_user.multilayer_layer, space.image_user.multilayer_pass
-    return 0, 0
+                user = space.image_user
+                return user.multilayer_layer, user.multilayer_pass, user.multilayer_view
+    return 0, 0, 0
 
 
 def layers(file: exr.Multilayer, scene: bpy.types.Scene) -> list[str]:
@@ -32,7 +34,7 @@ def layers(file: exr.Multilayer, scene: bpy.types.Scene) -> list[str]:
 
 def passes(file: exr.Multilayer, layer: str, scene: bpy.types.Scene) -> list[str]:
     """The passes of a layer as the header lists them."""
-    there = dict.fromkeys(name for of, name in file.passes if of == layer)
+    there = dict.fromkeys(file.apart(name)[0] for of, name in file.passes if of == layer)
     announced = _announced(file, scene.view_layers[layer], scene) if layer in scene.view_layers else []
     table = [p.blender_name for p in pass_table.PASSES]
     return [name for name in dict.fromkeys(["Combined", *announced, *table, *there]) if name in there]
@@ -40,9 +42,16 @@ def passes(file: exr.Multilayer, layer: str, scene: bpy.types.Scene) -> list[str
 
 def shown(file: exr.Multilayer, image: bpy.types.Image, scene: bpy.types.Scene) -> tuple[str, str]:
     """(layer, pass) by name; the first where the file has not so many."""
-    layer_number, pass_number = numbers(image)
+    layer_number, pass_number, _ = numbers(image)
     layer = _at(layers(file, scene), layer_number)
     return layer, _at(passes(file, layer, scene), pass_number)
+
+
+def of_view(file: exr.Multilayer, image: bpy.types.Image, layer: str, name: str) -> str:
+    """The name of a pass of the view that is shown; one that names another view is of that."""
+    _, _, number = numbers(image)
+    wanted = f"{name}.{file.views[number]}" if number < len(file.views) else name
+    return wanted if (layer, wanted) in file.passes else name
 
 
 def _at(names: list[str], number: int) -> str:

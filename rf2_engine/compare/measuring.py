@@ -8,9 +8,14 @@ import traceback
 import bpy
 import numpy as np
 
-from ...model import metrics, progress
+from ...model import metrics, noise, progress
+from ...model.color import linear_to_srgb
 from ...model.errors import RenderCancelled
+from . import header
 from .sources import Picture
+
+NOISY = 0.2  # share of the squared difference that is worth a line: 1 dB
+MOST = 0.7   # from which on an estimate without it would say little
 
 
 class Box:
@@ -48,6 +53,7 @@ class Measurement:
         self.notes: list[str] = []  # what the numbers do not tell
         self.error, self.fraction, self.box = "", 0.0, box
         self._cancelled = False
+        self._composited = composited(a, b)
         self._pixels = box.cut(a.pixels), box.cut(b.pixels)
         self._thread = threading.Thread(target=self.run, daemon=True)
 
@@ -71,8 +77,10 @@ class Measurement:
         """Measure in the calling thread."""
         try:
             with progress.reporting(self._listen):
-                self.notes = notes(*self._pixels, self.box)
-                self.closeness = metrics.closeness(*(pixels[..., :3] for pixels in self._pixels))
+                measured = metrics.closeness(*(pixels[..., :3] for pixels in self._pixels))
+                self.notes = (self._composited + notes(*self._pixels, self.box)
+                              + noise_of_b(*self._pixels, measured.psnr))
+                self.closeness = measured
         except RenderCancelled:
             self.error = "Measuring was cancelled"
         except ValueError as error:  # too small
@@ -89,6 +97,16 @@ class Measurement:
             raise RenderCancelled
 
 
+def composited(a: Picture, b: Picture) -> list[str]:
+    """A line if the compositor made one of the two."""
+    ours, other = (header.COMPOSITE in picture.place[1:2] for picture in (a, b))
+    if ours == other:
+        return []
+    first, second = "AB" if ours else "BA"
+    return [f"{first} went through the compositor and {second} did not: to compare renders, choose a view layer for "
+            f"{first}"]
+
+
 def notes(a: np.ndarray, b: np.ndarray, box: Box) -> list[str]:
     """What the metrics of two parts (H, W, 4) leave out, a line each."""
     found = [] if box.is_whole else [f"Measured: {box.right - box.left} x {box.bottom - box.top} pixels"]
@@ -100,3 +118,14 @@ def notes(a: np.ndarray, b: np.ndarray, box: Box) -> list[str]:
         off = float(np.abs(a[..., 3] - b[..., 3]).mean())
         found.append(f"Alpha is not in the metrics, colours count as over black: it is {off:.4f} off on average")
     return found
+
+
+def noise_of_b(a: np.ndarray, b: np.ndarray, psnr: float) -> list[str]:
+    """A line if much of the difference is noise of the reference."""
+    encoded = [linear_to_srgb(pixels[..., :3]) for pixels in (a, b)]  # clipped, as for PSNR
+    share = noise.excess(*encoded) * 10 ** (psnr / 10)
+    if share < NOISY:
+        return []
+    without = f"without its noise PSNR would be about {psnr - 10 * np.log10(1 - share):.0f} dB" if share < MOST else \
+        "its noise is most of the difference"
+    return [f"B is noisy: {without}. Give it more samples, or denoise it"]

@@ -7,45 +7,75 @@ import textwrap
 import blf
 
 from ...model.magma import STOPS
-from . import comparison, events
+from . import comparison, events, labels
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 SHADE = (0.0, 0.0, 0.0, 0.6)
 SIZE = 13            # of text, in pixels at an interface scale of 1
 SCALE_WIDTH = 200
 ICONS = 56           # pixels of Blender's own gizmos at the right edge, at an interface scale of 1
+SPACE = 16           # pixels between two names in a row, at an interface scale of 1
 GAP = 0.02           # between pictures side by side, of their width
 
 
-def draw(context, a: str, b: str) -> None:
-    """In pixels of the region, with the names of A and B."""
+def draw(context, names: list[tuple[str, str]]) -> None:
+    """In pixels of the region, with names of A and B: the first pair that has room, or else the last."""
     chosen, unit = comparison.settings(), context.preferences.system.ui_scale
     left, bottom, right, top = _place(context)
-    line = min(top + 8 * unit, context.region.height - 48 * unit)  # below the header, however large the picture is
+    _, end = free(context)
     if chosen.mode == "SIDE":
-        _text(a, left, line, unit)
-        _text(b, context.region.view2d.view_to_region(1 + GAP, 1, clip=False)[0], line, unit)
+        beside = context.region.view2d.view_to_region(1 + GAP, 1, clip=False)[0]
+        a, b = labels.longest(names, lambda a, b: left + _width(a, unit) < beside - SPACE * unit
+                              and beside + _width(b, unit) < end)
+        _write(context, top, [[(left, a), (beside, b)]])
     elif chosen.mode == "SPLIT":
         draw_split(context, 1)
-        _text(a, left, line, unit)
-        overlaps = _width(a, unit) + _width(b, unit) + 16 * unit > right - left
-        _text(b, left if overlaps else right - _width(b, unit), line + overlaps * 2 * SIZE * unit, unit)
+
+        def beside_each_other(a: str, b: str) -> bool:
+            return left + _width(a, unit) + SPACE * unit + _width(b, unit) < right
+        a, b = labels.longest(names, beside_each_other)
+        beside = [(left, a), (right - _width(b, unit), b)]
+        _write(context, top, [beside] if beside_each_other(a, b) else [[(left, a)], [(left, b)]])
     elif chosen.mode == "BLINK":
-        _text(b if events.blink else a, left, line, unit)
+        pair = labels.longest(names, lambda a, b: left + max(_width(a, unit), _width(b, unit)) < end)
+        _write(context, top, [[(left, pair[events.blink])]])
     elif chosen.mode == "DIFFERENCE":
-        _text(f"|A - B| x {chosen.gain:g}    {a}    {b}", left, line, unit)
+        _write_both(context, f"|A - B| x {chosen.gain:g}", names)
     else:
-        _flip(f"{a}    {b}", left, right, max(bottom, 64 * unit), line, unit)
+        _flip(context, names, right, max(bottom, 64 * unit))
+
+
+def _write_both(context, head: str, names: list[tuple[str, str]]) -> None:
+    """In one row, or in a row each."""
+    left, _, _, top = _place(context)
+    unit, (_, end) = context.preferences.system.ui_scale, free(context)
+
+    def row(a: str, b: str) -> str:
+        return f"{head}    A: {a}    B: {b}"
+
+    def fits(a: str, b: str) -> bool:
+        return left + _width(row(a, b), unit) < end
+    pair = labels.longest(names, fits)
+    rows = [row(*pair)] if fits(*pair) else [head, f"A: {pair[0]}", f"B: {pair[1]}"]
+    _write(context, top, [[(left, text)] for text in rows])
 
 
 def say(context, message: str) -> None:
     """Instead of a comparison."""
     unit = context.preferences.system.ui_scale
-    left, _, right, top = _place(context)
-    lines = textwrap.wrap(f"Compare: {message}", max(int((right - left) / _width("n", unit)), 20))
-    line = min(top + 8 * unit, context.region.height - 48 * unit)
-    for i, text in enumerate(lines):
-        _text(text, left, line - 2 * SIZE * unit * i, unit)
+    left, _, _, top = _place(context)
+    lines = textwrap.wrap(f"Compare: {message}", max(int((free(context)[1] - left) / _width("n", unit)), 20))
+    _write(context, top, [[(left, text)] for text in lines])
+
+
+def _write(context, top: float, rows: list[list[tuple[float, str]]]) -> None:
+    """Texts above `top`, each from an x on; below the header, however large the picture is."""
+    unit = context.preferences.system.ui_scale
+    height = 2 * SIZE * unit
+    line = min(top + 8 * unit, context.region.height - 48 * unit - height * (len(rows) - 1))
+    for above, row in enumerate(reversed(rows)):
+        for x, text in row:
+            _text(text, x, line + above * height, unit)
 
 
 def _place(context) -> tuple[float, float, float, float]:
@@ -68,13 +98,15 @@ def free(context) -> tuple[float, float]:
     return left, right - ICONS * context.preferences.system.ui_scale
 
 
-def _flip(names, left, right, bottom, line, unit) -> None:
+def _flip(context, names, right, bottom) -> None:
     measured = comparison.measurement
     if measured and measured.closeness:
-        _text(f"FLIP {measured.closeness.flip:.4f}    {names}", left, line, unit)
+        _write_both(context, f"FLIP {measured.closeness.flip:.4f}", names)
+        unit = context.preferences.system.ui_scale
         draw_scale(right, bottom - 24 * unit, unit)
     else:
-        _text(measured and measured.error or "FLIP is being measured", left, line, unit)
+        left, _, _, top = _place(context)
+        _write(context, top, [[(left, measured and measured.error or "FLIP is being measured")]])
 
 
 def split_x(context) -> float:

@@ -31,11 +31,15 @@ class SourceError(Exception):
 
 @dataclass(frozen=True)
 class Picture:
-    name: str
+    place: tuple[str, ...]  # slot or image; for a pass its view layer and its name; in stereoscopy its view
     pixels: np.ndarray  # (H, W, 4) f32, scene-linear, premultiplied, row 0 on top
     window: Window      # the part of the frame that it shows
     rendered: Window    # the part of it that was rendered, in its own pixels
     credits: Credits = Credits()
+
+    @property
+    def name(self) -> str:
+        return ", ".join(self.place)
 
     @property
     def label(self) -> str:
@@ -56,9 +60,10 @@ class Reader:
         if side.kind == "IMAGE":
             image, name = image_of(side), side.image
             if len(image.pixels):  # which loads it; empty for a multilayer EXR
-                return Picture(name, _plain(image), *[windows.whole(*image.size)] * 2)
+                return Picture((name,), _plain(image), *[windows.whole(*image.size)] * 2)
         layer, of = self.chosen(side)
-        return _pass_of(self.files[key(side)], layer, of, slot_number(side), _name(side))
+        file = self.files[key(side)]
+        return _pass_of(file, layer, header.of_view(file, image_of(side), layer, of), slot_number(side), _name(side))
 
     def chosen(self, side) -> tuple[str, str]:
         """(layer, pass) of what `side` asks for; what it leaves open is as in the header. Raises SourceError."""
@@ -85,16 +90,26 @@ class Reader:
             raise SourceError(f"There is no slot {slot}: the render result has {len(image.render_slots)}")
         with tempfile.TemporaryDirectory() as folder, _shown(image, slot), \
                 file_format(self._scene, "OPEN_EXR_MULTILAYER", color_depth="32", exr_codec="NONE",
-                            colorspace=compat.working_space()):
+                            views_format="MULTIVIEW", colorspace=compat.working_space()):
             path = Path(folder) / "passes.exr"
             try:
-                image.save_render(str(path), scene=self._scene)
+                self._save(image, path)
                 return exr.read(path)
             except RuntimeError as error:
-                raise SourceError(f"Slot {slot} is empty: render into it first" if slot else
+                raise SourceError(f"{_slot_name(image, slot)} is empty: render into it first" if slot else
                                   f"The passes of '{image.name}' cannot be read") from error
             except (OSError, ValueError) as error:
                 raise SourceError(f"The passes of '{image.name}' cannot be read: {error}") from error
+
+    def _save(self, image: bpy.types.Image, path: Path) -> None:
+        """Into an empty folder. At first Blender saves the views of stereoscopy to a file each, and says that it could
+        not; asked again, it saves them. Raises RuntimeError."""
+        try:
+            image.save_render(str(path), scene=self._scene)
+        except RuntimeError:
+            if not any(path.parent.iterdir()):
+                raise
+            image.save_render(str(path), scene=self._scene)
 
 
 def image_of(side) -> bpy.types.Image:
@@ -107,7 +122,12 @@ def image_of(side) -> bpy.types.Image:
 
 
 def _name(side) -> str:
-    return side.image if side.kind == "IMAGE" else f"Slot {slot_number(side)}"
+    """As the header has it: a slot keeps its name where one before it is removed, and users give others."""
+    return side.image if side.kind == "IMAGE" else _slot_name(_render_result(), slot_number(side))
+
+
+def _slot_name(image: bpy.types.Image, number: int) -> str:
+    return image.render_slots[number - 1].name
 
 
 def slot_number(side) -> int | None:
@@ -163,12 +183,14 @@ def _pass_of(file: exr.Multilayer, layer: str, of: str, slot: int | None, name: 
     if (layer, of) not in file.passes:
         there = ", ".join(sorted({each for each_layer, each in file.passes if each_layer == layer}))
         raise SourceError(f"{name} has no pass '{of}' in '{layer}'. Choose one of: {there or 'none in this layer'}")
-    pixels = _rgba(file.passes[layer, of])
-    if of in pass_table.REFERENCE_NAMES and credits.lacks_reference(file.metadata, layer) and not pixels[..., :3].any():
+    pixels, (usual, view) = _rgba(file.passes[layer, of]), file.apart(of)
+    lacks = usual in pass_table.REFERENCE_NAMES and credits.lacks_reference(file.metadata, layer)
+    if lacks and not pixels[..., :3].any():
         raise SourceError(f"{name} has no {of} in '{layer}': it was stopped before every pixel had a sample, or failed")
     height, width, _ = pixels.shape
-    return Picture(f"{name}, {layer}, {of}", pixels, windows.of_slot(slot, width, height),
-                   windows.rendered_of_slot(slot, width, height), credits.of_pass(file.metadata, layer, of))
+    place = name, layer, usual, *([view or file.views[0]] if file.views else [])
+    return Picture(place, pixels, windows.of_slot(slot, width, height),
+                   windows.rendered_of_slot(slot, width, height), credits.of_pass(file.metadata, layer, usual))
 
 
 def _rgba(channels: dict[str, np.ndarray]) -> np.ndarray:

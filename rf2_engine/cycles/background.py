@@ -129,8 +129,11 @@ def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bo
                 status = _status(lines)
                 progress.report(cycles_progress.fraction(status), status or "Starting a background Blender")
         except RenderCancelled:
-            if not partial or running.is_stopping() or not _hands_over(engine, process, reader):
+            if not partial or running.is_stopping():
                 raise
+            if not _hands_over(engine, process, reader):
+                raise RenderCancelled("the Blender in the background did not hand over its samples in "
+                                      f"{GRACE:.0f} seconds") from None
             engine.update_stats("", _status(lines))
             return  # with the status of a render that was ended; its file says whether it had anything
         code = process.wait()
@@ -150,7 +153,7 @@ def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bo
 
 def _status(lines: list[str]) -> str:
     """What Cycles said last of its samples, or ""."""
-    said = next((line for line in reversed(lines[-20:]) if "Sample" in line), "").strip()
+    said = next((line for line in reversed(lines) if "Sample" in line), "").strip()
     return said and f"Background Blender {said[said.find('Sample'):]}"
 
 

@@ -24,6 +24,9 @@ class Running(NamedTuple):
     samples: Callable[[], int]  # so far
     wanted: int                 # samples
     begin: float                # by time.perf_counter
+    left: int = 0               # of the render region in the frame, in pixels: Cycles draws it there
+    bottom: int = 0
+    views: tuple[str, ...] = ("",)  # of stereoscopy, which Cycles renders one after the other
 
 
 _lock = threading.Lock()  # the window is drawn by another thread: engine and session must not go away meanwhile
@@ -60,6 +63,20 @@ def running() -> Running | None:
     """The reference of which `draw` can draw something."""
     with _lock:
         return _running if _running and _engine and _running.samples() else None
+
+
+def size() -> tuple[int, int] | None:
+    """Width and height of the picture that `draw` draws, in pixels."""
+    reference = running()
+    return reference and (reference.width, reference.height)
+
+
+def view() -> int:
+    """The number of the view that Cycles renders; 0 without stereoscopy."""
+    with _lock:
+        if _running is None or _engine is None or len(_running.views) < 2:
+            return 0
+        return _running.views.index(_engine.active_view_get())
 
 
 def draw(context: bpy.types.Context) -> None:

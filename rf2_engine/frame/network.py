@@ -74,7 +74,7 @@ class Network:
         encoded = self._encoded(view)
         lobes = self._lobes(encoded, view, guides)
         picture = Picture(hits.combined(lobes.radiance, settings.exposure), guides, lobes, encoded.tokens)
-        smooth = settings.guided and guides.traced is not None and hits.catch is None
+        smooth = settings.guided and hits.catch is None
         if smooth:
             picture = self._antialiased(encoded, picture, view.wraps, hits.outside)
         status.sample = ""

@@ -66,14 +66,15 @@ def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
         with layer.plan.enter(REFERENCE):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
             with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit) as status, \
-                    growing.announced(growing.Running(layer.name, width, height, seconds, partial(
-                        status.samples, samples), samples, begin)):
+                    growing.announced(growing.Running(
+                        layer.name, width, height, seconds, partial(status.samples, samples), samples, begin,
+                        *(layer.border[::2] if layer.border else (0, 0)), tuple(pictures))):
                 rendered = _render(engine, layer.depsgraph, chosen, layer.settings.threads, report)
                 if layer.status.esc_pressed():
                     samples = status.samples(chosen.samples)
                     raise RenderCancelled()
-    except RenderCancelled:  # it may have come after the last sample, too
-        rendered = _kept(rendered, samples, pictures, chosen, report)
+    except RenderCancelled as stop:  # it may have come after the last sample, too
+        rendered = _kept(rendered, samples, pictures, chosen, report, why=str(stop))
         if running.is_stopping():
             raise
     except Exception as error:
@@ -108,15 +109,15 @@ def _save(layer: Layer, view: str, pixels: np.ndarray, report: Report) -> None:
 
 
 def _kept(rendered: dict[str, Passes], samples: int, pictures: dict[str, Passes], chosen: FrameReference,
-          report: Report) -> dict[str, Passes]:
+          report: Report, why: str) -> dict[str, Passes]:
     """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then.
 
-    All its views, or none.
+    All its views, or none. why: there is nothing, if that is known better.
     """
     shown = [(passes.get("cycles_reference"), pictures[view]["combined"]) for view, passes in rendered.items()]
     if not samples or not shown or any(
             theirs is None or np.array_equal(theirs, ours, equal_nan=True) for theirs, ours in shown):
-        report.skipped(NAME, "it was stopped before every pixel had a sample")
+        report.skipped(NAME, why or "it was stopped before every pixel had a sample")
         return {}
     if samples < chosen.samples:
         report.approximated(NAME, f"it was stopped after {samples} of {chosen.samples} samples" +

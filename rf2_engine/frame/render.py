@@ -44,6 +44,10 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         last_render.add(LayerStatistics(name, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
             engine.report({"ERROR"}, "RenderFormer-V2 was disabled while it rendered")
+    except KeyboardInterrupt:  # Ctrl-C in a Python that has imported bpy, which Blender would swallow
+        last_render.add(LayerStatistics(name, cancelled=True))
+        engine.report({"ERROR"}, "Interrupted")
+        engine.error_set("Interrupted")
     except Exception as error:
         _fail(engine, name, failure.message(error))
     else:

@@ -94,7 +94,8 @@ def has_left(kept: np.ndarray, box: np.ndarray, tolerance: float = 1.0) -> bool:
 
 def _keys(scene: bpy.types.Scene, frame: float) -> tuple[int, ...]:
     switched = [marker.frame for marker in scene.timeline_markers if marker.camera and marker.frame <= frame]
-    first = max([min(scene.frame_start, _begins.get(scene.name, scene.frame_start)), *switched])
+    begin = _begins.get(scene.name, scene.frame_start)
+    first = max([begin if bpy.app.background else min(scene.frame_start, begin), *switched])
     if frame < first:
         return ()
     return tuple(sorted({first, first + int(frame - first) // BLOCK * BLOCK}))

@@ -13,6 +13,7 @@ from ..convert.report import Report
 from ..settings import FrameSettings
 
 NAME = "Published Weights"
+FULL = 0.9  # of Max Triangles, from which on there may be too few
 
 
 def told(scene: RenderScene, view: View, settings: FrameSettings, report: Report) -> RenderScene:
@@ -25,6 +26,11 @@ def told(scene: RenderScene, view: View, settings: FrameSettings, report: Report
         report.approximated(NAME, f"{wanted} was trained for pictures of this size, but {bundle} has only {found}")
     normalized = Normalization.of(scene).scene(scene)
     tokens = as_trained(normalized, emitters(normalized))
+    few = settings.token_budget < training_range.WELL_KNOWN and not settings.as_is
+    if few and FULL * settings.token_budget <= len(scene):
+        report.approximated(NAME, f"the scene fills Max Triangles ({settings.token_budget}): the weights know "
+                                  f"{training_range.WELL_KNOWN} well, and up to {training_range.TRIANGLES}, which show "
+                                  "more and take longer")
     for remark in training_range.remarks(tokens):
         report.approximated(NAME, remark)
     return tokens

@@ -12,7 +12,9 @@ from bpy_extras.io_utils import ImportHelper
 from ...model.errors import CheckpointError
 from ..material_settings import read_latent, set_latent
 from ..registering import classes
+from ..settings import is_published
 from ..setup import importing, published_weights
+from ..setup.display import draw_text
 from ..setup.packages import MissingPackages
 from .panel import EnginePanel
 
@@ -27,13 +29,18 @@ class RENDERFORMER_PT_material_latent(EnginePanel):
 
     @classmethod
     def poll(cls, context):
-        return context.material and super().poll(context)
+        """Of published weights, and of materials that have one already."""
+        return context.material and super().poll(context) and (
+            is_published(context.scene.renderformer_v2) or context.material.renderformer_v2.use_latent)
 
     def draw_header(self, context):
         self.layout.prop(context.material.renderformer_v2, "use_latent", text="")
 
     def draw(self, context):
         layout, settings = self.layout, context.material.renderformer_v2
+        if not is_published(context.scene.renderformer_v2):
+            draw_text(layout, "Only published weights know it: others render the nodes", icon="INFO")
+        layout = layout.column()
         layout.active = settings.use_latent
         layout.operator("renderformer_v2.load_latent", icon="FILE_FOLDER")
         grid = layout.grid_flow(row_major=True, columns=3, align=True)

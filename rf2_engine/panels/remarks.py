@@ -44,7 +44,7 @@ def draw_remarks(layout: bpy.types.UILayout, report: LayerStatistics | Preflight
             _draw_select(layout, remark)
             draw_text(layout, f"{remark.kind}: {remark.message}", icon=ICONS[remark.kind])
         else:
-            draw_text(layout, str(remark), icon=ICONS[remark.kind])
+            draw_text(layout, f"{remark.name}: {remark.message}", icon=ICONS[remark.kind])
 
 
 def _draw_group(layout: bpy.types.UILayout, group: Group, names: frozenset[str]) -> None:

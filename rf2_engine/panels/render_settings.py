@@ -8,7 +8,7 @@ from ...model import weights_files
 from ...model.errors import CheckpointError
 from ..frame import model_cache
 from ..registering import classes
-from ..settings import light_passes
+from ..settings import is_published
 from ..setup import package_panel, packages, published_weights
 from ..setup.display import draw_text
 from .panel import EnginePanel
@@ -33,15 +33,15 @@ class RENDERFORMER_PT_settings(EnginePanel):
                 draw_text(column, problem)
         elif settings.weights_source == "PUBLISHED":
             _draw_published(column)
-        if not light_passes(context.scene):  # of guided weights there are some
-            column.prop(settings, "transformer")
+        published = is_published(settings)
+        if published:
+            column.prop(settings, "transformer", text="Network")
         column.prop(settings, "device")
         if settings.device == "cuda":
             column.prop(settings, "card")
         column.prop(settings, "precision")
-        light = column.row()
-        light.active = bool(light_passes(context.scene))  # the published network is given no traced light
-        light.prop(settings, "light")
+        if not published:  # that network is given no traced light
+            column.prop(settings, "light")
         numbers = layout.column(align=True)
         numbers.use_property_split = False  # their names would be cut at the sidebar's usual width
         numbers.prop(settings, "token_budget")
@@ -49,7 +49,7 @@ class RENDERFORMER_PT_settings(EnginePanel):
         numbers.prop(settings, "guide_samples")
         numbers.separator()
         numbers.prop(settings, "as_is")
-        if not light_passes(context.scene):
+        if published:
             numbers.prop(settings, "paper_lamps")
             numbers.operator("renderformer_v2.suggested_budget")
         numbers.prop(settings, "bake_unknown")
@@ -81,10 +81,13 @@ class RENDERFORMER_PT_film(EnginePanel):
         layout, scene = self.split_layout(), context.scene
         layout.prop(scene.cycles, "film_exposure")
         layout.prop(scene.render, "film_transparent", text="Transparent")
+        traced = scene.renderformer_v2.light == "TRACED" and not is_published(scene.renderformer_v2)
         glass = layout.column()
-        glass.active = scene.render.film_transparent and scene.renderformer_v2.light == "TRACED"
+        glass.active = scene.render.film_transparent and traced
         glass.prop(scene.cycles, "film_transparent_glass", text="Transparent Glass")
         glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness")
+        if scene.render.film_transparent and not traced:
+            draw_text(layout, "Transparent Glass needs the bundled network, and Light: With Cycles", icon="INFO")
         column = layout.column()
         column.prop(scene.cycles, "pixel_filter_type", text="Pixel Filter")
         if scene.cycles.pixel_filter_type != "BOX":

@@ -12,7 +12,8 @@ from ...model.errors import SceneError
 def in_render(scene: bpy.types.Scene, work: Callable[[bpy.types.RenderEngine, bpy.types.Depsgraph], object]) -> object:
     """What work(engine, depsgraph) returns, called where F12 would render the first view layer that is enabled.
 
-    It raises what `work` raises. Settings are as they were afterwards; the render result is a new, empty one.
+    It raises what `work` raises, and SceneError where Blender cannot render the scene. Settings are as they were
+    afterwards; the render result is a new, empty one.
     """
     found = []
 
@@ -31,12 +32,16 @@ def in_render(scene: bpy.types.Scene, work: Callable[[bpy.types.RenderEngine, bp
             except Exception as error:  # Blender would print it and go on
                 found.append((None, error))
 
+    if scene.camera is None:
+        raise SceneError(f'Scene "{scene.name}" has no camera: add one')
     render = scene.render
     before = {name: getattr(render, name) for name in ("engine", "use_compositing", "use_sequencer")}
     bpy.utils.register_class(Visitor)
     try:
         render.engine, render.use_compositing, render.use_sequencer = Visitor.bl_idname, False, False
         bpy.ops.render.render(scene=scene.name)
+    except RuntimeError as error:
+        raise SceneError(f'Scene "{scene.name}" cannot be rendered now ({" ".join(str(error).split())})') from error
     finally:
         for name, value in before.items():
             setattr(render, name, value)

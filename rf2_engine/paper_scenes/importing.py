@@ -10,6 +10,7 @@ import numpy as np
 
 from mathutils import Matrix, Vector
 
+from ...model import git_lfs
 from ...model.errors import SceneError
 from ...model.published.obj_mesh import ObjMesh, read_obj
 from ...model.published.prepared_frame import (
@@ -19,6 +20,7 @@ from ...model.published.prepared_frame import (
     FrameObject,
     FrameVolume,
     missing,
+    pointers,
     read_frame,
 )
 from ..engine import RenderFormerEngine
@@ -38,6 +40,8 @@ def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.type
     frame = read_frame(folder)
     for name in missing(frame, folder):
         report.skipped(frame.name, f"{name} is not in {folder}: put it there and import again")
+    for name in pointers(frame, folder):
+        report.skipped(frame.name, f"{name} {git_lfs.remedy(folder)}, and import again")
     meshes = {key: _read(folder / it.mesh, report) for key, it in frame.objects.items()}
     if not frame.cameras:
         raise SceneError(f"{folder} has no camera: add one to its scene_config.json")
@@ -72,10 +76,13 @@ def _read(file: Path, report) -> ObjMesh | None:
     if not file.is_file():
         return None  # it is reported already
     try:
-        return read_obj(file)
+        found = read_obj(file)
     except SceneError as error:
         report.refused(file.name, str(error))
         return None
+    if not len(found.sizes):
+        report.skipped(file.name, f"{file} has no face that has an area")
+    return found
 
 
 def _add_object(scene, key: str, it: FrameObject, mesh: ObjMesh, folder: Path, report) -> None:

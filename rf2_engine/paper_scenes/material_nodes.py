@@ -59,12 +59,14 @@ def _principled(nodes) -> bpy.types.Node:
 
 
 def _diffuse_and_glossy() -> bpy.types.NodeTree:
-    """The node group, one for the file."""
-    if (known := bpy.data.node_groups.get(GROUP)) is not None:
-        return known
-    tree = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
+    """The node group, one for the file; one of that name that is another is left alone."""
     sockets = (("Diffuse", "NodeSocketColor"), ("Specular", "NodeSocketColor"), ("Roughness", "NodeSocketFloat"),
                ("Normal", "NodeSocketVector"))
+    wanted = [name for name, _ in sockets]
+    for known in bpy.data.node_groups:
+        if known.name.startswith(GROUP) and known.bl_idname == "ShaderNodeTree" and _inputs(known) == wanted:
+            return known
+    tree = bpy.data.node_groups.new(GROUP, "ShaderNodeTree")
     for name, kind in sockets:
         socket = tree.interface.new_socket(name, in_out="INPUT", socket_type=kind)
         if name == "Normal":
@@ -84,6 +86,10 @@ def _diffuse_and_glossy() -> bpy.types.NodeTree:
     for x, node in ((-300, given), (0, diffuse), (0, glossy), (200, both), (400, result)):
         node.location = (x, -200 if node is glossy else 0)
     return tree
+
+
+def _inputs(tree: bpy.types.NodeTree) -> list[str]:
+    return [it.name for it in tree.interface.items_tree if it.item_type == "SOCKET" and it.in_out == "INPUT"]
 
 
 def _fill(made, shader, material: FrameMaterial, folder: Path, report) -> None:

@@ -38,7 +38,7 @@ class RENDERFORMER_OT_import_scene(bpy.types.Operator, ImportHelper):
             else:
                 scene = importing.import_frame(file if file.is_dir() else file.parent, report, self.resolution)
         except (SceneError, OSError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, explained(error, "read"))
             return {"CANCELLED"}
         if context.window is not None:
             context.window.scene = scene
@@ -59,13 +59,15 @@ class RENDERFORMER_OT_export_scene(bpy.types.Operator, ExportHelper):
     def execute(self, context):
         from . import exporting, h5_export
         report, target = Report(), Path(self.filepath)
+        if target.suffix.lower() == ".json":  # which the folder will hold
+            target = target.with_suffix("")
         try:
             if target.suffix.lower() in H5:
                 h5_export.export_h5(context.scene, context.scene.renderformer_v2.weights(), target, report)
             else:
                 exporting.export_frame(context.scene, target, report)
         except (SceneError, CheckpointError, MissingPackages, OSError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, explained(error, "written"))
             return {"CANCELLED"}
         tell(self, report)
         return {"FINISHED"}
@@ -74,6 +76,13 @@ class RENDERFORMER_OT_export_scene(bpy.types.Operator, ExportHelper):
         self.filepath = bpy.path.clean_name(context.scene.name) + "_frame"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
+
+
+def explained(error: Exception, done: str) -> str:
+    """For users; done: to the file that the system names."""
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename} cannot be {done}: {error.strerror}"
+    return str(error)
 
 
 def tell(operator: bpy.types.Operator, report: Report) -> None:

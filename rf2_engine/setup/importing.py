@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import platform
 import sys
 import threading
 import traceback
 from importlib.util import find_spec
 
-from . import packages, wheels
+from . import packages, shared_folders, wheels
 
 _lock = threading.Lock()
 _failure = ""
@@ -49,12 +50,15 @@ def _explained(name: str, error: Exception) -> str:
 def _advice(name: str, text: str) -> str:
     if sys.platform == "win32" and any(f"WinError {number}]" in text for number in (126, 127, 1114)):
         return "Install Microsoft's Visual C++ Redistributable (x64)"
-    if not packages.is_elsewhere(name):
-        advice = "Use Preferences > Add-ons > RenderFormer-V2 > Repair Packages"
-    else:
+    if packages.is_elsewhere(name):
         where = find_spec(name).origin if name not in sys.modules else "Blender's Python"
         advice = (f"It is the one in {where}: install it again with {sys.executable} -m pip install --force-reinstall "
                   f"{wheels.requirement(packages.PACKAGES[name])}")
+    elif shared := shared_folders.named(shared_folders.PACKAGES):
+        advice = (f"The environment variable {shared_folders.PACKAGES} names {shared}: it has to be filled on a "
+                  f"machine with the same system and Python {platform.python_version()}")
+    else:
+        advice = "Use Preferences > Add-ons > RenderFormer-V2 > Repair Packages"
     if any(word in text.lower() for word in ("libcu", "cuda", "nvidia", "nccl")):
         advice += ", update the NVIDIA driver, or choose PyTorch's CPU build in the preferences"
     return advice

@@ -238,6 +238,11 @@ def require() -> None:
     if names:
         if problem := unavailable(names):
             raise MissingPackages(problem)
+        if shared := shared_folders.named(shared_folders.PACKAGES):
+            raise MissingPackages(
+                f"Python packages are missing or incomplete in {shared}: {', '.join(names)}. The environment variable "
+                f"{shared_folders.PACKAGES} names this folder: correct it, or fill it with blender --online-mode "
+                "--command renderformer_v2 install")
         raise MissingPackages(
             f"Python packages are missing or incomplete: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > "
             f"Install Packages (PyTorch is a large download), or install them into Blender's Python: {sys.executable} "

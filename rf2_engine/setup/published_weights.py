@@ -81,10 +81,17 @@ def require() -> Path:
     if bundle and isdir(bundle):
         readable = os.access(bundle, os.R_OK | os.X_OK)
         what = f"in {bundle}: {', '.join(parts)}" if readable else f": {bundle} may not be read"
-    elif packages.preferences() and packages.preferences().weights_folder:
+    elif shared_folders.named(shared_folders.WEIGHTS) or (packages.preferences()
+                                                          and packages.preferences().weights_folder):
         what = f": there is no folder {bundle}"
-    raise CheckpointError(f"The published weights are not complete {what}. Download them, or choose a folder that has "
-                          "them, in Preferences > Add-ons > RenderFormer-V2; or set Weights to Bundled")
+    raise CheckpointError(f"The published weights are not complete {what}. {_remedy()}; or set Weights to Bundled")
+
+
+def _remedy() -> str:
+    if shared_folders.named(shared_folders.WEIGHTS):
+        return (f"The environment variable {shared_folders.WEIGHTS} says where: correct it, or download them there "
+                "with blender --online-mode --command renderformer_v2 install --download")
+    return "Download them, or choose a folder that has them, in Preferences > Add-ons > RenderFormer-V2"
 
 
 def size_on_disk(folder: Path) -> int:

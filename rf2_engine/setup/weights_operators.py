@@ -7,12 +7,12 @@ import shutil
 import bpy
 
 from ...model.published import latent_store
+from ...model.published.training_range import TRIANGLES, WELL_KNOWN
 from ..frame import model_cache, running
 from ..registering import classes
 from . import packages, preferences, published_weights, redraw, shared_folders, weights_download
 
 RENDERING = "A render is running"
-SUGGESTED = 16384  # triangles: stages 5 and 6 of the training, the last with glass (docs/scene-input.md 2.4)
 
 
 def is_rendering() -> bool:
@@ -139,13 +139,13 @@ class RENDERFORMER_OT_remove_latents(bpy.types.Operator):
 
 class RENDERFORMER_OT_suggested_budget(bpy.types.Operator):
     bl_idname = "renderformer_v2.suggested_budget"
-    bl_label = "Triangle Budget for These Weights"
-    bl_description = ("Set the Triangle Budget to 16384, which the published weights know well. They were trained with "
-                      "up to 65536, if memory and time allow")
+    bl_label = "Max Triangles for These Weights"
+    bl_description = (f"Set Max Triangles to {WELL_KNOWN}, which the published weights know well. They were trained "
+                      f"with up to {TRIANGLES}, if memory and time allow")
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        context.scene.renderformer_v2.token_budget = SUGGESTED
+        context.scene.renderformer_v2.token_budget = WELL_KNOWN
         return {"FINISHED"}
 
 

@@ -30,7 +30,7 @@ COARSE = 4  # what pixels are divided by in pictures that are quickly made
 class Look:
     """The settings that decide what a viewport shows."""
 
-    frame: FrameSettings  # of a render, with the viewport's own Triangle Budget
+    frame: FrameSettings  # of a render, with the viewport's own Max Triangles
     finest: int           # what the pixels along a side are divided by at most
     time_limit: float     # seconds of one picture, 0 = any
 

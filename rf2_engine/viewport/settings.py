@@ -8,12 +8,12 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty
 
 class RenderFormerViewportSettings(bpy.types.PropertyGroup):
     token_budget: IntProperty(
-        name="Triangle Budget", default=2048, min=256, soft_max=16384, max=1 << 20,
+        name="Max Triangles", default=2048, min=256, soft_max=16384, max=1 << 20,
         description="Maximum triangles sent to the network for Rendered viewports. Fewer triangles react faster to "
                     "changes",
     )
     resolution: EnumProperty(
-        name="Maximum Resolution", default="1",
+        name="Resolution", default="1",
         description="The finest picture of a viewport. Pictures of 1/8, 1/4 and 1/2 of its pixels along each side "
                     "come first",
         items=(("1", "Full", "All pixels of the viewport", 0), ("2", "1/2", "Half as many along each side", 1),

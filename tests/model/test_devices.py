@@ -10,6 +10,7 @@ from renderformer_v2.model.guided import guide_tensors
 from renderformer_v2.model.network import decoder
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, RenderScene, Volumes, constant_tile
 from renderformer_v2.model.threads import shared, team
+from tests.model.guided.weights import write_busy
 from tests.model.pretended_mps import pretended_mps
 from tests.model.samples import flat, floor_scene, floor_view
 
@@ -66,10 +67,12 @@ def assert_same(actual: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(actual, expected, rtol=1e-3, atol=1e-3 * expected.mean())
 
 
-def test_the_bundled_network_paints_the_same_picture_on_a_gpu_that_refuses_float64(pictures, scene, seen):
+def test_a_guided_network_paints_the_same_picture_on_a_gpu_that_refuses_float64(pictures, scene, seen, tmp_path):
+    weights = write_busy(tmp_path)
+
     def painted(device: str) -> np.ndarray:
         view, guides = seen
-        encoded = renderer.Renderer(device=device, precision="fp32").encode(scene)
+        encoded = renderer.Renderer(weights, device=device, precision="fp32").encode(scene)
         lobes = encoded.lobes(view, guides)
         return encoded.antialiased({"Combined": lobes.radiance}, lobes, guides, samples=8)["Combined"]
 

@@ -1,21 +1,48 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rendering with the bundled weights."""
+"""Rendering with the bundled weights, and with weights whose transformer has a say in every pixel."""
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from renderformer_v2.model import progress
 from renderformer_v2.model.camera import view_rays
+from renderformer_v2.model.checkpoint import load_network, save_network
 from renderformer_v2.model.errors import RenderCancelled
 from renderformer_v2.model.renderer import Renderer, padded
 from renderformer_v2.model.scene import Guides
+from tests.model.guided.weights import write_busy
 from tests.model.samples import floor_scene, floor_view
 
 
 @pytest.fixture(scope="module")
-def renderer() -> Renderer:
-    return Renderer(device="cpu", precision="fp32")
+def busy(tmp_path_factory) -> Path:
+    return write_busy(tmp_path_factory.mktemp("busy"))
+
+
+@pytest.fixture(scope="module", params=["bundled", "busy"])
+def renderer(request, busy) -> Renderer:
+    return Renderer(*[busy] * (request.param == "busy"), device="cpu", precision="fp32")
+
+
+def test_a_transformer_that_adds_nothing_is_left_out_and_one_that_does_is_not(busy, tmp_path):
+    def picture(folder, idle=None):
+        renderer = Renderer(folder, device="cpu", precision="fp32")
+        renderer.pipeline.is_idle = renderer.pipeline.is_idle if idle is None else idle
+        encoded = renderer.encode(floor_scene())
+        return encoded.view(*floor_view()), encoded.encoded.context
+    with_say, context = picture(busy)
+    assert context is not None
+    network = load_network(busy)
+    torch.nn.init.zeros_(network.view_transformer.out_dpt.scratch.output_conv2[-1].weight)
+    save_network(tmp_path, network.config, network.state_dict())
+    left_out, context = picture(tmp_path)
+    assert context is None and np.abs(with_say - left_out).max() > 1e-3 * left_out.max()
+    computed, context = picture(tmp_path, idle=False)
+    assert context is not None
+    np.testing.assert_array_equal(left_out, computed)
 
 
 def test_picture_scales_with_the_light_and_keeps_odd_sizes(renderer):

@@ -3,35 +3,40 @@
 import argparse
 import json
 import sys
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
 import torch
 from torch import nn
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
 from renderformer_v2.model.guided.antialiasing import KernelPredictor
-from tools.train import antialiasing, material, ranks
+from tools.train import antialiasing, apart, material, ranks
 from tools.train.errors import TrainingError
 
 
 def spheres(work: Path) -> list[float]:
-    """Weights of a small part after three steps of `material.fit`, twice."""
+    """Weights of a small part after 20 steps of `material.fit`, twice."""
     torch.manual_seed(0)
     model = nn.Sequential(nn.Linear(3, 4), nn.ReLU(), nn.Linear(4, 2))
     x = torch.linspace(0, 1, 90).view(30, 3)
     work.mkdir(exist_ok=True)
     for name, wanted in (("part", 1.0), ("same-part-again", 0.5)):  # as mapper and decoder, then encoder and decoder
         material.fit(model, lambda indices, wanted=wanted: (model(x[indices]) - wanted).square().mean(), len(x),
-                     work / f"{name}.safetensors", steps=3, batch=8, rate=0.1)
+                     work / f"{name}.safetensors", steps=20, batch=8, rate=0.1)
     return torch.cat([p.detach().flatten() for p in model.parameters()]).tolist()
 
 
 def kernels(work: Path) -> list[float]:
-    """The same after a second of `antialiasing.train`, which the first process alone writes."""
+    """The same after 20 steps of `antialiasing.train`, which the first process alone writes."""
     torch.manual_seed(0)
+    clock = count()
+    apart.time = SimpleNamespace(monotonic=lambda: next(clock))  # in steps
     predictor = KernelPredictor(4)
     samples = [torch.rand(1, sum(antialiasing.CHANNELS), 48, 48).half() for _ in range(2)]
-    antialiasing.train(predictor, samples, 1.0, lambda: (work / f"written-by-{ranks.rank()}").touch())
+    antialiasing.train(predictor, samples, 21.0, lambda: (work / f"written-by-{ranks.rank()}").touch())
+    assert next(clock) == 22
     return torch.cat([p.detach().flatten() for p in predictor.parameters()]).tolist()
 
 

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from renderformer_v2.model.presets import rf2_200m
-from tests.model.published.bundles import tiny_published_config
-from tools.benchmark import device, farm, load
+from tests.model.published.bundles import tiny_published_config, tiny_vae
+from tools.benchmark import device, farm, load, textures
 from tools.benchmark.flops import decoder_flops_per_ray, forward_flops, product_rate, stage1_flops, visible_pairs
 from tools.benchmark.report import extrapolated, stage1_ratio
 from tools.benchmark.ring import LEAST, triangle_corners
@@ -132,6 +133,15 @@ def test_a_device_is_measured_by_itself(monkeypatch):
     assert found["precision"] == "BFloat16" and found["precision_fails"] == "" and found["finite"]
     assert 0 < found["rms_error"] < 0.1 and found["stage2_seconds"] > 0 and found["device"].startswith("CPU")
     assert json.loads(json.dumps(found)) == found
+
+
+def test_encoding_textures_is_measured_at_the_first_render_and_at_a_later_one(monkeypatch):
+    monkeypatch.setitem(textures.SIZES, "hidden_dim", 8)
+    found = textures.measure(3, torch.device("cpu"), tiny_vae())
+    assert found["video_seconds"] > 0 and found["image_seconds"] > 0 and found["triangles"] == 3
+    assert found["first_seconds"] > 0 and found["later_seconds"] >= 0 and found["times"] > 0
+    scene = textures.textured(3)
+    assert len(np.unique(scene.tiles[:, 0], axis=0)) == 3 and np.ptp(scene.tiles[0, 0].astype(float)) > 0.01
 
 
 def test_a_device_that_is_not_there_is_said():

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The kernel predictor is trained alone, from what the rest of the network renders; without Blender."""
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.guided.antialiasing import KernelPredictor, seen, weighted
-from renderformer_v2.model.normalize import Normalization
+from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, exposure_of, seen, weighted
 from renderformer_v2.model.renderer import Renderer
 from tests.tools.test_train import stored  # noqa: F401 - a fixture
-from tools.datagen.shards import load_sample
+from tools.datagen.shards import load_sample, save_sample
 from tools.train import antialiasing as training
 from tools.train.antialiasing import CHANNELS
 from tools.train.errors import SampleError
@@ -18,19 +18,27 @@ from tools.train.errors import SampleError
 @torch.inference_mode()
 def test_a_sample_becomes_what_the_predictor_sees_and_what_it_should_make(stored, tmp_path):  # noqa: F811
     renderer = Renderer(device="cpu", precision="fp32")
-    found = training.pixels(renderer, stored)
     scene, (view,), (guide,), (reference,) = load_sample(stored)
-    exposure = Normalization.of(scene).exposure
-    assert found.shape == (1, sum(CHANNELS), view.height, view.width)
-    known, ours, wanted = found.split(CHANNELS, 1)
+    guide = replace(guide, traced=np.float32(0.5) * guide.diffuse_color)
+    traced = tmp_path / "scene_00000001.npz"
+    save_sample(traced, scene, [view], [guide], [reference])
+    scene, (view,), (guide,), (reference,) = load_sample(traced)
+    found = training.pixels(renderer, traced)
     radiance = renderer.encode(scene).view(view, guide)
+    exposure = exposure_of(radiance, guide)
+    assert found.shape == (2, sum(CHANNELS), view.height, view.width)
+    known, ours, wanted = found.split(CHANNELS, 1)
     whole = exposure * (radiance + guide.emission + guide.environment)
     np.testing.assert_allclose(ours[0, :3].permute(1, 2, 0), whole, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(wanted[0, :3].permute(1, 2, 0), exposure * (
         reference["combined"][..., :3] + reference["environment"]), rtol=1e-5, atol=1e-6)
     np.testing.assert_array_equal(ours[0, 3], guide.alpha)
     np.testing.assert_array_equal(wanted[0, 3], reference["combined"][..., 3])
-    torch.testing.assert_close(known, seen(radiance, guide, exposure))
+    torch.testing.assert_close(known[:1], seen(radiance, guide, exposure))
+    alone = replace(guide, traced=None)
+    assert not known[1, SEEN["traced"]].any() and known[0, SEEN["traced"]].any()
+    radiance = renderer.encode(scene).view(view, alone)
+    torch.testing.assert_close(known[1:], seen(radiance, alone, exposure_of(radiance, alone)))
 
 
 def test_a_damaged_sample_is_named(tmp_path):

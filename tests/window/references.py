@@ -18,8 +18,13 @@ def both(comparison, found):
         found["button"].append(chosen.show)
 
 
-def stop_reference(editor, comparison, last_render, found):
-    """It is seen while it grows, and Esc keeps its samples."""
+def stop_reference(editor, comparison, last_render, found, region_of_frame=None):
+    """It is seen while it grows, also in a render region, one button hides it, and Esc keeps its samples."""
+    name = "region" if region_of_frame else "reference"
+    render = bpy.context.scene.render
+    if region_of_frame:
+        render.use_border = True
+        render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = region_of_frame
     from bl_ext.user_default.renderformer_v2.rf2_engine.compare import growing
     from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import growing as of_cycles
     reference = bpy.context.scene.renderformer_v2.reference
@@ -31,7 +36,13 @@ def stop_reference(editor, comparison, last_render, found):
     for number in range(2):
         yield 2.5
         samples.append(of_cycles.running().samples())
-        driver.shot(f"reference_grows_{number}")
+        driver.shot(f"{name}_grows_{number}")
+    found[f"{name}_buttons"] = [chosen.show]
+    for _ in range(2):
+        bpy.ops.renderformer_v2.compare()
+        yield 1.5
+        driver.shot(f"{name}_grows_and_{'both' if chosen.show else 'one'}")
+        found[f"{name}_buttons"].append(chosen.show)
     with growing._shown.bind():
         import gpu
         width, height = growing._shown.width, growing._shown.height
@@ -42,11 +53,15 @@ def stop_reference(editor, comparison, last_render, found):
     yield lambda: not is_rendering()
     yield lambda: comparison.a is not None and "samples" in comparison.b.label
     yield 1.0
-    driver.shot("reference_stopped")
+    driver.shot(f"{name}_stopped")
     (last,) = last_render.last_frame
-    found["stopped"] = [samples, last.reference_samples, last.report, comparison.b.label, growing._shown is None]
-    found["grown_off"] = float(np.abs(grown - comparison.b.pixels)[..., :3].mean() / comparison.b.pixels.mean())
-    reference.samples = 64
+    found[f"{name}_stopped"] = [samples, last.reference_samples, last.report, comparison.b.label,
+                                growing._shown is None]
+    box = comparison.b.rendered
+    rows = comparison.b.pixels.shape[0]
+    rendered = comparison.b.pixels[rows - box.top:rows - box.bottom, box.left:box.right]
+    found[f"{name}_grown_off"] = float(np.abs(grown - rendered)[..., :3].mean() / rendered.mean())
+    reference.samples, render.use_border = 64, False
 
 
 def slots(editor, comparison, last_render, found):

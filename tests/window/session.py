@@ -8,11 +8,11 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).parent))
 from driver import ESC, F12, area, is_rendering, middle, region  # noqa: E402  it lies beside this file
+from interface import packages, preflight, presets, properties, refused, report  # noqa: E402
 from references import both, slots, stop_elsewhere, stop_reference  # noqa: E402
 from rendering import ARCHIVE, FOLDER, driver, lines, render, stages, watch  # noqa: E402
 
 STAGES = ("Converting the scene", "Camera rays", "Network", "Cycles Reference")
-PROPERTIES = ("RENDER", "OUTPUT", "VIEW_LAYER", "WORLD", "OBJECT", "DATA", "MATERIAL")
 
 
 def session():
@@ -36,6 +36,8 @@ def session():
     yield 1.0
     driver.shot("engine")
     yield from preflight(found)
+    yield from refused(found)
+    yield from presets()
     yield from properties()
 
     area("VIEW_3D").type = "IMAGE_EDITOR"
@@ -52,36 +54,14 @@ def session():
     yield from both(comparison, found)
     yield from compare(editor, comparison, found)
     yield from stop_reference(editor, comparison, last_render, found)
+    yield from stop_reference(editor, comparison, last_render, found, region_of_frame=(0.3, 0.8, 0.25, 0.7))
     yield from slots(editor, comparison, last_render, found)
     yield from escape(editor, last_render, found)
     yield from reopen(editor, comparison, found)
     yield from hostile(editor, comparison, last_render, found)
     yield from elsewhere(editor, last_render, found)
-
-
-def properties():
-    """Every tab of the Properties editor, as far as it is seen."""
-    space = area("PROPERTIES").spaces.active
-    for name in PROPERTIES:
-        space.context = name
-        yield 0.7
-        driver.shot(f"properties_{name.lower()}")
-
-
-def preflight(found):
-    """Looked at, and then outdated by a setting; what is said is drawn by panels, so it is in the screenshots."""
-    from bl_ext.user_default.renderformer_v2.rf2_engine.frame import preflight as looked_at
-    scene, space = bpy.context.scene, area("PROPERTIES").spaces.active
-    space.context = "RENDER"
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area("PROPERTIES")):
-        bpy.ops.renderformer_v2.preflight()
-    yield 0.5
-    latest = looked_at.last[scene.name]
-    scene.renderformer_v2.guide_samples += 1
-    found["preflight"] = [latest.lines, latest.state != looked_at.state_of(scene, bpy.context.view_layer)]
-    yield 0.5
-    driver.shot("preflight_outdated")
-    scene.renderformer_v2.guide_samples -= 1
+    yield from report(editor, last_render, found)
+    yield from packages(editor)
 
 
 def compare(editor, comparison, found):
@@ -112,6 +92,13 @@ def compare(editor, comparison, found):
         chosen.gain = 10
         yield 1.0
         driver.shot(f"compare_{mode.lower()}")
+    editor.spaces.active.show_region_ui, chosen.mode = False, "SPLIT"
+    yield 1.0
+    chosen.mode = "SIDE"
+    yield 1.0
+    driver.shot("compare_side_without_sidebar")
+    editor.spaces.active.show_region_ui, chosen.mode = True, "SPLIT"
+    yield 1.0
     path = FOLDER / "sheet.png"
     bpy.ops.renderformer_v2.compare_export(filepath=str(path))
     found["exported"] = [each.is_file() for each in (path, path.with_suffix(".json"))]
@@ -228,17 +215,6 @@ def elsewhere(editor, last_render, found):
     found["elsewhere"] = {"report": last_render.last_frame[0].report, "lines": sorted(set(lines), key=lines.index),
                           "samples": last_render.last_frame[0].reference_samples}
     yield from stop_elsewhere(editor, last_render, found)
-    yield from packages()
-
-
-def packages():
-    """The add-on's preferences, with what is missing."""
-    editor = area("PROPERTIES")
-    editor.type = "PREFERENCES"
-    bpy.context.preferences.active_section = "ADDONS"
-    bpy.ops.preferences.addon_show(module="bl_ext.user_default.renderformer_v2")
-    yield 2.0
-    driver.shot("preferences")
 
 
 bpy.context.preferences.view.show_splash = False

@@ -53,11 +53,13 @@ def test_the_picture_and_its_reference_are_seen_together_without_choosing_anythi
     assert found["button"] == [False, True]
 
 
-def test_the_reference_is_seen_while_it_grows_and_esc_keeps_its_samples(found):
-    (first, second), kept, report, label, forgotten = found["stopped"]
+@pytest.mark.parametrize("name", ["reference", "region"])
+def test_the_reference_is_seen_while_it_grows_and_esc_keeps_its_samples(found, name):
+    (first, second), kept, report, label, forgotten = found[f"{name}_stopped"]
     assert 0 < first < second <= kept < 1 << 20
     assert any(f"stopped after {kept} of" in line for line in report) and label.startswith(f"Cycles, {kept} samples, ")
-    assert found["grown_off"] < 0.2 and forgotten
+    assert found[f"{name}_grown_off"] < 0.2 and forgotten
+    assert found[f"{name}_buttons"] == [True, False, True]
 
 
 def test_last_render_survives_a_render_of_cycles_in_another_slot(found):
@@ -68,6 +70,15 @@ def test_last_render_survives_a_render_of_cycles_in_another_slot(found):
 def test_preflight_knows_that_it_is_outdated(found):
     lines, outdated = found["preflight"]
     assert "triangles for the network" in lines[0] and outdated
+
+
+def test_preflight_refuses_what_a_render_refuses(found):
+    lines, error = found["refused"]
+    assert error and error in " ".join(lines)
+
+
+def test_what_is_said_of_many_things_is_one_line(found):
+    assert any("7 (Lamp, Lamp.001, Lamp.002 and 4 more)" in line for line in found["report"])
 
 
 def test_the_split_follows_the_mouse(found):

@@ -32,7 +32,6 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
         beside["traced_alone"] = [guide.traced for guide in guides]
         beside["without_network"] = [without_network(encoded, view, guide) for view, guide in seen]
         untraced = [(view, replace(guide, traced=None)) for view, guide in seen]
-        beside["network_alone"] = [encoded.view(view, guide) for view, guide in untraced]
         beside["priors_alone"] = [without_network(encoded, view, guide) for view, guide in untraced]
     if "equal" in passes[0]:
         beside["cycles_equal"] = [p["equal"][..., :3] - guide.emission for p, guide in zip(passes, guides, strict=True)]
@@ -41,6 +40,8 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
         return [a + guide.emission + guide.environment for a, guide in zip(surfaces, guides, strict=True)]
 
     beside = {name: shown(surfaces) for name, surfaces in beside.items()}
+    if "priors_alone" in beside:
+        beside["network_alone"] = [_picture(encoded, view, guide) for view, guide in untraced]
     references = [p["combined"][..., :3] + p["environment"] for p in passes]
     found = scores(ours, references, triangles=len(scene), seconds=seconds)
     found["beside"] = {name: scores(shown, references) for name, shown in beside.items()}

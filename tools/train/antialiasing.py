@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """python -m tools.train.antialiasing --data DIR --start WEIGHTS_DIR --out DIR --minutes M: train a network's edges.
 
-All the rest of the network stays as it is. It renders every sample of DIR once (a second each), which is kept and read
-again by the next run; then the kernel predictor learns from parts of those pictures, in memory. The network with its
-new kernel predictor is written to --out/weights.
+All the rest of the network stays as it is. It renders every sample of DIR, with its traced light and without (two
+seconds), which is kept and read again by the next run; then the kernel predictor learns from parts of those pictures,
+in memory. The network with its new kernel predictor is written to --out/weights.
 """
 from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from torch import Tensor
 
 from renderformer_v2.model.checkpoint import save_network
 from renderformer_v2.model.fields import COLOR, DIRECTION, mapped_channels
-from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, seen, tensor, weighted
+from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, exposure_of, seen, tensor, weighted
 from renderformer_v2.model.guided.decoding import shown
 from renderformer_v2.model.guided.pipeline import GuidedPipeline
 from renderformer_v2.model.renderer import Renderer
@@ -36,17 +37,22 @@ WEIGHT_DECAY = 1e-4
 
 
 def pixels(renderer: Renderer, path: Path) -> Tensor:
-    """(V, sum(CHANNELS), H, W) of all views of a sample. Raises SampleError when it cannot be read."""
+    """(2 V, sum(CHANNELS), H, W) of all views of a sample, each with its traced light and without.
+
+    Raises SampleError when it cannot be read.
+    """
     try:
         scene, views, guides, passes = load_sample(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
         raise unreadable(path, error) from error
     encoded, found = renderer.encode(scene), []
-    for view, guide, reference in zip(views, guides, passes, strict=True):
+    both = ((view, used, reference) for view, guide, reference in zip(views, guides, passes, strict=True)
+            for used in (guide, replace(guide, traced=None)))
+    for view, guide, reference in both:
         radiance = encoded.view(view, guide)
         ours = np.dstack([radiance + guide.emission + guide.environment, guide.alpha])
         wanted = reference["combined"] + np.pad(reference["environment"], ((0, 0), (0, 0), (0, 1)))
-        exposure = encoded.normalization.exposure
+        exposure = exposure_of(radiance, guide)
         pictures = tensor(np.dstack([ours, wanted]))
         pictures[:, [0, 1, 2, 4, 5, 6]] *= exposure
         found.append(torch.cat([seen(radiance, guide, exposure), pictures], 1))

@@ -9,6 +9,7 @@ found by rays.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -25,12 +26,14 @@ from ..visibility import Visibility
 from .blocking import is_solid, passes_light
 from .emitters import DISTANT, gather_emitters
 from .environment_prior import EnvironmentPrior
+from .in_scattering import InScattering
 from .sky import ABOVE, SkyVisibility
 from .transmittance import fog_of
 
 FOGLESS = 3.0   # network units from the centre: nobody looks for fog beyond
 BEFORE = 4e-3   # network units before a lamp's middle, where the way to it ends
 SKY_RAYS = 48   # from a point
+AROUND = 6      # from each side of a point in the air
 CHUNK = 8192    # pixels at a time: bounds memory with many lights, and the time between two polls
 
 
@@ -65,6 +68,11 @@ class LightPrior:
                 shining = blocking & scene.is_light
                 walls = Visibility(scene.triangles[blocking]) if shining.any() else self.blockers
                 self.sky = SkyVisibility(walls, self.environment, self.fog)
+
+    @cached_property
+    def in_scattering(self) -> InScattering | None:
+        """Of the scene's volumes; None where there are none."""
+        return None if self.fog is None else InScattering(self)
 
     def lamps(self) -> Lamps:
         """The emitters that are no suns."""
@@ -102,15 +110,20 @@ class LightPrior:
         """(P, 3) share of the emitters' diffuse light that arrives."""
         direction, sine2, beam = self._beams(x)
         light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
+        arrives = self._arriving(x + ABOVE * n, light, direction, start)
+        return (arrives @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
+
+    def _arriving(self, x: Tensor, light: Tensor, direction: Tensor, start: Tensor) -> Tensor:
+        """(P, L) what arrives at points (P, 3) of `light` (P, L) from the emitters, in `direction` (P, L, 3)."""
         point, emitter = light.nonzero().unbind(1)
-        origin, near = (x + ABOVE * n)[point], ~self.distant[emitter, None]
+        origin, near = x[point], ~self.distant[emitter, None]
         way = self._somewhere_on(emitter, direction[point, emitter], start[point]) - origin * near
         far = way.norm(dim=-1)
         blocked = self.blockers.blocked(origin, way / far.clamp_min(1e-9)[:, None], far - BEFORE)
         arrives = light.index_put((point, emitter), light[point, emitter] * ~blocked)
         if self.fog is not None:
             arrives = arrives * self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
-        return (arrives @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
+        return arrives
 
     def _somewhere_on(self, emitter: Tensor, towards: Tensor, start: Tensor) -> Tensor:
         """(R, 3) points of emitters (R,), of spheres on the disk that faces unit vectors (R, 3); start (R, 2)."""
@@ -122,6 +135,24 @@ class LightPrior:
         weights = torch.stack([1 - side, side * (1 - v), side * v], dim=-1)[..., None]
         on_sheet = (self.corners[emitter.clamp(max=flat - 1)] * weights).sum(1)
         return torch.where((emitter < flat)[:, None], on_sheet, self.origins[emitter] + disk)
+
+    def sky_around(self, position: Tensor) -> Tensor:
+        """(P, 3) mean radiance from all directions that arrives from the sky in the air at points (P, 3)."""
+        if self.sky is None:
+            return torch.zeros_like(position)
+        start, axes = scattered(position, 2), torch.eye(3, device=position.device)
+        ways = (n.expand_as(position) for n in torch.cat([axes, -axes]))
+        light = sum(self.environment.irradiance(n) * self.sky(position, n, start, AROUND) for n in ways)
+        return light / (6 * math.pi)  # irradiances from six sides are 1.5 times the light of the sphere
+
+    def lamps_around(self, position: Tensor) -> Tensor:
+        """The same of the emitters."""
+        given = position, scattered(position, 2)
+        return torch.cat(shared(self._around, *(x.split(CHUNK) for x in given)))
+
+    def _around(self, x: Tensor, start: Tensor) -> Tensor:
+        direction, sine2, beam = self._beams(x)
+        return self._arriving(x, sine2 / 4 * beam, direction, start) @ self.radiance
 
     def diffuse(self, position: Tensor, normal: Tensor, arriving: Tensor | None = None) -> Tensor:
         """(P, 3) radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The share of light between surfaces that passes through the scene's volumes, on a coarse grid."""
+"""The scene's volumes on a coarse grid, and the share of light between surfaces that passes through them."""
 from __future__ import annotations
 
 import numpy as np
@@ -16,23 +16,32 @@ SCATTERED = 0.85   # share of the scattered light that does not arrive
 
 
 class Fog:
-    """Grey extinction of `Volumes` in network units (docs/scene-input.md 5)."""
+    """Grey extinction and scattering of `Volumes` per network unit (docs/scene-input.md 5).
+
+    density, scattering: (SIDE^3 + 1,), (SIDE^3 + 1, 3), x slowest; the last is that of all places outside.
+    """
 
     def __init__(self, volumes: Volumes, device: torch.device | str = "cpu"):
-        points, extinction = (torch.as_tensor(x, dtype=torch.float32, device=device) for x in _voxels(volumes))
+        points, *coefficients = (torch.as_tensor(x, dtype=torch.float32, device=device) for x in _voxels(volumes))
         near = (points.abs() < REACH).all(1)
-        points, extinction = points[near], extinction[near]
+        points = points[near]
         corners = points if len(points) else points.new_zeros(1, 3)
         margin = 1e-3
         self.low = corners.amin(0) - margin
         self.cell = (corners.amax(0) + margin - self.low) / SIDE
-        self.density = torch.zeros(SIDE ** 3 + 1, device=device)  # the last is that of all places outside
-        self.density.index_add_(0, self._index(points), extinction / self.cell.prod())
+        self.density, self.scattering = (
+            x.new_zeros(SIDE ** 3 + 1, *x.shape[1:]).index_add(0, self._index(points), x[near] / self.cell.prod())
+            for x in coefficients)
 
     def passing(self, begin: Tensor, end: Tensor) -> Tensor:
         """(...) share of the light that gets from points (..., 3) to points (..., 3)."""
         way = end - begin
         return (-self._mean(begin, way) * way.norm(dim=-1)).exp()
+
+    def places(self, cells: Tensor, within: Tensor) -> Tensor:
+        """(P, 3) points in cells by number (P,), `within` (P, 3) in [0, 1) of each."""
+        x, y, z = cells // SIDE ** 2, cells // SIDE % SIDE, cells % SIDE
+        return self.low + (torch.stack([x, y, z], dim=1) + within) * self.cell
 
     def _mean(self, begin: Tensor, way: Tensor) -> Tensor:
         """(...) mean extinction between points (..., 3) and points + way."""
@@ -50,12 +59,14 @@ def fog_of(volumes: Volumes | None, device: torch.device | str = "cpu") -> Fog |
     return Fog(volumes, device) if volumes is not None and len(volumes) else None
 
 
-def _voxels(volumes: Volumes) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (V, 3) of all voxels, and their extinction per network unit times their volume (V,)."""
+def _voxels(volumes: Volumes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (V, 3) of all voxels, their extinction (V,) and scattering (V, 3) per network unit times their volume."""
     step = ((np.arange(VOXELS) + 0.5) / VOXELS - 0.5) / CELLS
     local = np.stack(np.meshgrid(step, step, step, indexing="ij")[::-1], axis=-1).reshape(-1, 3)  # x fastest
     turned = np.stack([rotation_matrix(euler) for euler in volumes.rotation])
     points = volumes.position[:, None] + np.einsum("mij,mvj->mvi", turned, local * volumes.scale[:, None])
-    lost = (volumes.absorption + SCATTERED * volumes.scattering).mean(1) / np.sqrt((volumes.scale**2).mean(1))
-    voxel = volumes.scale.prod(1) / (CELLS * VOXELS) ** 3
-    return points.reshape(-1, 3), (volumes.density * (lost * voxel)[:, None]).reshape(-1)
+    lost = (volumes.absorption + SCATTERED * volumes.scattering).mean(1)
+    voxel = volumes.scale.prod(1) / (CELLS * VOXELS) ** 3 / np.sqrt((volumes.scale**2).mean(1))
+    amount = volumes.density * voxel[:, None]
+    return (points.reshape(-1, 3), (amount * lost[:, None]).reshape(-1),
+            (amount[..., None] * volumes.scattering[:, None]).reshape(-1, 3))

@@ -30,9 +30,9 @@ class Meshes:
         mesh, owner = obj.data, obj.original.session_uid
         key = owner, mesh.as_pointer(), len(mesh.vertices), len(mesh.loops), obj.name, *sorted(asked)
         self._used.add(key)
-        if key not in self._known:
+        if key not in self._known or mesh.is_editmode:  # the lengths above are 0 then
             own = Report()
-            self._known[key] = _Mesh(owner, meshes.read_mesh(mesh, obj.name, own, asked), own.entries)
+            self._known[key] = _Mesh(owner, _read(obj, own, asked), own.entries)
         report.add(self._known[key].remarks)
         return self._known[key].triangles
 
@@ -47,6 +47,16 @@ class Meshes:
 
     def __len__(self) -> int:
         return len(self._known)
+
+
+def _read(obj, report, asked: set[str]) -> TriangleMesh:
+    """The mesh of an evaluated object. In Edit Mode nothing is in it before Blender is asked for one."""
+    if not obj.data.is_editmode:
+        return meshes.read_mesh(obj.data, obj.name, report, asked)
+    try:
+        return meshes.read_mesh(obj.to_mesh(), obj.name, report, asked)
+    finally:
+        obj.to_mesh_clear()
 
 
 @dataclass

@@ -17,6 +17,7 @@ from renderformer_v2.model.guided.antialiasing import (
     WEIGHTS,
     KernelPredictor,
     antialiased,
+    exposure_of,
     seen,
     tensor,
     weighted,
@@ -89,12 +90,12 @@ def test_all_pictures_get_the_same_kernels_whatever_the_bands(monkeypatch):
     radiance, guides = bright_half(0.5, SAMPLES)
     predictor = trained_like()
     pictures = {"combined": np.dstack([radiance, guides.alpha]), "half": 0.5 * radiance}
-    found = antialiased(predictor, pictures, radiance, guides, 1.0, SAMPLES)
+    found = antialiased(predictor, pictures, radiance, guides, SAMPLES)
     assert found["combined"].shape == (64, 64, 4) and np.abs(found["combined"][..., :3] - radiance).max() > 0.01
     np.testing.assert_allclose(found["combined"][..., :3], 2 * found["half"], rtol=1e-5)
     np.testing.assert_allclose(found["combined"][..., 3], 1, rtol=1e-5)
     monkeypatch.setattr(bands, "PIXELS", 5 * 64)
-    again = antialiased(predictor, pictures, radiance, guides, 1.0, SAMPLES)
+    again = antialiased(predictor, pictures, radiance, guides, SAMPLES)
     for name, picture in found.items():
         np.testing.assert_allclose(again[name], picture, rtol=1e-4, atol=1e-5)
 
@@ -105,7 +106,7 @@ def test_the_bundled_kernels_bring_a_noisy_edge_nearer_to_the_truth(degrees):
     predictor = load_network(weights_folder(BUNDLED)).kernel_predictor
     radiance, guides = bright_half(np.radians(degrees), SAMPLES)
     truth, _ = bright_half(np.radians(degrees), 4096, seed=1)
-    found = antialiased(predictor, {"picture": radiance}, radiance, guides, 1.0, SAMPLES)["picture"]
+    found = antialiased(predictor, {"picture": radiance}, radiance, guides, SAMPLES)["picture"]
     before, after = (np.square(picture - truth).mean() for picture in (radiance, found))
     assert after < 0.7 * before
     far = np.abs(inside(np.radians(degrees))) > 8
@@ -116,7 +117,9 @@ def test_kernels_do_not_depend_on_the_unit_of_light():
     radiance, guides = bright_half(0.5, SAMPLES)
     guides = replace(guides, emission=radiance, environment=0.5 * radiance)
     brighter = replace(guides, **{name: 1000 * getattr(guides, name) for name in ("emission", "environment", "traced")})
-    torch.testing.assert_close(seen(1000 * radiance, brighter, 1e-3), seen(radiance, guides, 1.0))
+    exposure = exposure_of(radiance, guides)
+    assert exposure_of(1000 * radiance, brighter) == pytest.approx(exposure / 1000)
+    torch.testing.assert_close(seen(1000 * radiance, brighter, exposure / 1000), seen(radiance, guides, exposure))
 
 
 def test_pictures_are_stacked_row_0_on_top():

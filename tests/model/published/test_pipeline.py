@@ -263,6 +263,29 @@ def test_what_is_missing_is_named(published_bundle, tmp_path, monkeypatch):
         Renderer(folder, device="cpu", precision="fp32")
 
 
+@pytest.mark.parametrize("name", ["transformer_512/model.safetensors", "metallic_mapper/model.safetensors",
+                                  "vae/diffusion_pytorch_model.safetensors"])
+def test_a_clone_without_lfs_is_told_how_to_get_the_files(published_bundle, tmp_path, name):
+    folder = tmp_path / "renderformer-v2"
+    shutil.copytree(published_bundle, folder)
+    (folder / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 7\n")
+    with pytest.raises(CheckpointError, match=f"{name} stands for a file that was not downloaded: run `git lfs pull`"):
+        picture(folder, 512)
+
+
+@pytest.mark.parametrize("spoil", [
+    lambda content: b"", lambda content: content[:len(content) // 2], lambda content: b"<html>Log in</html>",
+    lambda content: bytes(256) + content[256:]], ids=["empty", "half", "login", "noise"])
+@pytest.mark.parametrize("name", ["transformer_512/model", "diffspec_mapper/model", "vae/diffusion_pytorch_model"])
+def test_damaged_weights_are_named(published_bundle, tmp_path, name, spoil):
+    folder = tmp_path / "renderformer-v2"
+    shutil.copytree(published_bundle, folder)
+    file = folder / f"{name}.safetensors"
+    file.write_bytes(spoil(file.read_bytes()))
+    with pytest.raises(CheckpointError, match=f"{name}.safetensors is damaged or incomplete.*again"):
+        picture(folder, 512)
+
+
 def test_a_given_latent_takes_the_place_of_parameters(renderer):
     """What the image encoder is given for such a tile is the latent, and normal and height of the tile."""
     pipeline, scene, (view, _) = renderer.pipeline, floor_scene(), floor_view()

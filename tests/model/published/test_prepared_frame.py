@@ -8,7 +8,7 @@ import pytest
 
 from renderformer_v2.model.errors import SceneError
 from renderformer_v2.model.published.obj_mesh import read_obj, write_obj
-from renderformer_v2.model.published.prepared_frame import missing, read_frame, write_frame
+from renderformer_v2.model.published.prepared_frame import missing, pointers, read_frame, write_frame
 from tests.model.published import frames
 
 
@@ -43,6 +43,8 @@ def test_files_that_are_not_there_are_named(tmp_path):
     (("objects", "floor", "mesh_path"), "../secret.obj", "mesh_path.*inside the frame"),
     (("objects", "floor", "mesh_path"), "C:\\secret.obj", "mesh_path.*inside the frame"),
     (("objects", "floor", "transform", "scale_x"), 2.0, "floor: transform.*world coordinates"),
+    (("objects", "lamp", "material", "emissive"), [-1, 5, 0], "lamp: material: emissive.*not negative"),
+    (("cameras", 0, "position", 1), 10 ** 400, "item 0: position: expected 3 numbers"),
     (("cameras", 0, "fov"), 180.0, "item 0: fov.*between 0 and 180"),
     (("cameras",), {}, "cameras: expected a list"), (("lighting",), [{}], "is_lighting"),
 ])
@@ -59,7 +61,24 @@ def test_what_is_wrong_in_a_frame_is_named(tmp_path, path, value, message):
     assert re.search(message, str(raised.value)) and "scene_config.json" in str(raised.value)
 
 
-@pytest.mark.parametrize("text", [None, "{", "[]"])
+def test_a_mark_of_the_byte_order_is_no_damage(tmp_path):
+    file = frames.write(tmp_path / "frame") / "scene_config.json"
+    expected = read_frame(file.parent)
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    assert read_frame(file.parent) == expected
+
+
+def test_pointers_of_a_clone_without_lfs_are_found(tmp_path):
+    folder = frames.write(tmp_path / "frame")
+    frame = read_frame(folder)
+    assert pointers(frame, folder) == []
+    for name in ("split/metal.obj", "split/rust/normal.png"):
+        (folder / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 7\n")
+    (folder / "split/glass.obj").unlink()
+    assert pointers(frame, folder) == ["split/metal.obj", "split/rust/normal.png"]
+
+
+@pytest.mark.parametrize("text", [None, "{", "[]", "[" * 100000], ids=["none", "half", "list", "deep"])
 def test_what_is_no_frame_is_refused(tmp_path, text):
     if text is not None:
         (tmp_path / "scene_config.json").write_text(text)

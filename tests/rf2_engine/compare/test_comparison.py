@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import addon_utils
+from bl_ext.user_default.renderformer_v2.model.color import linear_to_srgb
 from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, events
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
@@ -99,6 +100,26 @@ def test_clipped_values_and_alpha_are_said(settings, two_slots):
     assert "Alpha is not in the metrics" in alpha and "0.2000 off" in alpha
 
 
+def test_a_noisy_reference_is_said(settings, two_slots):
+    y, x = np.mgrid[:37, :50] / 50
+    clean = np.float32(0.2 + 0.3 * x + 0.2 * y)
+    rough = clean + np.random.default_rng(5).normal(0, 0.05, clean.shape)
+    for name, values in (("Clean", clean), ("Off", 1.15 * clean), ("Rough", rough), ("Far off", 3 * clean)):
+        image = bpy.data.images.new(name, 50, 37, float_buffer=True)
+        image.pixels.foreach_set(np.repeat(values[..., None], 4, -1).astype(np.float32).clip(0, 1).ravel())
+
+    def noisy(a, b):
+        for side, name in ((settings.a, a), (settings.b, b)):
+            side.kind, side.image = "IMAGE", name
+        return [note for note in _measured().notes if "noisy" in note]
+    assert noisy("Clean", "Rough") == [
+        "B is noisy: its noise is most of the difference. Give it more samples, or denoise it"]
+    (said,) = noisy("Off", "Rough")
+    without = -10 * np.log10(np.mean((linear_to_srgb(1.15 * clean) - linear_to_srgb(clean)) ** 2))
+    assert float(re.search(r"PSNR would be about (\d+) dB", said)[1]) == pytest.approx(without, abs=1)
+    assert not noisy("Rough", "Clean") and not noisy("Clean", "Off") and not noisy("Far off", "Rough")
+
+
 def test_a_region_too_small_is_said(settings, two_slots):
     two_slots.render.border_max_x, two_slots.render.border_min_x = 0.1, 0.0
     settings.region = "BORDER"
@@ -180,6 +201,25 @@ def test_after_a_reference_both_are_shown_unless_the_user_does_not_want_it(setti
     two_slots.renderformer_v2.reference.use = False
     bpy.ops.render.render()
     assert not bpy.app.timers.is_registered(events.show_reference)
+
+
+def test_who_switches_a_growing_reference_off_is_not_shown_it_again(settings, two_slots):
+    settings.show = False
+    bpy.app.handlers.render_post.append(look := lambda *_: events.offer_both())  # an Image Editor is drawn
+    try:
+        render_with_reference(two_slots)
+    finally:
+        bpy.app.handlers.render_post.remove(look)
+    assert bpy.app.timers.is_registered(events._show_both)
+    assert not bpy.app.timers.is_registered(events.show_reference)
+    bpy.app.timers.unregister(events._show_both)
+    events._show_both()
+    assert settings.show and settings.b.pass_name == "Cycles Reference"
+    events.offer_both()
+    assert not bpy.app.timers.is_registered(events._show_both)
+    bpy.ops.render.render()  # in which nobody looked at the editor
+    assert bpy.app.timers.is_registered(events.show_reference)
+    bpy.app.timers.unregister(events.show_reference)
 
 
 def test_a_reference_that_is_not_there_is_neither_compared_nor_exported(settings, two_slots, monkeypatch):

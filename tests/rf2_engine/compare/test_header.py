@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compare shows the view layer and the pass that the header of the Image Editor shows."""
+import re
 from types import SimpleNamespace
 
 import bpy
@@ -12,8 +13,8 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 @pytest.fixture
 def editor(settings, two_slots, monkeypatch):
     """What an Image Editor shows of the render result, which only the mouse can choose: what Compare shows follows."""
-    space = SimpleNamespace(layer=0, number=0)
-    monkeypatch.setattr(header, "numbers", lambda image: (space.layer, space.number))
+    space = SimpleNamespace(layer=0, number=0, view=0)
+    monkeypatch.setattr(header, "numbers", lambda image: (space.layer, space.number, space.view))
     settings.a.kind, settings.a.pass_name, settings.b.pass_name = "SHOWN", "", ""
     return space
 
@@ -22,7 +23,7 @@ def test_a_new_image_editor_shows_the_first_of_all(two_slots):
     area = bpy.context.window_manager.windows[0].screen.areas[0]
     before, area.type = area.type, "IMAGE_EDITOR"
     area.spaces.active.image = bpy.data.images["Render Result"]
-    assert header.numbers(area.spaces.active.image) == (0, 0)
+    assert header.numbers(area.spaces.active.image) == (0, 0, 0)
     area.type = before
 
 
@@ -55,6 +56,44 @@ def test_what_the_compositor_made_is_compared_where_the_header_shows_it(editor, 
     editor.layer = 1
     comparison.read()
     assert comparison.a.name == "Slot 2, ViewLayer, Combined"
+
+
+def test_a_composite_beside_a_render_is_said(editor, settings, two_slots):
+    compose(two_slots)
+    bpy.ops.render.render()
+    settings.b.slot = 1  # rendered without a compositor
+
+    def said():
+        comparison.read()
+        measurement = comparison.new_measurement()
+        measurement.run()
+        return " ".join(measurement.notes)
+    assert "A went through the compositor and B did not" in said()
+    settings.a.layer = "ViewLayer"
+    assert "compositor" not in said()
+
+
+def test_the_view_of_the_header_is_compared(editor, settings, two_slots):
+    two_slots.render.use_multiview, two_slots.camera.data.stereo.interocular_distance = True, 0.5
+    two_slots.renderformer_v2.reference.use, two_slots.renderformer_v2.reference.samples = True, 1
+    two_slots.render.engine, settings.b.kind = "RENDERFORMER_V2", "SHOWN"
+    bpy.ops.render.render()
+    settings.b.pass_name = "Cycles Reference"
+    comparison.read()
+    assert comparison.a, comparison.message
+    left = comparison.a.pixels
+    assert comparison.a.name == "Slot 2, ViewLayer, Combined, left"
+    editor.view = 1
+    assert comparison.is_outdated()
+    comparison.read()
+    assert [side.name for side in (comparison.a, comparison.b)] == [
+        "Slot 2, ViewLayer, Combined, right", "Slot 2, ViewLayer, Cycles Reference, right"]
+    assert all(re.fullmatch(r"[^()]* \(right\)", label) for label in comparison.labels()[-1])
+    assert str(comparison.b.credits).startswith("Cycles, 1 sample, ") and (comparison.a.pixels != left).any()
+    settings.a.pass_name, editor.view = "Combined.right", 0
+    comparison.read()
+    assert comparison.a.name == "Slot 2, ViewLayer, Combined, right"
+    assert comparison.b.name == "Slot 2, ViewLayer, Cycles Reference, left"
 
 
 def compose(scene):

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import tempfile
+import types
 
 import bpy
 import numpy as np
@@ -10,6 +11,8 @@ import OpenEXR
 import pytest
 
 import cycles.engine
+from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import background as background_cycles
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
@@ -111,3 +114,20 @@ def test_what_to_do_is_said_when_there_is_no_background_blender_either(lit, tmp_
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.render.render(scene=lit.name)
     assert "parameters_of_the_next_version" in last_render.last_frame[0].error
+
+
+def test_a_blender_that_keeps_its_samples_for_too_long_is_said(monkeypatch):
+    def stop(text, fraction):
+        raise RenderCancelled
+    monkeypatch.setattr(background_cycles, "GRACE", 0.2)
+    process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], stdin=subprocess.PIPE,
+                               stdout=subprocess.PIPE, encoding="utf-8")
+    engine = types.SimpleNamespace(update_stats=lambda *_: None)
+    with progress.reporting(stop), pytest.raises(RenderCancelled, match="did not hand over its samples"):
+        background_cycles._wait(engine, process, partial=True)
+    assert process.poll() is not None
+
+
+def test_the_last_sample_is_found_whatever_else_was_printed():
+    printed = ["Fra:1 | Sample 7/64\n", *["Info: Saved\n"] * 40]
+    assert background_cycles._status(printed) == "Background Blender Sample 7/64"

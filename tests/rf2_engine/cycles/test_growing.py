@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The reference while it is rendered: when there is something to draw, and what its label says."""
 import time
+from contextlib import contextmanager
 
 import bpy
 import pytest
@@ -34,6 +35,29 @@ def test_only_the_reference_can_be_seen_while_cycles_renders_it(lit, tmp_path, l
     assert growing._running is None and growing._engine is None
 
 
+@pytest.mark.parametrize("crop", [False, True])
+def test_a_render_region_is_drawn_from_where_cycles_draws_it(lit, tmp_path, looks, crop):
+    lit.render.use_border, lit.render.use_crop_to_border = True, crop
+    lit.render.border_min_x, lit.render.border_max_x, lit.render.border_min_y = 0.2, 0.8, 0.5
+    press_f12(lit, tmp_path)
+    reference = looks[-1][1]
+    assert (reference.left, reference.bottom, reference.width, reference.height) == (10, 18, 30, 19)
+
+
+def test_the_view_of_stereoscopy_that_is_rendered_is_known(lit, tmp_path, monkeypatch):
+    lit.render.use_multiview, found = True, []
+    monkeypatch.setattr(growing, "drawable", lambda engine, real=growing.drawable: look(real(engine)))
+
+    @contextmanager
+    def look(drawable):
+        with drawable:
+            yield
+            found.append((growing._running is not None, growing.view()))
+    bpy.ops.render.render()
+    assert [number for is_reference, number in found if is_reference] == [1]  # Cycles has rendered both by then
+    assert growing.view() == 0
+
+
 def test_nothing_is_left_to_be_drawn_when_cycles_fails(lit, tmp_path, monkeypatch):
     def fail(engine, depsgraph, real=cycles.engine.render, runs=[]):  # noqa: B006  the runs so far
         runs.append(engine)
@@ -50,11 +74,11 @@ def test_before_the_first_sample_there_is_nothing(lit):
     reference = growing.Running("ViewLayer", 50, 37, 7.24, lambda: samples[0], 128, time.perf_counter() - 12.3)
     assert growing.running() is None and both.labels() == ("RenderFormer-V2", "Cycles")
     with growing.announced(reference):
-        assert growing.running() is None
+        assert growing.running() is None and growing.size() is None
         with growing.drawable(lit):
             assert growing.running() is None
             samples[0] = 24
-            assert growing.running() == reference
+            assert growing.running() == reference and growing.size() == (50, 37)
             assert both.labels() == ("RenderFormer-V2, 7.2 s", "Cycles, 24 of 128 samples, 12 s")
         assert growing.running() is None
 

@@ -9,7 +9,6 @@ from bl_ext.user_default.renderformer_v2.model.devices import free_memory
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import card, model_cache, preflight
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import frame_lines, last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup.weights_operators import SUGGESTED
 
 from tests.rf2_engine.f12 import press_f12
 
@@ -56,7 +55,7 @@ def test_without_a_card_nothing_is_said_of_one(lit):
 
 def test_a_budget_for_the_published_weights_is_suggested(scene):
     bpy.ops.renderformer_v2.suggested_budget()
-    assert scene.renderformer_v2.token_budget == SUGGESTED
+    assert scene.renderformer_v2.token_budget == 16384
 
 
 def test_encoded_textures_can_be_deleted(scene, tmp_path, monkeypatch):

@@ -74,6 +74,20 @@ def test_published_weights_say_what_they_were_not_trained_for(scene, tmp_path):
         press_f12(scene, tmp_path)
 
 
+@pytest.mark.parametrize("budget, as_is, told", [(256, False, True), (16384, False, False), (256, True, False)])
+def test_too_few_triangles_for_published_weights_are_said(scene, tmp_path, budget, as_is, told):
+    folder = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
+    ours = scene.renderformer_v2
+    ours.weights_source, ours.weights_folder, ours.max_edge = "FOLDER", str(folder), 0.05
+    ours.token_budget, ours.as_is = budget, as_is
+    cube(scene)
+    found = look(scene)
+    assert any(f"fills Max Triangles ({budget}): the weights know 16384 well" in remark.message
+               for remark in found.remarks) == told
+    bpy.ops.renderformer_v2.suggested_budget()
+    assert ours.token_budget == 16384
+
+
 def test_all_view_layers_are_counted(scene, tmp_path):
     cube(scene)
     press_f12(scene, tmp_path)

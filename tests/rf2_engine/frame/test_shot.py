@@ -60,6 +60,18 @@ def test_a_frame_before_the_animation_is_fitted_by_itself(scene):
     np.testing.assert_array_equal(box_at(scene, 20, lambda frame: BOX * frame), 20 * BOX)
 
 
+def test_a_range_that_begins_before_the_files_one_does_not_move_the_key_frames(scene, tmp_path):
+    """Another machine is given a range that begins within it, and renders the same pictures."""
+    scene.frame_start = 20
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "file.blend"))
+    for first in (20, 0, 50):  # blender -s
+        scene.frame_start = first
+        scene.frame_set(60)
+        assert of_now(scene).keys == (20, 52)
+        scene.frame_set(19)
+        assert of_now(scene).keys == ()
+
+
 def test_key_frames_are_looked_at_once(scene):
     scene.frame_set(OTHERS[0])
     first = of_now(scene, lambda frame: BOX)

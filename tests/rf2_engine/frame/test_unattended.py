@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import bpy
+import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model.metrics import psnr
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
-from tests.rf2_engine.f12 import cube
+from tests.rf2_engine.f12 import cube, press_f12
 
 LOST = str(Path("/there/is/no/such/folder"))  # as this system writes it
 
@@ -57,6 +59,41 @@ def test_a_fault_of_ours_saves_no_empty_frame(scene, saved, monkeypatch, how):
     monkeypatch.setattr(render.Optics, "of", broken)
     assert saved(**{how: True}) == []
     assert "ZeroDivisionError" in last_render.last_frame[0].error
+
+
+@pytest.mark.parametrize("how", ["animation", "write_still"])
+def test_an_interruption_saves_no_empty_frame(scene, saved, monkeypatch, how):
+    """Ctrl-C in a Python that has imported bpy; Blender would go on with the next frame."""
+    def interrupted(depsgraph):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(render.Optics, "of", interrupted)
+    assert saved(**{how: True}) == []
+    assert last_render.last_frame[0].cancelled and bpy.context.scene.frame_current == 1
+
+
+def test_placeholders_of_frames_that_failed_are_removed_and_those_of_others_are_left_alone(scene, saved, tmp_path):
+    wrong_weights_from_frame_2(scene)
+    scene.render.use_placeholder, scene.render.use_overwrite = True, False
+    (tmp_path / "picture_0001.png").touch()  # another machine is at it
+    assert saved(animation=True) == ["picture_0001.png"]
+    assert (tmp_path / "picture_0001.png").stat().st_size == 0
+    scene.animation_data_clear()
+    scene.renderformer_v2.weights_source = "BUNDLED"
+    assert saved(animation=True) == [f"picture_000{i}.png" for i in (1, 2, 3)]
+    assert [(tmp_path / f"picture_000{i}.png").stat().st_size > 0 for i in (1, 2, 3)] == [False, True, True]
+
+
+def test_threads_and_number_formats_change_a_picture_by_no_more_than_rounding(still_life, scene, tmp_path):
+    def rendered(precision: str, threads: int) -> np.ndarray:
+        scene.renderformer_v2.precision = precision
+        scene.render.threads_mode, scene.render.threads = "FIXED", threads
+        return press_f12(scene, tmp_path)["ViewLayer.Combined"][..., :3]
+
+    one, again, two, half = (rendered(*how) for how in (("fp32", 1), ("fp32", 1), ("fp32", 2), ("bf16", 1)))
+    np.testing.assert_array_equal(one, again)
+    assert psnr(one.clip(0, 1), two.clip(0, 1)) >= 99  # the most that it says is 100
+    assert psnr(one.clip(0, 1), half.clip(0, 1)) >= 50 and not np.array_equal(one, half)
 
 
 @pytest.mark.parametrize("content", [None, [], ["config.json"], ["model_index.json.txt"], ["transformer_512"]])

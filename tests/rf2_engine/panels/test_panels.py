@@ -100,12 +100,31 @@ def test_a_folder_without_weights_is_warned_of_below_its_name(scene, tmp_path):
     assert "weights" not in " ".join(drawn(scene, panels()["RENDERFORMER_PT_settings"]).texts)
 
 
-def test_light_that_the_weights_are_not_given_is_greyed(scene, tmp_path):
-    settings = scene.renderformer_v2
-    assert drawn(scene, panels()["RENDERFORMER_PT_settings"]).active
+def test_each_network_has_its_own_settings(scene, tmp_path):
+    settings, of_published = scene.renderformer_v2, {"transformer", "paper_lamps"}
+
+    def shown():
+        return drawn(scene, panels()["RENDERFORMER_PT_settings"]).shown & (of_published | {"light"})
+    assert shown() == {"light"}
+    settings.weights_source = "FOLDER"
+    assert shown() == {"light"}  # no folder is chosen yet
     (tmp_path / "model_index.json").write_text("{}")
-    settings.weights_source, settings.weights_folder = "FOLDER", str(tmp_path)
-    assert not drawn(scene, panels()["RENDERFORMER_PT_settings"]).active
+    settings.weights_folder = str(tmp_path)
+    assert shown() == of_published
+    settings.weights_source = "PUBLISHED"
+    assert shown() == of_published
+
+
+def test_transparent_glass_that_the_light_does_not_give_says_so(scene):
+    def texts():
+        return " ".join(drawn(scene, panels()["RENDERFORMER_PT_film"]).texts)
+    settings = scene.renderformer_v2
+    settings.light = "NETWORK"
+    assert "Transparent Glass" not in texts()  # the film is opaque
+    scene.render.film_transparent = True
+    assert "needs the bundled network, and Light: With Cycles" in texts()
+    settings.light = "TRACED"
+    assert "Transparent Glass" not in texts()
 
 
 def lens_of(scene):
@@ -136,3 +155,13 @@ def test_other_engines_keep_their_panels_to_themselves(scene):
     assert not any(panel.poll(context) for panel in copied.classes)
     simplify = bpy.types.RENDER_PT_simplify
     assert "RENDERFORMER_V2" not in simplify.COMPAT_ENGINES and "BLENDER_RENDER" in simplify.COMPAT_ENGINES
+
+
+def test_a_latent_is_offered_where_the_weights_know_it_or_the_material_has_one(scene):
+    panel, material = panels()["RENDERFORMER_PT_material_latent"], cube(scene).active_material
+    context = types.SimpleNamespace(engine="RENDERFORMER_V2", scene=scene, material=material)
+    assert not panel.poll(context)
+    material.renderformer_v2.use_latent = True
+    assert "Only published weights" in " ".join(drawn(scene, panel, material=material).texts)
+    scene.renderformer_v2.weights_source, material.renderformer_v2.use_latent = "PUBLISHED", False
+    assert not drawn(scene, panel, material=material).texts

@@ -151,6 +151,37 @@ def test_shared_weights_come_before_own_ones_and_are_never_removed(scene, bundle
     assert not bpy.ops.renderformer_v2.remove_weights.poll()
 
 
+@pytest.mark.parametrize("named", ["missing", "empty"])
+def test_a_variable_that_names_no_weights_is_said_with_its_name(said, scene, monkeypatch, tmp_path, named):
+    folder = tmp_path / "weights" / "renderformer-v2"
+    if named == "empty":
+        folder.mkdir(parents=True)
+    monkeypatch.setenv(shared_folders.WEIGHTS, str(folder.parent))
+    code, output, _ = said("status", "--weights", "published")
+    (problem,) = json.loads(output)["problems"]
+    assert code == 1 and str(folder) in problem and "Preferences" not in problem
+    assert f"{shared_folders.WEIGHTS} says where: correct it" in problem and "install --download" in problem
+
+
+def test_a_variable_that_names_no_packages_is_said_with_its_name(said, scene, monkeypatch, tmp_path):
+    monkeypatch.setenv(shared_folders.PACKAGES, str(tmp_path / "shared"))
+    monkeypatch.setattr(packages, "is_elsewhere", lambda name: name != "torch")
+    code, output, _ = said("status")
+    (problem,) = json.loads(output)["problems"]
+    assert code == 1 and f"incomplete in {tmp_path / 'shared'}: torch." in problem
+    assert f"{shared_folders.PACKAGES} names this folder: correct it" in problem and "Render Properties" not in problem
+
+
+def test_a_variable_that_names_a_file_is_said_and_nothing_is_downloaded(said, real_folder, index, target, monkeypatch,
+                                                                        tmp_path):
+    (tmp_path / "file").write_bytes(b"")
+    monkeypatch.setattr(packages, "folder", real_folder)
+    monkeypatch.setenv(shared_folders.PACKAGES, str(tmp_path / "file"))
+    code, _, errors = said("install")
+    assert code == 1 and f"{tmp_path / 'file'} cannot be used: a file is where a folder should be" in errors
+    assert not [path for path in index.requests if path.startswith("/files/")]
+
+
 def test_the_command_is_there_once_after_the_add_on_was_disabled_and_enabled():
     """Two registrations of one name make Blender refuse both, so taking back and registering again must leave one."""
     program = textwrap.dedent("""

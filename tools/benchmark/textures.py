@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What encoding textures for the published weights costs.
+
+    python -m tools.benchmark.textures [--triangles N] [--device D]
+
+The image encoder has the published size and random weights, which cost the same. Prints a line of JSON: seconds of an
+image by itself as the authors' code encodes it (a video of one frame, in float32) and as a render does, and seconds of
+a scene of N triangles, each with a texture of its own (three images), at the first render and at a later one.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from renderformer_v2.model.devices import choose_device, name_of
+from renderformer_v2.model.material.appearance import Appearance
+from renderformer_v2.model.material.mappers import MAPPERS
+from renderformer_v2.model.precision import NAMES, choose_precision
+from renderformer_v2.model.published.image_encoder import ImageEncoder, OneFrameEncoder, vae_class
+from renderformer_v2.model.published.latent_store import LatentStore
+from renderformer_v2.model.published.scene_encoder import SceneEncoder
+from renderformer_v2.model.scene import BASE_COLOR, TILE_SIZE, RenderScene, constant_tile
+from tools.arguments import whole_number
+
+SIZES = {"hidden_dim": 128, "num_layers": 3, "latent_dim": 9}  # of a mapper
+SEED, ALONE, BATCH = 0, 32, 16  # images encoded by themselves, of these at once
+
+
+def measure(triangles: int, device: torch.device, vae: nn.Module | None = None) -> dict:
+    """vae: the published size with random weights if not given."""
+    torch.manual_seed(SEED)
+    dtype, vae = choose_precision("auto", device), vae or vae_class()()
+    images = torch.rand(ALONE, 3, TILE_SIZE, TILE_SIZE) * 2 - 1
+    with torch.inference_mode(), tempfile.TemporaryDirectory() as folder:
+        vae.save_pretrained(folder)
+        vae = vae.to(device).eval()
+        found = {"device": name_of(device), "threads": torch.get_num_threads(), "precision": NAMES[dtype],
+                 "video_seconds": _each(lambda x: vae.encode(x[:, :, None]).latent_dist.mean, images.to(device))}
+        chosen = ImageEncoder(Path(folder), device, dtype).dtype
+        frame = OneFrameEncoder(vae).to(device, chosen, memory_format=torch.channels_last)
+        found["image_seconds"] = _each(lambda x: frame(x.to(chosen)), images.to(device))
+        mappers = [MAPPERS[name](**SIZES).to(device).eval() for name in MAPPERS]
+        scene, file = textured(triangles), Path(folder) / "latents.sqlite"
+        for when in ("first", "later"):
+            scene_encoder = SceneEncoder(Appearance(*mappers), ImageEncoder(Path(folder), device, dtype),
+                                         LatentStore(file))
+            begin = time.perf_counter()
+            scene_encoder.process(scene)
+            found[f"{when}_seconds"] = round(time.perf_counter() - begin, 3)
+    return found | {"triangles": triangles, "times": round(found["video_seconds"] / found["image_seconds"], 2)}
+
+
+def textured(triangles: int) -> RenderScene:
+    """Triangles whose colours change smoothly, in another way on each of them."""
+    random = np.random.default_rng(SEED)
+    tiles = np.repeat(constant_tile((0.5, 0.5, 0.5), roughness=0.5, ior=1.5)[None], triangles, axis=0)
+    slope = np.linspace(0, 0.5, TILE_SIZE, dtype=np.float16)
+    base, change = random.random((triangles, 3, 1, 1)) / 2, random.random((triangles, 1, 1, 1))
+    tiles[:, BASE_COLOR] = base + slope[:, None] * change
+    rows = np.zeros((triangles, 3), np.float32)
+    corners = random.random((triangles, 3, 3)).astype(np.float32)
+    normals = np.tile(np.float32((0, 0, 1)), (triangles, 3, 1))
+    return RenderScene(corners, normals, rows, rows, rows[:, :2], np.arange(triangles, dtype=np.int32), tiles)
+
+
+def _each(encode, images: torch.Tensor) -> float:
+    """Seconds of an image, the best of two runs."""
+    best = float("inf")
+    for _ in range(2):
+        begin = time.perf_counter()
+        for some in images.split(BATCH):
+            encode(some).float().cpu()
+        best = min(best, time.perf_counter() - begin)
+    return round(best / len(images), 5)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tools.benchmark.textures", description=__doc__.splitlines()[0])
+    parser.add_argument("--triangles", type=whole_number(1), default=512)
+    parser.add_argument("--device", default="auto", help="auto, cpu, cuda, cuda:1 or mps")
+    arguments = parser.parse_args()
+    try:
+        print(json.dumps(measure(arguments.triangles, choose_device(arguments.device))))
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
