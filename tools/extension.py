@@ -7,6 +7,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
@@ -33,7 +34,15 @@ def leave(code: int) -> NoReturn:
     except OSError:  # nobody can read what was said
         code = code or 1
     finally:
+        _remove_temporary_folder()
         os._exit(code)
+
+
+def _remove_temporary_folder() -> None:
+    """Blender's, which it makes for each process and removes in its exit handlers."""
+    if bpy := sys.modules.get("bpy"):
+        with suppress(OSError, AttributeError):  # where files are in it, it is not removed
+            os.rmdir(bpy.app.tempdir)
 
 
 def run(main: Callable[[], int]) -> NoReturn:

@@ -20,6 +20,7 @@ from . import last_render, memory
 
 VARIABLE = "RENDERFORMER_V2_FRAMES"
 LOST = "Blender did not begin this frame, or another program ended it: see its output"
+UNSAVED = "Blender could not save the picture, or another program ended it: see its output"
 
 _begun: float | None = None  # when the frame that has no line yet began; seconds of a clock
 _frame: int | None = None    # its number; None before the first one, and a render may skip all
@@ -38,7 +39,7 @@ def of_frame(scene: bpy.types.Scene, frame: int | None, seconds: float, ended: b
     errors = [f"{layer.layer}: {layer.error}" for layer in layers if layer.error]
     cancelled = any(layer.cancelled for layer in layers)
     if ended and not (errors or cancelled):
-        errors = [LOST]
+        errors = [UNSAVED if layers else LOST]
     return {"blend": bpy.data.filepath, "scene": scene.name, "frame": frame,
             "state": "failed" if errors else "cancelled" if cancelled else "done", "errors": errors,
             "seconds": round(seconds, 3), "threads": threads(scene), "memory_mib": round(memory.held()[1]),

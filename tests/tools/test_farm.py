@@ -146,7 +146,8 @@ def test_a_chunk_that_is_ended_leaves_nothing_behind(folder, how, status):
     assert names == [f"{i:04d}.png" for i in range(1, len(names) + 1)] and len(names) < 100
     shown = [imread(path) for path in out.glob("*.png")]
     assert {picture.shape for picture in shown} == {(32, 48, 4)} and all(picture[..., 3].all() for picture in shown)
-    assert not [path for path in temporary.rglob("*") if path.is_file()]
+    left = list(temporary.rglob("*"))
+    assert not (left if how == "SIGINT" else [path for path in left if path.is_file()])  # empty folders are left
 
 
 def test_wrong_arguments_end_with_2_before_blender_starts():

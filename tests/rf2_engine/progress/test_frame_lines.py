@@ -67,6 +67,13 @@ def test_a_render_that_blender_refuses_has_a_line(scene, lines):
     assert line["state"] == "failed" and line["frame"] == 5 and line["errors"] == [frame_lines.LOST]
 
 
+def test_a_picture_that_cannot_be_saved_is_said(scene, lines, tmp_path):
+    (tmp_path / "file").write_bytes(b"")
+    scene.render.filepath = str(tmp_path / "file" / "picture_")
+    (line,) = lines(animation=True)
+    assert (line["frame"], line["state"], line["errors"]) == (5, "failed", [frame_lines.UNSAVED])
+
+
 def test_a_cancelled_frame_is_neither(scene, lines, monkeypatch):
     monkeypatch.setattr(Status, "esc_pressed", lambda status: True)
     (line,) = lines()
