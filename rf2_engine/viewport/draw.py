@@ -49,12 +49,9 @@ def draw_message(message: str, width: int, height: int) -> None:
     unit = bpy.context.preferences.system.ui_scale
     blf.size(0, SIZE * unit)
     blf.color(0, *COLOR)
-    blf.enable(0, blf.SHADOW)  # there may be a picture behind
-    blf.shadow(0, 5, 0.0, 0.0, 0.0, 1.0)
     letter = max(blf.dimensions(0, "n")[0], 1)
     lines = textwrap.wrap(message, max(int((width - 2 * MARGIN * unit) / letter), 20))
     top = height / 2 + len(lines) * HEIGHT * unit / 2
     for i, line in enumerate(lines):
         blf.position(0, (width - blf.dimensions(0, line)[0]) / 2, top - (i + 1) * HEIGHT * unit, 0)
         blf.draw(0, line)
-    blf.disable(0, blf.SHADOW)
