@@ -89,8 +89,9 @@ class Renderer:
     def prepare(self, scene: RenderScene) -> None:
         """What `encode` can keep of a scene in world units for later renders: published weights' textures."""
         if isinstance(self.pipeline, PublishedPipeline):
+            normalized = Normalization.of(scene).scene(scene)
             with torch.inference_mode():
-                self.pipeline.prepare(Normalization.of(scene).scene(scene))
+                self.fitted(lambda: self.pipeline.prepare(normalized))
 
     def encode(self, scene: RenderScene, picture_size: int = 512, draft: bool = False) -> EncodedScene:
         """Stage 1 of a scene in world units, for pictures whose longer side has so many pixels.

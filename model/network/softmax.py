@@ -84,12 +84,18 @@ class KeysValues:
 def attend(q: torch.Tensor, visible: list[Visible], longest: torch.Tensor | None = None) -> torch.Tensor:
     """softmax(q k^T / sqrt(width) + bias) v over the keys of all blocks together. (heads, n, width) -> same.
 
-    longest: (heads, 1, 1), at least the norm of every key; computed when not given.
+    longest: (heads, 1, 1), at least the norm of every key; computed when not given. Where PyTorch's own attention is
+    used, q may be (several, heads, n, width), and so may be some of the blocks.
     """
     if fused(q):
-        keys, values = (torch.cat(x, dim=1) for x in ([b.keys for b in visible], [b.values for b in visible]))
-        bias = [q.new_zeros(q.shape[1], b.keys.shape[1]) if b.bias is None else b.bias for b in visible]
-        return F.scaled_dot_product_attention(q[None], keys[None], values[None], attn_mask=torch.cat(bias, dim=1))[0]
+        several = q if q.ndim == 4 else q[None]
+        keys, values = (torch.cat([x.expand(*several.shape[:2], *x.shape[-2:]) for x in each], dim=2)
+                        for each in ([b.keys for b in visible], [b.values for b in visible]))
+        biases = [q.new_zeros(q.shape[-2], b.keys.shape[-2]) if b.bias is None else b.bias for b in visible]
+        leading = max((b.shape[:-2] for b in biases), key=len)
+        mask = torch.cat([b.expand(*leading, *b.shape[-2:]) for b in biases], dim=-1)
+        found = F.scaled_dot_product_attention(several, keys, values, attn_mask=mask)
+        return found if q.ndim == 4 else found[0]
     # PyTorch's fused CPU kernel runs bfloat16 at the speed of float32 on processors without AMX; products of blocks
     # whose scores stay in the cache are three times as fast. Where no score can overflow (Cauchy-Schwarz), no running
     # maximum is needed.

@@ -14,6 +14,7 @@ from torch.nn import functional as F
 from .. import background
 from ..checkpoint import load_weights
 from ..errors import CheckpointError
+from ..network.memory import divided
 from ..progress import report
 from ..weights_files import explained, read_json, require
 
@@ -96,7 +97,7 @@ class ImageEncoder:
             network = OneFrameEncoder(load_vae(kind, self.config, self.file))
             self._network = network.to(self.device, self.dtype, memory_format=torch.channels_last)
         tile = images.shape[-1] * images.shape[-2]
-        size = max(1, (BATCH if self.device.type == "cuda" else BATCH_CPU) * 32 * 32 // tile)
+        size = max(1, divided(BATCH if self.device.type == "cuda" else BATCH_CPU) * 32 * 32 // tile)
         return torch.cat([self._network(batch.to(self.device, self.dtype)).float().cpu()
                           for batch in images.split(size)])
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a picture asks of a graphics card's memory, beside what it has: only where PyTorch is loaded already."""
+"""What a picture asks of a graphics card's memory, beside what it has."""
 from __future__ import annotations
 
 import sys
@@ -8,6 +8,7 @@ from ...model import presets
 from ...model.scene import RenderScene
 from ..convert.report import Report
 from ..settings import FrameSettings
+from ..setup import importing, wheels
 from . import model_cache
 
 PARAMETERS = {True: 11_000_000, False: 270_000_000}  # of guided networks; of published ones with the image encoder
@@ -26,7 +27,9 @@ def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int]
     What a loaded network takes counts as free: it is among what is needed.
     """
     if "torch" not in sys.modules:
-        return None  # importing it takes seconds
+        if settings.device == "cpu" or not wheels.has_nvidia_driver():
+            return None  # importing it takes seconds
+        importing.import_packages()
     from ...model.devices import choose_device, free_memory
     from ...model.network.footprint import card_bytes
     from ...model.network.renderformer import KEYS_VALUES_BYTES

@@ -111,6 +111,17 @@ def _fill(made, shader, material: FrameMaterial, folder: Path, report) -> None:
                 report.refused(made.name, f"{file}: {error}")
 
 
+def _numbers(file: Path) -> bpy.types.Image:
+    """An image file as the numbers that it holds. One that is loaded with other settings belongs to somebody else."""
+    for known in bpy.data.images:
+        if (known.source == "FILE" and bpy.path.abspath(known.filepath) == str(file) and known.alpha_mode == "NONE"
+                and known.colorspace_settings.name == "Non-Color"):
+            return known
+    made = bpy.data.images.load(str(file))
+    made.colorspace_settings.name, made.alpha_mode = "Non-Color", "NONE"
+    return made
+
+
 def _add_maps(made, shader, output, material: FrameMaterial, folder: Path) -> None:
     nodes, links = made.node_tree.nodes, made.node_tree.links
     for row, name in enumerate(maps(material)):
@@ -121,8 +132,7 @@ def _add_maps(made, shader, output, material: FrameMaterial, folder: Path) -> No
                 socket.default_value = (*UNKNOWN, 1) if socket.type == "RGBA" else UNKNOWN[0]
             continue
         image = nodes.new("ShaderNodeTexImage")
-        image.image = bpy.data.images.load(str(file), check_existing=True)
-        image.image.colorspace_settings.name = "Non-Color"
+        image.image = _numbers(file)
         image.location = (-600, 300 - 300 * row)
         if name == "normal":
             bump = nodes.new("ShaderNodeNormalMap")

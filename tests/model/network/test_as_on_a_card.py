@@ -16,9 +16,11 @@ from renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, Render
 from renderformer_v2.model.network.window import Window
 from renderformer_v2.model.precision import as_released
 from renderformer_v2.model.presets import rf2_200m
+from renderformer_v2.model.published.image_encoder import OneFrameEncoder
 from renderformer_v2.model.renderer import Renderer
 from tests.model.no_host_copies import NoHostCopies
 from tests.model.samples import floor_scene, floor_view
+from tools.benchmark.textures import textured
 
 
 @pytest.fixture
@@ -77,6 +79,21 @@ def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(usual_piec
     np.testing.assert_allclose(found.view(view, guides), expected, rtol=1e-4, atol=1e-5 * expected.max())
     assert not found.encoded.context.keys_values
     assert Renderer(published_bundle, device="cpu", precision="fp32").remark == "" and not memory.is_divided()
+
+
+def test_a_card_that_is_too_small_encodes_fewer_textures_at_once(usual_pieces, published_bundle, monkeypatch):
+    renderer, scene, batches = Renderer(published_bundle, device="cpu", precision="fp32"), textured(9), []
+    real = OneFrameEncoder.forward
+
+    def small(self, images):
+        batches.append(len(images))
+        if len(images) > 4:
+            raise torch.OutOfMemoryError("CUDA out of memory")
+        return real(self, images)
+
+    monkeypatch.setattr(OneFrameEncoder, "forward", small)
+    renderer.prepare(scene)
+    assert max(batches) > 4 and max(batches[1:]) == 4 and "smaller ones" in renderer.remark
 
 
 def test_a_card_that_is_much_too_small_is_said(usual_pieces, published_bundle):

@@ -3,11 +3,18 @@
 import torch
 
 from renderformer_v2.model.network.ordering import hilbert_codes, hilbert_grid, hilbert_order
+from tests.model.no_host_copies import NoHostCopies
 
 
 def test_nothing_has_an_order_too():
     nothing = torch.zeros(0, 3)
     assert hilbert_codes(hilbert_grid(nothing)).shape == (0,) and hilbert_order(nothing).shape == (0,)
+
+
+def test_sorting_never_waits_for_a_card():
+    with NoHostCopies():
+        order = hilbert_order(torch.randn(1000, 3))
+    assert torch.equal(order.sort().values, torch.arange(1000))
 
 
 def test_tokens_at_one_place_keep_their_order():

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a render says of the device that it used, of a card that it did not, and of a card's memory."""
+import sys
+
 import bpy
 import OpenEXR
 import pytest
@@ -8,6 +10,7 @@ import torch
 from bl_ext.user_default.renderformer_v2.model.devices import free_memory
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import card, model_cache, preflight
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import frame_lines, last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from tests.rf2_engine.f12 import press_f12
@@ -46,6 +49,18 @@ def test_a_network_that_is_there_already_needs_no_more_memory(monkeypatch):
     for name, found in (("mem_get_info", (6, 10)), ("memory_reserved", 3), ("memory_allocated", 2)):
         monkeypatch.setattr(torch.cuda, name, lambda device, found=found: found)
     assert free_memory(torch.device("cuda", 0)) == 7 and free_memory(torch.device("cuda", 0), with_ours=True) == 9
+
+
+@pytest.mark.parametrize("device, driver, imported", [("auto", True, True), ("auto", False, False),
+                                                      ("cpu", True, False)])
+def test_pytorch_is_imported_for_a_card_that_may_be_used(lit, monkeypatch, device, driver, imported):
+    calls = []
+    monkeypatch.delitem(sys.modules, "torch")
+    monkeypatch.setattr(card.wheels, "has_nvidia_driver", lambda: driver)
+    monkeypatch.setattr(card.importing, "import_packages", lambda: calls.append(1))
+    lit.renderformer_v2.device = device
+    assert card.memory(FrameSettings.of(lit), 1000, 64 * 64) is None  # there is no card
+    assert bool(calls) == imported
 
 
 def test_without_a_card_nothing_is_said_of_one(lit):

@@ -3,16 +3,18 @@
 import bpy
 import numpy as np
 import pytest
+from skimage.io import imsave
 
 from bl_ext.user_default.renderformer_v2.model.published.obj_mesh import read_obj
 from bl_ext.user_default.renderformer_v2.model.published.prepared_frame import read_frame
+from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.importing import import_frame
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
 from tests.model.published import frames
 from tests.rf2_engine import f12
-from tests.rf2_engine.paper_scenes.test_paper_scenes import lobes_at, shown
+from tests.rf2_engine.paper_scenes.test_paper_scenes import lobes_at, shown, tile_at
 
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 7\n"
 
@@ -69,6 +71,27 @@ def test_what_is_in_the_file_already_stays_as_it_is(frame):
     for it in imported.objects:
         assert it.data not in before["meshes"] | before["cameras"]
         assert not {slot.material for slot in it.material_slots} & before["materials"]
+
+
+@pytest.mark.parametrize("kind", ["gray", "gray and alpha", "alpha", "16 bits", "small"])
+def test_maps_of_any_kind_of_png_are_the_numbers_in_them(frame, kind):
+    value, side = (0.25, 8 if kind == "small" else 256)
+    pixels = np.full((side, side, 4), round(255 * value), np.uint8)
+    pixels[..., 3] = 0
+    pixels = {"gray": pixels[..., 0], "gray and alpha": pixels[..., 2:], "alpha": pixels, "small": pixels[..., :3],
+              "16 bits": pixels[..., 0].astype(np.uint16) * 257}[kind]
+    imsave(frame / "split" / "rust" / "base_color.png", pixels, check_contrast=False)
+    rust = tile_at(shown(import_frame(frame, Report()))[0], (0.1, 0.25, 0.5))
+    np.testing.assert_allclose(rust[BASE_COLOR], value, atol=5e-3)
+
+
+def test_an_image_that_was_loaded_before_keeps_its_settings(frame):
+    mine = bpy.data.images.load(str(frame / "split" / "cloth" / "diffuse.png"))
+    import_frame(frame, Report())
+    assert mine.colorspace_settings.name == "sRGB" and mine.alpha_mode != "NONE" and not mine.users
+    count = len(bpy.data.images)
+    import_frame(frame, Report())
+    assert len(bpy.data.images) == count
 
 
 @pytest.mark.parametrize("name", ["new", "new.json", "scene_config.JSON"])

@@ -13,6 +13,7 @@ from renderformer_v2.model.guided.bounce.probes import gathered
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.prior.light_prior import Lamps, LightPrior
 from renderformer_v2.model.scene import ROUGHNESS, RenderScene, constant_tile
+from tests.model.no_host_copies import NoHostCopies
 from tests.model.samples import flat, floor_scene, walls
 
 MANY = 50  # times the rays of a point
@@ -35,6 +36,19 @@ def parts(bounce: Radiosity, points, normals) -> tuple[torch.Tensor, torch.Tenso
 
 def arriving(bounce: Radiosity, points, normals) -> torch.Tensor:
     return parts(bounce, points, normals)[0]
+
+
+def test_bounces_between_patches_never_wait_for_a_card(monkeypatch):
+    calls = []
+
+    def watched(self, *given, real=Radiosity._bounced):
+        with NoHostCopies():
+            calls.append(real(self, *given))
+        return calls[-1]
+
+    monkeypatch.setattr(Radiosity, "_bounced", watched)
+    built(walls((0.9, 0.1, 0.1)))
+    assert len(calls) == 1 and calls[0].max() > 0
 
 
 def test_a_point_that_faces_a_bright_plane_gathers_its_radiance():
