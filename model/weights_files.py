@@ -89,7 +89,7 @@ def require_folder(folder: Path) -> None:
     if folder.is_file():
         raise CheckpointError(f"{folder} is a file: choose the folder that it lies in")
     if not folder.is_dir():
-        raise CheckpointError(f"There is no weights folder {folder}")
+        raise CheckpointError(f"There is no weights folder {folder}: choose the one that the weights lie in")
 
 
 @explained()

@@ -18,3 +18,4 @@ class Effort:
 
 FULL = Effort()
 QUICK = Effort(rays=0.25, shadow_grid=2, smoothings=1)
+DRAFT = Effort(rays=0.125)  # of light between surfaces, until the network is done

@@ -18,7 +18,7 @@ from ..scene import Guides, RenderScene, View
 from .antialiasing import antialiased
 from .bounce.radiosity import Radiosity
 from .decoding import OUTPUTS, decode_bands
-from .effort import FULL, QUICK, Effort
+from .effort import DRAFT, FULL, Effort
 from .guided_inputs import guided_inputs, guided_view
 from .prior.light_prior import LightPrior
 
@@ -55,7 +55,7 @@ class GuidedPipeline:
         with part(0.0, 0.5, "Estimating direct light"):
             prior = LightPrior(scene, self.device)
         with part(0.5, 1.0, "Estimating bounced light"):
-            return GuidedContext(scene, None, prior, Radiosity(scene, prior, QUICK), self._tokens(scene))
+            return GuidedContext(scene, None, prior, Radiosity(scene, prior, DRAFT), self._tokens(scene))
 
     def finished(self, draft: GuidedContext) -> GuidedContext:
         with part(0.05, 1.0 if self.is_idle else 0.1, "Estimating bounced light"):

@@ -65,11 +65,11 @@ def update(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph
 def draw(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
     done, error = _advance(engine, context, depsgraph)
     session, region = _viewport(engine).session, context.region
-    shown = session.shown
-    if shown is not None:
+    shown, message = session.shown, error or session.error
+    if shown is not None and not message:  # a picture of something older would make text hard to read
         _viewport(engine).texture.draw(engine, depsgraph.scene, shown.pixels, _place(shown, region))
     engine.update_stats("", "" if error else status.text(session, not done))
-    if message := error or session.error:
+    if message:
         engine.update_stats("", message.split(":")[0])
         draw_message(message, region.width, region.height)
     if not done:

@@ -105,6 +105,8 @@ def test_wrong_choice_of_a_folder_is_explained(bundle, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(CheckpointError, match="empty holds no weights: choose the folder renderformer-v2"):
         Renderer(tmp_path / "empty")
+    with pytest.raises(CheckpointError, match="no weights folder .*nowhere: choose the one that the weights lie in"):
+        Renderer(tmp_path / "nowhere")
     with pytest.raises(CheckpointError, match="transformer_512 also needs diffspec_mapper"):
         Renderer(bundle / "transformer_512")
     with pytest.raises(CheckpointError, match="config.yaml is a file"):

@@ -25,12 +25,25 @@ def test_pictures_follow_a_drag_and_a_material(found):
     assert found["dragged"] > 1 and found["material"]
 
 
+def test_seconds_of_our_pictures_and_those_of_cycles_are_measured(found):
+    assert [(row["engine"], row["change"]) for row in found["measured"]] == [
+        (engine, change) for engine in ("RenderFormer-V2", "Cycles") for change in ("camera", "move")]
+    assert all(0 < row["first"] <= row["last"] for row in found["measured"])
+
+
+def test_nothing_that_is_done_in_between_is_an_error(found):
+    said = found["said"]
+    large = said.pop("large")
+    assert not large or "Install Packages" in large  # which reduce it
+    assert set(said.values()) == {""} and len(said) == 8 and found["two_windows"] == 2
+
+
 def test_each_view_of_quad_view_is_drawn_and_freed(found):
     assert (found["quad"], found["single"]) == (4, 1)
 
 
 def test_local_view_shows_what_is_in_it(found):
-    assert 0 < found["local"] < found["global"]
+    assert (found["local"], found["global"]) == (1, 2)
 
 
 def test_a_render_goes_on_beside_it_and_it_goes_on_afterwards(found):

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user does in a Rendered viewport: `blender --python viewport_session.py -- ZIP FOLDER`."""
+"""What a user does in a Rendered viewport: `blender --python viewport_session.py -- ZIP FOLDER`.
+
+Writes seconds until pictures of our viewport and of Cycles' with denoising to FOLDER/viewport.csv.
+"""
+import csv
 import sys
 import time
 from pathlib import Path
@@ -13,10 +17,12 @@ ARCHIVE, FOLDER = map(Path, sys.argv[sys.argv.index("--") + 1:])
 EXTENSION = "bl_ext.user_default.renderformer_v2"
 TICK = 0.01     # seconds between two looks at whether the window stands still
 PICTURES = 3    # that are to be seen during a drag
+QUIET = 3.0     # seconds without a redraw after which Cycles' picture counts as finished
+SAMPLES = 32    # of Cycles' viewport
 
 driver = Driver(FOLDER)
 found = driver.found
-window = {"last": 0.0, "stall": 0.0, "draws": 0}
+window = {"last": 0.0, "stall": 0.0, "draws": [], "shown": [], "before": None, "begin": 0.0, "clock": False}
 
 
 def session():
@@ -29,7 +35,9 @@ def session():
     yield from enter()
     yield from look_around()
     yield from edit()
+    yield from measure()
     yield from several()
+    yield from misuse()
     yield from render()
     yield from leave()
 
@@ -37,6 +45,9 @@ def session():
 def tick() -> float:
     now = time.perf_counter()
     window["stall"], window["last"] = max(window["stall"], now - window["last"] - TICK), now
+    if window["clock"] and (alive := works()) and alive[0].shown not in (None, window["before"]):
+        window["before"] = alive[0].shown
+        window["shown"].append((now, window["before"].divisor))
     return TICK
 
 
@@ -51,13 +62,13 @@ def done() -> bool:
 
 
 def count_draw() -> None:
-    window["draws"] += 1
+    window["draws"].append(time.perf_counter())
 
 
 def redrawn():
-    before = window["draws"]
+    before = len(window["draws"])
     area("VIEW_3D").tag_redraw()
-    return lambda: window["draws"] > before
+    return lambda: len(window["draws"]) > before
 
 
 def settled():
@@ -155,6 +166,62 @@ def edit():
     driver.shot("played")
 
 
+def measure():
+    """Seconds from a change to pictures, ours and those of Cycles in the same window."""
+    rows, cycles, scene = [], bpy.context.scene.cycles, bpy.context.scene
+    call(bpy.ops.view3d.view_camera)  # out of it: it would not orbit
+    yield from settled()
+    for change, make in CHANGES.items():
+        begin = start_clock(make)
+        yield from settled()
+        pictures = [(at - begin, divisor) for at, divisor in window["shown"]]
+        rows.append({"engine": "RenderFormer-V2", "change": change, "first": pictures[0][0],
+                     "last": pictures[-1][0], "stall": window["stall"], "pictures": len(pictures)})
+    cycles.use_preview_denoising, cycles.preview_samples = True, SAMPLES
+    found["cycles_denoises"] = cycles.preview_denoiser
+    scene.render.engine = "CYCLES"
+    yield quiet
+    for change, make in CHANGES.items():
+        begin = start_clock(make)
+        yield quiet
+        drawn = [at - begin for at in window["draws"] if at > begin][1:]  # the first one shows what was there before
+        rows.append({"engine": "Cycles", "change": change, "first": drawn[0], "last": drawn[-1],
+                     "stall": window["stall"], "pictures": len(drawn)})
+    driver.shot("cycles")
+    scene.render.engine = "RENDERFORMER_V2"
+    yield from settled()
+    with open(FOLDER / "viewport.csv", "w", newline="") as file:
+        table = csv.DictWriter(file, rows[0])
+        table.writeheader()
+        table.writerows({key: f"{value:.2f}" if isinstance(value, float) else value for key, value in row.items()}
+                        for row in rows)
+    found["measured"], window["clock"] = rows, False
+
+
+def move_view() -> None:
+    call(bpy.ops.view3d.view_orbit, angle=0.2, type="ORBITLEFT")
+
+
+def move_object() -> None:
+    bpy.data.objects["Cube"].location.y += 0.2
+
+
+CHANGES = {"camera": move_view, "move": move_object}
+
+
+def start_clock(make) -> float:
+    begin = window["begin"] = window["last"] = time.perf_counter()
+    window["clock"] = True
+    window["stall"], window["shown"], window["before"] = 0.0, [], works()[0].shown if works() else None
+    make()
+    area("VIEW_3D").tag_redraw()
+    return begin
+
+
+def quiet() -> bool:
+    return time.perf_counter() - max(window["draws"][-1], window["begin"]) > QUIET
+
+
 def several():
     call(bpy.ops.screen.region_quadview)
     yield from settled()
@@ -167,11 +234,78 @@ def several():
     bpy.data.objects["Cube"].select_set(True)
     call(bpy.ops.view3d.localview)
     yield from settled()
-    found["local"] = shown().triangles
+    found["local"] = len(shown().request.copied.things)
     driver.shot("local")
     call(bpy.ops.view3d.localview)
     yield from settled()
-    found["global"] = shown().triangles
+    found["global"] = len(shown().request.copied.things)
+
+
+def misuse():
+    """What a user does in between, while the viewport works."""
+    said = found["said"] = {}
+
+    def see(name: str):
+        yield from settled()
+        said[name] = works()[0].error
+        driver.shot(name)
+    for _ in range(3):
+        bpy.data.objects["Cube"].location.z += 0.2
+        call(bpy.ops.ed.undo_push, message="Move")
+        yield 0.1
+    for operator in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.undo):
+        call(operator)
+        yield 0.1
+    yield from see("undone")
+    bpy.data.objects["Cube"].name = "Renamed"
+    bpy.data.objects["Plane"].hide_set(True)
+    yield 0.1
+    bpy.data.objects["Plane"].hide_set(False)
+    bpy.data.objects["Renamed"].name = "Cube"
+    yield from see("hidden")
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=400, y_subdivisions=400, size=4, location=(0, 3, 0))
+    window["stall"] = 0.0
+    yield from see("large")
+    found["large_stall"] = window["stall"]
+    bpy.data.objects["Cube"].location.z += 0.1
+    yield 0.05
+    bpy.data.objects.remove(bpy.context.view_layer.objects.active)
+    yield from see("deleted")
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area("VIEW_3D")):
+        bpy.ops.wm.window_new()
+    other = bpy.context.window_manager.windows[-1]
+    second = max(other.screen.areas, key=lambda each: each.width)
+    second.type = "VIEW_3D"
+    second.spaces.active.shading.type = "RENDERED"
+    bpy.data.objects["Cube"].location.z += 0.1
+    yield lambda: len(works()) == 2
+    second.tag_redraw()
+    yield 1.0
+    yield from see("two_windows")
+    found["two_windows"] = len(works())
+    with bpy.context.temp_override(window=other):
+        bpy.ops.wm.window_close()
+    yield lambda: len(works()) == 1
+    settings = bpy.context.scene.renderformer_v2
+    settings.weights_source, settings.weights_folder = "FOLDER", "/nowhere"
+    yield redrawn()
+    yield 2.0
+    driver.shot("no_weights")
+    settings.weights_source = "BUNDLED"
+    yield from see("weights_again")
+    camera = bpy.context.scene.camera
+    bpy.context.scene.camera = None
+    yield from see("no_camera")
+    bpy.context.scene.camera = camera
+    kept = bpy.context.scene
+    bpy.context.window_manager.windows[0].scene = empty = bpy.data.scenes.new("Empty")
+    empty.render.engine = "RENDERFORMER_V2"
+    empty.renderformer_v2.viewport.resolution = "8"
+    yield redrawn()
+    yield from see("empty")
+    bpy.context.window_manager.windows[0].scene = kept
+    yield redrawn()
+    yield from see("back")
 
 
 def render():

@@ -2,6 +2,7 @@
 """Seconds until a Rendered viewport shows something, and how long its thread keeps Python's lock from the window.
 
     python -m tools.benchmark.viewport [SCENE.blend] [--size 960x540] [--budgets 2048,4096] [--rounds 3]
+                                     [--finest 1]
 
 Without a file: the cube, lamp and world that Blender starts with. Prints CSV, a row for each budget and kind of change:
 `enter` (the first round loads PyTorch and is left out), `move` (an object), `camera`. `read` is what Blender's window
@@ -40,7 +41,7 @@ def main() -> int:
         open_scene(arguments.scene)
     scene = bpy.context.scene
     scene.render.engine = "RENDERFORMER_V2"
-    scene.renderformer_v2.viewport.time_limit = 0
+    scene.renderformer_v2.viewport.time_limit, scene.renderformer_v2.viewport.resolution = 0, arguments.finest
     rows = csv.DictWriter(answer, COLUMNS)
     rows.writeheader()
     for budget in arguments.budgets:
@@ -58,6 +59,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--size", type=lambda text: tuple(map(int, text.split("x"))), default=(960, 540))
     parser.add_argument("--budgets", type=numbers, default=(2048, 4096))
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--finest", choices=list(map(str, LEVELS)), default="1",
+                        help="what pixels are divided by in the finest picture, whose light is that of a render")
     return parser.parse_args()
 
 
@@ -77,7 +80,7 @@ class _Viewport:
                 found.append(self._seconds())
             yield {"change": change, "triangles": self.session.shown.triangles,
                    "lock": max(each["lock"] for each in found)} | {
-                key: statistics.median(each[key] for each in found) for key in ("read", *LEVELS)}
+                key: statistics.median(each[key] for each in found) for key in ("read", *LEVELS) if key in found[0]}
 
     def _begin(self) -> None:
         from renderformer_v2.rf2_engine.viewport.session import Session
@@ -120,7 +123,7 @@ class _Viewport:
         if self.session.error:
             raise RuntimeError(self.session.error)
         first = next(level for level in LEVELS if level in found)  # coarser ones are left out where this is quick
-        return dict.fromkeys(LEVELS, found[first]) | found
+        return {level: found[first] for level in LEVELS if level > first} | found
 
     def _view(self, depsgraph):
         from renderformer_v2.rf2_engine.viewport.region_view import RegionView
