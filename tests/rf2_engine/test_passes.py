@@ -30,7 +30,7 @@ def test_first_hits_are_those_of_a_cycles_render(still_life, tmp_path, light):
             "ViewLayer.Wear", "ViewLayer.Vector"} <= set(cycles) == set(ours)
     for name in set(cycles) - {"ViewLayer.Combined"}:
         assert np.ptp(cycles[name]) > 0 or name.endswith(("01", "02")), f"{name} says nothing"
-        if light == "TRACED" and passes.key_of(name.removeprefix("ViewLayer.")) in ("emission", "environment"):
+        if passes.key_of(name.removeprefix("ViewLayer.")) in ("emission", "environment"):
             continue  # smoothed as Combined is: test_view_layers.py
         same = np.isclose(ours[name], cycles[name], rtol=1e-4, atol=1e-5).all(-1)
         assert same.mean() > (0.6 if name.endswith(("AO", "Occlusion")) else 0.999), name  # AO: other random numbers

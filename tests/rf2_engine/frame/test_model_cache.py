@@ -44,7 +44,7 @@ def test_stage_one_is_kept_until_the_scene_changes():
         assert model_cache.encoded(renderer, small_scene(5), 64) is first
         assert not said
         assert model_cache.encoded(renderer, small_scene(6), 64) is not first
-    assert any(text.startswith("Spreading light") for text in said)
+    assert any(text.startswith("Estimating bounced light") for text in said)
 
 
 def test_freeing_forgets_network_and_scene():

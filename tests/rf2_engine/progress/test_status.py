@@ -42,7 +42,7 @@ def test_one_view_layer_is_not_named(scene, tmp_path, bar):
     cube(scene)
     press_f12(scene, tmp_path)
     assert {layer for layer, _, _ in bar} == {""}
-    assert {"Reading objects, 1 of 2", "Gathering light, 4 of 4"} <= {text for _, text, _ in bar}
+    assert {"Reading objects, 1 of 2", "Adding the light up"} <= {text for _, text, _ in bar}
 
 
 def test_every_frame_of_an_animation_begins_at_nothing(scene, tmp_path, bar):
