@@ -25,7 +25,7 @@ NEAR_LAMP = 0.03     # network units from a lamp: what is closer needs no smalle
 BY_LAMPS = 0.5       # of all patches, how many go by lamps
 AT_ONCE = 64         # triangles that are split before the largest are looked for again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one
-STEEP = 0.7          # of the glossy layer: lamps light most surfaces more steeply than all around does
+STEEP = 0.7          # of glossy light: lamps light most surfaces more steeply than all around does
 FINEST = 0.008       # side of a cell whose triangles are one patch, where a unit of area gets all
 COARSER = 2 ** 0.25  # than those of the cells that were too many
 
@@ -85,7 +85,7 @@ def _albedo(scene: RenderScene) -> np.ndarray:
     inside = (1 - transmission) + TRANSMITTED * transmission
     layer = layer_reflectance(mean[:, IOR, None], mean[:, ROUGHNESS, None])
     diffuse = (1 - metallic) * (1 - layer) * base * inside
-    glossy = (metallic * base + (1 - metallic) * share * layer for share in (1, STEEP))
+    glossy = (share * (metallic * base + (1 - metallic) * layer) for share in (1, STEEP))
     return np.concatenate([diffuse, *glossy], axis=1)
 
 

@@ -53,11 +53,16 @@ class Radiosity:
             directions = cosine_directions(n, effort.of(PATCH_RAYS) // count, scattered(x, 2))
             around = self.interior.look(x, n, directions).together(count)
         through = (diffuse + glossy) * around.through
-        again = through + self._bounced(around, first + through, diffuse, glossy)
-        self.leaving = torch.cat([first + again, again], dim=1)  # all, and what had bounced before
+        glossily, diffusely = self._bounced(around, first + through, diffuse, glossy)
+        again = through + diffusely
+        self.leaving = torch.cat([first + again + glossily, again], dim=1)  # all, and what had bounced diffusely
 
-    def _bounced(self, around: Surroundings, light: Tensor, diffuse: Tensor, glossy: Tensor) -> Tensor:
-        """(2 S, 3) what becomes of `light` (2 S, 3) that leaves the patches, by as many bounces as Cycles allows."""
+    def _bounced(self, around: Surroundings, light: Tensor, diffuse: Tensor,
+                 glossy: Tensor) -> tuple[Tensor, Tensor]:
+        """What becomes of `light` (2 S, 3) that leaves the patches, by as many bounces as Cycles allows: (2 S, 3) each.
+
+        By glossy bounces alone, which traced light follows from mirrors, and by others.
+        """
         found = {(0, 0): light}  # what has bounced diffusely, and glossily, so often
         for count in range(1, BOUNCES + GLOSSY_BOUNCES + 1):
             pairs = [(d, count - d) for d in range(count + 1) if d <= BOUNCES and count - d <= GLOSSY_BOUNCES]
@@ -66,13 +71,15 @@ class Radiosity:
             for d, g in pairs:
                 found[d, g] = sum(lobe * arriving[key] for lobe, key in ((diffuse, (d - 1, g)), (glossy, (d, g - 1)))
                                   if key in arriving)
-        return sum(found.values()) - light
+        return (sum(found[0, g] for g in range(1, GLOSSY_BOUNCES + 1)),
+                sum(bounced for (d, _), bounced in found.items() if d))
 
     def __call__(self, position: Tensor, normal: Tensor, number: Tensor | None = None,
                  effort: Effort = FULL) -> Tensor:
         """Radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3) -> (P, 9).
 
-        Light that has bounced, the part of it that has more than once, and the share of the sky's light that arrives.
+        Light that has bounced, the part of it that has done so diffusely before the last time, and the share of the
+        sky's light that arrives.
         number: (P,) of neighbours in a row, whose rays go between each other's; by default they are a row.
         """
         number = torch.arange(len(position), device=position.device) if number is None else number

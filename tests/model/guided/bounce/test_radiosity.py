@@ -12,7 +12,7 @@ from renderformer_v2.model.guided.bounce import patches, probes
 from renderformer_v2.model.guided.bounce.probes import gathered
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.prior.light_prior import Lamps, LightPrior
-from renderformer_v2.model.scene import ROUGHNESS, RenderScene, constant_tile
+from renderformer_v2.model.scene import METALLIC, ROUGHNESS, RenderScene, constant_tile
 from tests.model.no_host_copies import NoHostCopies
 from tests.model.samples import flat, floor_scene, walls
 
@@ -48,7 +48,7 @@ def test_bounces_between_patches_never_wait_for_a_card(monkeypatch):
 
     monkeypatch.setattr(Radiosity, "_bounced", watched)
     built(walls((0.9, 0.1, 0.1)))
-    assert len(calls) == 1 and calls[0].max() > 0
+    assert len(calls) == 1 and all(light.max() > 0 for light in calls[0])
 
 
 def test_a_point_that_faces_a_bright_plane_gathers_its_radiance():
@@ -77,6 +77,13 @@ def test_light_that_has_bounced_before_is_known_apart():
     total, again = parts(built(walls((0.8, 0.05, 0.05))), at, towards)
     red, green, _ = again[0]
     assert 0 < green < red / 3 and red < 0.5 * total[0, 0]
+
+
+def test_what_metals_send_to_each_other_is_not_told_apart_because_traced_light_has_it():
+    scene = walls((0.8, 0.05, 0.05))
+    scene.tiles[:, METALLIC] = 1
+    total, again = parts(built(scene), [[-0.8, 0.0, 0.3]], -UP)
+    assert total.min() > 0 and again.abs().max() < 1e-4 * total.max()
 
 
 def test_no_more_than_a_whole_hemisphere_arrives():
