@@ -29,6 +29,7 @@ DILATIONS = (1, 2)
 REACH = RADIUS + 1 + sum(DILATIONS)  # pixels around one that have a say in it
 SURE = 20.0                        # offset of the centre's logit that leaves nothing for the others
 SAMPLES = 8                        # of a pixel in the pictures of the training: with more there is less to mend
+GLOWS = 0.05                       # emission from which on it counts, in the exposure of the picture
 LEAST = 2e-3                       # a weight below is none: what is a thousand times brighter would shine through
 
 
@@ -87,6 +88,12 @@ def seen(radiance: np.ndarray, guides: Guides, exposure: float) -> Tensor:
     return torch.cat([light, surface], 1)
 
 
+def beside_lamps(emission: np.ndarray) -> Tensor:
+    """(1, 1, H, W) bool: where a kernel reaches pixels of (H, W, 3) that glow, whose light it would not keep."""
+    bright = (tensor(emission).amax(1, keepdim=True) > GLOWS).float()
+    return F.max_pool2d(bright, 2 * RADIUS + 1, stride=1, padding=RADIUS) > 0
+
+
 def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
                 samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
     """All `pictures` (H, W, C) f32 under the kernels of one, of which `radiance` and `guides` are as in `seen`.
@@ -101,6 +108,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], rad
     device, exposure, done = predictor.enter.weight.device, exposure_of(radiance, guides), []
     for outer, inner in bands(*guides.alpha.shape, margin=REACH):
         kernels = predictor(seen(radiance[outer], guides.rows(outer), exposure).to(device))
+        kernels = kernels * ~beside_lamps(guides.emission[outer] * np.float32(exposure)).to(device)
         joined = tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
         done.append(weighted(joined, kernels, samples)[0, :, inner].permute(1, 2, 0).cpu().numpy())
     ends = np.cumsum([picture.shape[-1] for picture in pictures.values()])

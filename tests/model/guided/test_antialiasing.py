@@ -113,6 +113,17 @@ def test_the_bundled_kernels_bring_a_noisy_edge_nearer_to_the_truth(degrees):
     np.testing.assert_allclose(found[far], truth[far], atol=1e-3)  # what has no edge stays as it is
 
 
+@torch.no_grad()
+def test_what_glows_keeps_its_light():
+    radiance, guides = bright_half(0.5, SAMPLES)
+    lamp = np.zeros_like(radiance)
+    lamp[30:34, 30:34] = 50
+    found = antialiased(trained_like(), {"lamp": lamp}, radiance, replace(guides, emission=lamp), SAMPLES)["lamp"]
+    np.testing.assert_array_equal(found, lamp)
+    faint = antialiased(trained_like(), {"lamp": lamp}, radiance, replace(guides, emission=1e-5 * lamp), SAMPLES)
+    assert np.abs(faint["lamp"] - lamp).max() > 1
+
+
 def test_kernels_do_not_depend_on_the_unit_of_light():
     radiance, guides = bright_half(0.5, SAMPLES)
     guides = replace(guides, emission=radiance, environment=0.5 * radiance)
