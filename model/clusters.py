@@ -22,7 +22,7 @@ def clusters(points: np.ndarray, weights: np.ndarray, groups: list[np.ndarray], 
             break
         along = points[rows, variance.argmax()]
         above = along > np.average(along, weights=weights[rows])
-        if not above.any():
+        if above.all() or not above.any():  # equal points, which rounding puts on one side of their own mean
             spread[widest] = np.zeros_like(variance)
             continue
         halves = rows[above], rows[~above]

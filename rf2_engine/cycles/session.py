@@ -12,9 +12,11 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 import bpy
+import numpy as np
 
 import addon_utils
 
+from ...model.color import HALF_MAX
 from ...model.errors import SceneError
 from .. import compat
 from .. import passes as pass_table
@@ -159,6 +161,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         views = run(engine, depsgraph, layer_name, wanted, override.changes, report or Report())
 
     for rendered in views.values():
+        _make_finite(rendered, report or Report())
         combined = rendered["combined"]
         rendered["alpha"] = combined[..., 3:].copy()
         if light is Light.TRACED:
@@ -168,6 +171,16 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         if light is not Light.ALL and look.catchers is not Catchers.CATCH:
             del rendered["combined"]
     return views
+
+
+def _make_finite(rendered: Passes, report: Report) -> None:
+    """Normalised vectors of no length are NaN in Cycles: it lets a pixel be black then, but not its passes."""
+    for key, values in rendered.items():
+        if not np.isfinite(values).all():
+            report.approximated(key.replace("_", " ").title(),
+                                "where Cycles' pass holds no number, 0 is taken: look for a Normal or Tangent of 0 in "
+                                "materials")
+            rendered[key] = np.nan_to_num(values, posinf=HALF_MAX, neginf=-HALF_MAX)
 
 
 def _set_camera(depsgraph: bpy.types.Depsgraph, look: Look, override) -> None:

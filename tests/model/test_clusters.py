@@ -22,3 +22,10 @@ def test_every_row_is_in_one_group_and_their_number_is_bounded():
 def test_equal_points_stay_together():
     assert len(clusters(np.ones((10, 3)), np.ones(10), [np.arange(10)], 4)) == 1
     assert clusters(np.zeros((0, 3)), np.zeros(0), [], 4) == []
+
+
+def test_equal_points_stay_together_whatever_their_mean_is_rounded_to():
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        groups = clusters(np.tile(rng.random(5), (3, 1)), rng.random(3), [np.arange(3)], 4)
+        assert [sorted(rows) for rows in groups] == [[0, 1, 2]]

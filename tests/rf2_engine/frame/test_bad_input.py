@@ -104,6 +104,17 @@ def test_values_that_are_not_finite_are_reported_by_name(scene, tmp_path, change
     assert any(line.startswith(f"refused {name}: ") for line in last_frame[0].report)
 
 
+def test_a_material_without_a_normal_is_rendered_and_reported(scene, tmp_path):
+    box, _ = cube(scene), sun(scene)
+    tree = box.data.materials[0].node_tree
+    node = tree.nodes.new("ShaderNodeNormalMap")
+    node.inputs["Color"].default_value = 0.5, 0.5, 0.5, 1
+    tree.links.new(node.outputs["Normal"], tree.nodes["Principled BSDF"].inputs["Normal"])
+    picture = press_f12(scene, tmp_path)
+    assert all(np.isfinite(values).all() for values in picture.values())
+    assert any(line.startswith("approximated Normal: ") for line in last_frame[0].report)
+
+
 @pytest.mark.parametrize("strength, energy", [(3e-7, 3), (3e38, 3), (0, 1e-12), (0, 3e38)])
 def test_light_too_faint_or_too_bright_to_count_does_no_harm(scene, tmp_path, strength, energy):
     box, lamp = cube(scene), sun(scene)
