@@ -3,7 +3,7 @@
 import bpy
 import pytest
 
-from examples import bounced
+from examples import bounced, others
 
 
 @pytest.mark.parametrize("build", bounced.ROOMS, ids=lambda build: build.__name__)
@@ -17,3 +17,24 @@ def test_a_room_has_a_camera_and_some_light(build):
                and m.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value > 0]
     assert lamps or sky > 0 or shining
     assert len([thing for thing in scene.objects if thing.type == "MESH"]) >= 6
+
+
+def test_a_scene_by_others_gets_a_camera_and_keeps_the_rest(tmp_path):
+    package = tmp_path / "package" / "data" / "props"
+    package.mkdir(parents=True)
+    bpy.ops.wm.read_factory_settings()
+    bpy.context.scene.camera = None
+    kept = sorted(thing.name for thing in bpy.data.objects)
+    bpy.ops.wm.save_as_mainfile(filepath=str(package / "kitchen_objects.blend"))
+    others.prepare(tmp_path, "tableware", tmp_path)
+
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "tableware.blend"))
+    scene = bpy.context.scene
+    assert scene.render.engine == "RENDERFORMER_V2" and scene.camera.name == "Added Camera"
+    assert sorted(thing.name for thing in bpy.data.objects) == sorted([*kept, "Added Camera"])
+    assert (scene.render.resolution_x, scene.render.resolution_y) == others.SCENES["tableware"].size
+
+
+def test_a_package_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match="environments/sandbox.blend"):
+        others.prepare(tmp_path, "sandbox", tmp_path)

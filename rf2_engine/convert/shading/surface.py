@@ -140,13 +140,9 @@ def transparent(n: NodeCall):
     return window(n["Color"])
 
 
-def specular_workflow(n: NodeCall):
-    """Diffuse plus a mirror lobe of its own colour."""
-    n.folded(f"{n.node.bl_label} is not supported by Cycles: it is shown as in Eevee")
-    normal = tangent_normal(n)
-    surface = lobe(n["Base Color"], normal=normal) + lobe(n["Specular"], ONE, n["Roughness"], normal=normal)
-    surface.emission = n.get("Emissive Color", BLACK)
-    return surface
+def eevee_only(n: NodeCall):
+    n.folded(f"{n.node.bl_label} is not supported by Cycles, which shows it black: use a Principled BSDF")
+    return lobe(BLACK)
 
 
 def emission(n: NodeCall):
@@ -165,6 +161,6 @@ SHADERS = {
     "ShaderNodeBsdfHair": scattering, "ShaderNodeBsdfRayPortal": portal,
     "ShaderNodeBsdfVelvet": scattering, "ShaderNodeBsdfGlossy": glossy, "ShaderNodeBsdfAnisotropic": glossy,
     "ShaderNodeBsdfMetallic": glossy, "ShaderNodeBsdfGlass": glass, "ShaderNodeBsdfRefraction": glass,
-    "ShaderNodeBsdfTransparent": transparent, "ShaderNodeEeveeSpecular": specular_workflow,
+    "ShaderNodeBsdfTransparent": transparent, "ShaderNodeEeveeSpecular": eevee_only,
     "ShaderNodeEmission": emission, "ShaderNodeBackground": emission, "ShaderNodeHoldout": holdout,
 }

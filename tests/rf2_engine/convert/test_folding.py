@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered, world
@@ -51,7 +52,7 @@ def hair(parametrization):
     (lambda: material("ShaderNodeBsdfSheen")[0], "as Diffuse"),
     (lambda: material("ShaderNodeBsdfRayPortal")[0], "as Transparent"),
     (lambda: material("ShaderNodeHoldout")[0], "holdout"),
-    (lambda: material("ShaderNodeEeveeSpecular")[0], "Eevee"),
+    (lambda: material("ShaderNodeEeveeSpecular")[0], "use a Principled BSDF"),
 ])
 def test_what_one_bsdf_cannot_show_is_reported(make, message):
     report = Report()
@@ -170,3 +171,8 @@ def test_what_is_shown_as_it_is_is_not_reported(make):
     report = Report()
     tile_of(make(), report)
     assert not any("replaced" in line or "reflects" in line or "roughness" in line for line in report.lines())
+
+
+def test_a_shader_of_eevee_alone_reflects_nothing_as_in_cycles():
+    tile, emission = tile_of(material("ShaderNodeEeveeSpecular", Emissive_Color=(1, 1, 1, 1))[0])
+    assert not tile[BASE_COLOR].any() and not emission.any()
