@@ -75,10 +75,11 @@ class GuideTensors(TensorGroup):
 
 
 def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
-                  patch: int, effort: Effort = FULL) -> GuideTensors:
+                  patch: int, effort: Effort = FULL, direct: bool = True) -> GuideTensors:
     """Tensors of one view (V = 1) on the prior's device, for ray bundles of `patch` pixels along a side.
 
-    Scene, view, guides and prior are all normalised; H and W are multiples of `patch`.
+    Scene, view, guides and prior are all normalised; H and W are multiples of `patch`. Without `direct` there is no
+    light in `prior`: where light was traced, the picture shows that instead.
     """
     h, w = guides.alpha.shape
     rows = _rows(w, patch)
@@ -87,7 +88,7 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     for begin in range(0, h, rows):
         pixels = slice(begin, begin + rows)
         with part(begin / h, min(begin + rows, h) / h):
-            band = _band(scene, view, guides, prior, radiosity, pixels, patch, effort)
+            band = _band(scene, view, guides, prior, radiosity, pixels, patch, effort, direct)
         if features is None:
             features, light = like(band.features, h, 1), like(band.light, h, 1)
         features[:, pixels], light[:, pixels] = band.features, band.light
@@ -124,7 +125,7 @@ class _Band:
 
 
 def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity, rows: slice,
-          patch: int, effort: Effort) -> _Band:
+          patch: int, effort: Effort, direct: bool) -> _Band:
     device = prior.radiance.device
     tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
     guides = Guides(**{name: array[rows] for name, array in guides.arrays().items()})
@@ -137,30 +138,28 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     probed = partial(gathered, grid=coarse)
     seen = partial(probed, partial(_leaving, radiosity, prior if guides.traced is None else None, effort),
                    spreads=noisy)
-    with part(0.0, 0.2):
-        fine = min(max(shadow_grid(len(prior.radiance)), effort.shadow_grid), coarse)
-        grid = fine if guides.traced is None else coarse  # where light was traced, shadows need not be sharp
-        lamps_share = gathered(partial(_lamps_share, prior, effort), position, normal, alpha > 0, grid=grid,
-                               spreads=noisy, tolerance=SAME_SHADOW)
-    with part(0.2, 0.5):
+    with part(0.0, 0.3):
         bounced, _, sky_share = probed(partial(radiosity, effort=effort), position, normal, alpha > 0,
                                        spreads=noisy).split(3, dim=-1)
-    with part(0.5, 0.6):
+    with part(0.3, 0.4):
         glossy, again, sky = probed(
             lambda x, n, number, v, r: torch.cat(radiosity.glossy(x, n, v, r[:, 0], number, effort), dim=-1), position,
             normal, alpha > 0, -rays, roughness[..., None], spreads=NOISY[:1]).split([3, 3, 1], dim=-1)
         around = again if guides.traced is not None else glossy
-    with part(0.6, 0.7):
+    with part(0.4, 0.5):
         behind = seen(position, -normal, tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
-    with part(0.7, 0.8):
+    with part(0.5, 0.6):
         mirrored_light, ends = _seen_light(seen, guides, "reflected", tensor)
         reflected = torch.lerp(around, mirrored_light, (1 - blur(roughness)[..., None]) * ends)
-    with part(0.8, 0.9):
+    with part(0.6, 0.7):
         refracted, ends = _seen_light(seen, guides, "refracted", tensor)
-    with part(0.9, 1.0):
-        shares = torch.cat([sky_share, lamps_share, sky, 1.0 * ~ends], dim=-1) * (alpha > 0)
-        light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
-                      shares.reshape(h * w, 8)).reshape(h, w, 9) * (alpha > 0)
+    light = torch.zeros_like(position).repeat(1, 1, 3)
+    if direct:
+        with part(0.7, 1.0):
+            lamps_share = _lamps_seen(prior, effort, position, normal, alpha > 0, coarse, guides.traced is None)
+            shares = torch.cat([sky_share, lamps_share, sky, 1.0 * ~ends], dim=-1) * (alpha > 0)
+            light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
+                          shares.reshape(h * w, 8)).reshape(h, w, 9) * (alpha > 0)
     hinted = torch.full_like(alpha, guides.traced is not None)
     traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
@@ -187,6 +186,14 @@ def _glow(prior: LightPrior, origin: Tensor, rays: Tensor, position: Tensor, nor
 def shadow_grid(lamps: int) -> int:
     """Pixels between points where shadows of so many lamps are looked for."""
     return next((grid for most, grid in ((SHADOW_RAYS, 1), (4 * SHADOW_RAYS, 2)) if lamps <= most), 4)
+
+
+def _lamps_seen(prior: LightPrior, effort: Effort, position: Tensor, normal: Tensor, covered: Tensor, coarse: int,
+                sharp: bool) -> Tensor:
+    """(h, W, 3) mean of `LightPrior.lamps_share`; where light was traced as well, shadows need not be `sharp`."""
+    fine = min(max(shadow_grid(len(prior.radiance)), effort.shadow_grid), coarse)
+    return gathered(partial(_lamps_share, prior, effort), position, normal, covered, grid=fine if sharp else coarse,
+                    spreads=NOISY[:effort.smoothings], tolerance=SAME_SHADOW)
 
 
 def _lamps_share(prior: LightPrior, effort: Effort, x: Tensor, n: Tensor, number: Tensor) -> Tensor:

@@ -66,11 +66,11 @@ def _volumes(volumes: Volumes | None) -> VolumeInputs | None:
 
 
 def guided_view(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
-                config: ModelConfig, effort: Effort = FULL) -> GuidedView:
-    """Rays and guides of one view, all normalised, on the prior's device."""
+                config: ModelConfig, effort: Effort = FULL, direct: bool = True) -> GuidedView:
+    """Rays and guides of one view, all normalised, on the prior's device; `direct` as `guide_tensors` has it."""
     rays = view_inputs(view).to(prior.radiance.device)
     return GuidedView(rays.origin, rays.directions,
-                      guides=guide_tensors(scene, view, guides, prior, radiosity, config.patch_size, effort))
+                      guides=guide_tensors(scene, view, guides, prior, radiosity, config.patch_size, effort, direct))
 
 
 def _environment(radiance: np.ndarray | None, size: tuple[int, int]) -> EnvironmentInputs:

@@ -77,9 +77,10 @@ class GuidedPipeline:
               effort: Effort = FULL) -> dict[str, torch.Tensor]:
         """The `keys` of `decode_light` without its first axis, in network exposure; `image` as above."""
         known = 0.1 if encoded.context else 0.95
+        direct = not self.is_idle or guides.traced is None or "direct" in keys
         with part(0.0, known, "Estimating direct light"):
             inputs = guided_view(encoded.scene, view, guides, encoded.prior, encoded.radiosity,
-                                 self.network.config, effort)
+                                 self.network.config, effort, direct)
         with part(known, 0.95):
             raw = (self.network.render_view(encoded.context, inputs) if encoded.context else
                    inputs.origin.new_zeros(1, len(OUTPUTS), view.height, view.width))

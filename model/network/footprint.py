@@ -8,15 +8,14 @@ from .memory import GPU_CHUNK
 FULL = 4             # bytes of a float32
 STREAMS = 4          # copies of all tokens or ray tokens that exist at once: residual, result, normalised, rotated
 DECODER = 4 << 10    # bytes of the published decoder for each pixel of a band
-DRIVER = 600 << 20   # bytes that CUDA and its libraries take for themselves
 
 
 def card_bytes(config: ModelConfig, parameters: int, tokens: int, pixels: int, items: tuple[int, int], kept: int,
                band: int = 1 << 16) -> int:
     """An upper estimate for a scene of so many tokens and a picture of so many pixels.
 
-    parameters: of all networks that are loaded. items: bytes of a weight, and of one of stage 2. kept: bytes that stage
-    2 may keep of a scene. band: pixels that are decoded at once.
+    parameters: of all networks in the render's precision. items: bytes of a weight, and of one of stage 2. kept: bytes
+    that stage 2 may keep of a scene. band: pixels that are decoded at once.
     """
     item, view_item = items
     width, rays = config.latent_dim, pixels // config.patch_size ** 2

@@ -11,7 +11,8 @@ from ..settings import FrameSettings
 from ..setup import importing, wheels
 from . import model_cache
 
-PARAMETERS = {True: 11_000_000, False: 270_000_000}  # of guided networks; of published ones with the image encoder
+PARAMETERS = {True: 11_000_000, False: 208_000_000}  # of guided networks; of published ones without the image encoder
+IMAGE_ENCODER = 78_500_000  # bytes; it stays in float32 on a card
 
 
 def length(given: RenderScene, settings: FrameSettings) -> int:
@@ -44,7 +45,8 @@ def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int]
         return None
     config = presets.rf2_small() if settings.guided else presets.rf2_200m()
     view_item = item if settings.guided or not has_tensor_float_32(device) else 4
-    return card_bytes(config, PARAMETERS[settings.guided], tokens, pixels, (item, view_item), KEYS_VALUES_BYTES), free
+    needed = card_bytes(config, PARAMETERS[settings.guided], tokens, pixels, (item, view_item), KEYS_VALUES_BYTES)
+    return needed + (0 if settings.guided else IMAGE_ENCODER), free
 
 
 def warn(settings: FrameSettings, given: RenderScene, pixels: int, report: Report) -> None:

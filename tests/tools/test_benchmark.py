@@ -137,11 +137,28 @@ def test_a_device_is_measured_by_itself(monkeypatch):
 
 def test_encoding_textures_is_measured_at_the_first_render_and_at_a_later_one(monkeypatch):
     monkeypatch.setitem(textures.SIZES, "hidden_dim", 8)
+    monkeypatch.setattr(textures, "product_rate", lambda *given, **clock: product_rate(*given, size=64, **clock))
     found = textures.measure(3, torch.device("cpu"), tiny_vae())
     assert found["video_seconds"] > 0 and found["image_seconds"] > 0 and found["triangles"] == 3
     assert found["first_seconds"] > 0 and found["later_seconds"] >= 0 and found["times"] > 0
+    assert found["product_share"] > 0 and 0 < found["multiplications_3x3"] < found["multiplications"]
     scene = textures.textured(3)
     assert len(np.unique(scene.tiles[:, 0], axis=0)) == 3 and np.ptp(scene.tiles[0, 0].astype(float)) > 0.01
+
+
+@torch.inference_mode()
+def test_the_image_encoders_multiplications_are_those_of_its_layers():
+    with torch.device("meta"):
+        frame = textures.OneFrameEncoder(textures.vae_class()())
+        found = textures.multiplications(frame, torch.empty(1, 3, 32, 32))
+    levels = (1024, 96, 96), (256, 96, 192), (64, 192, 384), (16, 384, 384)  # places, channels before and after
+    ends = 9 * (1024 * 3 * 96 + 16 * 384 * 32)
+    square = sum(9 * places * (before + 3 * after) * after for places, before, after in levels)
+    square += 9 * 16 * 4 * 384 ** 2 + ends  # the middle
+    strided = sum(9 * places // 4 * after ** 2 for places, _, after in levels[:3])
+    point = 256 * 96 * 192 + 64 * 192 * 384 + 16 * (4 * 384 ** 2 + 32 ** 2)  # shortcuts, attention, the last one
+    attention = 2 * 16 ** 2 * 384
+    assert found == {"multiplications": square + strided + point + attention, "multiplications_3x3": square}
 
 
 def test_a_device_that_is_not_there_is_said():

@@ -4,8 +4,11 @@
     python -m tools.benchmark.textures [--triangles N] [--device D]
 
 The image encoder has the published size and random weights, which cost the same. Prints a line of JSON: seconds of an
-image by itself as the authors' code encodes it (a video of one frame, in float32) and as a render does, and seconds of
-a scene of N triangles, each with a texture of its own (three images), at the first render and at a later one.
+image by itself as the authors' code encodes it (a video of one frame, in float32) and as a render does; its
+multiplications, and those in 3x3 convolutions of stride 1; the rate of the latter way as a share of large matrix
+products' in the same format; and seconds of a scene of N triangles, each with a texture of its own (three images), at
+the first render and at a later one. On a processor the seconds of an image are those of its cores together, which other
+programs disturb less.
 """
 from __future__ import annotations
 
@@ -19,19 +22,21 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import nn
+from torch.utils.flop_counter import FlopCounterMode
 
 from renderformer_v2.model.devices import choose_device, name_of
 from renderformer_v2.model.material.appearance import Appearance
 from renderformer_v2.model.material.mappers import MAPPERS
 from renderformer_v2.model.precision import NAMES, choose_precision
-from renderformer_v2.model.published.image_encoder import ImageEncoder, OneFrameEncoder, vae_class
+from renderformer_v2.model.published.image_encoder import BATCH_CPU, ImageEncoder, LastTap, OneFrameEncoder, vae_class
 from renderformer_v2.model.published.latent_store import LatentStore
 from renderformer_v2.model.published.scene_encoder import SceneEncoder
 from renderformer_v2.model.scene import BASE_COLOR, TILE_SIZE, RenderScene, constant_tile
 from tools.arguments import whole_number
+from tools.benchmark.flops import product_rate
 
 SIZES = {"hidden_dim": 128, "num_layers": 3, "latent_dim": 9}  # of a mapper
-SEED, ALONE, BATCH = 0, 32, 16  # images encoded by themselves, of these at once
+SEED, ALONE = 0, 2 * BATCH_CPU  # images encoded by themselves
 
 
 def measure(triangles: int, device: torch.device, vae: nn.Module | None = None) -> dict:
@@ -47,6 +52,9 @@ def measure(triangles: int, device: torch.device, vae: nn.Module | None = None) 
         chosen = ImageEncoder(Path(folder), device, dtype).dtype
         frame = OneFrameEncoder(vae).to(device, chosen, memory_format=torch.channels_last)
         found["image_seconds"] = _each(lambda x: frame(x.to(chosen)), images.to(device))
+        found |= multiplications(frame, images[:1].to(device, chosen))
+        rate = product_rate(device, chosen, clock=_clock(device))
+        found["product_share"] = round(2 * found["multiplications"] / found["image_seconds"] / rate, 2)
         mappers = [MAPPERS[name](**SIZES).to(device).eval() for name in MAPPERS]
         scene, file = textured(triangles), Path(folder) / "latents.sqlite"
         for when in ("first", "later"):
@@ -56,6 +64,16 @@ def measure(triangles: int, device: torch.device, vae: nn.Module | None = None) 
             scene_encoder.process(scene)
             found[f"{when}_seconds"] = round(time.perf_counter() - begin, 3)
     return found | {"triangles": triangles, "times": round(found["video_seconds"] / found["image_seconds"], 2)}
+
+
+def multiplications(frame: OneFrameEncoder, image: torch.Tensor) -> dict[str, int]:
+    """Of a (1, 3, H, W) image: all, and those for which Winograd's methods are made."""
+    with FlopCounterMode(display=False) as counter:
+        frame(image)
+    counts = {name.partition(".")[2]: sum(flops.values()) // 2 for name, flops in counter.get_flop_counts().items()}
+    square = sum(counts[name] for name, layer in frame.named_modules()
+                 if isinstance(layer, LastTap) and layer.weight.shape[-1] == 3)
+    return {"multiplications": counter.get_total_flops() // 2, "multiplications_3x3": square}
 
 
 def textured(triangles: int) -> RenderScene:
@@ -73,13 +91,17 @@ def textured(triangles: int) -> RenderScene:
 
 def _each(encode, images: torch.Tensor) -> float:
     """Seconds of an image, the best of two runs."""
-    best = float("inf")
+    best, clock = float("inf"), _clock(images.device)
     for _ in range(2):
-        begin = time.perf_counter()
-        for some in images.split(BATCH):
+        begin = clock()
+        for some in images.split(BATCH_CPU):
             encode(some).float().cpu()
-        best = min(best, time.perf_counter() - begin)
+        best = min(best, clock() - begin)
     return round(best / len(images), 5)
+
+
+def _clock(device: torch.device):
+    return time.process_time if device.type == "cpu" else time.perf_counter
 
 
 def main() -> int:

@@ -87,13 +87,13 @@ def test_a_card_that_is_too_small_encodes_fewer_textures_at_once(usual_pieces, p
 
     def small(self, images):
         batches.append(len(images))
-        if len(images) > 4:
+        if len(images) > 16:
             raise torch.OutOfMemoryError("CUDA out of memory")
         return real(self, images)
 
     monkeypatch.setattr(OneFrameEncoder, "forward", small)
     renderer.prepare(scene)
-    assert max(batches) > 4 and max(batches[1:]) == 4 and "smaller ones" in renderer.remark
+    assert max(batches) > 16 and max(batches[1:]) == 16 and "smaller ones" in renderer.remark
 
 
 def test_a_card_that_is_much_too_small_is_said(usual_pieces, published_bundle):

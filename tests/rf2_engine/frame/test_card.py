@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a render says of the device that it used, of a card that it did not, and of a card's memory."""
 import sys
+from dataclasses import replace
 
 import bpy
 import OpenEXR
 import pytest
 import torch
 
+from bl_ext.user_default.renderformer_v2.model import devices, precision
 from bl_ext.user_default.renderformer_v2.model.devices import free_memory
+from bl_ext.user_default.renderformer_v2.model.network.footprint import card_bytes
+from bl_ext.user_default.renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer
+from bl_ext.user_default.renderformer_v2.model.presets import rf2_200m
+from bl_ext.user_default.renderformer_v2.model.published.image_encoder import OneFrameEncoder, vae_class
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import card, model_cache, preflight
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import frame_lines, last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
@@ -61,6 +67,21 @@ def test_pytorch_is_imported_for_a_card_that_may_be_used(lit, monkeypatch, devic
     lit.renderformer_v2.device = device
     assert card.memory(FrameSettings.of(lit), 1000, 64 * 64) is None  # there is no card
     assert bool(calls) == imported
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_the_published_weights_are_counted_in_the_precision_that_a_card_holds_them_in(lit, monkeypatch, dtype):
+    monkeypatch.setattr(devices, "free_memory", lambda device, with_ours: 8e9)
+    monkeypatch.setattr(precision, "choose_precision", lambda name, device: dtype)
+    settings = replace(FrameSettings.of(lit), light_passes=frozenset())
+    assert not settings.guided
+    needed, _ = card.memory(settings, 1000, 64 * 64)
+    config, item = rf2_200m(), dtype.itemsize
+    weights = needed - card_bytes(config, 0, 1000, 64 * 64, (item, item), KEYS_VALUES_BYTES)
+    with torch.device("meta"):
+        network = precision.in_precision(RenderFormer(config), dtype)
+        held = sum(p.nbytes for part in (network, OneFrameEncoder(vae_class()())) for p in part.parameters())
+    assert held < weights < 1.01 * held
 
 
 def test_without_a_card_nothing_is_said_of_one(lit):
