@@ -30,7 +30,7 @@ from .shading.closure import Closure, SurfaceParameters, lobe, parameters
 from .shading.evaluate import Evaluator, Points, interpolated
 from .shading.node_call import NodeCall
 from .shading.normal_map import bent_by
-from .shading.surface import closure_at
+from .shading.surface import closure_at, is_emission
 from .shading.two_lobes import two_lobes
 from .shading.volume import has_surface
 
@@ -156,7 +156,8 @@ class MaterialTiles:
             evaluator.depends_on_place |= lighting.depends_on_place
         if (closure.emission < 0).any():
             self.report.approximated(material.name, "negative light is ignored")
-        if not closure.weight.any() and not closure.emission.any() and has_surface(material):
+        if (not closure.weight.any() and not closure.emission.any() and has_surface(material)
+                and not (output is not None and is_emission(output.source("Surface")))):
             self.report.approximated(material.name, "no surface shader is connected to the Material Output, so it is "
                                                     "black")
         displacement, surface = _displacement(material, output), parameters(closure)

@@ -149,6 +149,10 @@ def emission(n: NodeCall):
     return Closure(emission=n["Color"] * n["Strength"])
 
 
+def is_emission(shader: NodeCall | None) -> bool:
+    return shader is not None and SHADERS.get(shader.kind) is emission
+
+
 def holdout(n: NodeCall):
     n.folded("holdout is shown as black")
     return lobe(BLACK)

@@ -176,3 +176,9 @@ def test_what_is_shown_as_it_is_is_not_reported(make):
 def test_a_shader_of_eevee_alone_reflects_nothing_as_in_cycles():
     tile, emission = tile_of(material("ShaderNodeEeveeSpecular", Emissive_Color=(1, 1, 1, 1))[0])
     assert not tile[BASE_COLOR].any() and not emission.any()
+
+
+def test_a_light_that_is_out_is_a_surface_shader_all_the_same():
+    report = Report()
+    tile_of(material("ShaderNodeEmission", Strength=0.0)[0], report)
+    assert report.lines() == []
