@@ -41,8 +41,8 @@ def _gathered(corners: np.ndarray, light: np.ndarray) -> Emitters:
         if not vectors.any():
             continue
         if np.linalg.norm(shape.mean(axis=(0, 1))) > DISTANT:
-            area = np.linalg.norm(vectors.sum(axis=0))
-            spheres.append((shape.mean(axis=(0, 1)), np.sqrt(area / np.pi), own))
+            middle, area = shape.mean(axis=(0, 1)), np.linalg.norm(vectors.sum(axis=0)) / np.pi
+            spheres.append((middle, np.sqrt(area / (1 + area / (middle @ middle))), own))  # of the same solid angle
         elif not _is_closed(vectors):
             polygons += [(piece, own) for piece in _pieces(shape)]
         elif (sheet := _sheet(shape, vectors.astype(np.float64))) is None:

@@ -129,3 +129,13 @@ def test_flat_panel_lights_what_it_faces(turn):
     expected = irradiance(fine, (3.0, 2.0, 1.0), (0, 0, 0), UP)
     np.testing.assert_allclose(diffuse(scene, np.zeros(3)), expected, rtol=0.07)
     np.testing.assert_allclose(diffuse(scene, np.array((0, 0, 4.0)), -UP), expected, rtol=0.07)
+
+
+@pytest.mark.parametrize("degrees", [0.5, 30, 90, 150])
+def test_a_sun_of_any_size_gives_the_light_of_its_disk(degrees):
+    half, distance, turn = np.radians(degrees) / 2, 100.0, 2 * np.pi * np.arange(65) / 64
+    rim = distance * np.tan(half) * np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1) + distance * UP
+    disk = np.stack([np.broadcast_to(distance * UP, (64, 3)), rim[1:], rim[:-1]], axis=1)
+    sun = gather_emitters(lit_by(disk, (1.0, 1.0, 1.0)))
+    assert len(sun.radii) == 1 and len(sun.corners) == 0
+    assert sun.radii[0] / np.linalg.norm(sun.centers[0]) == pytest.approx(np.sin(half), rel=0.01)
