@@ -8,7 +8,7 @@ from ...geometry import area_vectors, connected
 from ...scene import RenderScene
 from .emitter_clusters import Emitters, merged, triangle
 
-DISTANT = 15.0      # network units; an emitter beyond stands for a sun, which looks alike from everywhere
+DISTANT = 15.0      # network units; an open surface beyond is a sun, which looks alike from everywhere
 MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of the light prior grow with them
 MAX_POLYGONS = 16   # triangles of one connected emitter that are kept one by one
 MAX_LUMPS = 8       # what a larger one is merged into
@@ -40,7 +40,7 @@ def _gathered(corners: np.ndarray, light: np.ndarray) -> Emitters:
         vectors = area_vectors(shape)
         if not vectors.any():
             continue
-        if np.linalg.norm(shape.mean(axis=(0, 1))) > DISTANT:
+        if np.linalg.norm(shape.mean(axis=(0, 1))) > DISTANT and not _is_closed(vectors):
             middle, area = shape.mean(axis=(0, 1)), np.linalg.norm(vectors.sum(axis=0)) / np.pi
             spheres.append((middle, np.sqrt(area / (1 + area / (middle @ middle))), own))  # of the same solid angle
         elif not _is_closed(vectors):

@@ -139,3 +139,8 @@ def test_a_sun_of_any_size_gives_the_light_of_its_disk(degrees):
     sun = gather_emitters(lit_by(disk, (1.0, 1.0, 1.0)))
     assert len(sun.radii) == 1 and len(sun.corners) == 0
     assert sun.radii[0] / np.linalg.norm(sun.centers[0]) == pytest.approx(np.sin(half), rel=0.01)
+
+
+def test_a_lamp_far_away_is_as_large_as_nearby():
+    near, far = (gather_emitters(lit_by(ball((0, 0, height), 1, 16, 8), (1.0, 1.0, 1.0))) for height in (3, 60))
+    assert far.radii == pytest.approx(near.radii, rel=1e-3) and near.radii[0] > 0.9
