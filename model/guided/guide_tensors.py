@@ -134,7 +134,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    coarse, noisy = grid_of(view.longer_side), NOISY[:effort.smoothings]
+    coarse, noisy = max(grid_of(view.longer_side), effort.probe_grid), NOISY[:effort.smoothings]
     probed = partial(gathered, grid=coarse)
     seen = partial(probed, partial(_leaving, radiosity, prior if guides.traced is None else None, effort),
                    spreads=noisy)
