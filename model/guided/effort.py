@@ -9,6 +9,7 @@ from dataclasses import dataclass
 class Effort:
     rays: float = 1.0      # share of the rays of a finished picture
     shadow_grid: int = 1   # pixels between points where shadows are looked for, at least
+    probe_grid: int = 1    # and between those where bounced light is
     smoothings: int = 2    # of light that was found by rays
 
     def of(self, count: int) -> int:
@@ -17,5 +18,5 @@ class Effort:
 
 
 FULL = Effort()
-QUICK = Effort(rays=0.25, shadow_grid=2, smoothings=1)
+QUICK = Effort(rays=0.25, shadow_grid=2, probe_grid=4, smoothings=1)
 DRAFT = Effort(rays=0.125)  # of light between surfaces, until the network is done

@@ -134,7 +134,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    coarse, noisy = grid_of(view.longer_side), NOISY[:effort.smoothings]
+    coarse, noisy = max(grid_of(view.longer_side), effort.probe_grid), NOISY[:effort.smoothings]
     probed = partial(gathered, grid=coarse)
     seen = partial(probed, partial(_leaving, radiosity, prior if guides.traced is None else None, effort),
                    spreads=noisy)
@@ -155,8 +155,9 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
         refracted, ends = _seen_light(seen, guides, "refracted", tensor)
     light = torch.zeros_like(position).repeat(1, 1, 3)
     if direct:
-        with part(0.7, 1.0):
+        with part(0.7, 0.9):
             lamps_share = _lamps_seen(prior, effort, position, normal, alpha > 0, coarse, guides.traced is None)
+        with part(0.9, 1.0):
             shares = torch.cat([sky_share, lamps_share, sky, 1.0 * ~ends], dim=-1) * (alpha > 0)
             light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
                           shares.reshape(h * w, 8)).reshape(h, w, 9) * (alpha > 0)

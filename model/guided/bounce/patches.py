@@ -41,7 +41,7 @@ class Patches:
     corners: Tensor  # (T, 3, 3) f32
     solid: Tensor    # (T,) bool, stops light
     glass: Tensor    # (T,) bool, bends it
-    tint: Tensor     # (T, 3) f32, mean base colour
+    tint: Tensor     # (T, 3) f32, share of the light that passes
 
     def points(self, count: int) -> tuple[Tensor, Tensor]:
         """(S, count, 3) places spread over the fronts of the patches by area, and their unit normals."""
@@ -68,11 +68,17 @@ def patches(scene: RenderScene, lamps: Lamps) -> Patches:
     corners, source = _split(scene.triangles[rows], lamps)
     albedo = _albedo(scene)[scene.tile_index[rows]][source]
     center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
-    tint = scene.tiles[:, BASE_COLOR].mean(axis=(2, 3), dtype=np.float32)[scene.tile_index]
+    tint = _tint(scene)[scene.tile_index]
     passing = passes_light(scene)
     bending = passing & ~passes_light(scene, straight=True)
     solid, glass, tint = (torch.from_numpy(kind[rows][source]) for kind in (is_solid(scene) & ~passing, bending, tint))
     return Patches(*_merged(center, vector, albedo, glass, lamps), torch.from_numpy(corners), solid, glass, tint)
+
+
+def _tint(scene: RenderScene) -> np.ndarray:
+    """(tiles, 3) share of the light that a tile's surface lets through."""
+    mean = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
+    return (1 - mean[:, METALLIC, None]) * mean[:, TRANSMISSION, None] * mean[:, BASE_COLOR]
 
 
 def _albedo(scene: RenderScene) -> np.ndarray:

@@ -17,7 +17,7 @@ from ..visibility import Visibility
 from .patches import Patches
 
 SURFACES = 2     # of glass that a ray looks for lamps at
-PASSED = 0.9     # share of lamps' light that glass lets through besides its colour
+CURVED = 1.25     # a pane shows all of the light that falls on its far side, a ball two thirds of it
 FOGLESS = 2.0    # network units from a point: nobody looks for fog beyond
 ABOVE = 1e-3     # network units that a point is lifted off its surface
 BEYOND = 1e-4    # network units behind a pane where a ray goes on
@@ -72,6 +72,7 @@ class Interior:
             with part(0.5, 1.0):
                 self.panes = Visibility(patches.corners[patches.glass].numpy())
             self.tint, self.pane = (a[patches.glass].to(device) for a in (patches.tint, patches.patch))
+            self.mirroring = patches.albedo[patches.patch[patches.glass], 3:6].to(device)
 
     def look(self, position: Tensor, normal: Tensor, direction: Tensor) -> Surroundings:
         """From points (P, 3), a little above their normals, along unit vectors (P, R, 3)."""
@@ -87,19 +88,20 @@ class Interior:
             passing = self.fog.passing(origin, origin + distance.clamp(max=FOGLESS)[:, None] * direction)
         if self.panes is not None:
             with part(0.7, 1.0):
-                through, clear = self._through(origin, direction, distance)
-            sky = sky & clear
+                through, share, clear = self._through(origin, direction, distance)
+            sky, passing = sky & clear, passing * share
         return Surroundings(direction.view(-1, rays, 3), *(a.view(-1, rays) for a in (side, passing, sky)),
                             through.view(-1, rays, 3).mean(1))
 
-    def _through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
-        """(N, 3) radiance of sky and lamps that rays find through glass within their distances (N,).
+    def _through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """(N, 3) radiance of sky and lamps that rays find through glass, and in it, within their distances (N,).
 
-        And (N,) which rays meet none.
+        And (N,) the share of the light from farther away that it lets pass, and which rays meet none.
 
         Lamps light a surface of glass from the side that a ray leaves by: it spreads their light as if it were milky.
         """
-        sky, lamps, clear = torch.zeros_like(direction), torch.zeros_like(direction), torch.ones_like(distance).bool()
+        lamps, mirrored, passed = (torch.full_like(direction, start) for start in (0.0, 0.0, 1.0))
+        clear = torch.ones_like(distance).bool()
         ray, gone = torch.arange(len(origin), device=origin.device), torch.zeros_like(direction[:, :1])
         for surface in range(SURFACES):
             with part(surface / SURFACES, (surface + 1) / SURFACES):
@@ -108,11 +110,15 @@ class Interior:
             gone = begin + way[:, None]
             met = (pane >= 0) & (gone[:, 0] < distance[ray])
             ray, pane, gone = ray[met], pane[met], gone[met]
+            row = self.pane[pane]
+            from_behind = (self.normal[row] * direction[ray]).sum(-1) < 0
+            passed[ray] *= self.tint[pane]
+            lamps[ray] = torch.maximum(lamps[ray], passed[ray] * self.shining[row + len(self.normal) * from_behind])
+            if surface == 0:
+                mirrored[ray] = self.mirroring[pane] * self.shining[row + len(self.normal) * ~from_behind]
             clear[ray] = False
-            towards, tint, row = direction[ray], self.tint[pane]**2, self.pane[pane]  # a body's two surfaces
-            if surface == 0 and self.environment is not None:
-                seen = self.environment.filtered(towards, torch.full_like(gone[:, 0], BLUR))
-                sky[ray] = seen * tint * distance[ray, None].isinf()
-            from_behind = (self.normal[row] * towards).sum(-1) < 0
-            lamps[ray] = torch.maximum(lamps[ray], tint * self.shining[row + len(self.normal) * from_behind])
-        return sky + PASSED * lamps, clear
+        light, seen = CURVED * lamps + mirrored, distance.isinf() & ~clear
+        if self.environment is not None:
+            sky = self.environment.filtered(direction[seen], torch.full_like(distance[seen], BLUR))
+            light[seen] += passed[seen] * sky
+        return light, torch.where(clear, 1.0, passed.mean(-1)), clear

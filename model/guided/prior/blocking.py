@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...scene import BASE_COLOR, IOR, TRANSMISSION, RenderScene
+from ...scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, RenderScene
 
 BLACK = 1e-3         # base colour up to which an unseen surface is the back of a lamp
 TRANSPARENT = 0.5    # transmission from which light passes
@@ -13,10 +13,10 @@ STRAIGHT = 1.05      # index of refraction up to which it passes straight on
 
 def passes_light(scene: RenderScene, straight: bool = False) -> np.ndarray:
     """(N,) bool: glass, or only what light passes `straight`, such as leaves cut out by their alpha."""
-    mean = scene.tiles[:, (TRANSMISSION, IOR)].mean(axis=(2, 3), dtype=np.float32)
-    passing = mean[:, 0] > TRANSPARENT
+    transmission, ior, metallic = scene.tiles[:, (TRANSMISSION, IOR, METALLIC)].mean(axis=(2, 3), dtype=np.float32).T
+    passing = transmission * (1 - metallic) > TRANSPARENT
     if straight:
-        passing &= mean[:, 1] < STRAIGHT
+        passing &= ior < STRAIGHT
     return passing[scene.tile_index]
 
 
