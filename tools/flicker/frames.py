@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+import time
 from pathlib import Path
 
 import bpy
@@ -21,7 +22,8 @@ def rendered(path: Path, output: Path, engine: str, frames: int, degrees: float,
     """(View, file) of every frame; those that `output` holds already are not rendered again.
 
     settings: as tools.scene_file.configure takes them. Each way to render has a folder of its own in `output`, so that
-    no frame is taken for another. Raises what Blender raises, SceneError when there is no usable camera, and OSError.
+    no frame is taken for another; the seconds of each are printed. Raises what Blender raises, SceneError when there is
+    no usable camera, and OSError.
     """
     scene = open_scene(path)
     configure(scene, engine, **settings)
@@ -40,8 +42,9 @@ def rendered(path: Path, output: Path, engine: str, frames: int, degrees: float,
     for number, view in enumerate(views(scene, frames, degrees), 1):
         file = folder / f"{number:04d}.exr"
         if not file.exists():
-            print(file, file=sys.stderr, flush=True)
+            begin = time.perf_counter()
             bpy.ops.render.render(scene=scene.name)
+            print(f"{file}: {time.perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
             save(file, scene)
         found.append((view, file))
     return found
