@@ -11,6 +11,7 @@ class Effort:
     shadow_grid: int = 1   # pixels between points where shadows are looked for, at least
     probe_grid: int = 1    # and between those where bounced light is
     smoothings: int = 2    # of light that was found by rays
+    patches: float = 1.0   # share of those between which light bounces
 
     def of(self, count: int) -> int:
         """So many of `count` rays, one at least."""
@@ -19,4 +20,4 @@ class Effort:
 
 FULL = Effort()
 QUICK = Effort(rays=0.25, shadow_grid=2, probe_grid=4, smoothings=1)
-DRAFT = Effort(rays=0.125)  # of light between surfaces, until the network is done
+DRAFT = Effort(rays=0.125, patches=0.5)  # of light between surfaces, until the network is done

@@ -63,16 +63,18 @@ class Patches:
         return (weights[..., None] * self.corners[triangle]).sum(2), torch.where(facing < 0, -normal, normal)
 
 
-def patches(scene: RenderScene, lamps: Lamps) -> Patches:
+def patches(scene: RenderScene, lamps: Lamps, share: float = 1.0) -> Patches:
+    """share: how many of PATCHES there are at most."""
+    most = round(share * PATCHES)
     rows = np.flatnonzero(~scene.is_light)
-    corners, source = _split(scene.triangles[rows], lamps)
+    corners, source = _split(scene.triangles[rows], lamps, most)
     albedo = _albedo(scene)[scene.tile_index[rows]][source]
     center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
     tint = _tint(scene)[scene.tile_index]
     passing = passes_light(scene)
     bending = passing & ~passes_light(scene, straight=True)
     solid, glass, tint = (torch.from_numpy(kind[rows][source]) for kind in (is_solid(scene) & ~passing, bending, tint))
-    return Patches(*_merged(center, vector, albedo, glass, lamps), torch.from_numpy(corners), solid, glass, tint)
+    return Patches(*_merged(center, vector, albedo, glass, lamps, most), torch.from_numpy(corners), solid, glass, tint)
 
 
 def _tint(scene: RenderScene) -> np.ndarray:
@@ -95,15 +97,15 @@ def _albedo(scene: RenderScene) -> np.ndarray:
     return np.concatenate([diffuse, *glossy], axis=1)
 
 
-def _split(corners: np.ndarray, lamps: Lamps) -> tuple[np.ndarray, np.ndarray]:
+def _split(corners: np.ndarray, lamps: Lamps, most: int) -> tuple[np.ndarray, np.ndarray]:
     """(S, 3, 3) corners with the triangles that look largest quartered, and (S,) rows where they come from.
 
     Points close to a large patch would see too little of it, and what is looked at is around the origin. There are
-    PATCHES then, or that half as many more than before, which makes room for walls beside fine meshes that are merged
+    `most` then, or that half as many more than before, which makes room for walls beside fine meshes that are merged
     afterwards.
     """
     source = np.arange(len(corners))
-    wanted = max(PATCHES, len(corners) + PATCHES // 2) if len(corners) else 0
+    wanted = max(most, len(corners) + most // 2) if len(corners) else 0
     while room := (wanted - len(corners)) // 3:
         area = np.linalg.norm(area_vectors(corners), axis=1)
         size = area * _density(corners.mean(axis=1), lamps, np.sqrt(area))
@@ -129,15 +131,15 @@ def _density(place: np.ndarray, lamps: Lamps, size: np.ndarray | float = 0.0) ->
     return (1 - BY_LAMPS) * found + BY_LAMPS * lit
 
 
-def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor,
-            lamps: Lamps) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor, lamps: Lamps,
+            most: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The same of groups of triangles that face the same way in the same cell, glass by itself.
 
     The centroid is that of the largest triangle of a group. And which group each of the (S,) triangles is in.
     """
-    if len(center) <= PATCHES:
+    if len(center) <= most:
         return center, vector, albedo, torch.arange(len(center))
-    group, count = _groups(center, vector, glass, lamps)
+    group, count = _groups(center, vector, glass, lamps, most)
     area = vector.norm(dim=-1, keepdim=True)
     size = area[:, 0]
 
@@ -151,8 +153,8 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor,
     return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20), group
 
 
-def _groups(center: Tensor, vector: Tensor, glass: Tensor, lamps: Lamps) -> tuple[Tensor, int]:
-    """Which group each of the (S,) triangles is in, and how many there are: PATCHES at most, of the finest cells.
+def _groups(center: Tensor, vector: Tensor, glass: Tensor, lamps: Lamps, most: int) -> tuple[Tensor, int]:
+    """Which group each of the (S,) triangles is in, and how many there are: `most` or fewer, of the finest cells.
 
     A triangle's group depends on nothing but its own place and side: light does not flicker when another one moves.
     """
@@ -165,6 +167,6 @@ def _groups(center: Tensor, vector: Tensor, glass: Tensor, lamps: Lamps) -> tupl
         place = (center / (cell * 2 ** (level / 2))[:, None]).floor()
         names = torch.cat([place, level[:, None], kind[:, None]], 1).long()
         found, group = names.unique(dim=0, return_inverse=True)
-        if len(found) <= PATCHES:
+        if len(found) <= most:
             return group, len(found)
         cell *= COARSER

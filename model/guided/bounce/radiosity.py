@@ -34,7 +34,7 @@ class Radiosity:
 
     def __init__(self, scene: RenderScene, prior: LightPrior, effort: Effort = FULL):
         device = prior.radiance.device
-        found = patches(scene, lamps := prior.lamps())
+        found = patches(scene, lamps := prior.lamps(), effort.patches)
         with part(0.0, 0.2):
             self.interior = Interior(scene, found, prior.fog, prior.environment, device)
         count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(lamps.share), 1)), 1), effort.of(POINTS))

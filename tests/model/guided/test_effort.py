@@ -8,7 +8,7 @@ import torch
 
 from renderformer_v2.model import rays
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
-from renderformer_v2.model.guided.effort import FULL, QUICK
+from renderformer_v2.model.guided.effort import DRAFT, FULL, QUICK
 from renderformer_v2.model.guided.guide_tensors import guide_tensors
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
 from renderformer_v2.model.renderer import Renderer
@@ -61,6 +61,14 @@ def test_a_draft_shows_the_light_that_the_network_starts_from(renderer):
     finished = draft.finished()
     assert not finished.is_draft
     np.testing.assert_array_equal(finished.view(view, guides), whole.view(view, guides))
+
+
+def test_light_of_drafts_bounces_between_fewer_patches():
+    scene = lit_room()
+    prior = LightPrior(scene)
+    full, draft = (Radiosity(scene, prior, effort).leaving for effort in (FULL, DRAFT))
+    assert 0.4 * len(full) < len(draft) < 0.6 * len(full)
+    assert draft.mean() == pytest.approx(full.mean().item(), rel=0.15)
 
 
 def test_drafts_are_dark_where_nothing_shines(renderer):
