@@ -77,11 +77,15 @@ def test_cycles_with_chosen_samples_is_beside_a_reference_that_is_not_clamped(tm
     assert "Cycles, 2 samples" in Page(tmp_path / "report").cells
 
 
-def test_a_file_that_cannot_be_rendered_is_named_without_a_traceback(tmp_path):
+def test_a_file_that_cannot_be_rendered_is_named_without_a_traceback_and_what_was_done_before_stays(tmp_path):
     (tmp_path / "broken.blend").write_bytes(b"not a scene")
+    view, guides = floor_view()
+    combined = np.concatenate([guides.diffuse_color, guides.alpha[..., None]], axis=-1)
+    save_sample(tmp_path / "scene_00000001.npz", floor_scene(), [view], [guides], [{"combined": combined}])
     done = subprocess.run([sys.executable, "-m", "tools.evaluate", str(tmp_path), "-o", str(tmp_path / "report")],
                           cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 1 and "broken.blend" in done.stderr and "Traceback" not in done.stderr
+    assert list(json.loads((tmp_path / "report" / "report.json").read_text())["scenes"]) == ["scene_00000001"]
 
 
 KINDS = ["1-ours", "1-reference", "1-equal", "1-difference", "1-flip"]

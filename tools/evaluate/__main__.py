@@ -58,7 +58,10 @@ def main() -> int:
 
 
 def evaluate(paths: list[Path], options: argparse.Namespace) -> dict:
-    """Write pictures, report.json and report.html, and return the report. Raises CheckpointError and RuntimeError."""
+    """Write pictures, and after every scene report.json and report.html; return the report.
+
+    Raises CheckpointError and RuntimeError.
+    """
     renderer, scenes, pictures = None, {}, {}
     for path in paths:
         if path.suffix == ".blend":
@@ -70,9 +73,9 @@ def evaluate(paths: list[Path], options: argparse.Namespace) -> dict:
                 done = evaluate_sample(path, renderer)
         scenes[path.stem] = done.scores
         pictures[path.stem] = write_pictures(done, options.output, path.stem)
-    report = {"weights": options.weights, "scenes": scenes, "mean": mean(list(scenes.values()))}
-    (options.output / "report.json").write_text(json.dumps(report, indent=1))
-    write_page(report, pictures, options.output / "report.html")
+        report = {"weights": options.weights, "scenes": scenes, "mean": mean(list(scenes.values()))}
+        (options.output / "report.json").write_text(json.dumps(report, indent=1))
+        write_page(report, pictures, options.output / "report.html")
     return report
 
 

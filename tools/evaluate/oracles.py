@@ -29,6 +29,7 @@ from renderformer_v2.model.scene import Guides, View
 from tools.datagen.shards import load_sample, sample_paths
 
 FACTORS = np.geomspace(0.25, 4.0, 33)
+ROUNDS = 4
 PLACE = 6.0   # pixels, sigma of a smooth factor
 NEAR = 4.0    # pixels, sigma of the smoothed difference
 ALIKE = 0.2   # sigma in normals and diffuse colours of pixels that are smoothed together
@@ -52,17 +53,20 @@ class Shown:
 
 
 def per_scene(views: list[Shown]) -> float:
-    return max(_mean(views, lambda v, f=f: v.picture((f,) * 3)) for f in FACTORS)
+    return _best(views, [(f,) * 3 for f in FACTORS])[0]
 
 
 def per_lobe(views: list[Shown]) -> float:
-    """One factor after the other, twice."""
-    factors, best = [1.0] * 3, 0.0
-    for lobe in (0, 1, 2) * 2:
-        tried = [factors[:lobe] + [f] + factors[lobe + 1:] for f in FACTORS]
-        values = [_mean(views, lambda v, t=t: v.picture(t)) for t in tried]
-        factors, best = tried[int(np.argmax(values))], max(values)
+    """One factor after the other, ROUNDS times, from that of the scene on."""
+    best, factors = _best(views, [(f,) * 3 for f in FACTORS])
+    for lobe in (0, 1, 2) * ROUNDS:
+        best, factors = _best(views, [(*factors[:lobe], f, *factors[lobe + 1:]) for f in FACTORS])
     return best
+
+
+def _best(views: list[Shown], tried: list[tuple[float, ...]]) -> tuple[float, tuple[float, ...]]:
+    """The factors of the lobes that mend best, and how well."""
+    return max((_mean(views, lambda view, factors=factors: view.picture(factors)), factors) for factors in tried)
 
 
 def per_place(views: list[Shown]) -> float:
