@@ -18,6 +18,7 @@ from .patches import Patches
 
 SURFACES = 2     # of glass that a ray looks for lamps at
 CURVED = 1.25     # a pane shows all of the light that falls on its far side, a ball two thirds of it
+BENEATH = 4e-3    # network units below a surface where a point may be that lies on it before it was simplified
 FOGLESS = 2.0    # network units from a point: nobody looks for fog beyond
 ABOVE = 1e-3     # network units that a point is lifted off its surface
 BEYOND = 1e-4    # network units behind a pane where a ray goes on
@@ -76,12 +77,19 @@ class Interior:
 
     def look(self, position: Tensor, normal: Tensor, direction: Tensor) -> Surroundings:
         """From points (P, 3), a little above their normals, along unit vectors (P, R, 3)."""
+        rise = (normal[:, None] * direction).sum(-1).reshape(-1)
         rays, direction = direction.shape[1], direction.reshape(-1, 3)
         origin = (position + ABOVE * normal)[:, None].expand(-1, rays, -1).reshape(-1, 3)
         with part(0.0, 0.7):
             triangle, distance = self.surfaces.nearest(origin, direction)
-        patch, count = self.patch[triangle], len(self.normal)
-        back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
+        patch, back = self._met(triangle, direction)
+        beneath = (back & (rise * distance < BENEATH)).nonzero()[:, 0]
+        if len(beneath):
+            begin = origin[beneath] + (distance[beneath, None] + BEYOND) * direction[beneath]
+            triangle, further = self.surfaces.nearest(begin, direction[beneath])
+            distance[beneath] += further
+            patch[beneath], back[beneath] = self._met(triangle, direction[beneath])
+        count = len(self.normal)
         side = torch.where(patch < count, patch + count * back, 2 * count)
         passing, through, sky = torch.ones_like(distance), torch.zeros_like(direction), distance.isinf()
         if self.fog is not None:
@@ -92,6 +100,11 @@ class Interior:
             sky, passing = sky & clear, passing * share
         return Surroundings(direction.view(-1, rays, 3), *(a.view(-1, rays) for a in (side, passing, sky)),
                             through.view(-1, rays, 3).mean(1))
+
+    def _met(self, triangle: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
+        """(N,) patches of triangles, and whether rays meet them from behind."""
+        patch = self.patch[triangle]
+        return patch, (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
 
     def _through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """(N, 3) radiance of sky and lamps that rays find through glass, and in it, within their distances (N,).

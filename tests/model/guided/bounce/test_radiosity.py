@@ -148,6 +148,17 @@ def test_what_stands_in_between_keeps_light_away():
     assert light[1][0] < 0.4 * light[0][0] and light[1][1] > 0.9
 
 
+@pytest.mark.parametrize("below, share", [(0.003, 0.0), (0.03, 1.0)])
+def test_a_point_just_beneath_a_surface_lies_on_it_and_does_not_see_its_back(below, share):
+    """Pixels lie on surfaces that are simplified; farther off they may well be in a room below."""
+    scene = flat(floor_scene(side=6).triangles[:-1] * np.float32((1, 1, 0)), (0.8,) * 3)
+    bounce = built(scene)
+    count = len(bounce.leaving) // 2
+    bounce.leaving = (torch.arange(2 * count) >= count).float()[:, None].expand(-1, 6)  # all backs shine
+    found = arriving(bounce, [[0.0, 0.0, -below]], UP)[0, 0].item()
+    assert found == pytest.approx(share, abs=0.05)
+
+
 @pytest.mark.parametrize("material, share", [
     ({"transmission": 1.0}, 0.8), ({"transmission": 0.75}, 0.6), ({"transmission": 1.0, "metallic": 0.8}, 0.0)])
 def test_a_wall_behind_glass_is_dimmed_by_what_passes_and_one_behind_metal_is_not_seen(material, share):
