@@ -34,6 +34,8 @@ def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
     A sun is a small place, much brighter than what is around it, that gives a good part of the light. What is left in
     its place is as bright as its surroundings.
     """
+    if (environment == environment[0, 0]).all():
+        return environment, []
     height, width, _ = environment.shape
     towards = latlong_directions(np.arange(height), height, width).astype(np.float64)
     edges = np.cos(np.pi * np.arange(height + 1) / height)
