@@ -17,8 +17,7 @@ from ..visibility import Visibility
 from .patches import Patches
 
 SURFACES = 2     # of glass that a ray looks for lamps at
-CURVED = 1.25     # a pane shows all of the light that falls on its far side, a ball two thirds of it
-BENEATH = 4e-3    # network units below a surface where a point may be that lies on it before it was simplified
+PASSED = 0.9     # share of lamps' light that glass lets through besides its colour
 FOGLESS = 2.0    # network units from a point: nobody looks for fog beyond
 ABOVE = 1e-3     # network units that a point is lifted off its surface
 BEYOND = 1e-4    # network units behind a pane where a ray goes on
@@ -73,23 +72,15 @@ class Interior:
             with part(0.5, 1.0):
                 self.panes = Visibility(patches.corners[patches.glass].numpy())
             self.tint, self.pane = (a[patches.glass].to(device) for a in (patches.tint, patches.patch))
-            self.mirroring = patches.albedo[patches.patch[patches.glass], 3:6].to(device)
 
     def look(self, position: Tensor, normal: Tensor, direction: Tensor) -> Surroundings:
         """From points (P, 3), a little above their normals, along unit vectors (P, R, 3)."""
-        rise = (normal[:, None] * direction).sum(-1).reshape(-1)
         rays, direction = direction.shape[1], direction.reshape(-1, 3)
         origin = (position + ABOVE * normal)[:, None].expand(-1, rays, -1).reshape(-1, 3)
         with part(0.0, 0.7):
             triangle, distance = self.surfaces.nearest(origin, direction)
-        patch, back = self._met(triangle, direction)
-        beneath = (back & (rise * distance < BENEATH)).nonzero()[:, 0]
-        if len(beneath):
-            begin = origin[beneath] + (distance[beneath, None] + BEYOND) * direction[beneath]
-            triangle, further = self.surfaces.nearest(begin, direction[beneath])
-            distance[beneath] += further
-            patch[beneath], back[beneath] = self._met(triangle, direction[beneath])
-        count = len(self.normal)
+        patch, count = self.patch[triangle], len(self.normal)
+        back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
         side = torch.where(patch < count, patch + count * back, 2 * count)
         passing, through, sky = torch.ones_like(distance), torch.zeros_like(direction), distance.isinf()
         if self.fog is not None:
@@ -101,19 +92,14 @@ class Interior:
         return Surroundings(direction.view(-1, rays, 3), *(a.view(-1, rays) for a in (side, passing, sky)),
                             through.view(-1, rays, 3).mean(1))
 
-    def _met(self, triangle: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
-        """(N,) patches of triangles, and whether rays meet them from behind."""
-        patch = self.patch[triangle]
-        return patch, (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
-
     def _through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """(N, 3) radiance of sky and lamps that rays find through glass, and in it, within their distances (N,).
+        """(N, 3) radiance of sky and lamps that rays find through glass within their distances (N,).
 
         And (N,) the share of the light from farther away that it lets pass, and which rays meet none.
 
         Lamps light a surface of glass from the side that a ray leaves by: it spreads their light as if it were milky.
         """
-        lamps, mirrored, passed = (torch.full_like(direction, start) for start in (0.0, 0.0, 1.0))
+        lamps, passed = torch.zeros_like(direction), torch.ones_like(direction)
         clear = torch.ones_like(distance).bool()
         ray, gone = torch.arange(len(origin), device=origin.device), torch.zeros_like(direction[:, :1])
         for surface in range(SURFACES):
@@ -127,10 +113,8 @@ class Interior:
             from_behind = (self.normal[row] * direction[ray]).sum(-1) < 0
             passed[ray] *= self.tint[pane]
             lamps[ray] = torch.maximum(lamps[ray], passed[ray] * self.shining[row + len(self.normal) * from_behind])
-            if surface == 0:
-                mirrored[ray] = self.mirroring[pane] * self.shining[row + len(self.normal) * ~from_behind]
             clear[ray] = False
-        light, seen = CURVED * lamps + mirrored, distance.isinf() & ~clear
+        light, seen = PASSED * lamps, distance.isinf() & ~clear
         if self.environment is not None:
             sky = self.environment.filtered(direction[seen], torch.full_like(distance[seen], BLUR))
             light[seen] += passed[seen] * sky
