@@ -53,11 +53,6 @@ def factor(raw: Tensor) -> Tensor:
     return torch.exp(math.log(MOST) * torch.tanh(raw))
 
 
-def decode_image(raw: Tensor, guides: GuideTensors) -> Tensor:
-    """`image` of `decode_light`, in bands of bounded memory."""
-    return decode_bands(raw, guides, ("image",))["image"]
-
-
 def shown(radiance: Tensor) -> Tensor:
     """sRGB-encoded; beyond 1 it grows slowly, so that what is too bright still knows its way back."""
     x = radiance.clamp_min(0)

@@ -16,17 +16,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 from skimage.filters import gaussian
 
 from renderformer_v2.model.color import linear_to_srgb
-from renderformer_v2.model.guided.decoding import OUTPUTS, decode_bands
-from renderformer_v2.model.guided.guided_inputs import guided_view
 from renderformer_v2.model.metrics import psnr
 from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
 from tools.datagen.shards import load_sample, sample_paths
+
+from .samples import prior_light
 
 FACTORS = np.geomspace(0.25, 4.0, 33)
 ROUNDS = 4
@@ -113,18 +112,10 @@ def _bilateral(picture: np.ndarray, alike: np.ndarray) -> np.ndarray:
 
 def shown(encoded: EncodedScene, view: View, guides: Guides, passes: dict[str, np.ndarray]) -> Shown:
     """What the network adds to, in world radiance."""
-    frame, context = encoded.normalization, encoded.encoded
-    with torch.inference_mode():
-        inputs = guided_view(context.scene, frame.view(view), frame.guides(guides), context.prior, context.radiosity,
-                             encoded.renderer.pipeline.network.config)
-        light = decode_bands(torch.zeros(1, len(OUTPUTS), view.height, view.width), inputs.guides,
-                             ("image", "indirect"))
-        exposure = frame.exposure * inputs.guides.exposure
-        image = (light["image"][0] / exposure).permute(1, 2, 0).numpy()
-        bounced = (light["indirect"][0] / exposure).permute(0, 2, 3, 1).numpy()
-    bounced = bounced * np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
+    light = prior_light(encoded, view, guides, ("image", "indirect"))
+    bounced = light["indirect"] * np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
     seen = guides.emission + guides.environment
-    return Shown(image + seen - bounced.sum(0), bounced, passes["diffuse_indirect"] * guides.diffuse_color,
+    return Shown(light["image"] + seen - bounced.sum(0), bounced, passes["diffuse_indirect"] * guides.diffuse_color,
                  passes["combined"][..., :3] + passes["environment"],
                  np.dstack([guides.normal, guides.diffuse_color]).astype(np.float32))
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from renderformer_v2.model.guided.decoding import OUTPUTS, decode_image
+from renderformer_v2.model.guided.decoding import OUTPUTS, decode_bands
 from renderformer_v2.model.guided.guided_inputs import guided_view
 from renderformer_v2.model.guided.pipeline import GuidedContext
 from renderformer_v2.model.renderer import EncodedScene, Renderer
@@ -61,11 +62,16 @@ def _picture(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
 
 def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
     """(H, W, 3) radiance of what the guided network adds to: traced light, or the light prior, and the radiosity."""
+    return prior_light(encoded, view, guides, ("image",))["image"]
+
+
+def prior_light(encoded: EncodedScene, view: View, guides: Guides, keys: Sequence[str]) -> dict[str, np.ndarray]:
+    """The `keys` of `decode_light` without the network, (..., H, W, 3) world radiance; no `direct` of traced light."""
     frame, context = encoded.normalization, encoded.encoded
     config = encoded.renderer.pipeline.network.config
     with torch.inference_mode():
         inputs = guided_view(context.scene, frame.view(view), frame.guides(guides), context.prior, context.radiosity,
-                             config)
-        raw = torch.zeros(1, len(OUTPUTS), view.height, view.width)
+                             config, direct=guides.traced is None)
+        light = decode_bands(torch.zeros(1, len(OUTPUTS), view.height, view.width), inputs.guides, keys)
         exposure = frame.exposure * inputs.guides.exposure
-        return (decode_image(raw, inputs.guides)[0] / exposure).permute(1, 2, 0).numpy()
+        return {key: (radiance[0] / exposure).movedim(-3, -1).numpy() for key, radiance in light.items()}

@@ -68,30 +68,29 @@ def patches(scene: RenderScene, lamps: Lamps, share: float = 1.0) -> Patches:
     most = round(share * PATCHES)
     rows = np.flatnonzero(~scene.is_light)
     corners, source = _split(scene.triangles[rows], lamps, most)
-    albedo = _albedo(scene)[scene.tile_index[rows]][source]
+    means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
+    albedo = _albedo(means)[scene.tile_index[rows]][source]
     center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
-    tint = _tint(scene)[scene.tile_index]
+    tint = _tint(means)[scene.tile_index]
     passing = passes_light(scene)
     bending = passing & ~passes_light(scene, straight=True)
     solid, glass, tint = (torch.from_numpy(kind[rows][source]) for kind in (is_solid(scene) & ~passing, bending, tint))
     return Patches(*_merged(center, vector, albedo, glass, lamps, most), torch.from_numpy(corners), solid, glass, tint)
 
 
-def _tint(scene: RenderScene) -> np.ndarray:
-    """(tiles, 3) share of the light that a tile's surface lets through."""
-    mean = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
-    return (1 - mean[:, METALLIC, None]) * mean[:, TRANSMISSION, None] * mean[:, BASE_COLOR]
+def _tint(means: np.ndarray) -> np.ndarray:
+    """(tiles, 3) share of the light that the surfaces of tiles let through, from the means of these, (tiles, C)."""
+    return (1 - means[:, METALLIC, None]) * means[:, TRANSMISSION, None] * means[:, BASE_COLOR]
 
 
-def _albedo(scene: RenderScene) -> np.ndarray:
-    """(tiles, 9) share of the light that a tile's surface sends on, RGB each.
+def _albedo(means: np.ndarray) -> np.ndarray:
+    """(tiles, 9) share of the light that the surfaces of tiles send on, RGB each, from the same.
 
     By its diffuse lobe, by its glossy one, and by that one of light that comes from lamps.
     """
-    mean = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
-    base, metallic, transmission = mean[:, BASE_COLOR], mean[:, METALLIC, None], mean[:, TRANSMISSION, None]
+    base, metallic, transmission = means[:, BASE_COLOR], means[:, METALLIC, None], means[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
-    layer = layer_reflectance(mean[:, IOR, None], mean[:, ROUGHNESS, None])
+    layer = layer_reflectance(means[:, IOR, None], means[:, ROUGHNESS, None])
     diffuse = (1 - metallic) * (1 - layer) * base * inside
     glossy = (share * (metallic * base + (1 - metallic) * layer) for share in (1, STEEP))
     return np.concatenate([diffuse, *glossy], axis=1)

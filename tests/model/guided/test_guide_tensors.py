@@ -7,7 +7,7 @@ import torch
 
 from renderformer_v2.model.guided import guide_tensors as guides_module
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
-from renderformer_v2.model.guided.decoding import BEHIND, MOST, OUTPUTS, REFRACTED, decode_image, decode_light
+from renderformer_v2.model.guided.decoding import BEHIND, MOST, OUTPUTS, REFRACTED, decode_bands, decode_light
 from renderformer_v2.model.guided.guidance import Guidance
 from renderformer_v2.model.guided.guide_tensors import (
     FEATURES,
@@ -180,4 +180,4 @@ def test_bands_of_a_large_picture_change_nothing(monkeypatch):
     raw = torch.randn(1, len(OUTPUTS), 64, 128, generator=torch.Generator().manual_seed(0))
     image = decode_light(raw, guides)["image"]
     torch.testing.assert_close(encoder.bundles(guides.features), tokens)
-    assert torch.equal(decode_image(raw, guides), image)
+    assert torch.equal(decode_bands(raw, guides, ("image",))["image"], image)
