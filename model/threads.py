@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 
-from .progress import report
+from .progress import part, report
 
 # For GNU's and LLVM's library, and for Intel's.
 _SLEEP = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
@@ -64,7 +64,7 @@ def shared(function: Callable, *tensors: Sequence) -> list:
     import torch
     rows, workers = list(zip(*tensors, strict=True)), torch.get_num_threads()
     if workers == 1 or len(rows) < 2 or torch.is_grad_enabled() or rows[0][0].device.type != "cpu":
-        return [function(*row) for row in _reported(rows)]
+        return _in_turn(function, rows)
     inference = torch.is_inference_mode_enabled()
 
     def one(row: tuple):
@@ -88,7 +88,7 @@ def spread(function: Callable, rows: Sequence[tuple]) -> list:
     """
     workers = _team_size()
     if workers == 1 or len(rows) < 2:
-        return [function(*row) for row in _reported(rows)]
+        return _in_turn(function, rows)
     return _pooled(lambda row: function(*row), rows, workers, _work_alone)
 
 
@@ -115,18 +115,25 @@ def _team_size() -> int:
     return torch.get_num_threads() if hasattr(torch, "get_num_threads") else os.cpu_count() or 1
 
 
+def _in_turn(function: Callable, rows: Sequence[tuple]) -> list:
+    results = []
+    for i, row in enumerate(rows):
+        report(i / len(rows))
+        with part(i / len(rows), (i + 1) / len(rows)):  # what a row reports itself goes on from there
+            results.append(function(*row))
+    return results
+
+
 def _pooled(function: Callable, rows: Sequence[tuple], workers: int, begin: Callable) -> list:
+    results = []
     with ThreadPoolExecutor(workers, initializer=begin) as pool:
         try:
-            return [result.result() for result in _reported([pool.submit(function, row) for row in rows])]
+            for i, result in enumerate([pool.submit(function, row) for row in rows]):
+                report(i / len(rows))
+                results.append(result.result())
+            return results
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-def _reported(items: list) -> Iterator:
-    for i, item in enumerate(items):
-        report(i / len(items))
-        yield item
 
 
 @contextmanager

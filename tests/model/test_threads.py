@@ -125,6 +125,13 @@ def test_gradients_pass_through_rows_that_are_then_not_shared():
     assert x.grad.tolist() == [2.0] * 4
 
 
+def test_rows_in_turn_go_on_from_what_they_reported_themselves():
+    said = []
+    with team(1), torch.no_grad(), progress.reporting(lambda text, fraction: said.append(fraction)):
+        shared(lambda row: progress.report(0.5), torch.zeros(4).split(1))
+    assert said == pytest.approx([i / 8 for i in range(8)])
+
+
 def test_esc_ends_the_rows_that_have_not_begun(two_threads):
     begun = []
 
