@@ -48,6 +48,22 @@ def connected(faces: np.ndarray, count: int) -> np.ndarray:
     return first
 
 
+def surfaces(corners: np.ndarray, kinds: np.ndarray | None = None) -> np.ndarray:
+    """(N,) i64: which surface each of (N, 3, 3) triangles is part of, those that share places of corners being one.
+
+    With `kinds` (N, K), equal ones alone are.
+    """
+    if not len(corners):
+        return np.zeros(0, np.int64)
+    places = corners.reshape(-1, 3).round(6)
+    if kinds is not None:
+        kind = np.unique(kinds, axis=0, return_inverse=True)[1].reshape(-1)
+        places = np.column_stack([places, kind.repeat(3)])
+    _, vertex = np.unique(places, axis=0, return_inverse=True)
+    vertex = vertex.reshape(-1, 3)
+    return np.unique(connected(vertex, vertex.max() + 1)[vertex[:, 0]], return_inverse=True)[1]
+
+
 def corner_weights(first_two: np.ndarray) -> np.ndarray:
     """(..., 2) barycentric weights of the corners 0 and 1 -> (..., 3), those of all."""
     return np.concatenate([first_two, 1 - first_two.sum(-1, keepdims=True)], axis=-1)

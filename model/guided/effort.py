@@ -10,8 +10,10 @@ class Effort:
     rays: float = 1.0      # share of the rays of a finished picture
     shadow_grid: int = 1   # pixels between points where shadows are looked for, at least
     probe_grid: int = 1    # and between those where bounced light is
+    closer: int = 2        # times as close probes stand where those around say little
     smoothings: int = 2    # of light that was found by rays
     patches: float = 1.0   # share of those between which light bounces
+    walls: bool = True     # whether they end at these
 
     def of(self, count: int) -> int:
         """So many of `count` rays, one at least."""
@@ -19,5 +21,5 @@ class Effort:
 
 
 FULL = Effort()
-QUICK = Effort(rays=0.25, shadow_grid=2, probe_grid=4, smoothings=1)
-DRAFT = Effort(rays=0.125, patches=0.5)  # of light between surfaces, until the network is done
+QUICK = Effort(rays=1 / 3, shadow_grid=2, probe_grid=4, closer=1, smoothings=1, walls=False)
+DRAFT = Effort(rays=1 / 6, patches=0.5, walls=False)  # of light between surfaces, until the network is done

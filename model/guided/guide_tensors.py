@@ -135,7 +135,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
     coarse, noisy = max(grid_of(view.longer_side), effort.probe_grid), NOISY[:effort.smoothings]
-    probed = partial(gathered, grid=coarse)
+    probed = partial(gathered, grid=coarse, finest=max(coarse // effort.closer, 1))
     seen = partial(probed, partial(_leaving, radiosity, prior if guides.traced is None else None, effort),
                    spreads=noisy)
     with part(0.0, 0.3):

@@ -12,12 +12,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...geometry import area_vectors, quartered
+from ...geometry import area_vectors, quartered, surfaces
 from ...material.reflectance import layer_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ..prior.blocking import is_solid, passes_light
 from ..prior.light_prior import Lamps
 from ..sampling import R2, scattered
+from .openness import Openness
 
 PATCHES = 4096
 NEAR = 0.5           # network units from the origin, half a side of the box that is looked at
@@ -27,6 +28,8 @@ AT_ONCE = 64         # triangles that are split before the largest are looked fo
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one
 STEEP = 0.7          # of glossy light: lamps light most surfaces more steeply than all around does
 FINEST = 0.008       # side of a cell whose triangles are one patch, where a unit of area gets all
+CUT = 0.5            # of all patches, how many more triangles there may be where walls cut through them
+CRUMBS = 8           # groups that a surface must be of by itself to share none with others
 COARSER = 2 ** 0.25  # than those of the cells that were too many
 
 
@@ -42,6 +45,8 @@ class Patches:
     solid: Tensor    # (T,) bool, stops light
     glass: Tensor    # (T,) bool, bends it
     tint: Tensor     # (T, 3) f32, share of the light that passes
+    roughness: Tensor  # (T,) f32, perceptual
+    weight: Tensor   # (S,) f32, areas, the larger the nearer to the scene's middle and the lamps
 
     def points(self, count: int) -> tuple[Tensor, Tensor]:
         """(S, count, 3) places spread over the fronts of the patches by area, and their unit normals."""
@@ -63,19 +68,27 @@ class Patches:
         return (weights[..., None] * self.corners[triangle]).sum(2), torch.where(facing < 0, -normal, normal)
 
 
-def patches(scene: RenderScene, lamps: Lamps, share: float = 1.0) -> Patches:
-    """share: how many of PATCHES there are at most."""
+def patches(scene: RenderScene, lamps: Lamps, share: float = 1.0, openness: Openness | None = None) -> Patches:
+    """share: how many of PATCHES there are at most. With `openness` none is on both sides of a wall."""
     most = round(share * PATCHES)
     rows = np.flatnonzero(~scene.is_light)
     corners, source = _split(scene.triangles[rows], lamps, most)
+    if openness:
+        corners, source = openness.cut(corners, source, round(CUT * most))
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     albedo = _albedo(means)[scene.tile_index[rows]][source]
     center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
-    tint = _tint(means)[scene.tile_index]
+    tint, roughness = _tint(means)[scene.tile_index], means[scene.tile_index, ROUGHNESS]
     passing = passes_light(scene)
     bending = passing & ~passes_light(scene, straight=True)
-    solid, glass, tint = (torch.from_numpy(kind[rows][source]) for kind in (is_solid(scene) & ~passing, bending, tint))
-    return Patches(*_merged(center, vector, albedo, glass, lamps, most), torch.from_numpy(corners), solid, glass, tint)
+    solid, glass, tint, roughness = (torch.from_numpy(of[rows][source]) for of in (
+        is_solid(scene) & ~passing, bending, tint, roughness))
+    surface = torch.from_numpy(surfaces(scene.triangles[rows])[source])
+    kind = glass + 2 * torch.from_numpy(openness.kinds(corners)) if openness else glass.long()
+    center, vector, albedo, patch = _merged(center, vector, albedo, kind, surface, lamps, most)
+    weight = vector.norm(dim=-1) * torch.from_numpy(nearness(center.numpy(), lamps)).float()
+    return Patches(center, vector, albedo, patch, torch.from_numpy(corners), solid, glass, tint, roughness,
+                   weight)
 
 
 def _tint(means: np.ndarray) -> np.ndarray:
@@ -107,7 +120,7 @@ def _split(corners: np.ndarray, lamps: Lamps, most: int) -> tuple[np.ndarray, np
     wanted = max(most, len(corners) + most // 2) if len(corners) else 0
     while room := (wanted - len(corners)) // 3:
         area = np.linalg.norm(area_vectors(corners), axis=1)
-        size = area * _density(corners.mean(axis=1), lamps, np.sqrt(area))
+        size = area * nearness(corners.mean(axis=1), lamps, np.sqrt(area))
         order = np.argsort(-size, kind="stable")
         large, rest = np.split(order, [min(room, AT_ONCE, np.count_nonzero(size > size.max() / 4))])
         corners = np.concatenate([corners[rest], quartered(corners[large])])
@@ -115,7 +128,7 @@ def _split(corners: np.ndarray, lamps: Lamps, most: int) -> tuple[np.ndarray, np
     return corners, source
 
 
-def _density(place: np.ndarray, lamps: Lamps, size: np.ndarray | float = 0.0) -> np.ndarray:
+def nearness(place: np.ndarray, lamps: Lamps, size: np.ndarray | float = 0.0) -> np.ndarray:
     """(S,) patches, of one in all, that a unit of area gets around places (S, 3), if they were all around.
 
     So many as the scene's middle and the lamps see of it. What is of this `size` (S,) reaches as much nearer to them.
@@ -130,15 +143,15 @@ def _density(place: np.ndarray, lamps: Lamps, size: np.ndarray | float = 0.0) ->
     return (1 - BY_LAMPS) * found + BY_LAMPS * lit
 
 
-def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor, lamps: Lamps,
+def _merged(center: Tensor, vector: Tensor, albedo: Tensor, kind: Tensor, surface: Tensor, lamps: Lamps,
             most: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The same of groups of triangles that face the same way in the same cell, glass by itself.
+    """The same of groups of triangles that face the same way in the same cell, each `kind` and surface alone.
 
     The centroid is that of the largest triangle of a group. And which group each of the (S,) triangles is in.
     """
     if len(center) <= most:
         return center, vector, albedo, torch.arange(len(center))
-    group, count = _groups(center, vector, glass, lamps, most)
+    group, count = _groups(center, vector, kind, surface, lamps, most)
     area = vector.norm(dim=-1, keepdim=True)
     size = area[:, 0]
 
@@ -152,20 +165,24 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor, glass: Tensor, lamps
     return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20), group
 
 
-def _groups(center: Tensor, vector: Tensor, glass: Tensor, lamps: Lamps, most: int) -> tuple[Tensor, int]:
+def _groups(center: Tensor, vector: Tensor, kind: Tensor, surface: Tensor, lamps: Lamps,
+            most: int) -> tuple[Tensor, int]:
     """Which group each of the (S,) triangles is in, and how many there are: `most` or fewer, of the finest cells.
 
-    A triangle's group depends on nothing but its own place and side: light does not flicker when another one moves.
+    What stands on a thin floor is no group with its underside: surfaces are together only if they are CRUMBS. A
+    triangle's group depends on nothing but its own surface, place and side: light does not flicker when another moves.
     """
     axis = vector.abs().argmax(1, keepdim=True)
-    kind = (2 * axis + (vector.gather(1, axis) < 0))[:, 0] + 6 * glass
-    density = torch.from_numpy(_density(center.numpy(), lamps)).float()
+    kind = (2 * axis + (vector.gather(1, axis) < 0))[:, 0] + 6 * kind
+    density = torch.from_numpy(nearness(center.numpy(), lamps)).float()
     level = -density.log2().round()
-    cell = FINEST
+    cell, count = FINEST, int(surface.max()) + 1
     while True:
         place = (center / (cell * 2 ** (level / 2))[:, None]).floor()
-        names = torch.cat([place, level[:, None], kind[:, None]], 1).long()
-        found, group = names.unique(dim=0, return_inverse=True)
+        _, shared = torch.cat([place, level[:, None], kind[:, None]], 1).long().unique(dim=0, return_inverse=True)
+        own, group = (shared * count + surface).unique(return_inverse=True)
+        crumb = (own % count).bincount(minlength=count)[surface] < CRUMBS
+        found, group = torch.where(crumb, -1 - shared, group).unique(return_inverse=True)
         if len(found) <= most:
             return group, len(found)
         cell *= COARSER

@@ -9,10 +9,11 @@ import torch
 from torch import Tensor
 
 GRID = 4          # pixels between two probes, which stand in the middle of their cells
-FINE = 2, 256     # the same in pictures smaller than so many pixels
+FINE = 2, 256  # the same in pictures smaller than so many pixels
 NEAR, NEAREST = 0.05, 2e-3  # network units off a pixel's plane, at most and at least, at which a probe counts 1/e
-CLOSE = 0.06       # network units at which one of the probes that a probe becomes the mean of counts 1/e
+CLOSE = 0.03        # network units at which one of the probes that a probe becomes the mean of counts 1/e
 FACING = 8        # exponent of the cosine between the normals of pixel and probe
+TRUSTED = 0.5     # what probes around must say about a pixel for it to need none of its own
 LEAST = 1e-5      # weight that keeps the sum above zero
 TENT = 3 / 8, 1 / 4, 1 / 16  # weights of the 5x5, by how far they are
 NOISY, NOISELESS = (1, 2), ()  # probes between those of which a probe takes the mean, 5x5 at a time
@@ -26,7 +27,7 @@ def grid_of(picture_size: int) -> int:
 
 def gathered(light: Callable[..., Tensor], position: Tensor, normal: Tensor, covered: Tensor, *known: Tensor,
              grid: int = GRID, spreads: tuple[int, ...] = NOISELESS,
-             tolerance: float | None = None) -> Tensor:
+             tolerance: float | None = None, finest: int = GRID) -> Tensor:
     """(h, w, C) of a `light` that knows (P, C) at points and normals (P, 3) of probes (P,) by number.
 
     position and normal: (h, w, 3); `known`: (h, w, ...), what else is to be told of the probes.
@@ -36,31 +37,62 @@ def gathered(light: Callable[..., Tensor], position: Tensor, normal: Tensor, cov
     Each pixel takes the mean of the four nearest probes, weighted by how far they are off its plane and turned away.
     With `spreads` probes are made means of those around before, weighted alike (Dammertz et al. 2010, the edge-avoiding
     wavelets that denoise traced light). With a `tolerance` what differs by as much counts 1/e, from the second on.
+    Where the probes around say little, there are more of them, down to every `finest` pixel.
     """
-    h, w = position.shape[:2]
-    place = [(torch.arange(grid // 2, side, grid, device=position.device) if side > grid // 2
-              else torch.zeros(1, dtype=torch.long, device=position.device)) for side in (h, w)]
-    rows, columns = torch.meshgrid(*place, indexing="ij")
-    x, n, valid = (a[rows, columns] for a in (position, normal, covered))
-    number = _z_order(*(torch.arange(len(p), device=position.device) for p in place))
-    where = valid.flatten().nonzero()[:, 0]  # a GPU is waited for here, once
-    at_probes = light(*(a.flatten(0, 1)[where] for a in (x, n, number, *(a[rows, columns] for a in known))))
+    def lit(probes: _Probes, where: Tensor) -> Tensor:
+        """(N, C) at those of the probes, whose rows and columns are (N,) each."""
+        return light(*(a[where] for a in (probes.x, probes.n, probes.number, *(probes.of(a) for a in known))))
+
+    probes = _Probes(position, normal, covered, grid)
+    where = probes.valid[..., 0].nonzero().unbind(1)  # a GPU is waited for here, once
+    at_probes = lit(probes, where)
     if not len(at_probes):
-        return at_probes.new_zeros(h, w, at_probes.shape[-1])
-    found = at_probes.new_zeros(rows.numel(), at_probes.shape[-1]).index_copy(0, where, at_probes)
-    found, near = found.unflatten(0, x.shape[:2]), _near(x, valid)
+        return at_probes.new_zeros(*position.shape[:2], at_probes.shape[-1])
+    found = at_probes.new_zeros(*probes.valid.shape[:2], at_probes.shape[-1]).index_put(where, at_probes)
     for i, spread in enumerate(spreads):
-        found = _mean_around(found, x, n, valid, near, spread, tolerance if i else None)
-    total = weights = 0.0
-    for down in (0, 1):
-        for right in (0, 1):
-            i, y = _neighbour(h, len(place[0]), grid, down, position.device)
-            j, z = _neighbour(w, len(place[1]), grid, right, position.device)
-            i, j = i[:, None].expand(h, w), j[None].expand(h, w)
-            alike = _alike(x[i, j] - position, n[i, j], normal, near[i, j])
-            weight = (y[:, None] * z[None])[..., None] * (alike + LEAST) * valid[i, j]
-            total, weights = total + weight * found[i, j], weights + weight
-    return total / torch.clamp(weights, min=LEAST ** 2) * covered
+        found = _mean_around(found, probes, spread, tolerance if i else None)
+    while probes.grid > finest:
+        more = _Probes(position, normal, covered, probes.grid // 2)
+        found, trust = probes.interpolated(found, more.rows, more.columns, more.x, more.n)
+        where = (more.valid & (trust < TRUSTED))[..., 0].nonzero().unbind(1)
+        found, probes = found.index_put(where, lit(more, where)), more
+    h, w = position.shape[:2]
+    pixels = (torch.arange(side, device=position.device) for side in (h, w))
+    return probes.interpolated(found, *pixels, position, normal)[0] * covered
+
+
+class _Probes:
+    """Pixels that stand `grid` apart: position and normal `x`, `n` (h, w, 3), `valid` (h, w, 1) where covered."""
+
+    def __init__(self, position: Tensor, normal: Tensor, covered: Tensor, grid: int):
+        device = position.device
+        self.grid = grid
+        self.rows, self.columns = ((torch.arange(grid // 2, side, grid, device=device) if side > grid // 2
+                                    else torch.zeros(1, dtype=torch.long, device=device))
+                                   for side in position.shape[:2])
+        self.x, self.n, self.valid = (self.of(a) for a in (position, normal, covered))
+        self.number = _z_order(*(torch.arange(len(p), device=device) for p in (self.rows, self.columns)))
+        self.near = _near(self.x, self.valid)
+
+    def of(self, picture: Tensor) -> Tensor:
+        return picture[self.rows[:, None], self.columns]
+
+    def interpolated(self, found: Tensor, rows: Tensor, columns: Tensor, position: Tensor,
+                     normal: Tensor) -> tuple[Tensor, Tensor]:
+        """(h, w, C) of what was `found` at the probes, at pixels with such `rows` (h,), `columns` (w,) and (h, w, 3).
+
+        And (h, w, 1), how much the probes say about them, 1 at most.
+        """
+        total = weights = 0.0
+        for down in (0, 1):
+            for right in (0, 1):
+                i, y = _neighbour(rows, len(self.rows), self.grid, down)
+                j, z = _neighbour(columns, len(self.columns), self.grid, right)
+                i, j = i[:, None].expand(len(rows), len(columns)), j[None].expand(len(rows), len(columns))
+                alike = _alike(self.x[i, j] - position, self.n[i, j], normal, self.near[i, j])
+                weight = (y[:, None] * z[None])[..., None] * (alike + LEAST) * self.valid[i, j]
+                total, weights = total + weight * found[i, j], weights + weight
+        return total / torch.clamp(weights, min=LEAST ** 2), weights
 
 
 def _z_order(rows: Tensor, columns: Tensor) -> Tensor:
@@ -88,9 +120,9 @@ def _alike(away: Tensor, there: Tensor, normal: Tensor, near: Tensor) -> Tensor:
     return (-off.square()).exp() * (there * normal).sum(-1, keepdim=True).clamp_min(0) ** FACING
 
 
-def _mean_around(found: Tensor, x: Tensor, n: Tensor, valid: Tensor, near: Tensor, spread: int,
-                 tolerance: float | None) -> Tensor:
+def _mean_around(found: Tensor, probes: _Probes, spread: int, tolerance: float | None) -> Tensor:
     """(h, w, C) of probes, each the mean of 5x5 that stand `spread` apart."""
+    x, n, valid, near = probes.x, probes.n, probes.valid, probes.near
     h, w = valid.shape[:2]
     total, weights = torch.zeros_like(found), torch.zeros_like(valid, dtype=found.dtype)
     for down in range(-2, 3):
@@ -110,9 +142,9 @@ def _mean_around(found: Tensor, x: Tensor, n: Tensor, valid: Tensor, near: Tenso
     return torch.where(weights > 0, total / weights.clamp_min(1e-12), found)
 
 
-def _neighbour(side: int, count: int, grid: int, further: int, device) -> tuple[Tensor, Tensor]:
+def _neighbour(pixels: Tensor, count: int, grid: int, further: int) -> tuple[Tensor, Tensor]:
     """Index of the probe before or behind each pixel along an axis, and its linear weight."""
-    at = ((torch.arange(side, device=device) - grid // 2) / grid).clamp(0, count - 1)
+    at = ((pixels - grid // 2) / grid).clamp(0, count - 1)
     low = at.floor().long().clamp(max=max(count - 2, 0))
     share = at - low
     return (low + further).clamp(max=count - 1), share if further else 1 - share

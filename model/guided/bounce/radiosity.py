@@ -16,16 +16,20 @@ from ...scene import RenderScene
 from ..effort import FULL, Effort
 from ..prior.light_prior import LightPrior
 from ..sampling import cosine_directions, ggx_directions, in_a_row, scattered
+from .beacons import worth_by_power, worth_by_sight
+from .openness import Openness
 from .patches import PATCHES, patches
 from .surroundings import ABOVE, Interior, Surroundings
 
 BOUNCES = 3       # between patches, before the last one at the point: together as many as Cycles' diffuse ones
 GLOSSY_BOUNCES = 2  # beside these: more bring next to nothing
-PATCH_RAYS = 128  # from each side of a patch
+PATCH_RAYS = 64   # from each side of a patch
+PATCH_AIMED = 32  # and so many more to what is bright
 POINTS = 4        # of a patch, at which lamps light it and from which its rays start
 SHADOW_RAYS = 1 << 19  # from all patches to lamps; fewer points where there are many lamps, but one at least
 SKY_RAYS = 64     # from each side of a patch, that look for the sky
-RAYS = 96         # from a point
+RAYS = 48         # from a point
+AIMED = 24        # and so many more to what is bright
 GLOSSY_RAYS = 32  # from a point, towards what it reflects
 
 
@@ -34,7 +38,9 @@ class Radiosity:
 
     def __init__(self, scene: RenderScene, prior: LightPrior, effort: Effort = FULL):
         device = prior.radiance.device
-        found = patches(scene, lamps := prior.lamps(), effort.patches)
+        lamps = prior.lamps()
+        openness = Openness(prior.blocking, prior.blockers, device) if effort.walls else None
+        found = patches(scene, lamps, effort.patches, openness)
         with part(0.0, 0.2):
             self.interior = Interior(scene, found, prior.fog, prior.environment, device)
         count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(lamps.share), 1)), 1), effort.of(POINTS))
@@ -43,19 +49,28 @@ class Radiosity:
         diffuse, glossy, of_lamps = found.albedo.repeat(2, 1).to(device).split(3, dim=1)
         with part(0.2, 0.4):
             arriving = prior.arriving(x, n, scattered(x, 2), effort.of(SKY_RAYS) // count)
-        with part(0.4, 0.5):
-            first = (diffuse + of_lamps) * _mean_of(prior.diffuse(x + ABOVE * n, n, arriving), count)
         if self.interior.panes is not None:
-            with part(0.5, 0.6):
+            with part(0.4, 0.5):
                 of_lamps_alone = arriving * arriving.new_tensor([0, 0, 0, 1, 1, 1])
-                self.interior.shining = _mean_of(prior.diffuse(x, n, of_lamps_alone), count)
+                shining, towards = prior.diffuse(x, n, of_lamps_alone), prior.towards_lamps(x, n)
+                self.interior.panes.light(*(each.view(-1, count, 3).mean(1) for each in (shining, towards)))
+        with part(0.5, 0.6):
+            light = prior.diffuse(x + ABOVE * n, n, arriving).view(-1, count, 3)
+        size = found.weight.repeat(2).to(device)
+        self.interior.aim(worth_by_power((diffuse + of_lamps) * light.mean(1), size))
         with part(0.6, 1.0):
-            directions = cosine_directions(n, effort.of(PATCH_RAYS) // count, scattered(x, 2))
-            around = self.interior.look(x, n, directions).together(count)
+            start = scattered(x, 2)
+            directions = cosine_directions(n, effort.of(PATCH_RAYS) // count, start)
+            around = self.interior.look(x, n, directions, effort.of(PATCH_AIMED) // count, start)
+            weight = self.interior.telling(around, count)
+            around = around.together(weight)
+        first = (diffuse + of_lamps) * (weight[..., None] * light).mean(1)
         through = (diffuse + glossy) * around.through
         glossily, diffusely = self._bounced(around, first + through, diffuse, glossy)
         again = through + diffusely
-        self.leaving = torch.cat([first + again + glossily, again], dim=1)  # all, and what had bounced diffusely
+        leaving = first + again + glossily
+        self.interior.aim(worth_by_sight(leaving, size, around.side, around.share))
+        self.leaving = torch.cat([leaving, again], dim=1)  # all, and what had bounced diffusely
 
     def _bounced(self, around: Surroundings, light: Tensor, diffuse: Tensor,
                  glossy: Tensor) -> tuple[Tensor, Tensor]:
@@ -84,7 +99,8 @@ class Radiosity:
         """
         number = torch.arange(len(position), device=position.device) if number is None else number
         start = in_a_row(number)
-        around = self.interior.look(position, normal, cosine_directions(normal, effort.of(RAYS), start))
+        around = self.interior.look(position, normal, cosine_directions(normal, effort.of(RAYS), start),
+                                    effort.of(AIMED), start)
         bounced = F.pad(around.through, (0, 3)) + around.gathered(self.leaving)
         return torch.cat([bounced, around.sky_share(self.interior.environment)], dim=1)
 
@@ -98,14 +114,9 @@ class Radiosity:
         direction, weight = ggx_directions(normal, outgoing, roughness, effort.of(GLOSSY_RAYS), start)
         around = self.interior.look(position, normal, direction)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
-        sky = (weight * around.passing * around.sky).mean(1, keepdim=True)
+        sky = (weight * around.sky).mean(1, keepdim=True)
         return around.gathered(self.leaving, weight), sky
 
 
 def _both_sides(points: Tensor, normals: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
     return (points, points), (normals, -normals)
-
-
-def _mean_of(light: Tensor, count: int) -> Tensor:
-    """(P, C) of (P count, C)."""
-    return light.view(-1, count, light.shape[-1]).mean(1)

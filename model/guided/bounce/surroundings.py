@@ -2,6 +2,7 @@
 """What rays from points meet: sides of patches, the sky, and light behind glass."""
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -11,16 +12,17 @@ from torch.nn import functional as F
 from ...progress import part
 from ...scene import RenderScene
 from ..prior.blocking import is_solid
-from ..prior.environment_prior import BLUR, EnvironmentPrior
+from ..prior.environment_prior import EnvironmentPrior
 from ..prior.transmittance import Fog
 from ..visibility import Visibility
+from .beacons import Beacons
+from .panes import Panes
 from .patches import Patches
 
-SURFACES = 2     # of glass that a ray looks for lamps at
-PASSED = 0.9     # share of lamps' light that glass lets through besides its colour
 FOGLESS = 2.0    # network units from a point: nobody looks for fog beyond
 ABOVE = 1e-3     # network units that a point is lifted off its surface
-BEYOND = 1e-4    # network units behind a pane where a ray goes on
+COVERED = 1e-3   # how much a point that sees nothing but backs says beside one that sees none
+UNLIKE = 0.25    # difference of the shares of the sky that two points see at which one says 1/e about the other
 
 
 @dataclass
@@ -28,16 +30,17 @@ class Surroundings:
     """What R rays from each of P points meet."""
 
     direction: Tensor  # (P, R, 3)
-    side: Tensor       # (P, R) row of a patch's front or back among those of all; the one behind = none
-    passing: Tensor    # (P, R) share of the light that volumes let pass
-    sky: Tensor        # (P, R) bool: nothing is met
+    side: Tensor       # (P, R + A) row of a patch's front or back among those of all; the one behind = none
+    share: Tensor      # (P, R + A) of the light from there that arrives, R + A times; A rays more are aimed at beacons
+    sky: Tensor        # (P, R) share of the light that arrives where nothing is met
     through: Tensor    # (P, 3) mean radiance of the sky and of lamps behind glass
 
-    def together(self, count: int) -> Surroundings:
-        """As if every `count` points, one after the other, were one."""
-        of_rays = self.direction, self.side, self.passing, self.sky
-        joined = (x.view(-1, count * x.shape[1], *x.shape[2:]) for x in of_rays)
-        return Surroundings(*joined, self.through.view(-1, count, 3).mean(1))
+    def together(self, weight: Tensor) -> Surroundings:
+        """As if every K points, one after the other, were one; weight: (P / K, K), whose means are 1."""
+        count, each = weight.shape[1], weight.reshape(-1, 1)
+        of_rays = self.direction, self.side, each * self.share, each * self.sky
+        joined = (x.reshape(-1, count * x.shape[1], *x.shape[2:]) for x in of_rays)
+        return Surroundings(*joined, (each * self.through).view(-1, count, 3).mean(1))
 
     def gathered(self, leaving: Tensor, weight: Tensor | None = None) -> Tensor:
         """(P, C) mean of what arrives of the radiance (sides, C) that leaves the patches.
@@ -45,7 +48,7 @@ class Surroundings:
         weight: (P, R) of the rays, whose mean is 1.
         """
         leaving, count = F.pad(leaving, (0, 0, 0, 1)), self.side.shape[1]
-        share = self.passing if weight is None else self.passing * weight
+        share = self.share if weight is None else self.share * weight
         rays = zip(self.side.T, share.T, strict=True)
         return sum(leaving.index_select(0, side) * share[:, None] for side, share in rays) / count
 
@@ -53,11 +56,11 @@ class Surroundings:
         """(P, 3) share of the environment's light that arrives, by its colour."""
         if environment is None:
             return torch.ones_like(self.through)
-        return environment.share(self.direction, self.sky * self.passing)
+        return environment.share(self.direction, self.sky)
 
 
 class Interior:
-    """All patches of a scene, for rays to meet. Where they find glass, `shining` (sides, 3) is looked up."""
+    """All patches of a scene, for rays to meet."""
 
     def __init__(self, scene: RenderScene, patches: Patches, fog: Fog | None, environment: EnvironmentPrior | None,
                  device: torch.device):
@@ -65,18 +68,31 @@ class Interior:
         self.normal = F.normalize(patches.vector.to(device), dim=-1)
         # Where nothing is met, and where emitters are, whose light is no bounced one, is the row behind all patches.
         self.patch = F.pad(patches.patch[patches.solid], (0, len(shining) + 1), value=len(self.normal)).to(device)
-        self.fog, self.environment, self.panes, self.shining = fog, environment, None, None
+        self.corners, self.beacons = patches.corners[patches.solid].to(device), None
+        self.fog, self.environment, self.panes = fog, environment, None
         with part(0.0, 0.5):
             self.surfaces = Visibility(torch.cat([patches.corners[patches.solid], shining]).numpy())
         if patches.glass.any():
             with part(0.5, 1.0):
-                self.panes = Visibility(patches.corners[patches.glass].numpy())
-            self.tint, self.pane = (a[patches.glass].to(device) for a in (patches.tint, patches.patch))
+                self.panes = Panes(patches, self.normal, environment)
 
-    def look(self, position: Tensor, normal: Tensor, direction: Tensor) -> Surroundings:
-        """From points (P, 3), a little above their normals, along unit vectors (P, R, 3)."""
-        rays, direction = direction.shape[1], direction.reshape(-1, 3)
-        origin = (position + ABOVE * normal)[:, None].expand(-1, rays, -1).reshape(-1, 3)
+    def aim(self, worth: Tensor) -> None:
+        """From now on at patches of such worth (sides,)."""
+        self.beacons = Beacons(self.corners, self.patch[:len(self.corners)], worth)
+
+    def look(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0,
+             start: Tensor | None = None) -> Surroundings:
+        """From points (P, 3), a little above their normals, along unit vectors (P, R, 3).
+
+        If these are as dense as the cosine, `aimed` more may go towards beacons, which `start` (P, 2) spreads.
+        """
+        rays, target = direction.shape[1], None
+        position = position + ABOVE * normal
+        if aimed and self.beacons.lit:
+            towards, target = self.beacons.aimed(position, aimed, start)
+            direction = torch.cat([direction, towards], 1)
+        every, direction = direction.shape[1], direction.reshape(-1, 3)
+        origin = position[:, None].expand(-1, every, -1).reshape(-1, 3)
         with part(0.0, 0.7):
             triangle, distance = self.surfaces.nearest(origin, direction)
         patch, count = self.patch[triangle], len(self.normal)
@@ -87,35 +103,27 @@ class Interior:
             passing = self.fog.passing(origin, origin + distance.clamp(max=FOGLESS)[:, None] * direction)
         if self.panes is not None:
             with part(0.7, 1.0):
-                through, share, clear = self._through(origin, direction, distance)
+                through, share, clear = self.panes.through(origin, direction, distance)
             sky, passing = sky & clear, passing * share
-        return Surroundings(direction.view(-1, rays, 3), *(a.view(-1, rays) for a in (side, passing, sky)),
-                            through.view(-1, rays, 3).mean(1))
+        sky = (sky * passing).view(-1, every)[:, :rays]
+        if target is not None:
+            density = self.beacons.per_angle(triangle, direction, distance).view(-1, every)
+            cosine = (direction.view(-1, every, 3) @ normal[..., None])[..., 0].clamp_min(0)
+            balanced = every * cosine / (rays * cosine + math.pi * aimed * density).clamp_min(1e-9)
+            balanced[:, rays:] *= triangle.view(-1, every)[:, rays:] == target
+            passing = passing * balanced.flatten()
+        return Surroundings(direction.view(-1, every, 3)[:, :rays], side.view(-1, every), passing.view(-1, every), sky,
+                            through.view(-1, every, 3)[:, :rays].mean(1))
 
-    def _through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """(N, 3) radiance of sky and lamps that rays find through glass within their distances (N,).
+    def telling(self, around: Surroundings, count: int) -> Tensor:
+        """(P / count, count) how much each of `count` points in a row says about their patch, 1 in the mean.
 
-        And (N,) the share of the light from farther away that it lets pass, and which rays meet none.
-
-        Lamps light a surface of glass from the side that a ray leaves by: it spreads their light as if it were milky.
+        Points that something covers, as walls cover the rim of a floor, see the insides of that: backs. And few that
+        see more of the sky than the others are on the other side of a wall.
         """
-        lamps, passed = torch.zeros_like(direction), torch.ones_like(direction)
-        clear = torch.ones_like(distance).bool()
-        ray, gone = torch.arange(len(origin), device=origin.device), torch.zeros_like(direction[:, :1])
-        for surface in range(SURFACES):
-            with part(surface / SURFACES, (surface + 1) / SURFACES):
-                begin = gone + BEYOND
-                pane, way = self.panes.nearest(origin[ray] + begin * direction[ray], direction[ray])
-            gone = begin + way[:, None]
-            met = (pane >= 0) & (gone[:, 0] < distance[ray])
-            ray, pane, gone = ray[met], pane[met], gone[met]
-            row = self.pane[pane]
-            from_behind = (self.normal[row] * direction[ray]).sum(-1) < 0
-            passed[ray] *= self.tint[pane]
-            lamps[ray] = torch.maximum(lamps[ray], passed[ray] * self.shining[row + len(self.normal) * from_behind])
-            clear[ray] = False
-        light, seen = PASSED * lamps, distance.isinf() & ~clear
-        if self.environment is not None:
-            sky = self.environment.filtered(direction[seen], torch.full_like(distance[seen], BLUR))
-            light[seen] += passed[seen] * sky
-        return light, torch.where(clear, 1.0, passed.mean(-1)), clear
+        side = around.side[:, :around.direction.shape[1]]
+        behind = (side >= len(self.normal)) & (side < 2 * len(self.normal))
+        backs, sky = ((x > 0).to(around.share.dtype).mean(1).view(-1, count) for x in (behind, around.sky))
+        unlike = (sky - sky.median(1, keepdim=True).values) / UNLIKE
+        says = (1 - backs).clamp_min(COVERED) * (-unlike.square()).exp()
+        return says / says.mean(1, keepdim=True)

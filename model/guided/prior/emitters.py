@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...geometry import area_vectors, connected
+from ...geometry import area_vectors, surfaces
 from ...scene import RenderScene
 from .emitter_clusters import Emitters, merged, triangle
 
@@ -78,15 +78,9 @@ def _bounding_sphere(scene: RenderScene) -> tuple[np.ndarray, float]:
 
 def _components(corners: np.ndarray, kinds: np.ndarray) -> list[np.ndarray]:
     """Rows of triangles that share a corner position and have equal `kinds` (N, K)."""
-    if not len(corners):
-        return []
-    _, kind = np.unique(kinds, axis=0, return_inverse=True)
-    keyed = np.concatenate([corners, np.broadcast_to(kind.reshape(-1, 1, 1), corners.shape[:2] + (1,))], axis=2)
-    _, vertex = np.unique(keyed.reshape(-1, 4).round(6), axis=0, return_inverse=True)
-    vertex = vertex.reshape(-1, 3)
-    group = connected(vertex, vertex.max() + 1)[vertex[:, 0]]
+    group = surfaces(corners, kinds)
     order = np.argsort(group, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    return np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if len(group) else []
 
 
 def _pieces(shape: np.ndarray) -> list[np.ndarray]:

@@ -61,7 +61,8 @@ class LightPrior:
         self.fog = fog_of(scene.volumes, device)
         blocking = is_solid(scene) & ~passes_light(scene, straight=True)
         with part(0.0, 0.5):
-            self.blockers = Visibility(scene.triangles[blocking & ~scene.is_light])  # a lamp does not shade itself
+            self.blocking = scene.triangles[blocking & ~scene.is_light]  # a lamp does not shade itself
+            self.blockers = Visibility(self.blocking)
         with part(0.5, 1.0):
             self.sky = None
             if self.environment is not None:
@@ -170,6 +171,15 @@ class LightPrior:
         light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
         found = light @ self.radiance * lamps
         return found if self.environment is None else found + self.environment.irradiance(n) * sky / math.pi
+
+    def towards_lamps(self, position: Tensor, normal: Tensor) -> Tensor:
+        """(P, 3) unit vectors, or zeros: where the emitters' light comes from in the mean, to points and normals."""
+        return torch.cat(shared(self._towards, *(x.split(CHUNK) for x in (position, normal))))
+
+    def _towards(self, x: Tensor, n: Tensor) -> Tensor:
+        direction, sine2, beam = self._beams(x)
+        light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam * self.radiance.mean(1)
+        return F.normalize((light[..., None] * direction).sum(1), dim=-1)
 
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
                  arriving: Tensor | None = None) -> Tensor:

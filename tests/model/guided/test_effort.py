@@ -46,10 +46,10 @@ def test_quick_light_is_that_of_fewer_rays(counted):
         counted["count"] = 0
         found.append(guide_tensors(scene, view, guides, prior, Radiosity(scene, prior, effort), 8, effort))
         costs.append(counted["count"])
-    assert costs[1] < 0.3 * costs[0]
+    assert costs[1] < 0.4 * costs[0]
     for name in ("prior", "bounced"):
         full, quick = (getattr(each, name) / each.exposure for each in found)
-        assert (full - quick).abs().mean() < 0.1 * full.mean()
+        assert (full - quick).abs().mean() < 0.15 * full.mean()
 
 
 def test_a_draft_shows_the_light_that_the_network_starts_from(renderer):
