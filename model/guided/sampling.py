@@ -54,6 +54,12 @@ def ggx_directions(normal: Tensor, outgoing: Tensor, roughness: Tensor, count: i
     return direction, unmasked * towards / cosine.clamp_min(1e-3)
 
 
+def triangle_weights(u: Tensor, v: Tensor) -> Tensor:
+    """(..., 3) barycentric weights, of points evenly dense for u, v (...) in [0, 1)."""
+    u = u.sqrt()
+    return torch.stack([1 - u, u * (1 - v), u * v], dim=-1)
+
+
 def disk_points(normal: Tensor, u: Tensor, v: Tensor) -> Tensor:
     """(P, 3) points, evenly dense for u, v (P,) in [0, 1), of unit disks across unit vectors (P, 3)."""
     radius, phi = u.sqrt(), 2 * math.pi * v

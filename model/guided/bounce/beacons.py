@@ -9,9 +9,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..sampling import R2
+from ..sampling import R2, triangle_weights
 
-FAR = 1e6      # network units: no surface is farther off
+FAR = 1e6     # network units: no surface is farther off
 BRIGHT = 2.0  # times the mean of what is seen: what shines more is aimed at
 
 
@@ -40,8 +40,7 @@ class Beacons:
         share = (k + start[:, :1]) / count
         triangle = torch.searchsorted(self.filled, share, right=True).clamp(max=len(self.filled) - 1)
         u, v = ((k * step + start[:, 1:]) % 1 for step in R2)
-        u = u.sqrt()
-        u, v = (u * (1 - v))[..., None], (u * v)[..., None]
+        _, u, v = triangle_weights(u, v)[..., None].unbind(-2)
         target = self.origin[triangle] + u * self.edges[0][triangle] + v * self.edges[1][triangle]
         return F.normalize(target - position[:, None], dim=-1), triangle
 

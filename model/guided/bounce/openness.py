@@ -8,12 +8,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...geometry import area_vectors, quartered
+from ..prior.sky import ABOVE
 from ..sampling import cosine_directions, scattered
 from ..visibility import Visibility
 
 LARGEST = 2048   # triangles that are looked at, each time
 RAYS = 8         # from a point to each side
-ABOVE = 2e-3     # network units that a point is lifted off its surface
 COVERED = 0.75   # share of rays that meet backs, from which on a point is within something
 OUTSIDE = 0.2    # share of rays that meet nothing, from which on it is outside
 PLACES = (1 / 3, 1 / 3), (0.8, 0.1), (0.1, 0.8), (0.1, 0.1)  # weights of two corners, the middle first

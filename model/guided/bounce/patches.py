@@ -17,7 +17,7 @@ from ...material.reflectance import layer_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ..prior.blocking import is_solid, passes_light
 from ..prior.light_prior import Lamps
-from ..sampling import R2, scattered
+from ..sampling import R2, scattered, triangle_weights
 from .openness import Openness
 
 PATCHES = 4096
@@ -61,11 +61,10 @@ class Patches:
         row = torch.searchsorted(filled, begins[:, None] + share * (ends - begins)[:, None])
         triangle = order[row.clamp(max=len(order) - 1)]
         u, v = ((k * step + start[:, i + 1:i + 2]) % 1 for i, step in enumerate(R2))
-        u = u.sqrt()
-        weights = torch.stack([1 - u, u * (1 - v), u * v], dim=-1)
         normal = F.normalize(vector[triangle], dim=-1)
         facing = (normal * self.vector[:, None]).sum(-1, keepdim=True)
-        return (weights[..., None] * self.corners[triangle]).sum(2), torch.where(facing < 0, -normal, normal)
+        weights = triangle_weights(u, v)[..., None]
+        return (weights * self.corners[triangle]).sum(2), torch.where(facing < 0, -normal, normal)
 
 
 def patches(scene: RenderScene, lamps: Lamps, share: float = 1.0, openness: Openness | None = None) -> Patches:

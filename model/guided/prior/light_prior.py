@@ -21,7 +21,7 @@ from ...geometry import area_vectors
 from ...progress import part
 from ...scene import RenderScene
 from ...threads import shared
-from ..sampling import R2, disk_points, scattered
+from ..sampling import R2, disk_points, scattered, triangle_weights
 from ..visibility import Visibility
 from .blocking import is_solid, passes_light
 from .emitters import DISTANT, gather_emitters
@@ -109,8 +109,7 @@ class LightPrior:
 
     def _unshaded(self, x: Tensor, n: Tensor, start: Tensor) -> Tensor:
         """(P, 3) share of the emitters' diffuse light that arrives."""
-        direction, sine2, beam = self._beams(x)
-        light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
+        direction, light = self._form_factors(x, n)
         arrives = self._arriving(x + ABOVE * n, light, direction, start)
         return (arrives @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
 
@@ -129,12 +128,11 @@ class LightPrior:
     def _somewhere_on(self, emitter: Tensor, towards: Tensor, start: Tensor) -> Tensor:
         """(R, 3) points of emitters (R,), of spheres on the disk that faces unit vectors (R, 3); start (R, 2)."""
         u, v = ((start[:, i] + emitter * step) % 1 for i, step in enumerate(R2))
-        flat, side = len(self.corners), u.sqrt()
+        flat = len(self.corners)
         disk = disk_points(towards, u, v) * F.pad(self.radii, (flat, 0))[emitter, None]
         if not flat:
             return self.origins[emitter] + disk
-        weights = torch.stack([1 - side, side * (1 - v), side * v], dim=-1)[..., None]
-        on_sheet = (self.corners[emitter.clamp(max=flat - 1)] * weights).sum(1)
+        on_sheet = (self.corners[emitter.clamp(max=flat - 1)] * triangle_weights(u, v)[..., None]).sum(1)
         return torch.where((emitter < flat)[:, None], on_sheet, self.origins[emitter] + disk)
 
     def sky_around(self, position: Tensor) -> Tensor:
@@ -167,8 +165,7 @@ class LightPrior:
 
     def _diffuse(self, x: Tensor, n: Tensor, arriving: Tensor) -> Tensor:
         sky, lamps = arriving.split(3, 1)
-        direction, sine2, beam = self._beams(x)
-        light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
+        _, light = self._form_factors(x, n)
         found = light @ self.radiance * lamps
         return found if self.environment is None else found + self.environment.irradiance(n) * sky / math.pi
 
@@ -177,9 +174,8 @@ class LightPrior:
         return torch.cat(shared(self._towards, *(x.split(CHUNK) for x in (position, normal))))
 
     def _towards(self, x: Tensor, n: Tensor) -> Tensor:
-        direction, sine2, beam = self._beams(x)
-        light = sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam * self.radiance.mean(1)
-        return F.normalize((light[..., None] * direction).sum(1), dim=-1)
+        direction, light = self._form_factors(x, n)
+        return F.normalize(((light * self.radiance.mean(1))[..., None] * direction).sum(1), dim=-1)
 
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
                  arriving: Tensor | None = None) -> Tensor:
@@ -215,6 +211,11 @@ class LightPrior:
         diffuse = sphere_form_factor(cosine, sine2) * beam
         glossy = ggx_lobe(direction, cosine, sine2, n, v, roughness) * beam
         return diffuse @ self.radiance, glossy @ self.radiance
+
+    def _form_factors(self, x: Tensor, n: Tensor) -> tuple[Tensor, Tensor]:
+        """Unit direction (P, L, 3) to every emitter, and how much of its radiance a diffuse surface sends on (P, L)."""
+        direction, sine2, beam = self._beams(x)
+        return direction, sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
 
     def _beams(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Unit direction (P, L, 3) to every emitter, its squared angular sine and its share of radiance (P, L)."""

@@ -267,9 +267,7 @@ def test_a_small_bright_surface_lights_evenly_because_rays_aim_at_it():
     by_chance = bounce(at, UP.expand(64, 3))[:, 0]
     bounce.interior.aim(shines)
     aimed = bounce(at, UP.expand(64, 3))[:, 0]
-    size = torch.linalg.cross(*[bright_edge for bright_edge in (torch.from_numpy(bright[:, 1] - bright[:, 0]),
-                                                               torch.from_numpy(bright[:, 2] - bright[:, 0]))])
-    expected = size.norm(dim=-1).sum().item() / 2 / (math.pi * 0.5 ** 2)
+    expected = np.linalg.norm(area_vectors(bright), axis=-1).sum() / (math.pi * 0.5 ** 2)
     assert aimed.mean().item() == pytest.approx(expected, rel=0.1)
     assert aimed.std() < 0.1 * expected < by_chance.std()
 
