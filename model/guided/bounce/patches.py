@@ -157,10 +157,11 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor, kind: Tensor, surfac
     def summed(x: Tensor) -> Tensor:
         return torch.zeros(count, x.shape[-1]).index_add_(0, group, x)
 
-    # In the middle of its largest part a group is on a surface, and not between two with a lamp in between.
+    # In the middle of its largest part a group is on a surface, and not between two with a lamp in between. Of several
+    # as large it is the first: whichever thread comes last would decide otherwise.
     largest = torch.zeros(count).scatter_reduce_(0, group, size, "amax")
-    middle = torch.zeros(count, 3)
-    middle[group[size >= largest[group]]] = center[size >= largest[group]]
+    rows = (size >= largest[group]).nonzero()[:, 0]
+    middle = center[torch.full((count,), len(center)).scatter_reduce_(0, group[rows], rows, "amin")]
     return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20), group
 
 

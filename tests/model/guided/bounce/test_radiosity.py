@@ -282,6 +282,16 @@ def test_patches_are_small_where_a_lamp_is_near():
     assert near.sum() > 10 and 20 * made.vector[near].norm(dim=-1).mean() < made.vector[far].norm(dim=-1).mean()
 
 
+def test_of_parts_as_large_as_each_other_a_patch_stands_on_the_first():
+    """Not on whichever thread was last: pictures would differ from run to run."""
+    count = 1000
+    center = torch.rand(count, 3, generator=torch.Generator().manual_seed(0)) * 1e-3 + 1e-3
+    vector, no_lamps = torch.tensor([[0.0, 0.0, 1e-6]]).repeat(count, 1), Lamps(np.zeros((0, 3)), np.zeros(0))
+    alike = torch.zeros(count, dtype=torch.long)
+    middle, *_ = patches._merged(center, vector, torch.ones(count, 9), alike, alike, no_lamps, 1)
+    torch.testing.assert_close(middle, center[:1], rtol=0, atol=0)
+
+
 def test_the_points_of_patches_lie_on_them():
     scene = closed_box((0.5, 0.5, 0.5))
     made = patches.patches(scene, LightPrior(scene).lamps())
