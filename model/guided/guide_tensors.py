@@ -18,7 +18,7 @@ from ..network.inputs import TensorGroup
 from ..network.memory import like
 from ..progress import part
 from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
-from .bounce.probes import NOISY, gathered, grid_of
+from .bounce.probes import NOISY, Probes, grid_of
 from .bounce.radiosity import Radiosity
 from .effort import FULL, Effort
 from .exposure import key_exposure
@@ -135,19 +135,20 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
     coarse, noisy = max(grid_of(view.longer_side), effort.probe_grid), NOISY[:effort.smoothings]
-    probed = partial(gathered, grid=coarse, finest=max(coarse // effort.closer, 1))
-    seen = partial(probed, partial(_leaving, radiosity, prior if guides.traced is None else None, effort),
-                   spreads=noisy)
+    probes_of = partial(Probes, grid=coarse, finest=max(coarse // effort.closer, 1))
+    probes = probes_of(position, normal, alpha > 0)
+    leaving = partial(_leaving, radiosity, prior if guides.traced is None else None, effort)
     with part(0.0, 0.3):
-        bounced, _, sky_share = probed(partial(radiosity, effort=effort), position, normal, alpha > 0,
-                                       spreads=noisy).split(3, dim=-1)
+        bounced, _, sky_share = probes.gathered(partial(radiosity, effort=effort), spreads=noisy).split(3, dim=-1)
     with part(0.3, 0.4):
-        glossy, again, sky = probed(
-            lambda x, n, number, v, r: torch.cat(radiosity.glossy(x, n, v, r[:, 0], number, effort), dim=-1), position,
-            normal, alpha > 0, -rays, roughness[..., None], spreads=NOISY[:1]).split([3, 3, 1], dim=-1)
+        glossy, again, sky = probes.gathered(
+            lambda x, n, number, v, r: torch.cat(radiosity.glossy(x, n, v, r[:, 0], number, effort), dim=-1),
+            -rays, roughness[..., None], spreads=NOISY[:1]).split([3, 3, 1], dim=-1)
         around = again if guides.traced is not None else glossy
     with part(0.4, 0.5):
-        behind = seen(position, -normal, tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
+        behind = probes.gathered(lambda x, n, number: leaving(x, -n, number), spreads=noisy,
+                                 where=tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
+    seen = lambda *ends: probes_of(*ends).gathered(leaving, spreads=noisy)  # noqa: E731
     with part(0.5, 0.6):
         mirrored_light, ends = _seen_light(seen, guides, "reflected", tensor)
         reflected = torch.lerp(around, mirrored_light, (1 - blur(roughness)[..., None]) * ends)
@@ -156,7 +157,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     light = torch.zeros_like(position).repeat(1, 1, 3)
     if direct:
         with part(0.7, 0.9):
-            lamps_share = _lamps_seen(prior, effort, position, normal, alpha > 0, coarse, guides.traced is None)
+            lamps_share = _lamps_seen(prior, effort, probes, guides.traced is None)
         with part(0.9, 1.0):
             shares = torch.cat([sky_share, lamps_share, sky, 1.0 * ~ends], dim=-1) * (alpha > 0)
             light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
@@ -189,12 +190,12 @@ def shadow_grid(lamps: int) -> int:
     return next((grid for most, grid in ((SHADOW_RAYS, 1), (4 * SHADOW_RAYS, 2)) if lamps <= most), 4)
 
 
-def _lamps_seen(prior: LightPrior, effort: Effort, position: Tensor, normal: Tensor, covered: Tensor, coarse: int,
-                sharp: bool) -> Tensor:
+def _lamps_seen(prior: LightPrior, effort: Effort, probes: Probes, sharp: bool) -> Tensor:
     """(h, W, 3) mean of `LightPrior.lamps_share`; where light was traced as well, shadows need not be `sharp`."""
-    fine = min(max(shadow_grid(len(prior.radiance)), effort.shadow_grid), coarse)
-    return gathered(partial(_lamps_share, prior, effort), position, normal, covered, grid=fine if sharp else coarse,
-                    spreads=NOISY[:effort.smoothings], tolerance=SAME_SHADOW)
+    grid = min(max(shadow_grid(len(prior.radiance)), effort.shadow_grid), probes.grid) if sharp else probes.grid
+    probes = Probes(*probes.picture, grid, grid)
+    return probes.gathered(partial(_lamps_share, prior, effort), spreads=NOISY[:effort.smoothings],
+                           tolerance=SAME_SHADOW)
 
 
 def _lamps_share(prior: LightPrior, effort: Effort, x: Tensor, n: Tensor, number: Tensor) -> Tensor:

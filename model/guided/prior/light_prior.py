@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light of the light tokens and the environment token, in closed form (docs/architecture.md).
+"""Light of the light tokens and the environment token, in closed form (docs/architecture.md, form_factors.py).
 
-An emitter enters by its vector form factor, which a sphere of the same solid angle replaces for the horizon and the
-glossy lobe (Snyder 1996, "Area light sources for real-time graphics"; Heitz and Hill 2017, "Real-time line- and
-disk-light shading"). The lobes are unshadowed; `arriving` gives the share of diffuse light that reaches a surface,
-found by rays.
+The lobes are unshadowed; `arriving` gives the share of diffuse light that reaches a surface, found by rays.
 """
 from __future__ import annotations
 
@@ -26,6 +23,7 @@ from ..visibility import Visibility
 from .blocking import is_solid, passes_light
 from .emitters import DISTANT, gather_emitters
 from .environment_prior import EnvironmentPrior
+from .form_factors import beam, cosines, ggx_lobe, of_spheres, of_triangles, sphere_form_factor
 from .in_scattering import InScattering
 from .sky import ABOVE, SkyVisibility
 from .transmittance import fog_of
@@ -114,10 +112,10 @@ class LightPrior:
         return (arrives @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
 
     def _arriving(self, x: Tensor, light: Tensor, direction: Tensor, start: Tensor) -> Tensor:
-        """(P, L) what arrives at points (P, 3) of `light` (P, L) from the emitters, in `direction` (P, L, 3)."""
+        """(P, L) what arrives at points (P, 3) of `light` (P, L) from the emitters, in `direction` (3, P, L)."""
         point, emitter = light.nonzero().unbind(1)
         origin, near = x[point], ~self.distant[emitter, None]
-        way = self._somewhere_on(emitter, direction[point, emitter], start[point]) - origin * near
+        way = self._somewhere_on(emitter, direction[:, point, emitter].T, start[point]) - origin * near
         far = way.norm(dim=-1)
         blocked = self.blockers.blocked(origin, way / far.clamp_min(1e-9)[:, None], far - BEFORE)
         arrives = light.index_put((point, emitter), light[point, emitter] * ~blocked)
@@ -150,8 +148,8 @@ class LightPrior:
         return torch.cat(shared(self._around, *(x.split(CHUNK) for x in given)))
 
     def _around(self, x: Tensor, start: Tensor) -> Tensor:
-        direction, sine2, beam = self._beams(x)
-        return self._arriving(x, sine2 / 4 * beam, direction, start) @ self.radiance
+        direction, sine2, share = self._beams(x)
+        return self._arriving(x, sine2 / 4 * share, direction, start) @ self.radiance
 
     def diffuse(self, position: Tensor, normal: Tensor, arriving: Tensor | None = None) -> Tensor:
         """(P, 3) radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3).
@@ -175,7 +173,7 @@ class LightPrior:
 
     def _towards(self, x: Tensor, n: Tensor) -> Tensor:
         direction, light = self._form_factors(x, n)
-        return F.normalize(((light * self.radiance.mean(1))[..., None] * direction).sum(1), dim=-1)
+        return F.normalize(((light * self.radiance.mean(1)) * direction).sum(-1).T, dim=-1)
 
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
                  arriving: Tensor | None = None) -> Tensor:
@@ -206,75 +204,21 @@ class LightPrior:
     def _emitters(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
         if not len(self.radiance):
             return torch.zeros_like(x), torch.zeros_like(x)
-        direction, sine2, beam = self._beams(x)
-        cosine = torch.einsum("plc,pc->pl", direction, n)
-        diffuse = sphere_form_factor(cosine, sine2) * beam
-        glossy = ggx_lobe(direction, cosine, sine2, n, v, roughness) * beam
+        direction, sine2, share = self._beams(x)
+        cosine = cosines(direction, n)
+        diffuse = sphere_form_factor(cosine, sine2) * share
+        glossy = ggx_lobe(direction, cosine, sine2, n, v, roughness) * share
         return diffuse @ self.radiance, glossy @ self.radiance
 
     def _form_factors(self, x: Tensor, n: Tensor) -> tuple[Tensor, Tensor]:
-        """Unit direction (P, L, 3) to every emitter, and how much of its radiance a diffuse surface sends on (P, L)."""
-        direction, sine2, beam = self._beams(x)
-        return direction, sphere_form_factor(torch.einsum("plc,pc->pl", direction, n), sine2) * beam
+        """Unit direction (3, P, L) to every emitter, and how much of its radiance a diffuse surface sends on (P, L)."""
+        direction, sine2, share = self._beams(x)
+        return direction, sphere_form_factor(cosines(direction, n), sine2) * share
 
     def _beams(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Unit direction (P, L, 3) to every emitter, its squared angular sine and its share of radiance (P, L)."""
-        direction, sine2 = self._vector_form_factors(x)
-        beam = smoothstep(self.beam_cosine[:, 0], self.beam_cosine[:, 1], -(direction * self.beam_axis).sum(-1))
-        return direction, sine2, torch.where(self.beam_axis.square().sum(-1) > 0.25, beam, torch.ones_like(beam))
-
-    def _vector_form_factors(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Unit direction (P, L, 3) to every emitter and its squared angular sine (P, L)."""
-        x = x[:, None] * ~self.distant[:, None]  # light of suns is parallel
+        """Unit direction (3, P, L) to every emitter, its squared angular sine and its share of radiance (P, L)."""
+        x = x.T[..., None] * ~self.distant  # light of suns is parallel
         flat = len(self.corners)
-        to_corners = F.normalize(self.corners[None] - x[:, :flat, None], dim=-1)
-        following = to_corners.roll(-1, dims=2)
-        edge = torch.linalg.cross(to_corners, following)
-        sine = edge.square().sum(-1).sqrt()
-        angle = torch.atan2(sine, (to_corners * following).sum(-1))
-        vector = (edge * (angle / sine.clamp_min(1e-6))[..., None]).sum(2) / (2 * math.pi)
-        vector = vector * (vector * to_corners.sum(2)).sum(-1, keepdim=True).sign()
-        to_center = self.centers[None] - x[:, flat:]
-        distance2 = to_center.square().sum(-1)
-        sphere_sine2 = self.radii**2 / torch.maximum(distance2, self.radii**2)
-        length = vector.square().sum(-1).sqrt()
-        direction = torch.cat([vector / length.clamp_min(1e-20)[..., None],
-                               to_center / distance2.clamp_min(1e-20).sqrt()[..., None]], 1)
-        return direction, torch.cat([length, sphere_sine2], 1).clamp(0, 0.999)
-
-
-def smoothstep(low: Tensor, high: Tensor, x: Tensor) -> Tensor:
-    t = ((x - low) / (high - low).clamp_min(1e-4)).clamp(0, 1)
-    return t * t * (3 - 2 * t)
-
-
-def sphere_form_factor(cosine: Tensor, sine2: Tensor) -> Tensor:
-    """Share of the hemisphere's projected solid angle that a sphere covers, cut by the horizon.
-
-    cosine between the normal and the sphere's centre; sine2 = (radius / distance)^2 < 1. Same shapes in and out.
-    """
-    above = cosine.clamp_min(0) * sine2
-    cut = (sine2 - cosine.square()).clamp_min(0)  # > 0 where the horizon cuts the sphere
-    root = (cut * (1 - sine2)).clamp_min(1e-20).sqrt()
-    edge = (-cosine * ((1 - sine2) / (sine2 * (1 - cosine.square())).clamp_min(1e-12)).sqrt()).clamp(-1, 1)
-    partial = (sine2 * cosine * torch.acos(edge) - root + torch.atan(cut.sqrt() / (1 - sine2).sqrt())) / math.pi
-    return torch.where(cut > 0, partial.clamp_min(0), above)
-
-
-def ggx_lobe(direction: Tensor, cosine: Tensor, sine2: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> Tensor:
-    """(P, L) share of a light's radiance that a white GGX lobe sends along v; the light widens the lobe."""
-    alpha = roughness.clamp_min(0.02).square()[:, None]
-    wide = (alpha + sine2.sqrt() / 3).clamp(max=1)
-    n_h = _half_cosine(direction, cosine, n, v)
-    n_v = (n * v).sum(-1, keepdim=True).abs().clamp_min(1e-3)
-    n_l = cosine.clamp_min(1e-4)
-    density = wide.square() / (math.pi * (n_h.square() * (wide.square() - 1) + 1).square().clamp_min(1e-8))
-    a2 = alpha.square()
-    smith = 2 * n_l / (n_l * (a2 + (1 - a2) * n_v.square()).sqrt() + n_v * (a2 + (1 - a2) * n_l.square()).sqrt())
-    return (density * smith / 4 * math.pi * sine2).clamp(max=1) * (cosine > 0)
-
-
-def _half_cosine(direction: Tensor, cosine: Tensor, n: Tensor, v: Tensor) -> Tensor:
-    v_l = torch.einsum("plc,pc->pl", direction, v)
-    n_v = (n * v).sum(-1, keepdim=True)
-    return (cosine + n_v) / (2 + 2 * v_l).clamp_min(1e-6).sqrt()
+        parts = of_triangles(self.corners, x[..., :flat]), of_spheres(self.centers, self.radii, x[..., flat:])
+        direction, sine2 = (torch.cat(both, -1) for both in zip(*parts, strict=True))
+        return direction, sine2.clamp(0, 0.999), beam(direction, self.beam_axis, self.beam_cosine)

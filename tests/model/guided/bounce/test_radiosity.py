@@ -11,7 +11,7 @@ from renderformer_v2.model.geometry import area_vectors
 from renderformer_v2.model.guided.bounce import patches, probes
 from renderformer_v2.model.guided.bounce.openness import Openness
 from renderformer_v2.model.guided.bounce.panes import PASSED
-from renderformer_v2.model.guided.bounce.probes import gathered
+from renderformer_v2.model.guided.bounce.probes import Probes
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.prior.light_prior import Lamps, LightPrior
 from renderformer_v2.model.scene import METALLIC, ROUGHNESS, RenderScene, constant_tile
@@ -196,12 +196,12 @@ def test_pixels_between_probes_get_smooth_light_and_edges_stay(monkeypatch):
     normal = UP.expand(16, 32, 3)
     covered = torch.ones(16, 32, 1, dtype=torch.bool)
     covered[:3] = False
-    light = gathered(lambda x, n, _: (x[:, 2:] > 1).float().expand(-1, 3) + 1, position, normal, covered)
+    light = Probes(position, normal, covered).gathered(lambda x, n, _: (x[:, 2:] > 1).float().expand(-1, 3) + 1)
     assert light[:3].abs().max() == 0
     torch.testing.assert_close(light[3:, :16], torch.ones(13, 16, 3))
     torch.testing.assert_close(light[3:, 16:], torch.full((13, 16, 3), 2.0))
     flat_x = position * torch.tensor([1.0, 1, 0])
-    ramp = gathered(lambda x, n, _: x[:, :1].expand(-1, 3), flat_x, normal, covered | True)
+    ramp = Probes(flat_x, normal, covered | True).gathered(lambda x, n, _: x[:, :1].expand(-1, 3))
     inner = slice(probes.GRID, -probes.GRID)
     torch.testing.assert_close(ramp[:, inner, 0], position[:, inner, 0], atol=1e-5, rtol=0)
 

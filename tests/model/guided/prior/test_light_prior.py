@@ -9,7 +9,8 @@ import torch
 from renderformer_v2.model.environment import direction_map
 from renderformer_v2.model.guided.prior.emitters import gather_emitters
 from renderformer_v2.model.guided.prior.environment_prior import EnvironmentPrior, solid_angles
-from renderformer_v2.model.guided.prior.light_prior import LightPrior, sphere_form_factor
+from renderformer_v2.model.guided.prior.form_factors import sphere_form_factor
+from renderformer_v2.model.guided.prior.light_prior import LightPrior
 from renderformer_v2.model.scene import RenderScene, constant_tile
 from tests.model.samples import floor_scene
 
