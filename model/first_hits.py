@@ -21,23 +21,26 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
     rays (H, W, 3) unit, world; triangle (H, W) i32, -1 = nothing; weights (H, W, 2) of its corners 0 and 1. Colours
     leave out how reflection grows towards grazing angles; normals face the viewer.
     """
-    hit = triangle >= 0
-    row = np.maximum(triangle, 0)
-    share = corner_weights(weights)
-    emission, color = np.zeros((*hit.shape, 3), np.float32), np.zeros((3, *hit.shape, 3), np.float32)
-    position, normal, depth = emission.copy(), emission.copy(), np.full(hit.shape, NOTHING_HIT, np.float32)
-    if hit.any():
-        position[hit] = (scene.triangles[row[hit]] * share[hit][..., None]).sum(-2)
-        normal[hit] = shading_normals(scene, row[hit], share[hit], rays[hit])
-        camera = view.camera_to_world
-        depth[hit] = (position[hit] - camera[:3, 3]) @ -camera[:3, 2]
-        emission[hit] = scene.emission[row[hit]]
-        color[:, hit] = lobe_colors(scene, row[hit], weights[hit])
-    environment = np.zeros_like(emission)
+    at = np.flatnonzero(triangle >= 0)
+    environment = np.zeros((triangle.size, 3), np.float32)
+    position, normal, emission = (np.zeros_like(environment) for _ in range(3))
+    depth, color = np.full(triangle.size, NOTHING_HIT, np.float32), np.zeros((3, *environment.shape), np.float32)
+    flat_rays = rays.reshape(-1, 3)
+    if len(at):
+        row, hit_weights, camera = triangle.ravel()[at], weights.reshape(-1, 2)[at], view.camera_to_world
+        share = corner_weights(hit_weights)
+        position[at] = np.einsum("pk,pkc->pc", share, scene.triangles[row])
+        normal[at] = shading_normals(scene, row, share, flat_rays[at])
+        depth[at] = (position[at] - camera[:3, 3]) @ -camera[:3, 2]
+        emission[at] = scene.emission[row]
+        color[:, at] = lobe_colors(scene, row, hit_weights)
     if scene.environment is not None:
-        environment[~hit] = _seen_in(scene.environment, rays[~hit])
-    return Guides(position, normal, *color, emission, environment, depth, hit.astype(np.float32),
-                  triangle.astype(np.int32), weights.astype(np.float32))
+        sky = np.flatnonzero(triangle < 0)
+        environment[sky] = _seen_in(scene.environment, flat_rays[sky])
+    whole = lambda array: array.reshape(*array.shape[:-2], *triangle.shape, 3)  # noqa: E731
+    return Guides(whole(position), whole(normal), *whole(color), whole(emission), whole(environment),
+                  depth.reshape(triangle.shape), (triangle >= 0).astype(np.float32), triangle.astype(np.int32),
+                  weights.astype(np.float32))
 
 
 def mean_guides(parts: list[Guides]) -> Guides:

@@ -64,6 +64,11 @@ def surfaces(corners: np.ndarray, kinds: np.ndarray | None = None) -> np.ndarray
     return np.unique(connected(vertex, vertex.max() + 1)[vertex[:, 0]], return_inverse=True)[1]
 
 
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(...) of vectors (..., C): several times as fast as a sum of products over so short an axis."""
+    return np.einsum("...c,...c->...", a, b)
+
+
 def corner_weights(first_two: np.ndarray) -> np.ndarray:
     """(..., 2) barycentric weights of the corners 0 and 1 -> (..., 3), those of all."""
     return np.concatenate([first_two, 1 - first_two.sum(-1, keepdims=True)], axis=-1)
@@ -76,8 +81,7 @@ def barycentric(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     """
     a, b, c = (triangles[..., i, :].astype(np.float64) for i in range(3))
     u, v, w = a - c, b - c, points - c
-    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
-    wu, wv = (w * u).sum(-1), (w * v).sum(-1)
+    uu, uv, vv, wu, wv = dot(u, u), dot(u, v), dot(v, v), dot(w, u), dot(w, v)
     area = uu * vv - uv * uv
     flat = area <= 1e-20 * np.maximum(uu, vv) ** 2
     first, second = (x / np.where(flat, 1, area) for x in (vv * wu - uv * wv, uu * wv - uv * wu))

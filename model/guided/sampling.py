@@ -68,7 +68,10 @@ def disk_points(normal: Tensor, u: Tensor, v: Tensor) -> Tensor:
 
 
 def _axes(normal: Tensor) -> Tensor:
-    """(P, 3, 3) two unit vectors across a unit normal (P, 3), and itself."""
-    around = F.one_hot(normal.abs().argmin(-1), 3).to(normal.dtype)
-    aside = F.normalize(torch.linalg.cross(normal, around), dim=-1)
-    return torch.stack([aside, torch.linalg.cross(normal, aside), normal], dim=1)
+    """(P, 3, 3) two unit vectors across a unit normal (P, 3), and itself (Duff et al. 2017)."""
+    x, y, z = normal.unbind(-1)
+    sign = torch.where(z < 0, -1.0, 1.0)
+    a = -1 / (sign + z)
+    b = x * y * a
+    aside = torch.stack([1 + sign * x * x * a, sign * b, -sign * x], -1)
+    return torch.stack([aside, torch.stack([b, sign + y * y * a, -y], -1), normal], 1)

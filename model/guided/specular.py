@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import area_vectors, barycentric
+from ..geometry import area_vectors, barycentric, dot
 from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, texels
 
 SURFACES = 6       # a path passes at most
@@ -82,18 +82,18 @@ def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
     x, y = texels(weights[:, :2])
     texel = scene.tiles[scene.tile_index[triangle], :, y, x].astype(np.float32)
     normal = shading_normals(scene, triangle, weights, direction)
-    return normal, (area_vectors(corners) * direction).sum(1) > 0, texel
+    return normal, dot(area_vectors(corners), direction) > 0, texel
 
 
 def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray, ray: np.ndarray) -> np.ndarray:
     """(P, 3) f32 unit normals on triangles (P,) with weights (P, 3) of their corners, facing who looks along (P, 3)."""
     normal = np.einsum("pk,pkc->pc", weights, scene.normals[triangle])
-    return facing(normal / np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12), ray)
+    return facing(normal / np.sqrt(dot(normal, normal)).clip(1e-12)[:, None], ray)
 
 
 def facing(normal: np.ndarray, ray: np.ndarray) -> np.ndarray:
     """Normals (..., 3), turned where they point along the ray (..., 3)."""
-    return np.where((normal * ray).sum(-1, keepdims=True) > 0, -normal, normal)
+    return np.where(dot(normal, ray)[..., None] > 0, -normal, normal)
 
 
 def reflected(ray, normal):
@@ -108,7 +108,7 @@ def refracted(ray: np.ndarray, normal: np.ndarray, ior: np.ndarray, inside: np.n
     """
     ior = np.maximum(ior, 1.0)
     ratio = np.where(inside, ior, 1 / ior)
-    cosine = -(ray * normal).sum(-1)
+    cosine = -dot(ray, normal)
     rest = 1 - ratio**2 * (1 - cosine**2)
     through = ratio[:, None] * ray + (ratio * cosine - np.sqrt(np.maximum(rest, 0)))[:, None] * normal
     return np.where(rest[:, None] > 0, through, reflected(ray, normal))

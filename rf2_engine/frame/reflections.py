@@ -21,14 +21,16 @@ CHUNK = 1 << 14  # paths that are followed at once
 ENDS = {"position": np.float32, "normal": np.float16, "color": np.float16}
 
 
-def with_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
+def with_ends(guides: Guides, scene: RenderScene, view: View, rays: Rays | None = None) -> Guides:
     """Guides with the surfaces that smooth reflections and refractions end at, in world units as they are.
 
-    Of a large picture only every second, third... pixel along either side is looked at.
+    Of a large picture only every second, third... pixel along either side is looked at. rays: against the scene's
+    triangles, for whoever has them already.
     """
     colors = {"reflected": guides.glossy_color, "refracted": guides.transmission_color}
     shown = {name: (color.max(-1) > LEAST_COLOR[name]) & (guides.hit_triangle >= 0) for name, color in colors.items()}
-    rays = Rays(scene.triangles) if any(pixels.any() for pixels in shown.values()) else None
+    if rays is None and any(pixels.any() for pixels in shown.values()):
+        rays = Rays(scene.triangles)
     found = {}
     for name, pixels in shown.items():
         if not pixels.any():

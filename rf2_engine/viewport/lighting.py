@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import bpy
 import numpy as np
 
 from ...model import progress
 from ...model.guided.effort import FULL, QUICK
+from ...model.rays import Rays
 from ...model.scene import RenderScene, View
 from ..convert import compute
 from ..convert.camera.framing import Framing
@@ -69,6 +71,11 @@ class Lit:
     def is_draft(self) -> bool:
         return self.encoded is not None and self.encoded.is_draft
 
+    @cached_property
+    def rays(self) -> Rays:
+        """Against all triangles, in the world."""
+        return Rays(self.scene.triangles)
+
     @property
     def points(self) -> np.ndarray:
         """(k, 3) corners of what is seen."""
@@ -123,7 +130,7 @@ def picture(lit: Lit, view: View, look: Look, divisor: int) -> tuple[np.ndarray,
         guides = cast_guides(lit.scene, view, SPREAD if smooth else CENTRE)
     if settings.guided:
         with progress.part(0.1, 0.2):
-            guides = with_ends(guides, lit.scene, view)
+            guides = with_ends(guides, lit.scene, view, lit.rays)
     seen = guides.alpha > 0
     radiance = np.zeros_like(guides.position)
     if lit.encoded is not None and (seen.any() or lit.scene.volumes):
