@@ -42,7 +42,7 @@ class Radiosity:
         openness = Openness(prior.blocking, prior.blockers, device) if effort.walls else None
         found = patches(scene, lamps, effort.patches, openness)
         with part(0.0, 0.2):
-            self.interior = Interior(scene, found, prior.fog, prior.environment, device)
+            self.interior = Interior(scene, found, prior)
         count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(lamps.share), 1)), 1), effort.of(POINTS))
         # Of all fronts, then of all backs, as of all that follows; points of a patch are one after the other.
         x, n = (torch.cat(sides).flatten(0, 1).to(device) for sides in _both_sides(*found.points(count)))

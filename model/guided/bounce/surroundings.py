@@ -13,7 +13,7 @@ from ...progress import part
 from ...scene import RenderScene
 from ..prior.blocking import is_solid
 from ..prior.environment_prior import EnvironmentPrior
-from ..prior.transmittance import Fog
+from ..prior.light_prior import LightPrior
 from ..visibility import Visibility
 from .beacons import Beacons
 from .panes import Panes
@@ -22,6 +22,7 @@ from .patches import Patches
 FOGLESS = 2.0    # network units from a point: nobody looks for fog beyond
 ABOVE = 1e-3     # network units that a point is lifted off its surface
 COVERED = 1e-3   # how much a point that sees nothing but backs says beside one that sees none
+HAZE = 8, 8      # rays of a point that look for light that volumes scatter, and places on each
 UNLIKE = 0.25    # difference of the shares of the sky that two points see at which one says 1/e about the other
 
 
@@ -33,7 +34,7 @@ class Surroundings:
     side: Tensor       # (P, R + A) row of a patch's front or back among those of all; the one behind = none
     share: Tensor      # (P, R + A) of the light from there that arrives, R + A times; A rays more are aimed at beacons
     sky: Tensor        # (P, R) share of the light that arrives where nothing is met
-    through: Tensor    # (P, 3) mean radiance of the sky and of lamps behind glass
+    through: Tensor    # (P, 3) mean radiance of volumes, of the sky and of lamps behind glass
 
     def together(self, weight: Tensor) -> Surroundings:
         """As if every K points, one after the other, were one; weight: (P / K, K), whose means are 1."""
@@ -62,19 +63,20 @@ class Surroundings:
 class Interior:
     """All patches of a scene, for rays to meet."""
 
-    def __init__(self, scene: RenderScene, patches: Patches, fog: Fog | None, environment: EnvironmentPrior | None,
-                 device: torch.device):
+    def __init__(self, scene: RenderScene, patches: Patches, prior: LightPrior):
+        device = prior.radiance.device
         shining = torch.from_numpy(scene.triangles[scene.is_light & is_solid(scene)])
         self.normal = F.normalize(patches.vector.to(device), dim=-1)
         # Where nothing is met, and where emitters are, whose light is no bounced one, is the row behind all patches.
         self.patch = F.pad(patches.patch[patches.solid], (0, len(shining) + 1), value=len(self.normal)).to(device)
         self.corners, self.beacons = patches.corners[patches.solid].to(device), None
-        self.fog, self.environment, self.panes = fog, environment, None
+        self.fog, self.in_scattering, self.environment = prior.fog, prior.in_scattering, prior.environment
+        self.panes = None
         with part(0.0, 0.5):
             self.surfaces = Visibility(torch.cat([patches.corners[patches.solid], shining]).numpy())
         if patches.glass.any():
             with part(0.5, 1.0):
-                self.panes = Panes(patches, self.normal, environment)
+                self.panes = Panes(patches, self.normal, self.environment)
 
     def aim(self, worth: Tensor) -> None:
         """From now on at patches of such worth (sides,)."""
@@ -99,8 +101,11 @@ class Interior:
         back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
         side = torch.where(patch < count, patch + count * back, 2 * count)
         passing, through, sky = torch.ones_like(distance), torch.zeros_like(direction), distance.isinf()
+        hazy = 0.0
         if self.fog is not None:
-            passing = self.fog.passing(origin, origin + distance.clamp(max=FOGLESS)[:, None] * direction)
+            ends = origin + distance.clamp(max=FOGLESS)[:, None] * direction
+            passing = self.fog.passing(origin, ends)
+            hazy = self._scattered(*(each.view(-1, every, 3)[:, :rays] for each in (origin, ends)))
         if self.panes is not None:
             with part(0.7, 1.0):
                 through, share, clear = self.panes.through(origin, direction, distance)
@@ -113,7 +118,14 @@ class Interior:
             balanced[:, rays:] *= triangle.view(-1, every)[:, rays:] == target
             passing = passing * balanced.flatten()
         return Surroundings(direction.view(-1, every, 3)[:, :rays], side.view(-1, every), passing.view(-1, every), sky,
-                            through.view(-1, every, 3)[:, :rays].mean(1))
+                            through.view(-1, every, 3)[:, :rays].mean(1) + hazy)
+
+    def _scattered(self, origin: Tensor, end: Tensor) -> Tensor:
+        """(P, 3) mean radiance that volumes send from the ends of rays (P, R, 3) to their origins, by some of them."""
+        rays, steps = HAZE
+        step = max(origin.shape[1] // rays, 1)
+        origin, end = origin[:, ::step], end[:, ::step]
+        return self.in_scattering(origin.flatten(0, 1), end.flatten(0, 1), steps).view_as(origin).mean(1)
 
     def telling(self, around: Surroundings, count: int) -> Tensor:
         """(P / count, count) how much each of `count` points in a row says about their patch, 1 in the mean.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light of lamps and sky that volumes scatter towards the camera, once, as Cycles does by default."""
+"""Light of lamps and sky that volumes scatter to the camera and to surfaces, once, as Cycles does by default."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..sampling import scattered
-from .transmittance import SCATTERED, SIDE
+from .transmittance import SIDE
 
 if TYPE_CHECKING:
     from .light_prior import LightPrior
@@ -30,22 +30,21 @@ class InScattering:
         light[cells] = prior.sky_around(fog.places(cells, scattered(middle, 3)))
         for k in range(PLACES):
             light[cells] += prior.lamps_around(fog.places(cells, scattered(middle + k, 3))) / PLACES
-        extinction = fog.density + (1 - SCATTERED) * fog.scattering.mean(1)
-        cells = torch.cat([light * fog.scattering, extinction[:, None]], dim=1)[:-1]
+        cells = torch.cat([light * fog.scattering, fog.density[:, None]], dim=1)[:-1]
         self.low, self.extent = fog.low, fog.cell * SIDE
         self.cells = cells.T.reshape(1, 4, SIDE, SIDE, SIDE)  # RGB per unit of length, extinction
 
-    def __call__(self, origin: Tensor, end: Tensor) -> Tensor:
+    def __call__(self, origin: Tensor, end: Tensor, steps: int = STEPS) -> Tensor:
         """(P, 3) radiance that arrives at points (P, 3) from the volumes before the points `end` (P, 3)."""
         way = end - origin
         near, far = ((side - origin) / torch.where(way.abs() < 1e-9, torch.full_like(way, 1e-9), way)
                      for side in (self.low, self.low + self.extent))
         enters = torch.minimum(near, far).amax(1, keepdim=True).clamp(0, 1)
         leaves = torch.maximum(near, far).amin(1, keepdim=True).clamp(0, 1)
-        step = (leaves - enters).clamp_min(0) * way / STEPS
+        step = (leaves - enters).clamp_min(0) * way / steps
         length = step.norm(dim=1, keepdim=True)
         found, passing = torch.zeros_like(origin), torch.ones_like(length)
-        for k in range(STEPS):
+        for k in range(steps):
             light, extinction = self._at(origin + enters * way + (k + 0.5) * step).split([3, 1], dim=1)
             absorbed = extinction * length
             mean = torch.where(absorbed > 1e-4, -torch.expm1(-absorbed) / absorbed.clamp_min(1e-4), 1 - absorbed / 2)

@@ -12,7 +12,6 @@ from ...scene import CELLS, VOXELS, Volumes
 SIDE = 32          # cells along the grid
 STEPS = 6          # places on a way that are looked at
 REACH = 2.0        # network units from the centre, along each axis, within which volumes count
-SCATTERED = 0.85   # share of the scattered light that does not arrive
 
 
 class Fog:
@@ -65,7 +64,7 @@ def _voxels(volumes: Volumes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     local = np.stack(np.meshgrid(step, step, step, indexing="ij")[::-1], axis=-1).reshape(-1, 3)  # x fastest
     turned = np.stack([rotation_matrix(euler) for euler in volumes.rotation])
     points = volumes.position[:, None] + np.einsum("mij,mvj->mvi", turned, local * volumes.scale[:, None])
-    lost = (volumes.absorption + SCATTERED * volumes.scattering).mean(1)
+    lost = (volumes.absorption + volumes.scattering).mean(1)
     voxel = volumes.scale.prod(1) / (CELLS * VOXELS) ** 3 / np.sqrt((volumes.scale**2).mean(1))
     amount = volumes.density * voxel[:, None]
     return (points.reshape(-1, 3), (amount * lost[:, None]).reshape(-1),

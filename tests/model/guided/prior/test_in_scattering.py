@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that volumes scatter towards the camera: known amounts in thin and thick fog, and beams in it."""
+"""Light that volumes scatter, to the camera and to surfaces: known amounts in thin and thick fog, and beams in it."""
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
 from tests.model.guided.prior.test_transmittance import box
 from tests.model.samples import floor_scene
@@ -51,6 +52,17 @@ def test_a_roof_throws_its_shadow_into_the_fog():
     scene.triangles[:2] = roof
     lit, dark = (seen(scene, *(torch.tensor([[x, 0.2, 0.1]]) for x in ends))[0] for ends in ((-1.5, -0.2), (0.2, 1.5)))
     assert lit > 0.25 * open_air[0] and dark < 0.3 * lit
+
+
+def test_fog_lights_surfaces_with_about_what_it_takes_from_them():
+    """Below an even sky, and nothing but thin fog: what arrives at a surface in it is neither more nor less light."""
+    scene = foggy(0.1, sky=(1.0, 1.0, 1.0))
+    prior = LightPrior(scene)
+    point, up = torch.tensor([[0.1, 0.2, -0.5]]), torch.tensor([[0.0, 0.0, 1.0]])
+    from_sky = prior.diffuse(point, up)[0]
+    from_fog = Radiosity(scene, prior)(point, up)[0, :3]
+    assert (from_fog > 0.07).all() and (from_sky < 0.93).all()
+    torch.testing.assert_close(from_sky + from_fog, torch.ones(3), atol=0.03, rtol=0)
 
 
 def test_without_fog_there_is_nothing_to_light():
