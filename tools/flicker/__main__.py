@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measure how much pictures flicker from frame to frame, compared with Cycles.
 
-    python -m tools.flicker SCENE.blend -o DIR [--frames 24] [--degrees 1] [--samples 1024] [--resolution WxH]
+    python -m tools.flicker SCENE.blend -o DIR [--frames 24] [--degrees 1] [--samples 1024 ...] [--resolution WxH]
                             [--light TRACED|NETWORK] [--guide-samples N] [--weights rf2_small|DIR] [--threads N]
 
 The camera turns about the scene by --degrees a frame while the file's animation is played; with --degrees 0 it moves as
 in the file. Both engines render every frame, Cycles with --samples and else as the file says; frames that are in DIR
 already are not rendered again. Every pixel's world position (pass Position) is looked up in the next frame, and where
-that sees the same spot the two colours are compared. Prints one line of JSON: per engine the mean absolute sRGB
-difference of all pixels that are compared ("flicker", of 1), their median, their share of the picture, and the mean of
-every pair of frames; and "ratio", our flicker over that of Cycles, likewise of the medians. Silhouettes and mirrors
-change with the camera in
-both engines and make most of the mean, and none of the median.
+that sees the same spot the two colours are compared. Prints one line of JSON: per engine ("cycles" has the first number
+of samples, "cycles_16" another) the mean absolute sRGB difference of all pixels that are compared ("flicker", of 1),
+their median, their share of the picture, and the mean of every pair of frames; and "ratio", the flicker of all others
+over that of the first Cycles, likewise of the medians. Silhouettes and mirrors change with the camera in both engines
+and make most of the mean, and none of the median.
 """
 from __future__ import annotations
 
@@ -38,14 +38,16 @@ def main() -> int:
         if not arguments.scene.is_file():
             raise FileNotFoundError(f"{arguments.scene}: there is no such file")
         found = {"renderformer": _measured(arguments, "renderformer", samples=arguments.guide_samples,
-                                           light=arguments.light, weights=arguments.weights),
-                 "cycles": _measured(arguments, "cycles", samples=arguments.samples)}
+                                           light=arguments.light, weights=arguments.weights)}
+        for number, samples in enumerate(arguments.samples):
+            name = f"cycles_{samples}" if number else "cycles"
+            found[name] = _measured(arguments, "cycles", samples=samples)
     except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:
         print(one_line(error), file=sys.stderr)
         return 1
     print(json.dumps({"scene": str(arguments.scene), "frames": arguments.frames, "degrees": arguments.degrees,
                       "samples": arguments.samples} | found
-                     | {"ratio": _ratio(found, "flicker"), "median_ratio": _ratio(found, "median")}),
+                     | {"ratio": _ratios(found, "flicker"), "median_ratio": _ratios(found, "median")}),
           file=answer, flush=True)
     return 0
 
@@ -57,7 +59,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     parser.add_argument("--frames", type=whole_number(2), default=24)
     parser.add_argument("--degrees", type=float, default=1.0, help="a frame; 0 moves the camera as in the file")
-    parser.add_argument("--samples", type=count, default=1024, help="of Cycles")
+    parser.add_argument("--samples", type=count, nargs="+", default=[1024], help="of Cycles")
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
     parser.add_argument("--light", choices=("TRACED", "NETWORK"), help="default: the file's")
     parser.add_argument("--guide-samples", type=count, help="default: the file's")
@@ -78,10 +80,11 @@ def _measured(arguments: argparse.Namespace, engine: str, **settings) -> dict:
             "pairs": [round(change.mean, 6) for change in pairs], "folder": str(frames[0][1].parent)}
 
 
-def _ratio(found: dict, key: str) -> float | None:
-    """Ours over that of Cycles; None where nothing changes in its pictures."""
-    ours, cycles = (engine[key] for engine in found.values())
-    return round(ours / cycles, 3) if cycles else None
+def _ratios(found: dict, key: str) -> dict[str, float | None]:
+    """Of all but "cycles" over that; None where nothing changes in its pictures."""
+    least = found["cycles"][key]
+    return {name: round(engine[key] / least, 3) if least else None
+            for name, engine in found.items() if name != "cycles"}
 
 
 if __name__ == "__main__":
