@@ -26,14 +26,14 @@ def found(tmp_path_factory):
     return recorded(tmp_path_factory.mktemp("window"), "session.py")
 
 
-def recorded(folder, script):
-    """What a session wrote down; `script` lies beside this file."""
+def recorded(folder, script, *parts, size=(1600, 900)):
+    """What a session wrote down, or parts of it, in a window of this size; `script` lies beside this file."""
     environment = os.environ | {f"BLENDER_USER_{kind}": str(folder / kind.lower()) for kind in (
         "RESOURCES", "CONFIG", "SCRIPTS", "EXTENSIONS", "DATAFILES")}
     archive, shots = build(folder), folder / "shots"
     shots.mkdir()
-    subprocess.run([BLENDER, "--factory-startup", "--window-geometry", "0", "0", "1600",
-                    "900", "--python", str(Path(__file__).with_name(script)), "--", str(archive), str(shots)],
+    subprocess.run([BLENDER, "--factory-startup", "--window-geometry", "0", "0", *map(str, size), "--python",
+                    str(Path(__file__).with_name(script)), "--", str(archive), str(shots), *parts],
                    env=environment, timeout=PATIENCE, check=True)
     done = json.loads((shots / "session.json").read_text())
     assert "error" not in done, done["error"]

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user does in a Rendered viewport: `blender --python viewport_session.py -- ZIP FOLDER`.
+"""What a user does in a Rendered viewport: `blender --python viewport_session.py -- ZIP FOLDER [drag]`.
 
-Writes seconds until pictures of our viewport and of Cycles' with denoising to FOLDER/viewport.csv.
+Writes seconds until pictures of our viewport and of Cycles' with denoising to FOLDER/viewport.csv; with `drag` only how
+often the window is drawn while an object is dragged, as in small windows, which a processor draws quickly.
 """
 import csv
 import sys
@@ -13,12 +14,15 @@ import bpy
 sys.path.append(str(Path(__file__).parent))
 from driver import Driver, area, is_rendering, region  # noqa: E402  it lies beside this file
 
-ARCHIVE, FOLDER = map(Path, sys.argv[sys.argv.index("--") + 1:])
+ARCHIVE, FOLDER, *PARTS = map(Path, sys.argv[sys.argv.index("--") + 1:])
 EXTENSION = "bl_ext.user_default.renderformer_v2"
 TICK = 0.01     # seconds between two looks at whether the window stands still
 PICTURES = 3    # that are to be seen during a drag
 QUIET = 3.0     # seconds without a redraw after which Cycles' picture counts as finished
 SAMPLES = 32    # of Cycles' viewport
+DRAG = 5.0      # seconds that an object is dragged
+
+COLUMNS = "engine", "change", "first", "last", "stall", "pictures", "redraws"
 
 driver = Driver(FOLDER)
 found = driver.found
@@ -33,6 +37,10 @@ def session():
     prepare()
     yield 1.0
     yield from enter()
+    if PARTS:
+        yield from drag(rows := [])
+        write(rows)
+        return
     yield from look_around()
     yield from edit()
     yield from measure()
@@ -177,6 +185,7 @@ def measure():
         pictures = [(at - begin, divisor) for at, divisor in window["shown"]]
         rows.append({"engine": "RenderFormer-V2", "change": change, "first": pictures[0][0],
                      "last": pictures[-1][0], "stall": window["stall"], "pictures": len(pictures)})
+    yield from drag(rows)
     cycles.use_preview_denoising, cycles.preview_samples = True, SAMPLES
     found["cycles_denoises"] = cycles.preview_denoiser
     scene.render.engine = "CYCLES"
@@ -187,15 +196,41 @@ def measure():
         drawn = [at - begin for at in window["draws"] if at > begin][1:]  # the first one shows what was there before
         rows.append({"engine": "Cycles", "change": change, "first": drawn[0], "last": drawn[-1],
                      "stall": window["stall"], "pictures": len(drawn)})
+    yield from dragged(rows, "Cycles")
     driver.shot("cycles")
     scene.render.engine = "RENDERFORMER_V2"
     yield from settled()
+    write(rows)
+    window["clock"] = False
+
+
+def write(rows: list[dict]) -> None:
     with open(FOLDER / "viewport.csv", "w", newline="") as file:
-        table = csv.DictWriter(file, rows[0])
+        table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
         table.writerows({key: f"{value:.2f}" if isinstance(value, float) else value for key, value in row.items()}
                         for row in rows)
-    found["measured"], window["clock"] = rows, False
+    found["measured"] = rows
+
+
+def drag(rows: list):
+    yield from dragged(rows, "RenderFormer-V2")
+    viewport().shading.type = "SOLID"
+    yield 1.0
+    yield from dragged(rows, "Solid")
+    viewport().shading.type = "RENDERED"
+    yield from settled()
+
+
+def dragged(rows: list, engine: str):
+    """How often the window is drawn in a second while an object moves and there is always something to do."""
+    begin = start_clock(move_object)
+    while time.perf_counter() - begin < DRAG:
+        bpy.data.objects["Cube"].location.y -= 0.02
+        yield 0.0
+    seconds = time.perf_counter() - begin
+    rows.append({"engine": engine, "change": "drag", "stall": window["stall"], "pictures": len(window["shown"]),
+                 "redraws": sum(at > begin for at in window["draws"]) / seconds})
 
 
 def move_view() -> None:
