@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 COARSEST = 8   # a side has one eighth of the pixels
-QUICK = 0.25   # seconds of a picture that nobody needs a coarser one before
+QUICK = 0.28   # seconds of a picture that nobody needs a coarser one before
+SMOOTH = 0.12  # the same while the view or the scene changes all the time
 POWER = 1.6    # of how many times as many pixels a side has, that seconds grow by
 
 
@@ -14,9 +15,9 @@ def divisors(finest: int) -> tuple[int, ...]:
     return tuple(divisor for divisor in (8, 4, 2, 1) if divisor >= min(finest, COARSEST))
 
 
-def first(levels: Sequence[int], seconds: dict[int, float]) -> int:
+def first(levels: Sequence[int], seconds: dict[int, float], changing: bool = False) -> int:
     """Where to begin: the finest level that took so little time that it seems to be there at once."""
-    quick = [divisor for divisor in levels if seconds.get(divisor, QUICK + 1) <= QUICK]
+    quick = [divisor for divisor in levels if seconds.get(divisor, QUICK + 1) <= (SMOOTH if changing else QUICK)]
     return quick[-1] if quick else levels[0]
 
 

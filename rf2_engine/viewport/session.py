@@ -23,6 +23,7 @@ from .worker import Stopped
 SCENE, NETWORK = "Updating the scene", "Bouncing light"  # pieces of work; the others are levels
 NAMES = {1: "full resolution", 2: "1/2", 4: "1/4", 8: "1/8"}
 SAID = 1.0      # seconds that a text stays
+CHANGING = 0.5  # seconds between two requests, up to which somebody is dragging something
 PATIENCE = 2.0  # seconds that a piece of work for something older may still take, so that something is shown meanwhile
 
 
@@ -77,6 +78,7 @@ class Session:
         self._lit: Lit | None = None
         self._failed: Request | None = None
         self._undrawn: Request | None = None             # its scene is ready, and nothing was drawn of it yet
+        self._changing = False                           # the request was one of several in a row
         self._dropped = False                            # the last piece of work that had to show something first
         self._done: tuple[Request, int] | None = None    # what was last drawn, and how finely
         self._refit: Request | None = None               # the scene is to be fitted to this one's view
@@ -87,6 +89,7 @@ class Session:
         """Show this from now on; whether that is something new."""
         if request.shows_as(self.request):
             return False
+        self._changing = request.asked - self.asked < CHANGING
         self.request = request
         return True
 
@@ -209,7 +212,7 @@ class Session:
             return SCENE
         steps = levels.divisors(request.look.finest)
         if self._done is None or not self._done[0].shows_as(request):
-            return levels.first(steps, self._known(request))
+            return levels.first(steps, self._known(request), self._changing)
         if self._lit.is_draft:
             return NETWORK
         done = self._done[1]

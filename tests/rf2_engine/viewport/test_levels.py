@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Coarse pictures come first, and finer ones as far as they are wanted and fit into the time."""
-from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.levels import QUICK, divisors, first, following
+from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.levels import QUICK, SMOOTH, divisors, first, following
 
 
 def test_levels_end_at_the_maximum_resolution():
@@ -10,6 +10,11 @@ def test_levels_end_at_the_maximum_resolution():
 def test_the_coarsest_comes_first_until_a_finer_one_is_known_to_be_quick():
     assert first((8, 4, 2, 1), {}) == 8
     assert first((8, 4, 2, 1), {8: 0.1, 4: QUICK, 2: 0.9}) == 4
+
+
+def test_while_something_is_dragged_pictures_are_coarse_unless_finer_ones_are_smooth():
+    assert first((8, 4, 2, 1), {8: 0.1, 4: QUICK, 2: 0.9}, changing=True) == 8
+    assert first((8, 4, 2, 1), {8: 0.02, 4: SMOOTH, 2: 0.9}, changing=True) == 4
 
 
 def test_each_level_follows_the_one_before():
