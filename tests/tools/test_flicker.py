@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.scene import View
@@ -130,9 +131,11 @@ def test_an_orbit_is_rendered_once_by_both_engines_and_compared(room, tmp_path):
         "renderformer", "cycles_1")}, rel=0.01)
 
     files[0].unlink()
-    again = run(*arguments)
+    again = run(*arguments, "--film", tmp_path / "film.webp")
     assert again.returncode == 0 and rendered(again) == files[:1]
     assert json.loads(again.stdout) == found
+    with Image.open(tmp_path / "film.webp") as film:
+        assert (film.n_frames, film.size) == (3, (3 * 32, 24))
 
 
 def test_a_camera_that_stands_still_gives_no_flicker(room, tmp_path):

@@ -3,6 +3,7 @@
 
     python -m tools.flicker SCENE.blend -o DIR [--frames 24] [--degrees 1] [--samples 1024 ...] [--resolution WxH]
                             [--light TRACED|NETWORK] [--guide-samples N] [--weights rf2_small|DIR] [--threads N]
+                            [--film FILE.webp]
 
 The camera turns about the scene by --degrees a frame while the file's animation is played; with --degrees 0 it moves as
 in the file. Both engines render every frame, Cycles with --samples and else as the file says; frames that are in DIR
@@ -11,7 +12,7 @@ that sees the same spot the two colours are compared. Prints one line of JSON: p
 of samples, "cycles_16" another) the mean absolute sRGB difference of all pixels that are compared ("flicker", of 1),
 their median, their share of the picture, and the mean of every pair of frames; and "ratio", the flicker of all others
 over that of the first Cycles, likewise of the medians. Silhouettes and mirrors change with the camera in both engines
-and make most of the mean, and none of the median.
+and make most of the mean, and none of the median. --film shows the frames of all, side by side in that order.
 """
 from __future__ import annotations
 
@@ -42,6 +43,8 @@ def main() -> int:
         for number, samples in enumerate(arguments.samples):
             name = f"cycles_{samples}" if number else "cycles"
             found[name] = _measured(arguments, "cycles", samples=samples)
+        if arguments.film:
+            _show(arguments.film, arguments.frames, [Path(engine["folder"]) for engine in found.values()])
     except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:
         print(one_line(error), file=sys.stderr)
         return 1
@@ -65,6 +68,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--guide-samples", type=count, help="default: the file's")
     parser.add_argument("--weights", help="rf2_small, or a folder with weights (default: the file's)")
     parser.add_argument("--threads", type=count, help="processor threads (default: the file's)")
+    parser.add_argument("--film", type=Path, metavar="FILE.webp", help="animated picture of all frames")
     return parser.parse_args()
 
 
@@ -78,6 +82,15 @@ def _measured(arguments: argparse.Namespace, engine: str, **settings) -> dict:
     mean, median, compared = map(statistics.mean, zip(*pairs))
     return {"flicker": round(mean, 6), "median": round(median, 6), "compared": round(compared, 4),
             "pairs": [round(change.mean, 6) for change in pairs], "folder": str(frames[0][1].parent)}
+
+
+def _show(path: Path, frames: int, folders: list[Path]) -> None:
+    from tools.exr import read_pass
+
+    from .film import film
+    path.parent.mkdir(parents=True, exist_ok=True)
+    film(path, ([read_pass(folder / f"{number:04d}.exr", "Combined", "RGB") for folder in folders]
+                for number in range(1, frames + 1)))
 
 
 def _ratios(found: dict, key: str) -> dict[str, float | None]:
