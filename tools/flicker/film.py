@@ -11,7 +11,7 @@ from PIL import Image
 from renderformer_v2.model.color import linear_to_srgb
 
 SECONDS = 0.125  # of a frame
-QUALITY = 85     # of 100
+QUALITY = 95     # of 100
 
 
 def film(path: Path, frames: Iterable[Iterable[np.ndarray]]) -> None:
