@@ -39,7 +39,7 @@ class Effect(NamedTuple):
 EFFECTS = {
     "shadow": Effect(Place(38, 48, 3), Place(56, 10), 34, 0.15),
     "mirror": Effect(Place(17, 30, 3), Place(12, 12), 30, 0.3),
-    "glass": Effect(Place(33, 27), Place(33, 4), 27, 0.4),  # light that reaches it through the pane is missing
+    "glass": Effect(Place(33, 27), Place(33, 4), 27, 0.45),  # light that reaches it through the pane is missing
     "bleeding": Effect(Place(38, 38), Place(4, 4), 33, 0.2),
     "fog": Effect(Place(30, 28), Place(2, 58), 35, 0.2),
     "ground": Effect(Place(40, 30), Place(2, 2), 34, 0.15),
