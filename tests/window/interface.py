@@ -48,7 +48,7 @@ def refused(found):
     yield is_rendering
     yield lambda: not is_rendering()
     found["refused"] = [looked_at.last[bpy.context.scene.name].lines, last_render.last_frame[0].error]
-    yield 0.5
+    yield 2.0  # until its message is there
     driver.shot("refused_render")
     driver.key(ESC)  # the message that Blender shows takes all keys
     yield 0.5
