@@ -21,7 +21,8 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
     rays (H, W, 3) unit, world; triangle (H, W) i32, -1 = nothing; weights (H, W, 2) of its corners 0 and 1. Colours
     leave out how reflection grows towards grazing angles; normals face the viewer.
     """
-    at = np.flatnonzero(triangle >= 0)
+    hit = triangle >= 0
+    at = np.flatnonzero(hit)
     environment = np.zeros((triangle.size, 3), np.float32)
     position, normal, emission = (np.zeros_like(environment) for _ in range(3))
     depth, color = np.full(triangle.size, NOTHING_HIT, np.float32), np.zeros((3, *environment.shape), np.float32)
@@ -35,11 +36,11 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
         emission[at] = scene.emission[row]
         color[:, at] = lobe_colors(scene, row, hit_weights)
     if scene.environment is not None:
-        sky = np.flatnonzero(triangle < 0)
+        sky = np.flatnonzero(~hit)
         environment[sky] = _seen_in(scene.environment, flat_rays[sky])
     whole = lambda array: array.reshape(*array.shape[:-2], *triangle.shape, 3)  # noqa: E731
     return Guides(whole(position), whole(normal), *whole(color), whole(emission), whole(environment),
-                  depth.reshape(triangle.shape), (triangle >= 0).astype(np.float32), triangle.astype(np.int32),
+                  depth.reshape(triangle.shape), hit.astype(np.float32), triangle.astype(np.int32),
                   weights.astype(np.float32))
 
 

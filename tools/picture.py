@@ -21,7 +21,7 @@ def prepare(path: Path) -> None:
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` make an EXR or PNG file under another name, read it again, and give it the name `path`.
+    """Let `write` make an EXR, PNG or WebP file under another name, read it again, and give it the name `path`.
 
     Blender reports success whether or not the disk had room. Raises OSError naming `path`; what was there stays then.
     """

@@ -119,7 +119,8 @@ def test_an_orbit_is_rendered_once_by_both_engines_and_compared(room, tmp_path):
     first = run(*arguments)
     assert first.returncode == 0, first.stderr
     found, files = json.loads(first.stdout), sorted(tmp_path.rglob("*.exr"))
-    assert len(files) == len(rendered(first)) == 9
+    in_turn = [sorted(Path(found[engine]["folder"]).glob("*.exr")) for engine in ("renderformer", "cycles", "cycles_1")]
+    assert len(files) == 9 and rendered(first) == sum(in_turn, [])
     for engine in ("renderformer", "cycles", "cycles_1"):
         assert 0 < found[engine]["flicker"] < 0.5 and len(found[engine]["pairs"]) == 2
         assert 0.5 < found[engine]["compared"] <= 1

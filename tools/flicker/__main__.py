@@ -27,6 +27,7 @@ from pathlib import Path
 from renderformer_v2.model.errors import CheckpointError, SceneError
 from tools import extension
 from tools.arguments import picture_size, whole_number
+from tools.picture import prepare
 from tools.scene_file import one_line
 
 
@@ -38,13 +39,15 @@ def main() -> int:
     try:
         if not arguments.scene.is_file():
             raise FileNotFoundError(f"{arguments.scene}: there is no such file")
+        if arguments.film:
+            prepare(arguments.film)
         found = {"renderformer": _measured(arguments, "renderformer", samples=arguments.guide_samples,
                                            light=arguments.light, weights=arguments.weights)}
         for number, samples in enumerate(arguments.samples):
             name = f"cycles_{samples}" if number else "cycles"
             found[name] = _measured(arguments, "cycles", samples=samples)
         if arguments.film:
-            _show(arguments.film, arguments.frames, [Path(engine["folder"]) for engine in found.values()])
+            _show(arguments.film, [Path(engine["folder"]) for engine in found.values()])
     except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:
         print(one_line(error), file=sys.stderr)
         return 1
@@ -84,13 +87,12 @@ def _measured(arguments: argparse.Namespace, engine: str, **settings) -> dict:
             "pairs": [round(change.mean, 6) for change in pairs], "folder": str(frames[0][1].parent)}
 
 
-def _show(path: Path, frames: int, folders: list[Path]) -> None:
+def _show(path: Path, folders: list[Path]) -> None:
     from tools.exr import read_pass
 
     from .film import film
-    path.parent.mkdir(parents=True, exist_ok=True)
-    film(path, ([read_pass(folder / f"{number:04d}.exr", "Combined", "RGB") for folder in folders]
-                for number in range(1, frames + 1)))
+    frames = zip(*(sorted(folder.glob("*.exr")) for folder in folders), strict=True)
+    film(path, ([read_pass(file, "Combined", "RGB") for file in files] for files in frames))
 
 
 def _ratios(found: dict, key: str) -> dict[str, float | None]:

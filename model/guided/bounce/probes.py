@@ -40,7 +40,8 @@ class Probes:
         self.rows, self.columns = (
             torch.arange(min(grid // 2, side - 1), side, grid, device=position.device) for side in position.shape[:2])
         self.number = _z_order(len(self.rows), len(self.columns), position.device)
-        self.x, self.n = (_planes(self.of(each)) for each in (position, normal))
+        self.places = self.of(position), self.of(normal)
+        self.x, self.n = map(_planes, self.places)
         self.near = nearness(self.x, self.of(covered)[..., 0])
         self._around = {}
 
@@ -83,7 +84,7 @@ class Probes:
     def _lit(self, light: Light, valid: Tensor, known: tuple[Tensor, ...]) -> tuple[tuple[Tensor, Tensor], Tensor]:
         """Rows and columns (P,) of all valid probes, and (P, C) light there."""
         at = valid.nonzero().unbind(1)  # a GPU is waited for here
-        position, normal, *known = (self.of(each)[at] for each in (*self.picture[:2], *known))
+        position, normal, *known = (each[at] for each in (*self.places, *map(self.of, known)))
         return at, light(position, normal, self.number[at], *known)
 
     @cached_property

@@ -112,7 +112,7 @@ class Radiosity:
         """
         start = in_a_row(number)
         direction, weight = ggx_directions(normal, outgoing, roughness, effort.of(GLOSSY_RAYS), start)
-        around = self.interior.look(position, normal, direction)
+        around = self.interior.look(position, normal, direction, hazy=False)  # nobody asks for it here
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
         sky = (weight * around.sky).mean(1, keepdim=True)
         return around.gathered(self.leaving, weight), sky

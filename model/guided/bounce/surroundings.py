@@ -83,10 +83,11 @@ class Interior:
         self.beacons = Beacons(self.corners, self.patch[:len(self.corners)], worth)
 
     def look(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0,
-             start: Tensor | None = None) -> Surroundings:
+             start: Tensor | None = None, hazy: bool = True) -> Surroundings:
         """From points (P, 3), a little above their normals, along unit vectors (P, R, 3).
 
         If these are as dense as the cosine, `aimed` more may go towards beacons, which `start` (P, 2) spreads.
+        hazy: whether light that volumes scatter on the way is found.
         """
         rays, target = direction.shape[1], None
         position = position + ABOVE * normal
@@ -101,11 +102,12 @@ class Interior:
         back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
         side = torch.where(patch < count, patch + count * back, 2 * count)
         passing, through, sky = torch.ones_like(distance), torch.zeros_like(direction), distance.isinf()
-        hazy = 0.0
+        haze = 0.0
         if self.fog is not None:
             ends = origin + distance.clamp(max=FOGLESS)[:, None] * direction
             passing = self.fog.passing(origin, ends)
-            hazy = self._scattered(*(each.view(-1, every, 3)[:, :rays] for each in (origin, ends)))
+            if hazy:
+                haze = self._scattered(*(each.view(-1, every, 3)[:, :rays] for each in (origin, ends)))
         if self.panes is not None:
             with part(0.7, 1.0):
                 through, share, clear = self.panes.through(origin, direction, distance)
@@ -118,7 +120,7 @@ class Interior:
             balanced[:, rays:] *= triangle.view(-1, every)[:, rays:] == target
             passing = passing * balanced.flatten()
         return Surroundings(direction.view(-1, every, 3)[:, :rays], side.view(-1, every), passing.view(-1, every), sky,
-                            through.view(-1, every, 3)[:, :rays].mean(1) + hazy)
+                            through.view(-1, every, 3)[:, :rays].mean(1) + haze)
 
     def _scattered(self, origin: Tensor, end: Tensor) -> Tensor:
         """(P, 3) mean radiance that volumes send from the ends of rays (P, R, 3) to their origins, by some of them."""

@@ -173,7 +173,7 @@ class LightPrior:
 
     def _towards(self, x: Tensor, n: Tensor) -> Tensor:
         direction, light = self._form_factors(x, n)
-        return F.normalize(((light * self.radiance.mean(1)) * direction).sum(-1).T, dim=-1)
+        return F.normalize((light * self.radiance.mean(1) * direction).sum(-1).T, dim=-1)
 
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
                  arriving: Tensor | None = None) -> Tensor:
