@@ -13,6 +13,7 @@ from contextlib import contextmanager, nullcontext
 from datetime import timedelta
 
 import torch
+import torch.distributed.nn  # noqa: F401  imported later it would keep our group, and its threads, beyond Python's end
 from torch import distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 
