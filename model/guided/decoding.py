@@ -14,7 +14,6 @@ from ..fields import Channels
 from ..progress import report
 from .guide_tensors import FEATURES, GuideTensors, band_rows
 
-LOBES = ("diffuse", "glossy", "transmission")
 # RGB of each lobe, what no lobe explains, and a factor of the traced light
 OUTPUTS = Channels(1, direct=9, indirect=9, rest=3, traced=3)
 MOST = 4.0   # times, and its inverse at least: a factor

@@ -14,12 +14,14 @@ from torch.nn import functional as F
 from ..camera import view_rays_at
 from ..fields import COLOR, DIRECTION, POINT, Channels, array
 from ..geometry import contracted
+from ..lobes import LOBES
 from ..network.inputs import TensorGroup
 from ..network.memory import like
 from ..progress import part
 from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
 from .bounce.probes import NOISY, Probes, grid_of
 from .bounce.radiosity import Radiosity
+from .edges import Edges, edges
 from .effort import FULL, Effort
 from .exposure import key_exposure
 from .prior.light_prior import SKY_RAYS, LightPrior
@@ -94,10 +96,21 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
         features[:, pixels], light[:, pixels] = band.features, band.light
         bundles.append(band.positions)
         pictures.append(band.pictures)
+    pictures = torch.cat(pictures, dim=1).permute(0, 3, 1, 2).contiguous()
+    _smooth_edges(edges(scene, view, guides, light.device), pictures, light if direct else None)
     lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
     return exposed(GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light),
-                                torch.cat(bundles)[None], *torch.cat(pictures, dim=1).permute(0, 3, 1, 2)[:, None],
+                                torch.cat(bundles)[None], *pictures[:, None],
                                 torch.ones(1, device=light.device)))
+
+
+def _smooth_edges(found: Edges, pictures: Tensor, light: Tensor | None) -> None:
+    """Of the pictures of a band, and of direct light (9, H, W) if there is any."""
+    for picture, lobe in zip(pictures, ("diffuse", "transmission", "glossy", "transmission")):
+        found.mix(picture, LOBES.index(lobe))
+    if light is not None:
+        for lobe, lit in enumerate(light.split(3)):  # highlights are smaller than pixels, and bright: none may spread
+            found.mix(lit, lobe, dims_only=lobe != LOBES.index("diffuse"))
 
 
 def exposed(guides: GuideTensors) -> GuideTensors:
@@ -137,14 +150,16 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     coarse, noisy = max(grid_of(view.longer_side), effort.probe_grid), NOISY[:effort.smoothings]
     probes_of = partial(Probes, grid=coarse, finest=max(coarse // effort.closer, 1))
     probes = probes_of(position, normal, alpha > 0)
-    leaving = partial(_leaving, radiosity, prior if guides.traced is None else None, effort)
+    was_traced = guides.traced is not None
+    leaving = partial(_leaving, radiosity, None if was_traced else prior, effort)
     with part(0.0, 0.3):
-        bounced, _, sky_share = probes.gathered(partial(radiosity, effort=effort), spreads=noisy).split(3, dim=-1)
+        bounced, *others = probes.gathered(partial(radiosity, effort=effort, alone=not direct),
+                                           spreads=noisy).split(3, dim=-1)
     with part(0.3, 0.4):
-        glossy, again, sky = probes.gathered(
-            lambda x, n, number, v, r: torch.cat(radiosity.glossy(x, n, v, r[:, 0], number, effort), dim=-1),
-            -rays, roughness[..., None], spreads=NOISY[:1]).split([3, 3, 1], dim=-1)
-        around = again if guides.traced is not None else glossy
+        glossily = probes.gathered(
+            lambda x, n, number, v, r: radiosity.glossy(x, n, v, r[:, 0], number, effort, again=not direct),
+            -rays, roughness[..., None], spreads=NOISY[:1])
+        around = glossily[..., 3 * (direct and was_traced):][..., :3]
     with part(0.4, 0.5):
         behind = probes.gathered(lambda x, n, number: leaving(x, -n, number), spreads=noisy,
                                  where=tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
@@ -157,13 +172,13 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     light = torch.zeros_like(position).repeat(1, 1, 3)
     if direct:
         with part(0.7, 0.9):
-            lamps_share = _lamps_seen(prior, effort, probes, guides.traced is None)
+            lamps_share = _lamps_seen(prior, effort, probes, not was_traced)
         with part(0.9, 1.0):
-            shares = torch.cat([sky_share, lamps_share, sky, 1.0 * ~ends], dim=-1) * (alpha > 0)
+            shares = torch.cat([others[1], lamps_share, glossily[..., 6:], 1.0 * ~ends], dim=-1) * (alpha > 0)
             light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
                           shares.reshape(h * w, 8)).reshape(h, w, 9) * (alpha > 0)
-    hinted = torch.full_like(alpha, guides.traced is not None)
-    traced = torch.zeros_like(position) if guides.traced is None else tensor(guides.traced).clamp_min(0)
+    hinted = torch.full_like(alpha, was_traced)
+    traced = tensor(guides.traced).clamp_min(0) if was_traced else torch.zeros_like(position)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
     near = contracted(position)
     bundles = bundle_positions(near, alpha, rays, origin, patch)
@@ -171,7 +186,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     mirrored = reflected_ray(rays, normal)
     features = torch.cat([offset, normal, colors, roughness[..., None], alpha, light, mirrored, bounced, traced, hinted,
                           reflected, refracted], -1)  # radiance is not exposed yet
-    glow = torch.zeros_like(position) if guides.traced is not None else _glow(prior, origin, rays, position, normal)
+    glow = torch.zeros_like(position) if was_traced else _glow(prior, origin, rays, position, normal)
     return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3),
                  torch.stack([bounced, behind, reflected, refracted, traced, glow]))
 
@@ -212,7 +227,7 @@ def _leaving(radiosity: Radiosity, prior: LightPrior | None, effort: Effort, x: 
              number: Tensor) -> Tensor:
     """(P, 3) light that white diffuse surfaces send on: what has bounced before, and with a prior direct light too."""
     with part(0.0, 0.5):
-        bounced = radiosity(x, n, number, effort)[:, :3]
+        bounced = radiosity(x, n, number, effort, alone=True)
     with part(0.5, 1.0):
         if prior is None:
             return bounced

@@ -9,6 +9,8 @@ import numpy as np
 
 from ...model import denoise_media
 from ...model.camera import view_rays, view_rays_at
+from ...model.camera_rays import CameraRays
+from ...model.denoise_media import Behind
 from ...model.first_hits import guides_of_hits, lobe_colors, mean_guides
 from ...model.geometry import barycentric, corner_weights
 from ...model.guided.specular import shading_normals
@@ -29,6 +31,7 @@ LOOKED = ("normal", "emission", "environment")  # of which one is not 0 where an
 COVERED = 1e-3       # alpha below this is not worth a token's attention
 ONE_SURFACE = 0.95   # length of the mean of a pixel's unit normals from which it sees one surface
 FILL_RADIUS = 4      # pixels
+AT_ONCE = 1 << 16    # pixels, of which several samples are taken
 FINDING = "Finding visible triangles"
 CENTRE = ((0.5, 0.5),)
 SPREAD = ((0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625))  # over a pixel, no two in a row or column
@@ -39,14 +42,12 @@ def cast_guides(scene: RenderScene, view: View, places: Sequence[tuple[float, fl
 
     For whoever has no passes of Cycles, such as a viewport: nothing that is not in a token.
     """
-    seen, eye = np.flatnonzero(scene.is_seen), view.camera_to_world[:3, 3]
-    tree, found = Rays(scene.triangles[seen] - eye), []
+    camera, found = CameraRays(scene, view), []
     for i, place in enumerate(places):
         rays = view_rays(replace(view, principal=view.principal - np.subtract(place, 0.5)))[1]
         with part(i / len(places), (i + 1) / len(places), FINDING):
-            met = tree.closest(np.zeros(3), rays.reshape(-1, 3))
-        triangle = np.append(seen, -1)[met.triangle].astype(np.int32)  # the last row is that of nothing, -1
-        found.append(guides_of_hits(scene, view, rays, triangle.reshape(view.height, view.width),
+            met = camera.closest(rays.reshape(-1, 3))
+        found.append(guides_of_hits(scene, view, rays, met.triangle.reshape(view.height, view.width),
                                     met.weights.reshape(view.height, view.width, 2)))
     return mean_guides(found)
 
@@ -74,34 +75,41 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
         triangle[seen], weights[seen] = _first_triangles(scene, view, position, seen, shines)
     media = scene.volumes is not None and len(scene.volumes) > 0
     if media and len(scene):
-        _behind_media(scene, view, covered & ~seen, seen, position, triangle, weights)
+        camera = CameraRays(scene, view)
+        _behind_media(camera, view, covered & ~seen, seen, position, triangle, weights)
     source = _nearest(seen, covered)
     guides = replace(guides_of_no_triangle(passes), position=position.reshape(-1, 3)[source],
                      hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source])
     several = (np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha) & (guides.hit_triangle >= 0)
     middle, rays = corner_weights(guides.hit_barycentric[several]), view_rays(view)[1][several]
     guides.normal[several] = shading_normals(scene, guides.hit_triangle[several], middle, rays)
-    behind = _surface(scene, seen, triangle, weights) if media else None
+    behind = _behind(scene, camera, seen, triangle, weights) if media and len(scene) else None
     return denoise_media.smoothed(guides, scene.volumes, view, behind)
 
 
-def _behind_media(scene: RenderScene, view: View, hidden: np.ndarray, seen: np.ndarray, position: np.ndarray,
+def _behind_media(camera: CameraRays, view: View, hidden: np.ndarray, seen: np.ndarray, position: np.ndarray,
                   triangle: np.ndarray, weights: np.ndarray) -> None:
     """Write what the rays of `hidden` pixels (H, W) meet, which ended in a medium, into the other arrays."""
-    among, eye, rays = np.flatnonzero(scene.is_seen), view.camera_to_world[:3, 3], view_rays(view)[1][hidden]
-    met = Rays(scene.triangles[among] - eye).closest(np.zeros(3), rays)
+    rays = view_rays(view)[1][hidden]
+    met = camera.closest(rays)
     hit = met.triangle >= 0
     place = tuple(index[hit] for index in np.nonzero(hidden))
-    seen[place], triangle[place], weights[place] = True, among[met.triangle[hit]], met.weights[hit]
-    position[place] = met.distance[hit, None] * rays[hit] + eye
+    seen[place], triangle[place], weights[place] = True, met.triangle[hit], met.weights[hit]
+    position[place] = met.distance[hit, None] * rays[hit] + view.camera_to_world[:3, 3]
 
 
-def _surface(scene: RenderScene, seen: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(3, H, W, 3) f32 colours of the lobes of the tokens that are `seen` (H, W)."""
+def _behind(scene: RenderScene, camera: CameraRays, seen: np.ndarray, triangle: np.ndarray,
+            weights: np.ndarray) -> Behind:
+    """What is `seen` (H, W) of the tokens, by more rays where it is not the same all around."""
     colors, known = np.zeros((3, *seen.shape, 3), np.float32), seen & (triangle >= 0)
     if known.any():
         colors[:, known] = lobe_colors(scene, triangle[known], weights[known])
-    return colors
+    share = known.astype(np.float32)
+    at = np.flatnonzero(denoise_media.varies(np.concatenate([*colors, share[..., None]], axis=-1)))
+    for some in np.array_split(at, len(at) // AT_ONCE + 1):
+        samples = camera.samples(some)
+        colors.reshape(3, -1, 3)[:, some], share.reshape(-1)[some] = samples.colors.mean(2), samples.hit.mean(1)
+    return Behind(colors, share)
 
 
 def inside(passes: dict[str, np.ndarray], outside: np.ndarray | None) -> dict[str, np.ndarray]:

@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from renderformer_v2.model.checkpoint import new_network
-from renderformer_v2.model.guided.decoding import LOBES
 from renderformer_v2.model.guided.encoders import panorama_size
 from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
+from renderformer_v2.model.lobes import LOBES
 from renderformer_v2.model.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.facts import facts

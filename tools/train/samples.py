@@ -11,10 +11,10 @@ from torch import Tensor
 
 from renderformer_v2.model.fields import COLOR, array
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
-from renderformer_v2.model.guided.decoding import LOBES
 from renderformer_v2.model.guided.guide_tensors import GuideTensors
 from renderformer_v2.model.guided.guided_inputs import GuidedInputs, GuidedView, guided_inputs, guided_view
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
+from renderformer_v2.model.lobes import LOBES
 from renderformer_v2.model.network.inputs import EnvironmentInputs, TensorGroup, VolumeInputs, stacked
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.presets import BUNDLED, PRESETS

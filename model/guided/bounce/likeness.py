@@ -34,7 +34,7 @@ def nearness(x: Tensor, valid: Tensor) -> Tensor:
     apart = torch.full_like(x[0], NEAR)
     for axis in (-2, -1):
         low, high = (partial(torch.narrow, dim=axis, start=start, length=x.shape[axis] - 1) for start in (0, 1))
-        way = (high(x) - low(x)).norm(dim=0).where(high(valid) & low(valid), NEAR)
+        way = (high(x) - low(x)).square().sum(0).sqrt().where(high(valid) & low(valid), NEAR)
         for end in (low, high):
             end(apart).clamp_(max=way)
     return apart.clamp_min(NEAREST)

@@ -35,28 +35,31 @@ class Panes:
         self.shining, self.towards = shining, F.normalize(towards, dim=-1)
 
     def through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """(N, 3) radiance of sky and lamps that rays find through glass within their distances (N,).
+        """Which of N rays meet glass within their distances (N,): rows (M,).
 
-        And (N,) the share of the light from farther away that it lets pass, and which rays meet none.
+        And (M, 3) radiance of sky and lamps that these find through it, and (M,) the share of the light from farther
+        away that it lets pass.
         """
-        lamps, passed = torch.zeros_like(direction), torch.ones_like(direction)
-        clear = torch.ones_like(distance).bool()
-        ray, gone = torch.arange(len(origin), device=origin.device), torch.zeros_like(direction[:, :1])
+        rays, gone = None, 0.0
         for surface in range(SURFACES):
+            begin = gone + BEYOND
             with part(surface / SURFACES, (surface + 1) / SURFACES):
-                begin = gone + BEYOND
-                pane, way = self.surfaces.nearest(origin[ray] + begin * direction[ray], direction[ray])
+                pane, way = self.surfaces.nearest(origin + begin * direction, direction)
             gone = begin + way[:, None]
-            met = (pane >= 0) & (gone[:, 0] < distance[ray])
-            ray, pane, gone = ray[met], pane[met], gone[met]
-            passed[ray] *= self.tint[pane]
-            lamps[ray] = torch.maximum(lamps[ray], passed[ray] * self._spread(pane, direction[ray]))
-            clear[ray] = False
-        light, seen = PASSED * lamps, distance.isinf() & ~clear
+            met = ((pane >= 0) & (gone[:, 0] < distance)).nonzero()[:, 0]  # a GPU is waited for here
+            pane, gone, origin, direction, distance = (x[met] for x in (pane, gone, origin, direction, distance))
+            if rays is None:
+                rays, place, along, to_sky = met, torch.arange(len(met), device=met.device), direction, distance.isinf()
+                lamps, passed = torch.zeros_like(along), torch.ones_like(along)
+            else:
+                place = place[met]
+            passed[place] *= self.tint[pane]
+            lamps[place] = torch.maximum(lamps[place], passed[place] * self._spread(pane, direction))
+        light = PASSED * lamps
         if self.environment is not None:
-            sky = self.environment.filtered(direction[seen], torch.full_like(distance[seen], BLUR))
-            light[seen] += passed[seen] * sky
-        return light, torch.where(clear, 1.0, passed.mean(-1)), clear
+            sky = self.environment.filtered(along, torch.full_like(along[:, 0], BLUR))
+            light += passed * sky * to_sky[:, None]
+        return rays, light, passed.mean(-1)
 
     def _spread(self, pane: Tensor, direction: Tensor) -> Tensor:
         """(N, 3) radiance of the lamps' light on the side that rays along unit vectors (N, 3) leave glass by.

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from .likeness import alike, alike_around, around, nearness
 
-GRID = 4          # pixels between two probes, which stand in the middle of their cells
-FINE = 2, 256     # the same in pictures smaller than so many pixels
+GRID = 2          # pixels between two probes, which stand in the middle of their cells
+FINE = 1, 256     # the same in pictures smaller than so many pixels
 TRUSTED = 0.5     # what probes around must say about a pixel for it to need none of its own
 LEAST = 1e-5      # weight that keeps the sum above zero
 NOISY, NOISELESS = (1, 2), ()  # probes between those of which a probe takes the mean, 5x5 at a time

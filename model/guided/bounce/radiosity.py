@@ -28,9 +28,9 @@ PATCH_AIMED = 32  # and so many more to what is bright
 POINTS = 4        # of a patch, at which lamps light it and from which its rays start
 SHADOW_RAYS = 1 << 19  # from all patches to lamps; fewer points where there are many lamps, but one at least
 SKY_RAYS = 64     # from each side of a patch, that look for the sky
-RAYS = 48         # from a point
-AIMED = 24        # and so many more to what is bright
-GLOSSY_RAYS = 32  # from a point, towards what it reflects
+RAYS = 24         # from a point
+AIMED = 12        # and so many more to what is bright
+GLOSSY_RAYS = 16  # from a point, towards what it reflects
 
 
 class Radiosity:
@@ -89,33 +89,37 @@ class Radiosity:
         return (sum(found[0, g] for g in range(1, GLOSSY_BOUNCES + 1)),
                 sum(bounced for (d, _), bounced in found.items() if d))
 
-    def __call__(self, position: Tensor, normal: Tensor, number: Tensor | None = None,
-                 effort: Effort = FULL) -> Tensor:
+    def __call__(self, position: Tensor, normal: Tensor, number: Tensor | None = None, effort: Effort = FULL,
+                 alone: bool = False) -> Tensor:
         """Radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3) -> (P, 9).
 
         Light that has bounced, the part of it that has done so diffusely before the last time, and the share of the
-        sky's light that arrives.
+        sky's light that arrives; the first of these `alone` is (P, 3).
         number: (P,) of neighbours in a row, whose rays go between each other's; by default they are a row.
         """
         number = torch.arange(len(position), device=position.device) if number is None else number
         start = in_a_row(number)
         around = self.interior.look(position, normal, cosine_directions(normal, effort.of(RAYS), start),
                                     effort.of(AIMED), start)
+        if alone:
+            return around.through + around.gathered(self.leaving[:, :3])
         bounced = F.pad(around.through, (0, 3)) + around.gathered(self.leaving)
         return torch.cat([bounced, around.sky_share(self.interior.environment)], dim=1)
 
     def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
-               number: Tensor, effort: Effort = FULL) -> tuple[Tensor, Tensor]:
-        """Radiance leaving a white glossy surface at points (P, 3) towards `outgoing` (P, 3) -> (P, 6), as above.
+               number: Tensor, effort: Effort = FULL, again: bool = False) -> Tensor:
+        """Radiance leaving a white glossy surface at points (P, 3) towards `outgoing` (P, 3) -> (P, 7).
 
-        roughness: (P,), perceptual; number: (P,) as above. And the share of its light that comes from the sky (P, 1).
+        As above, but of the sky one share (P, 1). Only what has bounced diffusely before, `again`, is (P, 3).
+        roughness: (P,), perceptual; number: (P,) as above.
         """
         start = in_a_row(number)
         direction, weight = ggx_directions(normal, outgoing, roughness, effort.of(GLOSSY_RAYS), start)
         around = self.interior.look(position, normal, direction, hazy=False)  # nobody asks for it here
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
-        sky = (weight * around.sky).mean(1, keepdim=True)
-        return around.gathered(self.leaving, weight), sky
+        if again:
+            return around.gathered(self.leaving[:, 3:], weight)
+        return torch.cat([around.gathered(self.leaving, weight), (weight * around.sky).mean(1, keepdim=True)], dim=1)
 
 
 def _both_sides(points: Tensor, normals: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:

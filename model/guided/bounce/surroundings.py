@@ -101,17 +101,19 @@ class Interior:
         patch, count = self.patch[triangle], len(self.normal)
         back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
         side = torch.where(patch < count, patch + count * back, 2 * count)
-        passing, through, sky = torch.ones_like(distance), torch.zeros_like(direction), distance.isinf()
-        haze = 0.0
+        passing, sky = torch.ones_like(distance), distance.isinf()
+        through = torch.zeros_like(position)
         if self.fog is not None:
             ends = origin + distance.clamp(max=FOGLESS)[:, None] * direction
             passing = self.fog.passing(origin, ends)
             if hazy:
-                haze = self._scattered(*(each.view(-1, every, 3)[:, :rays] for each in (origin, ends)))
+                through += self._scattered(*(each.view(-1, every, 3)[:, :rays] for each in (origin, ends)))
         if self.panes is not None:
             with part(0.7, 1.0):
-                through, share, clear = self.panes.through(origin, direction, distance)
-            sky, passing = sky & clear, passing * share
+                met, light, share = self.panes.through(origin, direction, distance)
+            sky[met] = False
+            passing[met] *= share
+            through.index_add_(0, met // every, light * (met % every < rays)[:, None] / rays)
         sky = (sky * passing).view(-1, every)[:, :rays]
         if target is not None:
             density = self.beacons.per_angle(triangle, direction, distance).view(-1, every)
@@ -120,7 +122,7 @@ class Interior:
             balanced[:, rays:] *= triangle.view(-1, every)[:, rays:] == target
             passing = passing * balanced.flatten()
         return Surroundings(direction.view(-1, every, 3)[:, :rays], side.view(-1, every), passing.view(-1, every), sky,
-                            through.view(-1, every, 3)[:, :rays].mean(1) + haze)
+                            through)
 
     def _scattered(self, origin: Tensor, end: Tensor) -> Tensor:
         """(P, 3) mean radiance that volumes send from the ends of rays (P, R, 3) to their origins, by some of them."""
