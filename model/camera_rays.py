@@ -9,7 +9,6 @@ import numpy as np
 from .camera import view_rays_at
 from .first_hits import lobe_colors
 from .geometry import corner_weights
-from .guided.sampling import R2
 from .guided.specular import shading_normals
 from .rays import Hits, Rays
 from .scene import RenderScene, View
@@ -61,11 +60,12 @@ class CameraRays:
 
 
 def _places(count: int) -> np.ndarray:
-    """(count, 2) x and y in a pixel and beyond, as dense as the filter."""
+    """(count, 2) x and y in a pixel and beyond, as dense as the filter; count is a power of two."""
     t = np.linspace(0, 1, 1025)
     signed = zip(BLACKMAN_HARRIS, (1, -1, 1, -1), strict=True)
     dense = sum(sign * term * np.cos(2 * np.pi * k * t) for k, (term, sign) in enumerate(signed))
-    evenly = (np.arange(1, count + 1)[:, None] * R2) % 1
+    reversed_bits = [int(f"{i:b}".zfill(count.bit_length() - 1)[::-1], 2) for i in range(count)]
+    evenly = (np.stack([np.arange(count), reversed_bits], 1) + 0.5) / count  # Hammersley's points
     return 0.5 + FILTER_WIDTH * (np.interp(evenly, np.cumsum(dense) / dense.sum(), t) - 0.5)
 
 

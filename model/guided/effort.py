@@ -8,6 +8,7 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class Effort:
     rays: float = 1.0      # share of the rays of a finished picture
+    probe_rays: float = 1.0  # and of those of a probe, of which there may be fewer
     shadow_grid: int = 1   # pixels between points where shadows are looked for, at least
     probe_grid: int = 1    # and between those where bounced light is
     closer: int = 2        # times as close probes stand where those around say little
@@ -19,7 +20,11 @@ class Effort:
         """So many of `count` rays, one at least."""
         return max(round(self.rays * count), 1)
 
+    def of_probe(self, count: int) -> int:
+        """The same of a probe."""
+        return max(round(self.probe_rays * count), 1)
+
 
 FULL = Effort()
-QUICK = Effort(rays=1 / 3, shadow_grid=2, probe_grid=4, closer=1, smoothings=1, walls=False)
+QUICK = Effort(rays=1 / 3, probe_rays=2 / 3, shadow_grid=2, probe_grid=4, closer=1, smoothings=1, walls=False)
 DRAFT = Effort(rays=1 / 6, patches=0.5, walls=False)  # of light between surfaces, until the network is done

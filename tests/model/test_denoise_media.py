@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from renderformer_v2.model.denoise_media import COLORS, crossed, smoothed
+from renderformer_v2.model.denoise_media import COLORS, Behind, crossed, smoothed, varies
 from renderformer_v2.model.scene import Volumes
 from tests.model.samples import floor_view
 
@@ -65,3 +65,22 @@ def test_the_world_behind_a_medium_keeps_its_colour(noisy):
 def test_without_media_the_guides_are_the_same_object(noisy):
     view, guides = noisy
     assert smoothed(guides, None, view) is guides
+
+
+def test_edges_behind_a_medium_stay_as_smooth_as_what_is_known_of_them(noisy):
+    """The right half shows a surface; the column before it sees a quarter of that."""
+    view, guides = noisy
+    share = np.zeros((SIZE, SIZE), np.float32)
+    share[:, SIZE // 2:], share[:, SIZE // 2 - 1] = 1, 0.25
+    guides.alpha *= np.where(share > 0.5, 1, 0.2).astype(np.float32)
+    after = smoothed(guides, fog((0, 0, 1.5), 2.0), view, Behind(np.stack([share[..., None].repeat(3, -1)] * 3), share))
+    color, alpha = after.diffuse_color[8:-8, :, 0].mean(0), after.alpha[8:-8].mean(0)
+    middle = SIZE // 2
+    assert color[middle - 2] == 0 and color[middle - 1] == pytest.approx(0.25 * color[middle], rel=0.4)
+    assert alpha[middle - 1] == pytest.approx(0.75 * alpha[middle - 2] + 0.25 * alpha[middle], rel=0.15)
+
+
+def test_pixels_beside_others_vary_where_their_colours_do():
+    picture = np.zeros((4, 6, 1), np.float32)
+    picture[:, 3:] = 0.5
+    assert varies(picture).any(0).tolist() == [False, False, True, True, False, False]

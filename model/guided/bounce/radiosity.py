@@ -99,8 +99,8 @@ class Radiosity:
         """
         number = torch.arange(len(position), device=position.device) if number is None else number
         start = in_a_row(number)
-        around = self.interior.look(position, normal, cosine_directions(normal, effort.of(RAYS), start),
-                                    effort.of(AIMED), start)
+        around = self.interior.look(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
+                                    effort.of_probe(AIMED), start)
         if alone:
             return around.through + around.gathered(self.leaving[:, :3])
         bounced = F.pad(around.through, (0, 3)) + around.gathered(self.leaving)
@@ -114,7 +114,7 @@ class Radiosity:
         roughness: (P,), perceptual; number: (P,) as above.
         """
         start = in_a_row(number)
-        direction, weight = ggx_directions(normal, outgoing, roughness, effort.of(GLOSSY_RAYS), start)
+        direction, weight = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS), start)
         around = self.interior.look(position, normal, direction, hazy=False)  # nobody asks for it here
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
         if again:

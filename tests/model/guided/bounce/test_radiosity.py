@@ -263,10 +263,10 @@ def test_a_small_bright_surface_lights_evenly_because_rays_aim_at_it():
     rows = bounce.interior.patch[:len(corners)][corners[..., 2].amin(1) > 0.4]
     shines[rows] = shines[rows + len(shines) // 2] = 1.0
     bounce.leaving = shines[:, None].expand(-1, 6)
-    at = torch.rand(64, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([0.02, 0.02, 0])
-    by_chance = bounce(at, UP.expand(64, 3))[:, 0]
+    at = torch.rand(512, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([0.02, 0.02, 0])
+    by_chance = bounce(at, UP.expand(512, 3))[:, 0]
     bounce.interior.aim(shines)
-    aimed = bounce(at, UP.expand(64, 3))[:, 0]
+    aimed = bounce(at, UP.expand(512, 3))[:, 0]
     expected = np.linalg.norm(area_vectors(bright), axis=-1).sum() / (math.pi * 0.5 ** 2)
     assert aimed.mean().item() == pytest.approx(expected, rel=0.1)
     assert aimed.std() < 0.1 * expected < by_chance.std()
@@ -333,6 +333,15 @@ def test_a_glossy_surface_shows_more_of_a_bright_wall_from_where_it_is_mirrored(
     bounce = built(walls((0.8, 0.8, 0.8)))
     at, normal = torch.tensor([[0.0, 0.0, 0.0]]), UP
     towards, away = (torch.nn.functional.normalize(torch.tensor([[x, 0.0, 0.5]]), dim=-1) for x in (1.0, -1.0))
-    (wall, covered), (nothing, clear) = (bounce.glossy(at, normal, eye, torch.tensor([0.2]), torch.tensor([0]))
-                                         for eye in (towards, away))
-    assert wall[0, 0] > 5 * nothing[0, 0] and covered.item() < 0.2 < 0.8 < clear.item()
+    found = (bounce.glossy(at, normal, eye, torch.tensor([0.2]), torch.tensor([0]))[0] for eye in (towards, away))
+    (wall, *_, covered), (nothing, *_, clear) = (each.tolist() for each in found)
+    assert wall > 5 * nothing and covered < 0.2 < 0.8 < clear
+
+
+def test_light_that_is_asked_for_alone_is_the_same():
+    bounce = built(replace(walls((0.8, 0.5, 0.2)), environment=np.full((8, 16, 3), 0.5, np.float32)))
+    at, eye, row = torch.zeros(3, 3), torch.nn.functional.normalize(torch.ones(3, 3), dim=-1), torch.arange(3)
+    up, rough = UP.expand(3, 3), torch.full((3,), 0.3)
+    assert torch.equal(bounce(at, up, row, alone=True), bounce(at, up, row)[:, :3])
+    assert torch.equal(bounce.glossy(at, up, eye, rough, row, again=True),
+                       bounce.glossy(at, up, eye, rough, row)[:, 3:6])
