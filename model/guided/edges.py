@@ -26,6 +26,7 @@ AGREED = 0.01       # of the distance, by which what a pixel shows may be off th
 LEAST = 1e-4        # weight of the pixel's own light, which is all there is if none around sees the surface
 BLACK = 1e-6        # is added to colours, by which light is weighted
 AT_ONCE = 1 << 14   # pixels
+NEARNESS = np.exp(-NEAR * np.square(PLACES[:, None, ::-1] - np.array(AROUND) - 0.5).sum(-1)).astype(np.float32)  # K, 9
 
 
 @dataclass
@@ -96,8 +97,7 @@ class _Picture:
         around = y.clamp(0, h - 1) * w + x.clamp(0, w - 1)
         of = lambda picture: picture.flatten(-2)[..., around][..., None, :]  # noqa: E731  (..., E, 1, 9)
         says = alike(of(self.position) - position, of(self.normal), normal, of(self.near))
-        apart = torch.from_numpy(PLACES[:, None, ::-1] - np.array(AROUND) - 0.5).to(device)
-        says = says * (of(self.covered) & inside[:, None]) * (-NEAR * apart.square().sum(-1)).exp().float()
+        says = says * (of(self.covered) & inside[:, None]) * torch.from_numpy(NEARNESS).to(device)
         says[..., MIDDLE] += LEAST
         shown = torch.einsum("cek,ekn->cen", colors + BLACK, says / says.sum(-1, keepdim=True))
         return around, shown / shown.sum(-1, keepdim=True)
