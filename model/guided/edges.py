@@ -14,12 +14,14 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ..bands import bands
 from ..camera_rays import PLACES, CameraRays, Samples
 from ..scene import Guides, RenderScene, View
 from .bounce.likeness import alike, nearness
 
 AROUND = tuple((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1))  # rows and columns
 MIDDLE = AROUND.index((0, 0))
+MARGIN = 2          # pixels around one on which it depends
 ONE_SURFACE = 0.5   # likeness from which two pixels see one surface
 NEAR = 2.0          # a pixel's light counts exp(-NEAR d^2) for what is d pixels from its middle
 AGREED = 0.01       # of the distance, by which what a pixel shows may be off the tokens
@@ -46,13 +48,20 @@ class Edges:
 
 def edges(scene: RenderScene, view: View, guides: Guides, device: torch.device) -> Edges:
     """Of a normalised scene; none where its tokens are not what the guides show, as when they are simplified."""
-    camera, covered = CameraRays(scene, view), torch.from_numpy(guides.alpha > 0).to(device)
-    picture = _Picture(_planes(guides.position, device), F.normalize(_planes(guides.normal, device), dim=0), covered)
-    at = np.flatnonzero(picture.beside_others().cpu().numpy() & (guides.hit_triangle >= 0))
-    at = at[camera.end_at(guides.position.reshape(-1, 3)[at], AGREED)]
-    found = [picture.shown_by(some, camera.samples(some)) for some in np.array_split(at, len(at) // AT_ONCE + 1)]
-    around, share = zip(*found, strict=True)
-    return Edges(torch.from_numpy(at).to(device), torch.cat(around), torch.cat(share, 1))
+    camera, every, around, share = CameraRays(scene, view), [], [], []
+    for outer, inner in bands(*guides.alpha.shape, margin=MARGIN):
+        band, first = guides.rows(outer), outer.start * view.width
+        picture = _Picture.of(band, device)
+        beside = np.zeros(band.alpha.shape, bool)
+        beside[inner] = (picture.beside_others().cpu().numpy() & (band.hit_triangle >= 0))[inner]
+        at = np.flatnonzero(beside)
+        at = at[camera.end_at(band.position.reshape(-1, 3)[at], AGREED)]
+        for some in np.array_split(at, len(at) // AT_ONCE + 1):
+            near, shown = picture.shown_by(some, camera.samples(first + some))
+            every.append(torch.from_numpy(first + some).to(device))
+            around.append(first + near)
+            share.append(shown)
+    return Edges(torch.cat(every), torch.cat(around), torch.cat(share, 1))
 
 
 def _planes(picture: np.ndarray, device: torch.device) -> Tensor:
@@ -67,9 +76,12 @@ class _Picture:
     position: Tensor  # (3, H, W)
     normal: Tensor    # (3, H, W), unit
     covered: Tensor   # (H, W) bool
+    near: Tensor      # (H, W), of `nearness`
 
-    def __post_init__(self) -> None:
-        self.near = nearness(self.position, self.covered)
+    @classmethod
+    def of(cls, guides: Guides, device: torch.device) -> _Picture:
+        position, covered = _planes(guides.position, device), torch.from_numpy(guides.alpha > 0).to(device)
+        return cls(position, F.normalize(_planes(guides.normal, device), dim=0), covered, nearness(position, covered))
 
     def beside_others(self) -> Tensor:
         """(H, W) bool: covered pixels beside others that see another surface."""

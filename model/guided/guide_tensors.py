@@ -49,6 +49,7 @@ RADIANCE = {"prior": "light", "bounced": "bounced", "behind": None, "reflected":
             "traced": "traced", "glow": None}
 SHADOW_RAYS, LAMP_RAYS = 16, 4  # of a pixel, and of them those to one lamp
 SAME_SHADOW = 0.3         # difference of the shares of light in a penumbra, whose noise is smoothed
+BANDS = 0.95              # of the work on guides, before edges are smoothed
 BAND_PIXELS = 1 << 17     # computed at once: guides of a large picture are gigabytes
 OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
 BEYOND = 4.0              # network units from a camera that sees nothing: no volume is farther off
@@ -85,28 +86,27 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     """
     h, w = guides.alpha.shape
     rows = _rows(w, patch)
-    features = light = None
-    bundles, pictures = [], []
+    features = light = pictures = None
+    bundles = []
     for begin in range(0, h, rows):
         pixels = slice(begin, begin + rows)
-        with part(begin / h, min(begin + rows, h) / h):
+        with part(BANDS * begin / h, BANDS * min(begin + rows, h) / h):
             band = _band(scene, view, guides, prior, radiosity, pixels, patch, effort, direct)
         if features is None:
-            features, light = like(band.features, h, 1), like(band.light, h, 1)
-        features[:, pixels], light[:, pixels] = band.features, band.light
+            features, light, pictures = (like(each, h, 1) for each in (band.features, band.light, band.pictures))
+        features[:, pixels], light[:, pixels], pictures[:, pixels] = band.features, band.light, band.pictures
         bundles.append(band.positions)
-        pictures.append(band.pictures)
-    pictures = torch.cat(pictures, dim=1).permute(0, 3, 1, 2).contiguous()
-    _smooth_edges(edges(scene, view, guides, light.device), pictures, light if direct else None)
+    with part(BANDS, 1.0):
+        _smooth_edges(edges(scene, view, guides, light.device), pictures, light if direct else None)
     lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
     return exposed(GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light),
-                                torch.cat(bundles)[None], *pictures[:, None],
+                                torch.cat(bundles)[None], *(picture[None] for picture in pictures.split(3)),
                                 torch.ones(1, device=light.device)))
 
 
 def _smooth_edges(found: Edges, pictures: Tensor, light: Tensor | None) -> None:
-    """Of the pictures of a band, and of direct light (9, H, W) if there is any."""
-    for picture, lobe in zip(pictures, ("diffuse", "transmission", "glossy", "transmission")):
+    """Of `_Band.pictures` (18, H, W), and of direct light (9, H, W) if there is any."""
+    for picture, lobe in zip(pictures.split(3), ("diffuse", "transmission", "glossy", "transmission")):
         found.mix(picture, LOBES.index(lobe))
     if light is not None:
         for lobe, lit in enumerate(light.split(3)):  # highlights are smaller than pixels, and bright: none may spread
@@ -134,7 +134,7 @@ class _Band:
     features: Tensor   # (C, h, W)
     light: Tensor      # (9, h, W)
     positions: Tensor  # (R, 3)
-    pictures: Tensor   # (6, h, W, 3): bounced, behind, reflected, refracted, traced, glow
+    pictures: Tensor   # (18, h, W): bounced, behind, reflected, refracted, traced, glow
 
 
 def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity, rows: slice,
@@ -188,7 +188,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
                           reflected, refracted], -1)  # radiance is not exposed yet
     glow = torch.zeros_like(position) if was_traced else _glow(prior, origin, rays, position, normal)
     return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3),
-                 torch.stack([bounced, behind, reflected, refracted, traced, glow]))
+                 torch.cat([bounced, behind, reflected, refracted, traced, glow], -1).permute(2, 0, 1))
 
 
 def _glow(prior: LightPrior, origin: Tensor, rays: Tensor, position: Tensor, normal: Tensor) -> Tensor:

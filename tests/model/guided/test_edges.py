@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pixels that see several surfaces show the light of each, by how much of it they see and by its colour."""
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model.bands import bands
 from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.camera_rays import PLACES, CameraRays
 from renderformer_v2.model.first_hits import guides_of_hits
@@ -74,3 +76,12 @@ def test_where_the_tokens_are_not_what_is_seen_light_stays():
     before, moved = light.clone(), replace(scene, triangles=scene.triangles - np.float32((0, 0, 0.3)))
     edges(moved, view, guides, CPU).mix(light, 0)
     assert torch.equal(light, before)
+
+
+def test_edges_of_a_large_picture_are_found_in_bands(monkeypatch):
+    scene, view, guides, _ = seen()
+    whole = edges(scene, view, guides, CPU)
+    monkeypatch.setattr("renderformer_v2.model.guided.edges.bands", partial(bands, pixels=5 * SIZE))
+    parts = edges(scene, view, guides, CPU)
+    assert len(whole.at) > SIZE and torch.equal(whole.at, parts.at) and torch.equal(whole.around, parts.around)
+    torch.testing.assert_close(whole.share, parts.share)
