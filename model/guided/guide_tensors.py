@@ -96,8 +96,9 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
             features, light, pictures = (like(each, h, 1) for each in (band.features, band.light, band.pictures))
         features[:, pixels], light[:, pixels], pictures[:, pixels] = band.features, band.light, band.pictures
         bundles.append(band.positions)
-    with part(BANDS, 1.0):
-        _smooth_edges(edges(scene, view, guides, light.device), pictures, light if direct else None)
+    if effort.edges:
+        with part(BANDS, 1.0):
+            _smooth_edges(edges(scene, view, guides, light.device), pictures, light if direct else None)
     lobes = lambda x: x.view(1, 3, 3, h, w)  # noqa: E731
     return exposed(GuideTensors(features[None], lobes(features[FEATURES["colors"]]), lobes(light),
                                 torch.cat(bundles)[None], *(picture[None] for picture in pictures.split(3)),
