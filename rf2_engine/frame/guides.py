@@ -73,8 +73,8 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
     if len(scene) and seen.any():
         shines = (passes["emission"] > 0).any(axis=-1)
         triangle[seen], weights[seen] = _first_triangles(scene, view, position, seen, shines)
-    media = scene.volumes is not None and len(scene.volumes) > 0
-    if media and len(scene):
+    media = scene.volumes is not None and len(scene.volumes) > 0 and len(scene) > 0
+    if media:
         camera = CameraRays(scene, view)
         _behind_media(camera, view, covered & ~seen, seen, position, triangle, weights)
     source = _nearest(seen, covered)
@@ -83,7 +83,7 @@ def make_guides(passes: dict[str, np.ndarray], scene: RenderScene, view: View) -
     several = (np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha) & (guides.hit_triangle >= 0)
     middle, rays = corner_weights(guides.hit_barycentric[several]), view_rays(view)[1][several]
     guides.normal[several] = shading_normals(scene, guides.hit_triangle[several], middle, rays)
-    behind = _behind(scene, camera, seen, triangle, weights) if media and len(scene) else None
+    behind = _behind(scene, camera, seen, triangle, weights) if media else None
     return denoise_media.smoothed(guides, scene.volumes, view, behind)
 
 

@@ -19,6 +19,12 @@ EDGE = SIZE // 2  # column in which the plate ends
 FLOOR, PLATE = 3.0, 1.0  # their light
 
 
+def first_hits(scene, view):
+    rays = view_rays(view)[1]
+    met = CameraRays(scene, view).closest(rays.reshape(-1, 3))
+    return guides_of_hits(scene, view, rays, met.triangle.reshape(SIZE, SIZE), met.weights.reshape(SIZE, SIZE, 2))
+
+
 def seen(color=(0.5, 0.5, 0.5)):
     """A grey floor and a plate of this colour above its left half, that reaches 0.3 pixels into a column."""
     floor, (view, _) = floor_scene().triangles[:-1], floor_view(SIZE, SIZE)
@@ -26,9 +32,7 @@ def seen(color=(0.5, 0.5, 0.5)):
     plate = (floor * np.float32((1 + end, 2, 1)) / 2 + np.float32((end / 2 - 0.5, 0, 1))).astype(np.float32)
     scene = flat(floor * np.float32((2, 2, 1)), (0.5, 0.5, 0.5)).appended(flat(plate, color))
     scene.normals[:] = 0, 0, 1
-    rays = view_rays(view)[1]
-    met = CameraRays(scene, view).closest(rays.reshape(-1, 3))
-    guides = guides_of_hits(scene, view, rays, met.triangle.reshape(SIZE, SIZE), met.weights.reshape(SIZE, SIZE, 2))
+    guides = first_hits(scene, view)
     light = torch.where(torch.from_numpy(guides.position[..., 2] > 0.5), PLATE, FLOOR).expand(3, -1, -1).clone()
     return scene, view, guides, light
 
@@ -63,10 +67,7 @@ def test_highlights_may_lose_light_and_never_spread():
 def test_one_surface_has_no_edges():
     scene, view, _, light = seen()
     floor = replace(scene, seen=scene.triangles[:, :, 2].max(1) < 0.5)
-    rays = view_rays(view)[1]
-    met = CameraRays(floor, view).closest(rays.reshape(-1, 3))
-    guides = guides_of_hits(floor, view, rays, met.triangle.reshape(SIZE, SIZE), met.weights.reshape(SIZE, SIZE, 2))
-    found = edges(floor, view, guides, CPU)
+    found = edges(floor, view, first_hits(floor, view), CPU)
     assert len(found.at) == 0
     found.mix(light, 0)  # nothing to do is no error
 
