@@ -7,7 +7,7 @@ import numpy as np
 from .geometry import corner_weights, latlong_uv
 from .guided.specular import shading_normals
 from .material.reflectance import normal_reflectance
-from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels
+from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels, tint_of_glass
 
 OF_PLACE = "position", "normal", "depth", "hit_triangle", "hit_barycentric"
 OF_ALL = "diffuse_color", "glossy_color", "transmission_color", "emission", "environment", "alpha"
@@ -65,7 +65,7 @@ def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.
     specular = normal_reflectance(texel[:, IOR, None])
     dielectric = 1 - metallic
     colors = np.stack([base * dielectric * (1 - transmission), base * metallic + specular * dielectric,
-                       base * dielectric * transmission])
+                       tint_of_glass(base) * dielectric * transmission])
     return colors * ~scene.is_light[row, None]
 
 

@@ -69,6 +69,11 @@ def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("...c,...c->...", a, b)
 
 
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., C) of length 1 along others; 0 along 0."""
+    return vectors / np.sqrt(dot(vectors, vectors)).clip(1e-20)[..., None]
+
+
 def corner_weights(first_two: np.ndarray) -> np.ndarray:
     """(..., 2) barycentric weights of the corners 0 and 1 -> (..., 3), those of all."""
     return np.concatenate([first_two, 1 - first_two.sum(-1, keepdims=True)], axis=-1)

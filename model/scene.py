@@ -237,6 +237,11 @@ def constant_tile(base_color=(0.8, 0.8, 0.8), metallic=0.0, roughness=1.0, ior=1
     return tile
 
 
+def tint_of_glass(base_color: np.ndarray) -> np.ndarray:
+    """(..., 3) share of light that a surface of glass with this Base Color lets through: two are the colour."""
+    return np.sqrt(base_color)
+
+
 def texels(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Columns and rows (...,) i64 of a tile at weights (..., 2) of corners 0 and 1 (docs/scene-input.md 4.2)."""
     x, y = np.moveaxis((weights * TILE_SIZE).astype(np.int64).clip(0, TILE_SIZE - 1), -1, 0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry import area_vectors, barycentric, dot
-from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, texels
+from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, texels, tint_of_glass
 
 SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
@@ -58,10 +58,10 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
         point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
-        passed = share * base
+        glass = (transmission > PURE) & (metallic <= PURE)
+        passed = share * np.where(glass[:, None], tint_of_glass(base), base)
         ends.position[path], ends.normal[path] = point, normal
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
-        glass = (transmission > PURE) & (metallic <= PURE)
         goes_on = glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
         ends.color[path] = passed * np.where(goes_on, 0, matte)[:, None]
         direction = np.where(glass[:, None], refracted(direction, normal, texel[:, IOR], inside),

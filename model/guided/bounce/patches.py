@@ -14,8 +14,8 @@ from torch.nn import functional as F
 
 from ...geometry import area_vectors, quartered, surfaces
 from ...material.reflectance import layer_reflectance
-from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
-from ..prior.blocking import is_solid, passes_light
+from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
+from ..prior.blocking import bends_light, is_solid, passes_light
 from ..prior.light_prior import Lamps
 from ..sampling import R2, scattered, triangle_weights
 from .openness import Openness
@@ -45,7 +45,6 @@ class Patches:
     solid: Tensor    # (T,) bool, stops light
     glass: Tensor    # (T,) bool, bends it
     tint: Tensor     # (T, 3) f32, share of the light that passes
-    roughness: Tensor  # (T,) f32, perceptual
     weight: Tensor   # (S,) f32, areas, the larger the nearer to the scene's middle and the lamps
 
     def points(self, count: int) -> tuple[Tensor, Tensor]:
@@ -77,22 +76,19 @@ def patches(scene: RenderScene, lamps: Lamps, share: float = 1.0, openness: Open
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     albedo = _albedo(means)[scene.tile_index[rows]][source]
     center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
-    tint, roughness = _tint(means)[scene.tile_index], means[scene.tile_index, ROUGHNESS]
-    passing = passes_light(scene)
-    bending = passing & ~passes_light(scene, straight=True)
-    solid, glass, tint, roughness = (torch.from_numpy(of[rows][source]) for of in (
-        is_solid(scene) & ~passing, bending, tint, roughness))
+    tint, passing = _tint(means)[scene.tile_index], passes_light(scene)
+    solid, glass, tint = (torch.from_numpy(of[rows][source]) for of in (
+        is_solid(scene) & ~passing, bends_light(scene), tint))
     surface = torch.from_numpy(surfaces(scene.triangles[rows])[source])
     kind = glass + 2 * torch.from_numpy(openness.kinds(corners)) if openness else glass.long()
     center, vector, albedo, patch = _merged(center, vector, albedo, kind, surface, lamps, most)
     weight = vector.norm(dim=-1) * torch.from_numpy(nearness(center.numpy(), lamps)).float()
-    return Patches(center, vector, albedo, patch, torch.from_numpy(corners), solid, glass, tint, roughness,
-                   weight)
+    return Patches(center, vector, albedo, patch, torch.from_numpy(corners), solid, glass, tint, weight)
 
 
 def _tint(means: np.ndarray) -> np.ndarray:
     """(tiles, 3) share of the light that the surfaces of tiles let through, from the means of these, (tiles, C)."""
-    return (1 - means[:, METALLIC, None]) * means[:, TRANSMISSION, None] * means[:, BASE_COLOR]
+    return (1 - means[:, METALLIC, None]) * means[:, TRANSMISSION, None] * tint_of_glass(means[:, BASE_COLOR])
 
 
 def _albedo(means: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from ..effort import FULL, Effort
 from ..prior.light_prior import LightPrior
 from ..sampling import cosine_directions, ggx_directions, in_a_row, scattered
 from .beacons import worth_by_power, worth_by_sight
+from .caustics import caustics
 from .openness import Openness
 from .patches import PATCHES, patches
 from .surroundings import ABOVE, Interior, Surroundings
@@ -31,6 +32,7 @@ SKY_RAYS = 64     # from each side of a patch, that look for the sky
 RAYS = 24         # from a point
 AIMED = 12        # and so many more to what is bright
 GLOSSY_RAYS = 16  # from a point, towards what it reflects
+PHOTONS = 1 << 17  # from lamps to glass
 
 
 class Radiosity:
@@ -49,11 +51,9 @@ class Radiosity:
         diffuse, glossy, of_lamps = found.albedo.repeat(2, 1).to(device).split(3, dim=1)
         with part(0.2, 0.4):
             arriving = prior.arriving(x, n, scattered(x, 2), effort.of(SKY_RAYS) // count)
-        if self.interior.panes is not None:
-            with part(0.4, 0.5):
-                of_lamps_alone = arriving * arriving.new_tensor([0, 0, 0, 1, 1, 1])
-                shining, towards = prior.diffuse(x, n, of_lamps_alone), prior.towards_lamps(x, n)
-                self.interior.panes.light(*(each.view(-1, count, 3).mean(1) for each in (shining, towards)))
+        with part(0.4, 0.5):
+            self.caustics, of_glass = caustics(scene, prior, self.interior, found.vector.norm(dim=-1).to(device),
+                                               effort.of(PHOTONS))
         with part(0.5, 0.6):
             light = prior.diffuse(x + ABOVE * n, n, arriving).view(-1, count, 3)
         size = found.weight.repeat(2).to(device)
@@ -65,7 +65,7 @@ class Radiosity:
             weight = self.interior.telling(around, count)
             around = around.together(weight)
         first = (diffuse + of_lamps) * (weight[..., None] * light).mean(1)
-        through = (diffuse + glossy) * around.through
+        through = (diffuse + glossy) * (around.through + of_glass)
         glossily, diffusely = self._bounced(around, first + through, diffuse, glossy)
         again = through + diffusely
         leaving = first + again + glossily

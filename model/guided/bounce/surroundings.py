@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What rays from points meet: sides of patches, the sky, and light behind glass."""
+"""What rays from points meet: sides of patches, the sky, and that behind glass."""
 from __future__ import annotations
 
 import math
@@ -34,7 +34,7 @@ class Surroundings:
     side: Tensor       # (P, R + A) row of a patch's front or back among those of all; the one behind = none
     share: Tensor      # (P, R + A) of the light from there that arrives, R + A times; A rays more are aimed at beacons
     sky: Tensor        # (P, R) share of the light that arrives where nothing is met
-    through: Tensor    # (P, 3) mean radiance of volumes, of the sky and of lamps behind glass
+    through: Tensor    # (P, 3) mean radiance of volumes, and of the sky behind glass
 
     def together(self, weight: Tensor) -> Surroundings:
         """As if every K points, one after the other, were one; weight: (P / K, K), whose means are 1."""
@@ -76,7 +76,7 @@ class Interior:
             self.surfaces = Visibility(torch.cat([patches.corners[patches.solid], shining]).numpy())
         if patches.glass.any():
             with part(0.5, 1.0):
-                self.panes = Panes(patches, self.normal, self.environment)
+                self.panes = Panes(patches, self.environment, device)
 
     def aim(self, worth: Tensor) -> None:
         """From now on at patches of such worth (sides,)."""
@@ -98,9 +98,7 @@ class Interior:
         origin = position[:, None].expand(-1, every, -1).reshape(-1, 3)
         with part(0.0, 0.7):
             triangle, distance = self.surfaces.nearest(origin, direction)
-        patch, count = self.patch[triangle], len(self.normal)
-        back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
-        side = torch.where(patch < count, patch + count * back, 2 * count)
+        side = self.met(triangle, direction)
         passing, sky = torch.ones_like(distance), distance.isinf()
         through = torch.zeros_like(position)
         if self.fog is not None:
@@ -123,6 +121,12 @@ class Interior:
             passing = passing * balanced.flatten()
         return Surroundings(direction.view(-1, every, 3)[:, :rays], side.view(-1, every), passing.view(-1, every), sky,
                             through)
+
+    def met(self, triangle: Tensor, direction: Tensor) -> Tensor:
+        """(N,) side of a patch that rays meet which hit triangles (N,) along (N, 3), as Surroundings has it."""
+        patch, count = self.patch[triangle], len(self.normal)
+        back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
+        return torch.where(patch < count, patch + count * back, 2 * count)
 
     def _scattered(self, origin: Tensor, end: Tensor) -> Tensor:
         """(P, 3) mean radiance that volumes send from the ends of rays (P, R, 3) to their origins, by some of them."""

@@ -20,6 +20,11 @@ def passes_light(scene: RenderScene, straight: bool = False) -> np.ndarray:
     return passing[scene.tile_index]
 
 
+def bends_light(scene: RenderScene) -> np.ndarray:
+    """(N,) bool: glass."""
+    return passes_light(scene) & ~passes_light(scene, straight=True)
+
+
 def is_solid(scene: RenderScene) -> np.ndarray:
     """(N,) bool: what is neither a lamp nor the back of one, which are there for the network alone."""
     black = scene.tiles[:, BASE_COLOR].max(axis=(1, 2, 3)) < BLACK

@@ -167,13 +167,25 @@ class LightPrior:
         found = light @ self.radiance * lamps
         return found if self.environment is None else found + self.environment.irradiance(n) * sky / math.pi
 
-    def towards_lamps(self, position: Tensor, normal: Tensor) -> Tensor:
-        """(P, 3) unit vectors, or zeros: where the emitters' light comes from in the mean, to points and normals."""
-        return torch.cat(shared(self._towards, *(x.split(CHUNK) for x in (position, normal))))
+    def beamed(self, position: Tensor, normal: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
+        """Unshadowed light of the emitters as if all came from one point (P, 3), each as often as it matters.
 
-    def _towards(self, x: Tensor, n: Tensor) -> Tensor:
+        The way there (P, 3), or the direction of suns, and radiance (P, 3) that white diffuse surfaces at points (P, 3)
+        with unit normals (P, 3) send on, on whichever side is lit. start: (P, 2) in [0, 1).
+        """
+        return tuple(torch.cat(parts) for parts in zip(*shared(
+            self._beamed, *(x.split(CHUNK) for x in (position, normal, start))), strict=True))
+
+    def _beamed(self, x: Tensor, n: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
         direction, light = self._form_factors(x, n)
-        return F.normalize((light * self.radiance.mean(1) * direction).sum(-1).T, dim=-1)
+        light = light + self._form_factors(x, -n)[1]
+        power = (light * self.radiance.mean(1)).cumsum(1)
+        wanted = power[:, -1:] * start.sum(1, keepdim=True).frac()
+        emitter = torch.searchsorted(power, wanted, right=True)[:, 0].clamp(max=light.shape[1] - 1)
+        point = torch.arange(len(x), device=x.device)
+        way = self._somewhere_on(emitter, direction[:, point, emitter].T, start) - x * ~self.distant[emitter, None]
+        color = self.radiance[emitter] / self.radiance[emitter].mean(1, keepdim=True).clamp_min(1e-20)
+        return way, color * power[:, -1:]
 
     def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
                  arriving: Tensor | None = None) -> Tensor:

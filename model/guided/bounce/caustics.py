@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How densely photons lie on surfaces: light of lamps that glass has gathered there."""
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ...scene import RenderScene
+from ..prior.blocking import bends_light
+from ..prior.light_prior import LightPrior
+from .photons import photons
+from .surroundings import Interior
+
+SPACINGS = 0.016, 0.032, 0.064  # network units between the nodes of grids
+ENOUGH = 120.0  # photons on the area of a node from which on a grid twice as fine is trusted
+DEPTH = 4       # spacings that a layer of nodes is thick
+ALONG = 0.4     # component of a normal from which on its surface is in the grids across that axis
+BITS = 20, 16   # of a node's place along either side of its layer, and of the layer
+
+
+class _Grid(NamedTuple):
+    """Nodes (K,) i64 that photons are near, sorted, their light and number (K + 1, 4), and 0 of any other node."""
+
+    spacing: float
+    node: Tensor
+    light: Tensor
+
+
+class Caustics:
+    """The light of photons on the surfaces where they ended; all in network units, on one device."""
+
+    def __init__(self, position: Tensor, normal: Tensor, flux: Tensor):
+        """position, normal (unit, of the side that is lit), flux: (N, 3)."""
+        self.grids = [_grid(position, normal, F.pad(flux, (0, 1), value=1.0), spacing) for spacing in SPACINGS]
+
+    def __call__(self, position: Tensor, normal: Tensor) -> Tensor:
+        """(P, 3) radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3).
+
+        By the finest grid that may know enough photons there.
+        """
+        *finer, coarsest = self.grids
+        if not len(coarsest.node):
+            return torch.zeros_like(position)
+        found, count = _seen(coarsest, position, normal)
+        near = count.nonzero()[:, 0]
+        count = count[near]
+        for grid in reversed(finer):
+            trust = (count / ENOUGH).clamp(max=1)[:, None]  # by the coarser one: beside a focus there are few
+            light, count = _seen(grid, position[near], normal[near])
+            found[near] = torch.lerp(found[near], light, trust)
+        return found
+
+    def of_picture(self, position: Tensor, normal: Tensor, where: Tensor) -> Tensor:
+        """The same (h, w, 3) of a picture's points and normals (h, w, 3); 0 but `where` (h, w, 1) bool."""
+        found, at = torch.zeros_like(position), where[..., 0]
+        found[at] = self(position[at], normal[at])
+        return found
+
+
+def caustics(scene: RenderScene, prior: LightPrior, interior: Interior, area: Tensor,
+             count: int) -> tuple[Caustics, Tensor]:
+    """Of a normalised scene, by `count` photons where lamps may light glass.
+
+    And (2 S, 3) radiance that patches of such areas (S,), white and diffuse, send on by them from their sides.
+    """
+    found, nothing = area.new_zeros(2 * len(area) + 1, 3), area.new_zeros(0, 3)
+    glass = np.flatnonzero(bends_light(scene) & ~scene.is_light)
+    if not len(glass) or not len(prior.radiance):
+        return Caustics(nothing, nothing, nothing), found[:-1]
+    landed = photons(scene, prior, glass, interior.surfaces.rays, count)
+    on = landed.triangle < len(interior.corners)  # behind these are lamps
+    position, direction, flux, triangle = (torch.from_numpy(x[on]).to(area.device) for x in landed)
+    found.index_add_(0, interior.met(triangle, direction), flux)
+    a, b, c = interior.corners[triangle].unbind(1)
+    normal = F.normalize(torch.linalg.cross(b - a, c - a), dim=-1)
+    facing = torch.where((normal * direction).sum(-1, keepdim=True) > 0, -normal, normal)
+    return Caustics(position, facing, flux), found[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None])
+
+
+def _grid(position: Tensor, normal: Tensor, light: Tensor, spacing: float) -> _Grid:
+    """Of photons (N, 3) with `light` (N, 4), each in the layers across every axis that its surface is rather across."""
+    nodes, parts = [], []
+    for axis in torch.eye(3, device=normal.device):
+        along = normal @ axis
+        of = along.abs() > ALONG
+        node, weight = _nodes(position[of], along[of].sign()[:, None] * axis, spacing, layers=1)
+        nodes.append(node.flatten())
+        parts.append((weight[..., None] * light[of, None]).flatten(0, 1))
+    node, row = (x.to(light.device) for x in torch.cat(nodes).cpu().unique(return_inverse=True))  # wrong on Macs' GPUs
+    return _Grid(spacing, node, light.new_zeros(len(node) + 1, 4).index_add_(0, row, torch.cat(parts)))
+
+
+def _seen(grid: _Grid, position: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
+    """Radiance (P, 3) at points with unit normals (P, 3), and number of photons (P,) on the area of a node."""
+    axis = F.one_hot(normal.abs().argmax(-1), 3).to(normal)
+    cosine = (normal * axis).sum(-1, keepdim=True)
+    node, weight = _nodes(position, cosine.sign() * axis, grid.spacing, layers=2)
+    row = torch.searchsorted(grid.node, node).clamp(max=len(grid.node) - 1)
+    row = torch.where(grid.node[row] == node, row, len(grid.node))
+    found = (grid.light[row] * weight[..., None]).sum(1)
+    return found[:, :3] * cosine.abs() / (math.pi * grid.spacing**2), found[:, 3]
+
+
+def _nodes(position: Tensor, side: Tensor, spacing: float, layers: int) -> tuple[Tensor, Tensor]:
+    """Nodes (P, 4 layers) around points (P, 3), as numbers (i64), and their weights, 1 in all of each layer.
+
+    side: (P, 3), a unit vector along the axis that layers are across, either way. They are of that which the point is
+    in, and if two, of the one nearest to it: a surface, which is never steep, leaves these no sooner than nodes.
+    """
+    axis = side.abs().argmax(-1)
+    turned = position.gather(1, (axis[:, None] + torch.arange(3, device=axis.device)) % 3) / spacing
+    depth, plane = turned[:, :1] / DEPTH, turned[:, 1:]
+    layer, low = depth.floor(), plane.floor()
+    if layers == 2:
+        layer = torch.cat([layer, layer + torch.where(depth - layer < 0.5, -1.0, 1.0)], 1)
+    corner, share = position.new_tensor([[0, 0], [0, 1], [1, 0], [1, 1]]), (plane - low)[:, None]
+    weight = torch.where(corner > 0, share, 1 - share).prod(-1)
+    (x, y), z = _whole(low[:, None] + corner, BITS[0]).unbind(-1), _whole(layer, BITS[1])
+    kind = 2 * axis + (side.sum(-1) > 0)
+    in_layer = kind[:, None] + 6 * ((x << BITS[0]) + y)
+    return (in_layer[:, None] + (6 * z[..., None] << 2 * BITS[0])).flatten(1), weight.repeat(1, layers)
+
+
+def _whole(place: Tensor, bits: int) -> Tensor:
+    """Whole numbers as i64 from 0 on; those beyond so many bits are the last."""
+    half = 1 << bits - 1
+    return place.clamp(-half, half - 1).long() + half
