@@ -68,13 +68,13 @@ class GuidedRenderFormer(RenderFormer):
         for p in self._last.parameters():
             nn.init.zeros_(p)
 
-    @property
-    def _last(self) -> nn.Module:
-        return self.view_transformer.out_dpt.scratch.output_conv2[-1]
-
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
         """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
         return self.view_transformer.out_dpt(features, view.guides.features)
+
+    @property
+    def _last(self) -> nn.Module:
+        return self.view_transformer.out_dpt.scratch.output_conv2[-1]
 
 
 class KernelsAlone(nn.Module):
