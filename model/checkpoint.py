@@ -14,7 +14,7 @@ import torch
 from torch import nn
 
 from .errors import CheckpointError
-from .guided.network import GuidedRenderFormer
+from .guided.network import GuidedRenderFormer, KernelsAlone
 from .material.mappers import Mapper, MetallicTransmissionMapper
 from .network.config import ModelConfig
 from .network.renderformer import RenderFormer
@@ -41,21 +41,23 @@ def save_network(folder: str | Path, config: ModelConfig, state: dict[str, torch
 
 
 @explained()
-def load_network(folder: Path, name: str = "config.json") -> RenderFormer:
+def load_network(folder: Path, name: str = "config.json") -> RenderFormer | KernelsAlone:
     """The network of one folder in this project's format; `name` is the file that describes it."""
     return build_network(ModelConfig.from_dict(described(folder, name)), weights_file(folder))
 
 
-def build_network(config: ModelConfig, file: Path) -> RenderFormer:
+def build_network(config: ModelConfig, file: Path) -> RenderFormer | KernelsAlone:
     """The network of a configuration with the weights of a file."""
     with torch.device("meta"):
         network = new_network(config)
     return load_weights(network, file)
 
 
-def new_network(config: ModelConfig) -> RenderFormer:
+def new_network(config: ModelConfig) -> RenderFormer | KernelsAlone:
     """The network of a configuration, ready to be trained."""
-    return GuidedRenderFormer(config) if config.guidance else RenderFormer(config)
+    if config.guidance is None:
+        return RenderFormer(config)
+    return GuidedRenderFormer(config) if config.guidance.transformer else KernelsAlone(config)
 
 
 def load_material_mapper(folder: Path = MATERIAL_MAPPER) -> Mapper:

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The guided network: the paper's with first hits, traced light and two priors as inputs (docs/architecture.md 4.2)."""
+"""The guided network: the paper's with first hits, traced light and two priors as inputs (docs/architecture.md 4.2).
+
+Where its transformer has nothing to add to the priors, the kernels for the finished picture do without it.
+"""
 from __future__ import annotations
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from ..network.config import ModelConfig
 from ..network.decoder import DPTDecoder
@@ -58,9 +61,31 @@ class GuidedRenderFormer(RenderFormer):
     @property
     def is_idle(self) -> bool:
         """Whether the decoder ends in zeros, which leave the priors as they are, whatever tokens and rays are."""
-        last = self.view_transformer.out_dpt.scratch.output_conv2[-1]
-        return not (last.weight.any() or last.bias.any())
+        return not any(p.any() for p in self._last.parameters())
+
+    def rest(self) -> None:
+        """Become idle, ready to learn what to add."""
+        for p in self._last.parameters():
+            nn.init.zeros_(p)
 
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
         """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
         return self.view_transformer.out_dpt(features, view.guides.features)
+
+    @property
+    def _last(self) -> nn.Module:
+        return self.view_transformer.out_dpt.scratch.output_conv2[-1]
+
+
+class KernelsAlone(nn.Module):
+    """A guided network without the transformer: the priors as they are, as an idle one leaves them, and the kernels.
+
+    Tokens and rays are still counted by its `config`, as those of the network that it is a part of.
+    """
+
+    is_idle = True
+
+    def __init__(self, config: ModelConfig):
+        super().__init__()
+        self.config = config.validate()
+        self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)

@@ -83,7 +83,7 @@ class GuidedPipeline:
                                  self.network.config, effort, direct)
         with part(known, 0.95):
             raw = (self.network.render_view(encoded.context, inputs) if encoded.context else
-                   inputs.origin.new_zeros(1, len(OUTPUTS), view.height, view.width))
+                   inputs.origin.new_zeros(()).expand(1, len(OUTPUTS), view.height, view.width))
         with part(0.95, 1.0, "Adding the light up"):
             light = decode_bands(raw, inputs.guides, keys)
             return {key: radiance[0] / inputs.guides.exposure for key, radiance in light.items()}

@@ -38,8 +38,9 @@ def require_kind(name: str, value, annotation: str) -> None:
 
 @dataclass(frozen=True)
 class Guidance:
-    """Sizes of what the guided network has beside the paper's (docs/architecture.md)."""
+    """What the guided network has beside the paper's, and sizes of that (docs/architecture.md 4.2)."""
 
+    transformer: bool = True  # False: the kernels alone, of which the paper's network has no part
     tile_encoder_width: int = 32
     environment_encoder_width: int = 32
     kernel_predictor_width: int = 32

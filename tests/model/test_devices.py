@@ -10,7 +10,7 @@ from renderformer_v2.model.guided import guide_tensors
 from renderformer_v2.model.network import decoder
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, RenderScene, Volumes, constant_tile
 from renderformer_v2.model.threads import shared, team
-from tests.model.guided.weights import write_busy
+from tests.model.guided.weights import busy_network, write
 from tests.model.pretended_mps import pretended_mps
 from tests.model.samples import flat, floor_scene, floor_view
 
@@ -68,7 +68,7 @@ def assert_same(actual: np.ndarray, expected: np.ndarray) -> None:
 
 
 def test_a_guided_network_paints_the_same_picture_on_a_gpu_that_refuses_float64(pictures, scene, seen, tmp_path):
-    weights = write_busy(tmp_path)
+    weights = write(tmp_path, busy_network())
 
     def painted(device: str) -> np.ndarray:
         view, guides = seen

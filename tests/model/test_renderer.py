@@ -5,21 +5,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from renderformer_v2.model import progress
 from renderformer_v2.model.camera import view_rays
-from renderformer_v2.model.checkpoint import load_network, save_network
+from renderformer_v2.model.checkpoint import load_network
 from renderformer_v2.model.errors import RenderCancelled
+from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.renderer import Renderer, padded
 from renderformer_v2.model.scene import Guides
-from tests.model.guided.weights import write_busy
+from tests.model.guided.weights import busy_network, write
 from tests.model.samples import floor_scene, floor_view
 
 
 @pytest.fixture(scope="module")
 def busy(tmp_path_factory) -> Path:
-    return write_busy(tmp_path_factory.mktemp("busy"))
+    return write(tmp_path_factory.mktemp("busy"), busy_network())
+
+
+@pytest.fixture(scope="module")
+def idle(busy, tmp_path_factory) -> Path:
+    """The same weights but for the end of the decoder."""
+    network = load_network(busy)
+    network.rest()
+    return write(tmp_path_factory.mktemp("idle"), network)
 
 
 @pytest.fixture(scope="module", params=["bundled", "busy"])
@@ -27,22 +35,31 @@ def renderer(request, busy) -> Renderer:
     return Renderer(*[busy] * (request.param == "busy"), device="cpu", precision="fp32")
 
 
-def test_a_transformer_that_adds_nothing_is_left_out_and_one_that_does_is_not(busy, tmp_path):
-    def picture(folder, idle=None):
+def test_a_transformer_that_adds_nothing_is_left_out_and_one_that_does_is_not(busy, idle):
+    def picture(folder, is_idle=None):
         renderer = Renderer(folder, device="cpu", precision="fp32")
-        renderer.pipeline.is_idle = renderer.pipeline.is_idle if idle is None else idle
+        renderer.pipeline.is_idle = renderer.pipeline.is_idle if is_idle is None else is_idle
         encoded = renderer.encode(floor_scene())
         return encoded.view(*floor_view()), encoded.encoded.context
     with_say, context = picture(busy)
     assert context is not None
-    network = load_network(busy)
-    torch.nn.init.zeros_(network.view_transformer.out_dpt.scratch.output_conv2[-1].weight)
-    save_network(tmp_path, network.config, network.state_dict())
-    left_out, context = picture(tmp_path)
+    left_out, context = picture(idle)
     assert context is None and np.abs(with_say - left_out).max() > 1e-3 * left_out.max()
-    computed, context = picture(tmp_path, idle=False)
+    computed, context = picture(idle, is_idle=False)
     assert context is not None
     np.testing.assert_array_equal(left_out, computed)
+
+
+@pytest.mark.parametrize("precision", ["fp32", "bf16"])
+def test_kernels_alone_make_the_picture_of_a_whole_network_that_is_idle(idle, precision):
+    def picture(weights):
+        encoded = Renderer(weights, device="cpu", precision=precision).encode(floor_scene())
+        view, guides = floor_view()
+        lobes = encoded.lobes(view, guides)
+        return encoded.tokens, encoded.antialiased({"image": lobes.radiance}, lobes, guides, samples=8)["image"]
+    (tokens, whole), (same, alone) = picture(idle), picture(BUNDLED)
+    assert tokens == same
+    np.testing.assert_array_equal(alone, whole)
 
 
 def test_picture_scales_with_the_light_and_keeps_odd_sizes(renderer):

@@ -63,8 +63,22 @@ def test_a_kernel_predictor_that_was_not_there_is_kept(folder):
     assert before and all(torch.equal(p, before[name]) for name, p in model.kernel_predictor.named_parameters())
 
 
+def test_a_transformer_that_was_not_there_begins_without_a_say(tmp_path):
+    guidance = replace(TINY.guidance, transformer=False)
+    kernels = new_network(replace(TINY, guidance=guidance))
+    save_network(tmp_path, kernels.config, kernels.state_dict())
+    model, stored = new_network(TINY), load_file(tmp_path / "model.safetensors")
+    tokens = model.reg_tokens.clone()
+    assert not model.is_idle
+    start_from(model, tmp_path)
+    assert model.is_idle and torch.equal(model.reg_tokens, tokens)
+    for name, p in model.kernel_predictor.named_parameters():
+        assert torch.equal(p, stored[f"kernel_predictor.{name}"].float()), name
+
+
 @pytest.mark.parametrize("change, message", [
     (lambda state: state.pop(KEY), f"has no {KEY}"),
+    (lambda state: state.pop("kernel_predictor.enter.bias"), "has no kernel_predictor.enter.bias"),
     (lambda state: state.update({KEY: torch.zeros(3, 4)}), r"has shape \(3, 4\)"),
 ])
 def test_another_network_is_refused(folder, change, message):

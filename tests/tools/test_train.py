@@ -182,6 +182,7 @@ def test_configuration_names_wrong_keys(tmp_path):
                         (changed(network={"windows": 1}), "unknown keys in model_config: windows"),
                         (changed(network={"dense": 1}), "dense = 1 is not of the kind bool"),
                         (changed(network=[]), "network must be a JSON object"),
+                        (changed(network={"guidance": {"transformer": False}}), "antialiasing trains kernels alone"),
                         (changed(stages=[]), "stages must be a list"),
                         (changed(stages=5), "stages must be a list"),
                         (changed(stages=[{"steps": 1}, {"steps": 2, "glass": 1}]), "stages.1.: unknown keys glass"),

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model.checkpoint import load_network
 from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, exposure_of, seen, weighted
+from renderformer_v2.model.presets import BUNDLED, weights_folder
 from renderformer_v2.model.renderer import Renderer
+from tests.model.guided.weights import busy_network, write
 from tests.tools.test_train import stored  # noqa: F401 - a fixture
 from tools.datagen.shards import load_sample, save_sample
 from tools.train import antialiasing as training
@@ -72,3 +75,20 @@ def test_pictures_without_room_for_a_part_are_named(stored, tmp_path, capsys, mo
     monkeypatch.setattr("sys.argv", ["antialiasing", "--data", str(stored.parent), "--out", str(tmp_path / "out"),
                                      "--rendered", str(tmp_path / "rendered"), "--minutes", "1", "--processes", "1"])
     assert training.main() == 2 and "smaller than 100 pixels" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("is_whole", [True, False])
+def test_a_folder_of_the_same_kind_is_written_and_trained_further(stored, tmp_path, monkeypatch, is_whole):  # noqa: F811
+    before = write(tmp_path / "start", busy_network()) if is_whole else weights_folder(BUNDLED)
+    for name in ("first", "second"):
+        out = tmp_path / name
+        monkeypatch.setattr("sys.argv", ["antialiasing", "--data", str(stored.parent), "--start", str(before), "--out",
+                                         str(out), "--rendered", str(tmp_path / "rendered"), "--minutes", "0.01",
+                                         "--processes", "1"])
+        assert training.main() == 0
+        (was, config), (now, same) = ((network.state_dict(), network.config)
+                                      for network in map(load_network, (before, out / "weights")))
+        assert set(was) == set(now) and config == same
+        assert all(torch.equal(now[key], was[key]) != key.startswith("kernel_predictor.") for key in was)
+        before = out / "weights"
+    assert Renderer(before, device="cpu", precision="fp32").pipeline.is_idle != is_whole

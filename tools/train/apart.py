@@ -15,7 +15,6 @@ from torch import Tensor, nn
 from torch.utils.data import DataLoader, Dataset
 
 from renderformer_v2.model.color import HALF_MAX
-from renderformer_v2.model.guided.network import GuidedRenderFormer
 from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.threads import team
 from tools.arguments import whole_number
@@ -47,7 +46,7 @@ def command(name: str, description: str, fit: Callable[[argparse.Namespace], Non
         return explained(lambda: fit(options))
 
 
-def rendered(options: argparse.Namespace, network: GuidedRenderFormer, apart: Iterable[str],
+def rendered(options: argparse.Namespace, network: nn.Module, apart: Iterable[str],
              render: Callable[[Path], Tensor]) -> list[Tensor]:
     """(V, C, h, w) f16 of every sample, as `RenderedFiles` has it; raises TrainingError if there is none.
 
@@ -70,7 +69,7 @@ def rendered(options: argparse.Namespace, network: GuidedRenderFormer, apart: It
 class RenderedFiles(Dataset):
     """Of all samples in a folder, made where they are missing or out of date."""
 
-    def __init__(self, data: Path, stored: Path, network: GuidedRenderFormer, apart: Iterable[str],
+    def __init__(self, data: Path, stored: Path, network: nn.Module, apart: Iterable[str],
                  render: Callable[[Path], Tensor]):
         """render: a sample's path -> (V, C, h, w), by the network without the parts that are called `apart`."""
         self.paths, self.stored, self.render = sample_paths(data), stored, render

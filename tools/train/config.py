@@ -70,11 +70,18 @@ class TrainConfig:
         return replace(config, stages=tuple(stages))
 
     def model(self, where: str = "network") -> ModelConfig:
-        """The preset with the settings of `network`. Raises TrainingError for one that does not exist."""
+        """The preset with the settings of `network`.
+
+        Raises TrainingError for one that does not exist, or has no transformer that could learn.
+        """
         try:
             if not isinstance(self.network, dict):
                 raise CheckpointError("network must be a JSON object")
-            return ModelConfig.from_dict(PRESETS[self.preset]().to_dict() | self.network)
+            config = ModelConfig.from_dict(PRESETS[self.preset]().to_dict() | self.network)
+            if config.guidance and not config.guidance.transformer:
+                raise CheckpointError("guidance.transformer is false: python -m tools.train.antialiasing trains "
+                                      "kernels alone")
+            return config
         except CheckpointError as error:
             raise TrainingError(f"{where}: {error}") from error
 

@@ -2,9 +2,10 @@
 """python -m tools.train.finetune FILE.blend [FILE.blend ...] --out DIR: fine-tune a network on your own scenes.
 
 Renders samples of the files with Cycles into DIR/samples (tools.datagen --blend), then trains on all that are there.
---start says from which weights: the bundled network, a folder that tools.train.network wrote, or a published bundle;
-DIR/weights or DIR/bundle is then ready for `python -m tools.render SCENE.blend -o OUT.exr --weights`. The same command
-again goes on where it was stopped; the files and the weights at the start are never changed.
+--start says from which weights: the bundled kernels (a transformer learns from nothing beside them), a folder that
+tools.train.network wrote, or a published bundle; DIR/weights or DIR/bundle is then ready for `python -m tools.render
+SCENE.blend -o OUT.exr --weights`. The same command again goes on where it was stopped; the files and the weights at the
+start are never changed.
 """
 from __future__ import annotations
 

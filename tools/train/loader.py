@@ -138,7 +138,7 @@ def _generator(*seed: int) -> torch.Generator:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Reads samples for the bundled network, made once and then kept in `cache`."""
+    """Reads samples for the guided network, made once and then kept in `cache`."""
 
     cache: Path
     mapper: Callable
@@ -151,7 +151,7 @@ class Prepared:
 
 def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,
            workers: int = 1) -> Iterator[TrainingSample]:
-    """This process's share of a folder, for the bundled network. Raises TrainingError as `shared_stream` does."""
+    """This process's share of a folder, for the guided network. Raises TrainingError as `shared_stream` does."""
     cache.mkdir(parents=True, exist_ok=True)
     return shared_stream(folder, Prepared(cache, mapper, stage.unhinted), stage, seed, patience, workers)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""python -m tools.train.network --data DIR --out DIR --minutes M: train the bundled network on tools.datagen samples.
+"""python -m tools.train.network --data DIR --out DIR --minutes M: train the guided network on tools.datagen samples.
 
 Resumes from DIR/state.safetensors, or from the one before it if that is damaged, and may run for days: the learning
 rate stays constant after the warm-up and falls to zero during the last --cooldown minutes. DIR/weights holds the

@@ -6,21 +6,28 @@ from pathlib import Path
 
 import torch
 from safetensors.torch import load_file
-from torch import nn
+
+from renderformer_v2.model.guided.network import GuidedRenderFormer
 
 from .errors import TrainingError
 
+KERNELS = "kernel_predictor."  # how their names begin
 
-def start_from(model: nn.Module, folder: Path) -> None:
+
+def start_from(model: GuidedRenderFormer, folder: Path) -> None:
     """Take over the weights in folder/model.safetensors; inputs and outputs that only `model` has start at zero.
 
-    Where there was no kernel predictor, `model` keeps its own. Raises TrainingError when another tensor is missing
-    there, or has another shape than fewer inputs or outputs explain.
+    Where there was no kernel predictor, `model` keeps its own; where there was nothing else, its own transformer starts
+    without a say. Raises TrainingError when a tensor is missing there for another reason, or has another shape than
+    fewer inputs or outputs explain.
     """
     stored = load_file(folder / "model.safetensors")
+    parts = {name.startswith(KERNELS) for name in stored}
+    if parts == {True}:
+        model.rest()
     with torch.no_grad():
         for name, p in model.named_parameters():
-            if name not in stored and name.startswith("kernel_predictor."):
+            if name.startswith(KERNELS) not in parts:
                 continue
             if name not in stored:
                 raise TrainingError(f"{folder} has no {name}: it holds another network")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Guidance changes light tokens, ray tokens and pixels, and nothing else."""
+"""Guidance changes light tokens, ray tokens and pixels, and nothing else; the bundled weights do without all of it."""
+import json
 from dataclasses import replace
 
 import pytest
@@ -11,13 +12,14 @@ from renderformer_v2.model.guided.decoding import OUTPUTS
 from renderformer_v2.model.guided.guided_inputs import guided_inputs, guided_view
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
 from renderformer_v2.model.network.renderformer import RenderFormer
-from renderformer_v2.model.presets import BUNDLED, weights_folder
+from renderformer_v2.model.presets import BUNDLED, rf2_small, weights_folder
+from tests.model.guided.weights import busy_network, write
 from tests.model.samples import floor_scene, floor_view
 
 
 @pytest.fixture(scope="module")
 def network():
-    return load_network(weights_folder(BUNDLED))
+    return busy_network()
 
 
 @pytest.fixture
@@ -58,3 +60,20 @@ def test_inputs_without_a_mapper_hold_the_parameters(network):
     parameters = guided_inputs(floor_scene(), network.config).texture
     assert parameters.shape == (1, 11, 8, 8)
     torch.testing.assert_close(parameters[0, :3, 0, 0], torch.tensor([0.8, 0.5, 0.2]), atol=1e-3, rtol=0)
+
+
+def test_the_bundled_weights_are_kernels_alone():
+    folder = weights_folder(BUNDLED)
+    network, preset = load_network(folder), rf2_small()
+    assert network.is_idle and {name.partition(".")[0] for name in network.state_dict()} == {"kernel_predictor"}
+    assert network.config == replace(preset, guidance=replace(preset.guidance, transformer=False))
+    assert (folder / "model.safetensors").stat().st_size < 100_000
+
+
+def test_a_configuration_that_does_not_tell_is_of_a_whole_network(network, tmp_path):
+    file = write(tmp_path, network) / "config.json"
+    description = json.loads(file.read_text())
+    del description["model_config"]["guidance"]["transformer"]
+    file.write_text(json.dumps(description))
+    loaded = load_network(tmp_path)
+    assert loaded.config == network.config and set(loaded.state_dict()) == set(network.state_dict())

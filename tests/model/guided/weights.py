@@ -4,15 +4,22 @@ from pathlib import Path
 
 import torch
 
-from renderformer_v2.model.checkpoint import load_network, save_network
-from renderformer_v2.model.presets import BUNDLED, weights_folder
+from renderformer_v2.model.checkpoint import load_network, new_network, save_network
+from renderformer_v2.model.guided.network import GuidedRenderFormer
+from renderformer_v2.model.presets import BUNDLED, rf2_small, weights_folder
 
 
-def write_busy(folder: Path) -> Path:
-    """The bundled weights with a decoder that ends in small numbers: the transformer has a say in every pixel."""
-    network = load_network(weights_folder(BUNDLED))
-    last = network.view_transformer.out_dpt.scratch.output_conv2[-1]
+def busy_network() -> GuidedRenderFormer:
+    """The bundled kernels, and random weights that end in small numbers: the transformer has a say in every pixel."""
     torch.manual_seed(0)
-    torch.nn.init.normal_(last.weight, std=0.01)
+    network = new_network(rf2_small())
+    network.kernel_predictor = load_network(weights_folder(BUNDLED)).kernel_predictor
+    network.rest()
+    torch.nn.init.normal_(network.view_transformer.out_dpt.scratch.output_conv2[-1].weight, std=0.01)
+    return network.requires_grad_(False).eval()
+
+
+def write(folder: Path, network: GuidedRenderFormer) -> Path:
+    """The folder, which holds this network now."""
     save_network(folder, network.config, network.state_dict())
     return folder
