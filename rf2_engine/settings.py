@@ -14,10 +14,13 @@ from ..model.presets import BUNDLED, weights_folder
 from ..model.published.bundle_files import AUTOMATIC, LARGE, SMALL, is_bundle
 from . import passes
 from .cycles import session as cycles_session
+from .frame.rectangle import size
 from .reference_settings import FrameReference, ReferenceSettings
 from .registering import classes, pairs, pointer
 from .setup import published_weights
 from .viewport.settings import RenderFormerViewportSettings
+
+FEW_PIXELS, MOST_MORE = 512 * 512, 4  # below which pictures have more samples, and how many times as many
 
 
 def _passes_change(settings: RenderFormerSettings, context: bpy.types.Context) -> None:
@@ -101,6 +104,11 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         description="Camera rays per pixel that Cycles traces to find what is seen and, if Light is With Cycles, "
                     "its direct light. More samples give smoother edges and textures. The time of the network does not "
                     "depend on them",
+    )
+    more_when_small: BoolProperty(
+        name="More in Small Pictures", default=True,
+        description="A picture of fewer than 512x512 pixels gets up to four times as many samples: as many camera rays "
+                    "in all as one of that size, for little time",
     )
 
     lens_samples: IntProperty(
@@ -211,9 +219,17 @@ class FrameSettings:
         samples = view_layer.renderformer_v2.samples if view_layer else 0
         device = f"cuda:{ours.card - 1}" if ours.card and ours.device == "cuda" else ours.device
         return cls(weights, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
-                   ours.as_is, ours.paper_lamps and _is_published(weights), samples or ours.guide_samples,
+                   ours.as_is, ours.paper_lamps and _is_published(weights), _guide_samples(scene, samples),
                    ours.bake_unknown, _light(ours.light, weights), light_passes(scene), threads(scene),
                    blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
+
+
+def _guide_samples(scene: bpy.types.Scene, of_layer: int) -> int:
+    """Of a pixel, those that the view layer has for itself or the scene's, and more where there are few pixels."""
+    samples, (width, height) = of_layer or scene.renderformer_v2.guide_samples, size(scene.render)
+    if not scene.renderformer_v2.more_when_small:
+        return samples
+    return round(samples * min(max(FEW_PIXELS / (width * height), 1), MOST_MORE))
 
 
 def threads(scene: bpy.types.Scene) -> int:

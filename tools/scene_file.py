@@ -29,13 +29,15 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
               reference_samples: int | None = None, unclamped: bool = False) -> None:
     """Choose one of ENGINES and its settings; those that are not given stay as the file has them.
 
-    samples: guide samples, or Cycles' samples. weights: BUNDLED, or a folder. light: "TRACED" or "NETWORK".
-    beside: with a Cycles reference, of `reference_samples`. unclamped: Cycles keeps light that has bounced as it is.
+    samples: guide samples, of small pictures too, or Cycles' samples. weights: BUNDLED, or a folder. light: "TRACED" or
+    "NETWORK". beside: with a Cycles reference, of `reference_samples`. unclamped: Cycles keeps light that has bounced
+    as it is.
     """
     scene.render.engine = ENGINES[engine]
     if samples:
         owner, name = (scene.cycles, "samples") if engine == "cycles" else (scene.renderformer_v2, "guide_samples")
         setattr(owner, name, samples)
+        scene.renderformer_v2.more_when_small = False
     if threads:
         scene.render.threads_mode, scene.render.threads = "FIXED", threads
         scene.renderformer_v2.threads_mode = "AUTO"  # Blender's

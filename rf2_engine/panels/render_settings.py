@@ -47,6 +47,7 @@ class RENDERFORMER_PT_settings(EnginePanel):
         numbers.prop(settings, "token_budget")
         numbers.prop(settings, "max_edge")
         numbers.prop(settings, "guide_samples")
+        numbers.prop(settings, "more_when_small")
         numbers.separator()
         numbers.prop(settings, "as_is")
         if published:

@@ -26,18 +26,19 @@ from tools.arguments import whole_number
 
 from . import manifest, own
 from .console import silence_blender
-from .shards import sample_path, save_sample
+from .shards import HINT_SAMPLES, sample_path, save_sample
 
 DARKEST, BRIGHTEST = 0.03, 1.5  # mean of a view's median over covered pixels
 ATTEMPTS = 8
 
 
 def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int, threads: int,
-             resolution: int | None = None, triangles: int | None = None, equal: int = 0) -> int:
+             resolution: int | None = None, triangles: int | None = None, equal: int = 0,
+             hints: int = HINT_SAMPLES) -> int:
     """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed.
 
     resolution: pixels, triangles: the most of a scene; in place of the scenes' own. equal: samples of a second
-    picture by Cycles, for comparison.
+    picture by Cycles, for comparison. hints: samples of the guides.
     Raises OSError when `out` cannot be written.
     """
     from . import reference
@@ -51,12 +52,12 @@ def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int,
         if path.exists():
             continue
         try:
-            sample, attempt = make(seed, profile, views, samples, resolution, triangles, equal)
+            sample, attempt = make(seed, profile, views, samples, resolution, triangles, equal, hints)
         except Exception:  # one odd scene must not end a run of days
             print(f"seed {seed} failed:", traceback.format_exc(), sep="\n")
             failed += 1
             continue
-        save_sample(path, sample.scene, sample.views, sample.guides, sample.passes)
+        save_sample(path, sample.scene, sample.views, sample.guides, sample.passes, hints=hints)
         manifest.append(lines, [manifest.line(path)])
         made += 1
         times = " ".join(f"{stage} {seconds:.2f}" for stage, seconds in sample.seconds.items())
@@ -66,7 +67,7 @@ def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int,
 
 
 def make(seed: int, profile: str, views: int, samples: int, resolution: int | None, triangles: int | None = None,
-         equal: int = 0):
+         equal: int = 0, hints: int = HINT_SAMPLES):
     """The first well exposed reference.Sample of a seed, or its last one, and the number of attempts before it."""
     from . import reference, scene_generator
 
@@ -78,7 +79,7 @@ def make(seed: int, profile: str, views: int, samples: int, resolution: int | No
         if resolution:
             setup = setup._replace(resolution=resolution)
         sample = reference.make_sample(setup, samples,
-                                       lambda passes, last=last: last or well_exposed(passes["combined"]), equal)
+                                       lambda passes, last=last: last or well_exposed(passes["combined"]), equal, hints)
         if sample is not None:
             return sample, attempt
 
@@ -104,6 +105,8 @@ def main() -> int:
                         help="of the reference, before OpenImageDenoise")
     parser.add_argument("--equal", type=whole_number(0), default=0, metavar="N",
                         help="also store Cycles with N samples and OpenImageDenoise, for tools.evaluate")
+    parser.add_argument("--hints", type=whole_number(1), default=HINT_SAMPLES, metavar="N",
+                        help="samples of first hits and traced light (default 8; F12 has 32 up to 256x256)")
     parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide", "indirect", "paper"), default="full")
     for option, what in (("--hdris", "panoramas"), ("--meshes", "objects"), ("--textures", "sets of texture maps")):
         parser.add_argument(option, type=Path, metavar="DIR", help=f"your own {what}, beside those that are built in")
@@ -134,7 +137,7 @@ def main() -> int:
     try:
         failed = generate(args.out, seeds, profile=args.profile, views=args.views or 2, samples=args.samples,
                           threads=args.threads, resolution=args.resolution, triangles=args.triangles,
-                          equal=args.equal)
+                          equal=args.equal, hints=args.hints)
     except OSError as error:
         return not_written(args.out, error)
     return 1 if failed else 0

@@ -42,6 +42,7 @@ class Sample:
     samples: int
     token_budget: int
     equal: int = 0  # samples of a picture as it would be set beside ours, in the pass "equal"
+    hints: int = HINT_SAMPLES
     scene: RenderScene | None = None
     views: list[View] = field(default_factory=list)
     guides: list[Guides] = field(default_factory=list)
@@ -81,7 +82,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     found = cycles_session.render_passes(engine, depsgraph, samples=sample.samples, light=Light.ALL, denoise=True)
     cycles.sample_clamp_indirect = clamp
     cycles.seed += 1  # noise that they share with the reference would be a hint too many
-    hints = cycles_session.render_passes(engine, depsgraph, samples=HINT_SAMPLES, light=Light.TRACED,
+    hints = cycles_session.render_passes(engine, depsgraph, samples=sample.hints, light=Light.TRACED,
                                          hazy=bool(sample.scene.volumes))
     if sample.equal:
         few = cycles_session.render_passes(engine, depsgraph, samples=sample.equal, light=Light.ALL, denoise=True)
@@ -114,12 +115,12 @@ def take_over(render: bpy.types.RenderSettings, threads: int) -> None:
     render.use_persistent_data = True
 
 
-def make_sample(setup: Setup, samples: int, good, equal: int = 0) -> Sample | None:
+def make_sample(setup: Setup, samples: int, good, equal: int = 0, hints: int = HINT_SAMPLES) -> Sample | None:
     """Render every camera of the open file; None as soon as `good(passes)` is not true of a view.
 
     Raises what conversion or Cycles raise.
     """
-    DatagenEngine.sample, DatagenEngine.error = Sample(samples, setup.token_budget, equal), None
+    DatagenEngine.sample, DatagenEngine.error = Sample(samples, setup.token_budget, equal, hints), None
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = setup.resolution
     for camera in setup.cameras:

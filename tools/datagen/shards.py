@@ -18,7 +18,7 @@ from renderformer_v2.model.color import half
 from renderformer_v2.model.scene import TILE_SIZE, Guides, RenderScene, View, Volumes
 
 STORED_TILE = 8
-HINT_SAMPLES = 8  # of first hits and traced light, as F12's default
+HINT_SAMPLES = 8  # of first hits and traced light, as F12 has in large pictures
 
 
 def save_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
@@ -46,10 +46,10 @@ def sample_paths(folder: Path) -> list[Path]:
 
 
 def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[Guides],
-                passes: list[dict[str, np.ndarray]], tile_size: int = STORED_TILE) -> None:
+                passes: list[dict[str, np.ndarray]], tile_size: int = STORED_TILE, hints: int = HINT_SAMPLES) -> None:
     """Store a scene and, per view of equal size, its camera, guides and reference passes {name: (H, W, C)}.
 
-    tile_size: texels of a tile's side, a divisor of TILE_SIZE.
+    tile_size: texels of a tile's side, a divisor of TILE_SIZE. hints: samples that the guides are made of.
     """
     arrays = {f"scene.{f.name}": getattr(scene, f.name) for f in fields(RenderScene)
               if isinstance(getattr(scene, f.name), np.ndarray)}
@@ -67,6 +67,7 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
         # What one view of several has nothing of is black there.
         nothing = np.zeros_like(next(g.arrays()[name] for g in guides if name in g.arrays()))
         arrays[f"guides.{name}"] = np.stack([_packed_guide(name, g.arrays().get(name, nothing)) for g in guides])
+    arrays["hint_samples"] = np.int32(hints)
     for name in passes[0]:
         arrays[f"passes.{name}"] = np.stack([half(p[name]) for p in passes])
     save_arrays(path, arrays)
@@ -110,6 +111,12 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
         for name in ("emission", "environment"):
             p.setdefault(name, getattr(g, name))
     return result, views, guides, passes
+
+
+def hint_samples(path: Path) -> int:
+    """How many samples the guides of a sample are made of; older files do not say."""
+    with np.load(path) as file:
+        return int(file["hint_samples"]) if "hint_samples" in file.files else HINT_SAMPLES
 
 
 def _packed_tiles(scene: RenderScene, size: int) -> dict[str, np.ndarray]:

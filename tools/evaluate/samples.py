@@ -15,7 +15,7 @@ from renderformer_v2.model.guided.guided_inputs import guided_view
 from renderformer_v2.model.guided.pipeline import GuidedContext
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
-from tools.datagen.shards import HINT_SAMPLES, load_sample
+from tools.datagen.shards import hint_samples, load_sample
 
 from .scores import Evaluation, scores
 
@@ -26,7 +26,8 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
     begin = time.perf_counter()
     encoded = renderer.encode(scene)
     seen = list(zip(views, guides, strict=True))
-    ours = [_picture(encoded, view, guide) for view, guide in seen]
+    hints = hint_samples(path)
+    ours = [_picture(encoded, view, guide, hints) for view, guide in seen]
     seconds = time.perf_counter() - begin
     beside = {}
     if isinstance(encoded.encoded, GuidedContext) and guides[0].traced is not None:
@@ -42,7 +43,7 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
 
     beside = {name: shown(surfaces) for name, surfaces in beside.items()}
     if "priors_alone" in beside:
-        beside["network_alone"] = [_picture(encoded, view, guide) for view, guide in untraced]
+        beside["network_alone"] = [_picture(encoded, view, guide, hints) for view, guide in untraced]
     references = [p["combined"][..., :3] + p["environment"] for p in passes]
     found = scores(ours, references, triangles=len(scene), seconds=seconds)
     found["beside"] = {name: scores(shown, references) for name, shown in beside.items()}
@@ -51,13 +52,13 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
     return Evaluation(found, [dict(zip(columns, row)) for row in zip(*columns.values())])
 
 
-def _picture(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
-    """(H, W, 3) on an opaque film."""
+def _picture(encoded: EncodedScene, view: View, guides: Guides, hints: int) -> np.ndarray:
+    """(H, W, 3) on an opaque film; hints: samples that the guides are made of."""
     if not isinstance(encoded.encoded, GuidedContext):
         return encoded.view(view, guides) + guides.emission + guides.environment
     lobes = encoded.lobes(view, guides, apart=False)
     whole = {"whole": lobes.radiance + guides.emission + guides.environment}
-    return encoded.antialiased(whole, lobes, guides, HINT_SAMPLES)["whole"]
+    return encoded.antialiased(whole, lobes, guides, hints)["whole"]
 
 
 def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:

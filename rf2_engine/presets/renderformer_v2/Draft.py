@@ -6,4 +6,5 @@ settings.token_budget = 1024
 settings.max_edge = 0.4
 settings.light = "TRACED"
 settings.guide_samples = 2
+settings.more_when_small = True
 settings.precision = "auto"

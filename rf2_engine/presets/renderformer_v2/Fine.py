@@ -6,4 +6,5 @@ settings.token_budget = 16384
 settings.max_edge = 0.1
 settings.light = "TRACED"
 settings.guide_samples = 64
+settings.more_when_small = True
 settings.precision = "auto"

@@ -6,4 +6,5 @@ settings.token_budget = 4096
 settings.max_edge = 0.2
 settings.light = "TRACED"
 settings.guide_samples = 8
+settings.more_when_small = True
 settings.precision = "auto"
