@@ -11,7 +11,7 @@ from torch import Tensor
 from .likeness import alike, alike_around, around, nearness
 
 GRID = 2          # pixels between two probes, which stand in the middle of their cells
-FINE = 1, 256     # the same in pictures smaller than so many pixels
+FINE = 1, 256     # the same in pictures of up to so many pixels
 TRUSTED = 0.5     # what probes around must say about a pixel for it to need none of its own
 LEAST = 1e-5      # weight that keeps the sum above zero
 NOISY, NOISELESS = (1, 2), ()  # probes between those of which a probe takes the mean, 5x5 at a time
@@ -22,8 +22,8 @@ Way = list[tuple[Tensor, Tensor, Tensor]]  # rows and columns of the probes arou
 
 def grid_of(picture_size: int) -> int:
     """Pixels between two probes of a picture with this longer side."""
-    grid, below = FINE
-    return grid if picture_size < below else GRID
+    grid, most = FINE
+    return grid if picture_size <= most else GRID
 
 
 class Probes:
