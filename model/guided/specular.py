@@ -15,7 +15,8 @@ from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderSc
 
 SURFACES = 6       # a path passes at most
 SMOOTH = 0.5       # roughness up to which a metal is a mirror
-PURE = 0.5         # metallic or transmission from which a surface is a mirror or glass
+PURE = 0.5         # metallic from which a surface is a mirror
+CLEAR = 0.75       # transmission from which one is glass and shows no matte surface of its own
 LIFTED = 1e-4      # of the longest way so far, that a ray starts off the surface it leaves
 SHARP, BLURRED = 0.15, 0.35  # roughness up to which what is seen is an image, and from which it is a mean of all around
 
@@ -58,7 +59,7 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
         point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
-        glass = (transmission > PURE) & (metallic <= PURE)
+        glass = (transmission > CLEAR) & (metallic <= PURE)
         passed = share * np.where(glass[:, None], tint_of_glass(base), base)
         ends.position[path], ends.normal[path] = point, normal
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte

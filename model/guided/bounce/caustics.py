@@ -18,7 +18,7 @@ from .surroundings import Interior
 
 SPACINGS = 0.016, 0.032, 0.064  # network units between the nodes of grids
 ENOUGH = 120.0  # photons on the area of a node from which on a grid twice as fine is trusted
-DEPTH = 4       # spacings that a layer of nodes is thick
+THIN, THICKER = 4e-3, 0.25  # network units that a layer of nodes is thick, and how much of the spacing more
 ALONG = 0.4     # component of a normal from which on its surface is in the grids across that axis
 BITS = 20, 16   # of a node's place along either side of its layer, and of the layer
 
@@ -72,23 +72,18 @@ def caustics(scene: RenderScene, prior: LightPrior, interior: Interior, area: Te
     glass = np.flatnonzero(bends_light(scene) & ~scene.is_light)
     if not len(glass) or not len(prior.radiance):
         return Caustics(nothing, nothing, nothing), found[:-1]
-    landed = photons(scene, prior, glass, interior.surfaces.rays, count)
-    on = landed.triangle < len(interior.corners)  # behind these are lamps
-    position, direction, flux, triangle = (torch.from_numpy(x[on]).to(area.device) for x in landed)
+    landed = photons(scene, prior, glass, interior.corners.cpu().numpy(), interior.surfaces.rays, count)
+    position, direction, normal, flux, triangle = (torch.from_numpy(x).to(area.device) for x in landed)
     found.index_add_(0, interior.met(triangle, direction), flux)
-    a, b, c = interior.corners[triangle].unbind(1)
-    normal = F.normalize(torch.linalg.cross(b - a, c - a), dim=-1)
-    facing = torch.where((normal * direction).sum(-1, keepdim=True) > 0, -normal, normal)
-    return Caustics(position, facing, flux), found[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None])
+    return Caustics(position, normal, flux), found[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None])
 
 
 def _grid(position: Tensor, normal: Tensor, light: Tensor, spacing: float) -> _Grid:
     """Of photons (N, 3) with `light` (N, 4), each in the layers across every axis that its surface is rather across."""
     nodes, parts = [], []
-    for axis in torch.eye(3, device=normal.device):
-        along = normal @ axis
-        of = along.abs() > ALONG
-        node, weight = _nodes(position[of], along[of].sign()[:, None] * axis, spacing, layers=1)
+    for axis in range(3):
+        of = (normal[:, axis].abs() > ALONG).nonzero()[:, 0]
+        node, weight = _nodes(position[of], normal[of], torch.full_like(of, axis), spacing, layers=1)
         nodes.append(node.flatten())
         parts.append((weight[..., None] * light[of, None]).flatten(0, 1))
     node, row = (x.to(light.device) for x in torch.cat(nodes).cpu().unique(return_inverse=True))  # wrong on Macs' GPUs
@@ -97,33 +92,36 @@ def _grid(position: Tensor, normal: Tensor, light: Tensor, spacing: float) -> _G
 
 def _seen(grid: _Grid, position: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
     """Radiance (P, 3) at points with unit normals (P, 3), and number of photons (P,) on the area of a node."""
-    axis = F.one_hot(normal.abs().argmax(-1), 3).to(normal)
-    cosine = (normal * axis).sum(-1, keepdim=True)
-    node, weight = _nodes(position, cosine.sign() * axis, grid.spacing, layers=2)
+    axis = normal.abs().argmax(-1)
+    node, weight = _nodes(position, normal, axis, grid.spacing, layers=2)
     row = torch.searchsorted(grid.node, node).clamp(max=len(grid.node) - 1)
     row = torch.where(grid.node[row] == node, row, len(grid.node))
     found = (grid.light[row] * weight[..., None]).sum(1)
-    return found[:, :3] * cosine.abs() / (math.pi * grid.spacing**2), found[:, 3]
+    cosine = normal.abs().gather(1, axis[:, None])
+    return found[:, :3] * cosine / (math.pi * grid.spacing**2), found[:, 3]
 
 
-def _nodes(position: Tensor, side: Tensor, spacing: float, layers: int) -> tuple[Tensor, Tensor]:
+def _nodes(position: Tensor, normal: Tensor, axis: Tensor, spacing: float, layers: int) -> tuple[Tensor, Tensor]:
     """Nodes (P, 4 layers) around points (P, 3), as numbers (i64), and their weights, 1 in all of each layer.
 
-    side: (P, 3), a unit vector along the axis that layers are across, either way. They are of that which the point is
-    in, and if two, of the one nearest to it: a surface, which is never steep, leaves these no sooner than nodes.
+    Nodes of layers across an axis (P,) are where the plane of a point, by its unit normal (P, 3), passes them: in that
+    layer, and if `layers` are two, in the nearest other one.
     """
-    axis = side.abs().argmax(-1)
-    turned = position.gather(1, (axis[:, None] + torch.arange(3, device=axis.device)) % 3) / spacing
-    depth, plane = turned[:, :1] / DEPTH, turned[:, 1:]
-    layer, low = depth.floor(), plane.floor()
-    if layers == 2:
-        layer = torch.cat([layer, layer + torch.where(depth - layer < 0.5, -1.0, 1.0)], 1)
-    corner, share = position.new_tensor([[0, 0], [0, 1], [1, 0], [1, 1]]), (plane - low)[:, None]
+    turned = (axis[:, None] + torch.arange(3, device=axis.device)) % 3
+    along, slope = normal.gather(1, turned).split([1, 2], 1)
+    height, plane = position.gather(1, turned).split([1, 2], 1)
+    corner, low = position.new_tensor([[0, 0], [0, 1], [1, 0], [1, 1]]), (plane / spacing).floor()
+    share, place = (plane / spacing - low)[:, None], low[:, None] + corner
     weight = torch.where(corner > 0, share, 1 - share).prod(-1)
-    (x, y), z = _whole(low[:, None] + corner, BITS[0]).unbind(-1), _whole(layer, BITS[1])
-    kind = 2 * axis + (side.sum(-1) > 0)
-    in_layer = kind[:, None] + 6 * ((x << BITS[0]) + y)
-    return (in_layer[:, None] + (6 * z[..., None] << 2 * BITS[0])).flatten(1), weight.repeat(1, layers)
+    away = place * spacing - plane[:, None]
+    height = (height - (away * slope[:, None]).sum(-1) / along) / (THIN + THICKER * spacing)
+    layer = height.floor()[..., None]
+    if layers == 2:
+        layer = torch.cat([layer, layer + torch.where(height[..., None] - layer < 0.5, -1.0, 1.0)], -1)
+    (x, y), z = _whole(place, BITS[0]).unbind(-1), _whole(layer, BITS[1])
+    kind = 2 * axis[:, None] + (along > 0)
+    in_layer = kind + 6 * ((x << BITS[0]) + y)
+    return (in_layer[..., None] + (6 * z << 2 * BITS[0])).flatten(1), weight.repeat_interleave(layers, 1)
 
 
 def _whole(place: Tensor, bits: int) -> Tensor:

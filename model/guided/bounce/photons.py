@@ -18,7 +18,7 @@ from ...rays import Rays
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ..prior.light_prior import BEFORE, LightPrior
 from ..sampling import R2, triangle_weights
-from ..specular import LIFTED, facing, reflected, refracted, surface
+from ..specular import CLEAR, LIFTED, facing, reflected, refracted, surface
 
 SURFACES = 8      # of glass that a photon passes at most
 BLURRED = 0.45    # GGX alpha of glass at least: what Filter Glossy 1 makes of it in the mean behind a diffuse bounce
@@ -30,28 +30,36 @@ class Photons(NamedTuple):
 
     position: np.ndarray   # (N, 3) f32
     direction: np.ndarray  # (N, 3) f32, unit, in which they came
+    normal: np.ndarray     # (N, 3) f32, unit, of the side that they are on
     flux: np.ndarray       # (N, 3) f32
-    triangle: np.ndarray   # (N,) i32, of the solid ones
+    triangle: np.ndarray   # (N,) i32, of the solid ones; -1 on glass, which may be matte too
 
 
-def photons(scene: RenderScene, prior: LightPrior, glass: np.ndarray, solid: Rays, count: int) -> Photons:
-    """Those of `count` that lamps send at the triangles `glass` (T,) of a normalised scene, which end on others.
+def photons(scene: RenderScene, prior: LightPrior, glass: np.ndarray, solid: np.ndarray, walls: Rays,
+            count: int) -> Photons:
+    """Those of `count` that lamps send at the triangles `glass` (T,) of a normalised scene, where they have been bent.
 
-    solid: rays against all that is no glass.
+    solid: (S, 3, 3) corners of all that is no glass, walls: rays against these first, then against what ends photons.
     """
     chance = np.random.default_rng(0).random((count, SURFACES + 1, 3), np.float32)  # each photon has its own
     panes, found = Rays(scene.triangles[glass]), []
     number, row, at, ray, light = _sent(scene.triangles[glass], prior, panes, chance[:, 0, :2])
-    row = glass[row]
+    row, milky = glass[row], (scene.tiles[:, TRANSMISSION].mean(axis=(1, 2)) <= CLEAR)[scene.tile_index]
     for k in range(1, SURFACES + 1):
+        if k > 1:
+            stay = milky[row]
+            found.append(Photons(at[stay], ray[stay], _facing(scene.triangles[row[stay]], ray[stay]), light[stay],
+                                 np.full(stay.sum(), -1, np.int32)))
         ray, tint = _bent(scene, row, at, ray, chance[number, k])
         light = light * tint
         at = at + LIFTED * ray
-        pane, wall = panes.closest(at, ray), solid.closest(at, ray)
-        ends = (wall.distance < pane.distance) & light.any(1)
-        found.append(Photons(at[ends] + wall.distance[ends, None] * ray[ends], ray[ends], light[ends],
-                             wall.triangle[ends]))
-        on = (pane.triangle >= 0) & ~ends & light.any(1)
+        pane, wall = panes.closest(at, ray), walls.closest(at, ray)
+        nearer = wall.distance < pane.distance
+        ends = nearer & (wall.triangle < len(solid)) & light.any(1)
+        met = wall.triangle[ends]
+        found.append(Photons(at[ends] + wall.distance[ends, None] * ray[ends], ray[ends],
+                             _facing(solid[met], ray[ends]), light[ends], met))
+        on = (pane.triangle >= 0) & ~nearer & light.any(1)
         number, ray, light, row = number[on], ray[on], light[on], glass[pane.triangle[on]]
         at = at[on] + pane.distance[on, None] * ray
     return Photons(*map(np.concatenate, zip(*found, strict=True)))
@@ -95,8 +103,13 @@ def _bent(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
     facet = visible_facets(normal, ray, alpha, chance[:, :2])
     mirrors = chance[:, 2] < fresnel(-dot(ray, facet), np.where(inside, 1 / ior, ior))
     away = unit(np.where(mirrors[:, None], reflected(ray, facet), refracted(ray, facet, ior, inside)))
-    before = facing(unit(area_vectors(scene.triangles[row])), ray)
-    passes = unmasked(dot(ray, normal), dot(away, normal), alpha) * ((dot(away, before) > 0) == mirrors)
+    before = dot(away, _facing(scene.triangles[row], ray)) > 0
+    passes = unmasked(dot(ray, normal), dot(away, normal), alpha) * (before == mirrors)
     through = texel[:, TRANSMISSION] * (1 - texel[:, METALLIC])
     tint = np.where(mirrors[:, None], 1, through[:, None] * tint_of_glass(texel[:, BASE_COLOR]))
     return away, (passes[:, None] * tint).astype(np.float32)
+
+
+def _facing(corners: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """(N, 3) unit normals of triangles (N, 3, 3), of the side that rays (N, 3) meet."""
+    return facing(unit(area_vectors(corners)), ray)

@@ -81,6 +81,22 @@ def test_a_pane_shifts_a_path_by_its_thickness(slope, ior):
     np.testing.assert_allclose(found.color, [RED], atol=1e-3)
 
 
+def test_each_surface_of_glass_tints_by_the_root_of_its_colour_as_cycles_principled_bsdf_does():
+    glass = constant_tile((0.81, 0.25, 0.04), roughness=0.0, ior=1.5, transmission=1.0)
+    white = constant_tile((1, 1, 1))
+    once, twice = (ends(walls(*[(x, -1, glass) for x in panes], (4, -1, white))) for panes in ((1,), (1, 2)))
+    np.testing.assert_allclose(once.color, [(0.9, 0.5, 0.2)], atol=1e-3)
+    np.testing.assert_allclose(twice.color, [(0.81, 0.25, 0.04)], atol=1e-3)
+
+
+def test_a_path_ends_at_milky_glass_and_not_at_clear_glass():
+    for transmission, end, color in (0.6, 1, 0.4), (0.9, 4, 1.0):
+        glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.2, transmission=transmission)
+        found = ends(walls((1, -1, glass), (4, -1, constant_tile((1, 1, 1)))))
+        np.testing.assert_allclose(found.position, [(end, 0, 0)], atol=1e-5)
+        np.testing.assert_allclose(found.color, [(color,) * 3], atol=1e-3)
+
+
 @pytest.mark.parametrize("scene", [walls((-1, 1, constant_tile(RED))), walls((2, -1, constant_tile(RED)), shines=True),
                                    walls((2, -1, constant_tile(GOLD, metallic=1.0, roughness=0.0)))])
 def test_sky_lamps_and_endless_mirrors_leave_no_colour(scene):

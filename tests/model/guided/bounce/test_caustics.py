@@ -120,3 +120,21 @@ def test_half_the_photons_give_the_same_light(monkeypatch):
         monkeypatch.setattr("renderformer_v2.model.guided.bounce.radiosity.PHOTONS", count)
         found.append(light_on_floor(scene))
     torch.testing.assert_close(*found, rtol=0.1, atol=0)
+
+
+def test_light_stays_on_a_surface_beside_which_another_is_dark():
+    """Of a table just above a floor, photons light the top, and not what is below."""
+    at = torch.cat([torch.rand(20000, 2, generator=torch.Generator().manual_seed(0)) - 0.5, torch.zeros(20000, 1)], 1)
+    lit = Caustics(at, UP.expand(20000, 3), torch.full((20000, 3), 1 / 20000))
+    middle = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, -0.04], [0.0, 0.0, 0.04]])
+    found = lit(middle, UP.expand(3, 3))[:, 0]
+    assert found[0].item() == pytest.approx(1 / np.pi, rel=0.2) and found[1:].abs().max() == 0
+
+
+def test_milky_glass_is_lit_from_within_and_clear_glass_is_not():
+    """On the inner side of a ball's far wall, where a lamp's light arrives through the near one."""
+    for transmission, lit in (0.6, True), (0.9, False):
+        scene = floor_scene().appended(of_glass(pane(0.3, 0.2, half=0.3), transmission=transmission))
+        bounce = Radiosity(scene, LightPrior(scene))
+        found = bounce.caustics(torch.tensor([[0.05, 0.03, 0.2]]), UP)
+        assert (found.min() > 0) == lit
