@@ -38,21 +38,26 @@ def blur(roughness):
     return x * x * (3 - 2 * x)
 
 
-def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray) -> Ends:
+def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
+           solid: Cast | None = None) -> Ends:
     """Paths from world points (P, 3) along unit directions (P, 3), none of which starts at a lamp.
 
     eye: (3,) or (P, 3), where what is seen at these points is seen from.
     cast(origins, directions), such as `Rays.closest`, gives the nearest triangle (S,) i32, -1 if none, its distance
-    (S,), and whatever else.
+    (S,), and whatever else. solid: the same of those that are no glass, by which paths end at what glass touches.
     """
     ends = Ends(*(np.zeros((len(origin), 3), np.float32) for _ in range(3)))
     path, share = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
     reach = np.linalg.norm(origin - eye, axis=1)  # the longest way so far: precision depends on it
-    origin = origin + LIFTED * reach[:, None] * direction
+    before, origin = origin - LIFTED * (origin - eye), origin + LIFTED * reach[:, None] * direction
     for _ in range(SURFACES):
         if not len(path):
             break
         triangle, distance = cast(origin, direction)[:2]
+        if solid is not None:
+            other, way = solid(before, direction)[:2]
+            touches = (other >= 0) & (way < 3 * LIFTED * reach)
+            triangle, distance = np.where(touches, other, triangle), np.where(touches, 0, distance)
         hit = (triangle >= 0) & ~scene.is_light[triangle]
         path, share, origin, direction, triangle, distance, reach = (
             x[hit] for x in (path, share, origin, direction, triangle, distance, reach))
@@ -65,10 +70,12 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
         goes_on = glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
         ends.color[path] = passed * np.where(goes_on, 0, matte)[:, None]
+        before = point - LIFTED * reach[:, None] * direction
         direction = np.where(glass[:, None], refracted(direction, normal, texel[:, IOR], inside),
                              reflected(direction, normal))
         origin = point + LIFTED * reach[:, None] * direction
-        path, share, origin, direction, reach = (x[goes_on] for x in (path, passed, origin, direction, reach))
+        path, share, before, origin, direction, reach = (
+            x[goes_on] for x in (path, passed, before, origin, direction, reach))
     return ends
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from ...model.camera import view_rays_at
 from ...model.geometry import corner_weights
-from ...model.guided.specular import Ends, facing, follow, reflected, refracted, surface
+from ...model.guided.prior.blocking import bends_light
+from ...model.guided.specular import Cast, Ends, facing, follow, reflected, refracted, surface
 from ...model.progress import part
 from ...model.rays import Rays
 from ...model.scene import IOR, Guides, RenderScene, View
@@ -31,6 +32,7 @@ def with_ends(guides: Guides, scene: RenderScene, view: View, rays: Rays | None 
     shown = {name: (color.max(-1) > LEAST_COLOR[name]) & (guides.hit_triangle >= 0) for name, color in colors.items()}
     if rays is None and any(pixels.any() for pixels in shown.values()):
         rays = Rays(scene.triangles)
+    solid = _solid(scene) if rays is not None else None
     found = {}
     for name, pixels in shown.items():
         if not pixels.any():
@@ -39,7 +41,7 @@ def with_ends(guides: Guides, scene: RenderScene, view: View, rays: Rays | None 
         rows, columns = (step * index for index in np.nonzero(pixels[::step, ::step]))
 
         def ends(rows: np.ndarray, columns: np.ndarray, name: str = name) -> Ends:
-            return follow(scene, rays.closest, *_leaving(name, guides, scene, view, rows, columns))
+            return follow(scene, rays.closest, *_leaving(name, guides, scene, view, rows, columns), solid)
 
         places = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
         with part(0.0, 1.0, "Tracing mirrors and glass"):
@@ -51,6 +53,19 @@ def with_ends(guides: Guides, scene: RenderScene, view: View, rays: Rays | None 
             filled = array[::step, ::step].repeat(step, 0).repeat(step, 1)[:pixels.shape[0], :pixels.shape[1]]
             found[f"{name}_{kind}"] = np.where(pixels[..., None], filled, 0)
     return replace(guides, **found)
+
+
+def _solid(scene: RenderScene) -> Cast | None:
+    """A cast for the scene's triangles that are no glass; None where there is none of it."""
+    glass = bends_light(scene)
+    if not glass.any():
+        return None
+    row, rays = np.append(np.flatnonzero(~glass), -1), Rays(scene.triangles[~glass])
+
+    def cast(origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        met = rays.closest(origin, direction)
+        return row[met.triangle], met.distance
+    return cast
 
 
 def hit_points(scene: RenderScene, guides: Guides, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:

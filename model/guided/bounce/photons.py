@@ -50,14 +50,15 @@ def photons(scene: RenderScene, prior: LightPrior, glass: np.ndarray, solid: np.
             stay = milky[row]
             found.append(Photons(at[stay], ray[stay], _facing(scene.triangles[row[stay]], ray[stay]), light[stay],
                                  np.full(stay.sum(), -1, np.int32)))
+        before = at - LIFTED * ray  # from here a photon meets what touches the glass
         ray, tint = _bent(scene, row, at, ray, chance[number, k])
         light = light * tint
         at = at + LIFTED * ray
-        pane, wall = panes.closest(at, ray), walls.closest(at, ray)
+        pane, wall = panes.closest(at, ray), walls.closest(before, ray)
         nearer = wall.distance < pane.distance
         ends = nearer & (wall.triangle < len(solid)) & light.any(1)
         met = wall.triangle[ends]
-        found.append(Photons(at[ends] + wall.distance[ends, None] * ray[ends], ray[ends],
+        found.append(Photons(before[ends] + wall.distance[ends, None] * ray[ends], ray[ends],
                              _facing(solid[met], ray[ends]), light[ends], met))
         on = (pane.triangle >= 0) & ~nearer & light.any(1)
         number, ray, light, row = number[on], ray[on], light[on], glass[pane.triangle[on]]

@@ -122,3 +122,18 @@ def test_a_path_is_not_held_by_a_surface_that_it_meets_where_it_starts():
     glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
     found = ends(walls((1e-5, -1, glass), (1, 1, glass), (4, -1, constant_tile(RED))), error=1e-5)
     np.testing.assert_allclose(found.color, [RED], atol=1e-3)
+
+
+def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_meet():
+    glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
+    scene = walls((1, -1, glass), (3, 1, glass), (3, -1, constant_tile(RED)), (5, -1, constant_tile(GOLD)))
+    cast, start, ray = along_x(scene), np.zeros((1, 3)), np.float64([(1, 0, 0)])
+    solid = walls((3 + 1e-5, -1, constant_tile(RED)), (5, -1, constant_tile(GOLD)))
+    beyond = along_x(solid)
+
+    def of_solid(origins, rays):
+        triangle, distance = beyond(origins, rays)
+        return np.where(triangle >= 0, triangle + 4, -1), distance
+    without, found = (follow(scene, cast, start, ray, np.float32((-5, 0, 0)), each) for each in (None, of_solid))
+    np.testing.assert_allclose(without.color, [GOLD], atol=1e-3)
+    np.testing.assert_allclose(found.color, [RED], atol=1e-3)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Light of lamps that glass bends."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -138,3 +140,18 @@ def test_milky_glass_is_lit_from_within_and_clear_glass_is_not():
         bounce = Radiosity(scene, LightPrior(scene))
         found = bounce.caustics(torch.tensor([[0.05, 0.03, 0.2]]), UP)
         assert (found.min() > 0) == lit
+
+
+def test_glass_alone_sends_its_light_nowhere():
+    glass = of_glass(pane(0.0, 0.2, half=0.3))
+    lamp = floor_scene()
+    lamp = replace(lamp, **{name: getattr(lamp, name)[lamp.is_light] for name in
+                            ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")})
+    assert light_on_floor(lamp.appended(glass)).abs().max() == 0
+
+
+def test_a_floor_that_glass_touches_gets_all_that_passes():
+    floor, found = floor_scene(), []
+    for height in 0.05, 0.051:
+        found.append(light_on_floor(floor.appended(of_glass(pane(height, 0.1)))))
+    torch.testing.assert_close(*found, rtol=0.1, atol=0)
