@@ -156,7 +156,6 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     with part(0.0, 0.3):
         bounced, *others = probes.gathered(partial(radiosity, effort=effort, alone=not direct),
                                            spreads=noisy).split(3, dim=-1)
-        bounced = bounced + radiosity.caustics.of_picture(position, normal, alpha > 0)
     with part(0.3, 0.4):
         glossily = probes.gathered(
             lambda x, n, number, v, r: radiosity.glossy(x, n, v, r[:, 0], number, effort, again=not direct),
@@ -165,10 +164,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     with part(0.4, 0.5):
         behind = probes.gathered(lambda x, n, number: leaving(x, -n, number), spreads=noisy,
                                  where=tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
-
-    def seen(*ends: Tensor) -> Tensor:
-        return probes_of(*ends).gathered(leaving, spreads=noisy) + radiosity.caustics.of_picture(*ends)
-
+    seen = lambda *ends: probes_of(*ends).gathered(leaving, spreads=noisy)  # noqa: E731
     with part(0.5, 0.6):
         mirrored_light, ends = _seen_light(seen, guides, "reflected", tensor)
         reflected = torch.lerp(around, mirrored_light, (1 - blur(roughness)[..., None]) * ends)

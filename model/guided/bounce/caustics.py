@@ -55,12 +55,6 @@ class Caustics:
             found[near] = torch.lerp(found[near], light, trust)
         return found
 
-    def of_picture(self, position: Tensor, normal: Tensor, where: Tensor) -> Tensor:
-        """The same (h, w, 3) of a picture's points and normals (h, w, 3); 0 but `where` (h, w, 1) bool."""
-        found, at = torch.zeros_like(position), where[..., 0]
-        found[at] = self(position[at], normal[at])
-        return found
-
 
 def caustics(scene: RenderScene, prior: LightPrior, interior: Interior, area: Tensor,
              count: int) -> tuple[Caustics, Tensor]:

@@ -32,7 +32,7 @@ SKY_RAYS = 64     # from each side of a patch, that look for the sky
 RAYS = 24         # from a point
 AIMED = 12        # and so many more to what is bright
 GLOSSY_RAYS = 16  # from a point, towards what it reflects
-PHOTONS = 1 << 17  # from lamps to glass
+PHOTONS = 1 << 16  # from lamps to glass
 
 
 class Radiosity:
@@ -101,9 +101,10 @@ class Radiosity:
         start = in_a_row(number)
         around = self.interior.look(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
                                     effort.of_probe(AIMED), start)
+        through = around.through + self.caustics(position, normal)
         if alone:
-            return around.through + around.gathered(self.leaving[:, :3])
-        bounced = F.pad(around.through, (0, 3)) + around.gathered(self.leaving)
+            return through + around.gathered(self.leaving[:, :3])
+        bounced = F.pad(through, (0, 3)) + around.gathered(self.leaving)
         return torch.cat([bounced, around.sky_share(self.interior.environment)], dim=1)
 
     def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
