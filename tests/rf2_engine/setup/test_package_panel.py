@@ -9,7 +9,7 @@ from tests.rf2_engine.layout import Layout
 
 
 @pytest.fixture
-def missing(monkeypatch):
+def missing(scene, monkeypatch):  # with an empty scene, because a test before may have left the add-on disabled
     def lacks(*names):
         monkeypatch.setattr(packages, "missing", lambda group=packages.PACKAGES: list(names))
     return lacks

@@ -18,7 +18,7 @@ WITHOUT_EMBREE = ("linux", "aarch64")
 
 
 @pytest.fixture
-def on(monkeypatch):
+def on(scene, monkeypatch):  # with an empty scene, because a test before may have left the add-on disabled
     def become(system: str, machine: str, minor: int) -> None:
         monkeypatch.setattr(sys, "platform", system)
         monkeypatch.setattr(platform, "machine", lambda: machine)
