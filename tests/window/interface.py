@@ -48,7 +48,8 @@ def refused(found):
     yield is_rendering
     yield lambda: not is_rendering()
     found["refused"] = [looked_at.last[bpy.context.scene.name].lines, last_render.last_frame[0].error]
-    yield 2.0  # until its message is there
+    driver.move(*middle(region(area("VIEW_3D"))))  # its message may wait for something to happen
+    yield 5.0
     driver.shot("refused_render")
     driver.key(ESC)  # the message that Blender shows takes all keys
     yield 0.5
