@@ -30,9 +30,9 @@ def with_ends(guides: Guides, scene: RenderScene, view: View, rays: Rays | None 
     """
     colors = {"reflected": guides.glossy_color, "refracted": guides.transmission_color}
     shown = {name: (color.max(-1) > LEAST_COLOR[name]) & (guides.hit_triangle >= 0) for name, color in colors.items()}
-    if rays is None and any(pixels.any() for pixels in shown.values()):
-        rays = Rays(scene.triangles)
-    solid = _solid(scene) if rays is not None else None
+    if not any(pixels.any() for pixels in shown.values()):
+        return guides
+    rays, solid = rays or Rays(scene.triangles), _solid(scene)
     found = {}
     for name, pixels in shown.items():
         if not pixels.any():
