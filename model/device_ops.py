@@ -9,6 +9,7 @@ from torch import Tensor
 
 # By PyTorch's name of an operator, the release from which on the GPU can do it.
 SINCE = {
+    "_embedding_bag": None,      # of F.embedding_bag
     "grid_sampler_3d": (2, 13),  # of F.grid_sample; with the padding "border", which came after the operator
     "sort": None,                # of int64, which comes out wrong on some systems, without a word
 }

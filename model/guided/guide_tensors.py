@@ -85,7 +85,7 @@ def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPr
     light in `prior`: where light was traced, the picture shows that instead.
     """
     h, w = guides.alpha.shape
-    rows = _rows(w, patch)
+    rows, effort = _rows(w, patch), effort.of_picture(view.width * view.height)
     features = light = pictures = None
     bundles = []
     for begin in range(0, h, rows):

@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..sampling import R2, triangle_weights
+from .likeness import dot
 
 FAR = 1e6     # network units: no surface is farther off
 BRIGHT = 2.0  # times the mean of what is seen: what shines more is aimed at
@@ -46,9 +47,10 @@ class Beacons:
 
     def per_angle(self, triangle: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
         """(N,) density by solid angle with which what rays (N, 3) met is aimed at; 0 of what is no patch."""
-        triangle = triangle.clamp(max=len(self.origin))
-        cosine = (self.normal[triangle] * direction).sum(-1).abs().clamp_min(1e-6)
-        return self.density[triangle] * distance.clamp(max=FAR).square() / cosine
+        nothing = len(self.origin)
+        triangle = torch.where(triangle < 0, nothing, triangle.clamp(max=nothing))
+        cosine = dot(self.normal.index_select(0, triangle).T, direction.T).abs().clamp_min(1e-6)
+        return self.density.index_select(0, triangle) * distance.clamp(max=FAR).square() / cosine
 
 
 def worth_by_power(leaving: Tensor, size: Tensor) -> Tensor:

@@ -22,11 +22,16 @@ def alike(away: Tensor, there: Tensor, normal: Tensor, near: Tensor, close: floa
 
     All are (3, ..., h, w). near: (h, w), how far off their planes a place counts 1/e; close: how far at all.
     """
-    off = ((away * normal).sum(0) / near).square()
+    off = (dot(away, normal) / near).square_()
     if close is not None:
-        off += (away / close).square().sum(0)
-    facing = (there * normal).sum(0).clamp_min(0)
-    return (-off).exp() * facing.square().square().square()
+        off += dot(away, away) / close ** 2
+    facing = dot(there, normal).clamp_min_(0)
+    return facing.square_().square_().square_() * off.neg_().exp_()
+
+
+def dot(a: Tensor, b: Tensor) -> Tensor:
+    """(3, ...) each -> (...), without the products of a sum over the first axis, which take three times as long."""
+    return torch.addcmul(torch.addcmul(a[0] * b[0], a[1], b[1]), a[2], b[2])
 
 
 def nearness(x: Tensor, valid: Tensor) -> Tensor:
@@ -40,14 +45,20 @@ def nearness(x: Tensor, valid: Tensor) -> Tensor:
     return apart.clamp_min(NEAREST)
 
 
-def around(x: Tensor, spread: int) -> Tensor:
-    """(C, h, w) -> (C, 25, h, w): the 5x5 places that stand `spread` apart; 0 beyond the sides."""
-    return F.unfold(x[None], SIDE, dilation=spread, padding=SIDE // 2 * spread).view(len(x), SIDE ** 2, *x.shape[1:])
+def alike_around(x: Tensor, n: Tensor, near: Tensor, spread: int) -> tuple[Tensor, Tensor]:
+    """What 5x5 places `spread` apart say about each of h x w: their numbers, row by row, and weights (h w, 25).
 
-
-def alike_around(x: Tensor, n: Tensor, near: Tensor, spread: int) -> Tensor:
-    """(25, h, w) weights of what those places say; the edge-avoiding wavelets that denoise traced light (Dammertz et
-    al. 2010)."""
-    tent = x.new_tensor(TENT)
-    return (tent * tent[:, None]).view(-1, 1, 1) * alike(around(x, spread) - x[:, None], around(n, spread), n[:, None],
-                                                         near, CLOSE)
+    Weights are 0 beyond the sides; they are those of the edge-avoiding wavelets that denoise traced light (Dammertz et
+    al. 2010).
+    """
+    h, w = near.shape
+    reach = SIDE // 2 * spread
+    places, steps, weights = F.pad(torch.cat([x, n]), (reach,) * 4), [], []
+    for down, tall in enumerate(TENT):
+        for right, wide in enumerate(TENT):
+            top, left = spread * down, spread * right
+            there, normal = places[:, top:top + h, left:left + w].split(3)
+            weights.append(tall * wide * alike(there - x, normal, n, near, CLOSE))
+            steps.append((top - reach) * w + left - reach)
+    number = torch.arange(h * w, device=x.device)[:, None] + torch.tensor(steps, device=x.device)
+    return number.clamp(0, h * w - 1), torch.stack(weights).flatten(1).T.contiguous()

@@ -8,6 +8,7 @@ from torch import Tensor
 from ...progress import part
 from ..prior.environment_prior import BLUR, EnvironmentPrior
 from ..visibility import Visibility
+from .likeness import dot
 from .patches import Patches
 
 SURFACES = 2   # of glass that dim a ray
@@ -19,8 +20,11 @@ class Panes:
     """The triangles of glass of all patches."""
 
     def __init__(self, patches: Patches, environment: EnvironmentPrior | None, device: torch.device):
-        self.environment = environment
-        self.surfaces = Visibility(patches.corners[patches.glass].numpy())
+        self.environment, corners = environment, patches.corners[patches.glass].to(device)
+        self.surfaces = Visibility(corners.cpu().numpy())
+        every = corners.flatten(0, 1)
+        self.center = (every.amin(0) + every.amax(0)) / 2  # of a sphere around all glass
+        self.radius = (every - self.center).norm(dim=-1).max()
         self.tint = patches.tint[patches.glass].to(device)
 
     def through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -29,7 +33,9 @@ class Panes:
         And (M, 3) radiance of the sky that these find through it, and (M,) the share of light from farther away that it
         lets pass.
         """
-        rays, gone = None, 0.0
+        rays = self._towards(origin, direction, distance).nonzero()[:, 0]  # a GPU is waited for here
+        origin, direction, distance = (x[rays] for x in (origin, direction, distance))
+        place, gone = None, 0.0
         for surface in range(SURFACES):
             begin = gone + BEYOND
             with part(surface / SURFACES, (surface + 1) / SURFACES):
@@ -37,8 +43,9 @@ class Panes:
             gone = begin + way[:, None]
             met = ((pane >= 0) & (gone[:, 0] < distance)).nonzero()[:, 0]  # a GPU is waited for here
             pane, gone, origin, direction, distance = (x[met] for x in (pane, gone, origin, direction, distance))
-            if rays is None:
-                rays, place, along, to_sky = met, torch.arange(len(met), device=met.device), direction, distance.isinf()
+            if place is None:
+                place, along, to_sky = torch.arange(len(met), device=met.device), direction, distance.isinf()
+                rays = rays[met]
                 passed = torch.ones_like(along)
             else:
                 place = place[met]
@@ -48,3 +55,10 @@ class Panes:
             sky = self.environment.filtered(along, torch.full_like(along[:, 0], BLUR))
             light = passed * sky * to_sky[:, None]
         return rays, light, passed.mean(-1)
+
+    def _towards(self, origin: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
+        """(N,) bool: rays that meet the sphere around all glass, as few do where that is a ball in a room."""
+        away = self.center - origin
+        along = dot(away.T, direction.T)
+        aside2 = dot(away.T, away.T) - along.square()
+        return (aside2 <= self.radius ** 2) & (along >= -self.radius) & (along - self.radius < distance)

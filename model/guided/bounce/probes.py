@@ -7,17 +7,21 @@ from functools import cached_property
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
-from .likeness import alike, alike_around, around, nearness
+from ...threads import shared
+from .likeness import alike, alike_around, nearness
+from .weighted_rows import weighted_rows
 
 GRID = 2          # pixels between two probes, which stand in the middle of their cells
 FINE = 1, 256     # the same in pictures of up to so many pixels
 TRUSTED = 0.5     # what probes around must say about a pixel for it to need none of its own
 LEAST = 1e-5      # weight that keeps the sum above zero
+AT_ONCE = 8192    # probes: what their rays meet stays in a processor's cache
 NOISY, NOISELESS = (1, 2), ()  # probes between those of which a probe takes the mean, 5x5 at a time
 
 Light = Callable[..., Tensor]
-Way = list[tuple[Tensor, Tensor, Tensor]]  # rows and columns of the probes around pixels, and weights (h, w) of these
+Way = tuple[Tensor, Tensor]  # numbers of probes around places, row by row, and their weights, (P, K) both
 
 
 def grid_of(picture_size: int) -> int:
@@ -55,22 +59,21 @@ class Probes:
         as much counts 1/e, from the second on.
         """
         where = self.picture[2] if where is None else where
-        valid = self.of(where)[..., 0]
+        valid = self.of(where).flatten()
         at, lit = self._lit(light, valid, known)
-        found = lit.new_zeros(lit.shape[1], *valid.shape)
-        if not len(lit):
-            return found.new_zeros(*where.shape[:2], len(found))
-        found[:, *at] = lit.T
+        if not (len(lit) or where.any()):
+            return lit.new_zeros(*where.shape[:2], lit.shape[1])
+        found = _known(lit.new_zeros(len(valid), lit.shape[1]), at, lit, valid)
         for i, spread in enumerate(spreads):
-            found = self._mean_around(found, valid, spread, tolerance if i else None)
+            found = self._mean_around(found, spread, tolerance if i else None)
         probes = self
         while probes.grid > self.finest:
-            found, trust = probes._interpolated(found, valid, probes._to_closer)
+            found, trust = _interpolated(found, probes._to_closer)
             probes = probes.closer
-            valid = probes.of(where)[..., 0]
+            valid = probes.of(where).flatten()
             at, lit = probes._lit(light, valid & (trust < TRUSTED), known)
-            found[:, *at] = lit.T
-        return probes._interpolated(found, valid, probes._to_pixels)[0].permute(1, 2, 0) * where
+            found = _known(found, at, lit, valid)
+        return _interpolated(found, probes._to_pixels)[0].view(*where.shape[:2], -1) * where
 
     @cached_property
     def closer(self) -> Probes:
@@ -81,11 +84,13 @@ class Probes:
         """(h, w, C) at all pixels -> at the probes."""
         return picture.index_select(0, self.rows).index_select(1, self.columns)
 
-    def _lit(self, light: Light, valid: Tensor, known: tuple[Tensor, ...]) -> tuple[tuple[Tensor, Tensor], Tensor]:
-        """Rows and columns (P,) of all valid probes, and (P, C) light there."""
-        at = valid.nonzero().unbind(1)  # a GPU is waited for here
-        position, normal, *known = (each[at] for each in (*self.places, *map(self.of, known)))
-        return at, light(position, normal, self.number[at], *known)
+    def _lit(self, light: Light, valid: Tensor, known: tuple[Tensor, ...]) -> tuple[Tensor, Tensor]:
+        """Numbers (P,) of all valid probes (rows columns,), and (P, C) light there."""
+        at = valid.nonzero()[:, 0]  # a GPU is waited for here
+        known = (*self.places, *map(self.of, known))
+        position, normal, *known = (each.flatten(0, 1).index_select(0, at) for each in known)
+        given = position, normal, self.number.flatten()[at], *known
+        return at, torch.cat(shared(light, *(each.split(AT_ONCE) for each in given)))
 
     @cached_property
     def _to_closer(self) -> Way:
@@ -98,47 +103,45 @@ class Probes:
         return self._way(*pixels, _planes(position), _planes(normal))
 
     def _way(self, rows: Tensor, columns: Tensor, position: Tensor, normal: Tensor) -> Way:
-        """To pixels in such `rows` (h,) and `columns` (w,), with positions and normals (3, h, w)."""
-        found = []
+        """To pixels in such `rows` (h,) and `columns` (w,), with positions and normals (3, h, w): (h w, 4)."""
+        there, numbers, weights = torch.cat([self.x, self.n, self.near[None]]).flatten(1), [], []
         for down in (0, 1):
             for right in (0, 1):
                 i, y = _neighbour(rows, len(self.rows), self.grid, down)
                 j, z = _neighbour(columns, len(self.columns), self.grid, right)
-                x, n, near = (_selected(each, i, j) for each in (self.x, self.n, self.near))
-                found.append((i, j, y[:, None] * z * (alike(x - position, n, normal, near) + LEAST)))
-        return found
+                number = (len(self.columns) * i[:, None] + j).flatten()
+                x, n, near = there.index_select(1, number).unflatten(1, normal.shape[1:]).split([3, 3, 1])
+                numbers.append(number)
+                weights.append((y[:, None] * z * (alike(x - position, n, normal, near[0]) + LEAST)).flatten())
+        return torch.stack(numbers, -1), torch.stack(weights, -1)
 
-    def _interpolated(self, found: Tensor, valid: Tensor, way: Way) -> tuple[Tensor, Tensor]:
-        """(C, h, w) at all pixels of a way of what was `found` at the probes, (C, rows, columns).
-
-        And (h, w), how much the valid probes say about them, 1 at most.
-        """
-        valid = valid.to(found.dtype)
-        total = weights = 0.0
-        for i, j, weight in way:
-            weight = weight * _selected(valid, i, j)
-            total, weights = total + weight * _selected(found, i, j), weights + weight
-        return total / torch.clamp(weights, min=LEAST ** 2), weights
-
-    def _mean_around(self, found: Tensor, valid: Tensor, spread: int, tolerance: float | None) -> Tensor:
-        """(C, rows, columns) of probes, each the mean of 5x5 that stand `spread` apart."""
+    def _mean_around(self, found: Tensor, spread: int, tolerance: float | None) -> Tensor:
+        """The same of probes, each the mean of 5x5 that stand `spread` apart."""
         if spread not in self._around:
             self._around[spread] = alike_around(self.x, self.n, self.near, spread)
-        weight = self._around[spread] * around(valid[None].to(found.dtype), spread)[0]
-        there = around(found, spread)
+        number, weight = self._around[spread]
         if tolerance is not None:
-            weight = weight * (-((there - found[:, None]).abs().amax(0) / tolerance).square()).exp()
-        total, weights = (weight * there).sum(1), weight.sum(0)
-        return torch.where(weights > 0, total / weights.clamp_min(1e-12), found)
+            other = (found[number] - found[:, None])[..., :-1].abs().amax(-1)
+            weight = weight * (-(other / tolerance).square()).exp()
+        total = weighted_rows(found, number, weight)
+        return torch.where(total[:, -1:] > 0, total / total[:, -1:].clamp_min(1e-12), found) * found[:, -1:]
+
+
+def _known(found: Tensor, at: Tensor, lit: Tensor, valid: Tensor) -> Tensor:
+    """(N, C + 1) of what was `found` at N places, (N, C), and is `lit` at some, and 1; 0 where none is `valid`."""
+    found = F.pad(found, (0, 1), value=1.0) * valid[:, None]
+    found[at, :-1] = lit
+    return found
+
+
+def _interpolated(found: Tensor, way: Way) -> tuple[Tensor, Tensor]:
+    """(P, C) at all places of a way of what is `_known` at the probes, and (P,), how much these say, 1 at most."""
+    light, trust = weighted_rows(found, *way).split([found.shape[1] - 1, 1], 1)
+    return light / trust.clamp(min=LEAST ** 2), trust[:, 0]
 
 
 def _planes(picture: Tensor) -> Tensor:
     return picture.permute(2, 0, 1).contiguous()
-
-
-def _selected(probes: Tensor, i: Tensor, j: Tensor) -> Tensor:
-    """(..., rows, columns) -> (..., h, w) in rows (h,) and columns (w,)."""
-    return probes.index_select(-2, i).index_select(-1, j)
 
 
 def _z_order(rows: int, columns: int, device: torch.device) -> Tensor:

@@ -16,8 +16,10 @@ from ..prior.environment_prior import EnvironmentPrior
 from ..prior.light_prior import LightPrior
 from ..visibility import Visibility
 from .beacons import Beacons
+from .likeness import dot
 from .panes import Panes
 from .patches import Patches
+from .weighted_rows import weighted_rows
 
 FOGLESS = 2.0    # network units from a point: nobody looks for fog beyond
 ABOVE = 1e-3     # network units that a point is lifted off its surface
@@ -48,10 +50,8 @@ class Surroundings:
 
         weight: (P, R) of the rays, whose mean is 1.
         """
-        leaving, count = F.pad(leaving, (0, 0, 0, 1)), self.side.shape[1]
         share = self.share if weight is None else self.share * weight
-        rays = zip(self.side.T, share.T, strict=True)
-        return sum(leaving.index_select(0, side) * share[:, None] for side, share in rays) / count
+        return weighted_rows(F.pad(leaving, (0, 0, 0, 1)), self.side, share) / self.side.shape[1]
 
     def sky_share(self, environment: EnvironmentPrior | None) -> Tensor:
         """(P, 3) share of the environment's light that arrives, by its colour."""
@@ -125,7 +125,7 @@ class Interior:
     def met(self, triangle: Tensor, direction: Tensor) -> Tensor:
         """(N,) side of a patch that rays meet which hit triangles (N,) along (N, 3), as Surroundings has it."""
         patch, count = self.patch[triangle], len(self.normal)
-        back = (F.pad(self.normal, (0, 0, 0, 1))[patch] * direction).sum(-1) > 0
+        back = dot(F.pad(self.normal, (0, 0, 0, 1)).index_select(0, patch).T, direction.T) > 0
         return torch.where(patch < count, patch + count * back, 2 * count)
 
     def _scattered(self, origin: Tensor, end: Tensor) -> Tensor:
