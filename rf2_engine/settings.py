@@ -20,7 +20,7 @@ from .registering import classes, pairs, pointer
 from .setup import published_weights
 from .viewport.settings import RenderFormerViewportSettings
 
-FEW_PIXELS, MOST_MORE = 512 * 512, 8  # below which pictures have more samples, and how many times as many
+FEW_PIXELS, MOST_MORE = 512 * 512, 16  # below which pictures have more samples, and how many times as many
 
 
 def _passes_change(settings: RenderFormerSettings, context: bpy.types.Context) -> None:
@@ -107,7 +107,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     )
     more_when_small: BoolProperty(
         name="More in Small Pictures", default=True,
-        description="A picture of fewer than 512x512 pixels gets up to eight times as many samples: as many camera "
+        description="A picture of fewer than 512x512 pixels gets up to sixteen times as many samples: as many camera "
                     "rays in all as one of that size, for little time",
     )
 

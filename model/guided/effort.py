@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-FEW_PIXELS = 256 * 256  # below which each probe has more rays, so that there are as many in all
+FEW_PIXELS = 512 * 256  # below which each probe has more rays, so that there are as many in all
 
 
 @dataclass(frozen=True)
 class Effort:
     rays: float = 1.0      # share of the rays of a finished picture
     probe_rays: float = 1.0  # and of those of a probe, of which there may be fewer
-    most_more: float = 4.0  # times as many rays of a probe in a small picture, at most
+    most_more: float = 8.0  # times as many rays of a probe in a small picture, at most
     shadow_grid: int = 1   # pixels between points where shadows are looked for, at least
     probe_grid: int = 1    # and between those where bounced light is
     closer: int = 2        # times as close probes stand where those around say little

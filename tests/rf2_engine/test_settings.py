@@ -41,8 +41,8 @@ def test_keyframed_settings_are_those_of_each_frame(scene, tmp_path, monkeypatch
 
 @pytest.mark.parametrize("size, percentage, samples", [
     ((512, 512), 100, 3), ((1920, 1080), 100, 3), ((512, 256), 100, 6), ((400, 300), 100, 7), ((256, 256), 100, 12),
-    ((64, 64), 100, 24), ((512, 512), 50, 12)])
-def test_small_pictures_have_as_many_rays_as_larger_ones_up_to_eight_times_as_many_a_pixel(scene, size, percentage,
+    ((64, 64), 100, 48), ((512, 512), 50, 12)])
+def test_small_pictures_have_as_many_rays_as_larger_ones_up_to_sixteen_times_as_many_a_pixel(scene, size, percentage,
                                                                                            samples):
     ours, render = scene.renderformer_v2, scene.render
     ours.guide_samples, ours.more_when_small = 3, True
@@ -55,7 +55,7 @@ def test_small_pictures_have_as_many_rays_as_larger_ones_up_to_eight_times_as_ma
 
 def test_samples_of_a_view_layer_are_more_in_small_pictures_too(scene):
     scene.renderformer_v2.more_when_small, scene.view_layers[0].renderformer_v2.samples = True, 5
-    assert FrameSettings.of(scene, scene.view_layers[0]).guide_samples == 40
+    assert FrameSettings.of(scene, scene.view_layers[0]).guide_samples == 80
 
 
 def test_a_weights_folder_is_relative_to_the_blend_file(scene, tmp_path):

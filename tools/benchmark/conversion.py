@@ -78,7 +78,7 @@ def _measured(budget: int, published: dict[int, float]) -> dict:
     looks.append(time.perf_counter())
     seconds = looks[-1] - looks[0]
     return {"triangles": sum(map(_triangles, depsgraph.object_instances)), "budget": budget, "remaining": tokens,
-            "seconds": round(seconds, 2), "longest_wait": round(max(b - a for a, b in zip(looks, looks[1:])), 2),
+            "seconds": round(seconds, 3), "longest_wait": round(max(b - a for a, b in zip(looks, looks[1:])), 4),
             "share_of_published": {resolution: round(seconds / whole, 3) for resolution, whole in published.items()}}
 
 

@@ -106,7 +106,7 @@ def main() -> int:
     parser.add_argument("--equal", type=whole_number(0), default=0, metavar="N",
                         help="also store Cycles with N samples and OpenImageDenoise, for tools.evaluate")
     parser.add_argument("--hints", type=whole_number(1), default=HINT_SAMPLES, metavar="N",
-                        help="samples of first hits and traced light (default 8; F12 has 32 up to 256x256)")
+                        help="samples of first hits and traced light (default 8; F12 has 32 at 256x256, 128 at 128x128)")
     parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide", "indirect", "paper"), default="full")
     for option, what in (("--hdris", "panoramas"), ("--meshes", "objects"), ("--textures", "sets of texture maps")):
         parser.add_argument(option, type=Path, metavar="DIR", help=f"your own {what}, beside those that are built in")
@@ -149,7 +149,8 @@ def blend_samples(args: argparse.Namespace) -> int:
     from . import blend_files
     try:
         failed = blend_files.generate(args.out, args.blend, views=args.views or 8, samples=args.samples,
-                                      threads=args.threads, resolution=args.resolution or 128)
+                                      threads=args.threads, resolution=args.resolution or 128,
+                                      equal=args.equal, hints=args.hints)
     except OSError as error:
         return not_written(args.out, error)
     return 1 if failed else 0

@@ -21,15 +21,17 @@ from tools.scene_file import one_line, open_scene
 from . import reference
 from .cameras import Setup
 from .nearby import moved_pose
-from .shards import save_sample
+from .shards import HINT_SAMPLES, save_sample
 
 TOGETHER = 2  # views of a sample at most: training holds all of them in memory at once
 
 
-def generate(out: Path, files: list[Path], *, views: int, samples: int, threads: int, resolution: int) -> int:
+def generate(out: Path, files: list[Path], *, views: int, samples: int, threads: int, resolution: int,
+             equal: int = 0, hints: int = HINT_SAMPLES) -> int:
     """Make the samples that are missing in `out`, `views` views of each file. Returns how many files failed.
 
-    resolution: pixels, both sides. A file that cannot be used is named on stderr, with what to do.
+    resolution: pixels, both sides. equal, hints: as in reference.Sample.
+    A file that cannot be used is named on stderr, with what to do.
     Raises OSError when `out` cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
@@ -39,14 +41,15 @@ def generate(out: Path, files: list[Path], *, views: int, samples: int, threads:
         try:
             if not file.is_file():
                 raise SceneError("there is no such file")
-            make_samples(out, file, views, samples, threads, resolution)
+            make_samples(out, file, views, samples, threads, resolution, equal, hints)
         except (SceneError, RuntimeError, ValueError) as error:  # Blender raises RuntimeError for what it cannot read
             print(f"{file}: {one_line(error)}", file=sys.stderr)
             failed += 1
     return failed
 
 
-def make_samples(out: Path, file: Path, views: int, samples: int, threads: int, resolution: int) -> None:
+def make_samples(out: Path, file: Path, views: int, samples: int, threads: int, resolution: int, equal: int,
+                 hints: int) -> None:
     """The samples of one file that are not in `out` yet. Raises SceneError, and RuntimeError as Blender does."""
     paths = [sample_path(out, file, i) for i in range(-(-views // TOGETHER))]
     missing = [i for i, path in enumerate(paths) if not is_current(path, file)]
@@ -64,8 +67,10 @@ def make_samples(out: Path, file: Path, views: int, samples: int, threads: int, 
         scene.frame_set(frame)
         count = min(TOGETHER, views - i * TOGETHER)
         cameras = build_cameras(scene, camera, count, frame not in frames[:i], np.random.default_rng(i))
-        sample = reference.make_sample(Setup(cameras, resolution=resolution), samples, lambda passes: True)
-        save_sample(paths[i], sample.scene, sample.views, sample.guides, sample.passes, tile_size=TILE_SIZE)
+        sample = reference.make_sample(Setup(cameras, resolution=resolution), samples, lambda passes: True, equal,
+                                       hints)
+        save_sample(paths[i], sample.scene, sample.views, sample.guides, sample.passes, tile_size=TILE_SIZE,
+                    hints=hints)
         for added in cameras:
             bpy.data.cameras.remove(added.data)
         print(f"{paths[i].name}: {file.name}, frame {frame}, {count} views, {len(sample.scene)} triangles, "
