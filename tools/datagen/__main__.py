@@ -106,7 +106,7 @@ def main() -> int:
     parser.add_argument("--equal", type=whole_number(0), default=0, metavar="N",
                         help="also store Cycles with N samples and OpenImageDenoise, for tools.evaluate")
     parser.add_argument("--hints", type=whole_number(1), default=HINT_SAMPLES, metavar="N",
-                        help="samples of first hits and traced light (default 8; F12 has 32 at 256x256, 128 at 128x128)")
+                        help="samples of first hits and traced light (default 8; F12: 128 at 128x128, 32 at 256x256)")
     parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide", "indirect", "paper"), default="full")
     for option, what in (("--hdris", "panoramas"), ("--meshes", "objects"), ("--textures", "sets of texture maps")):
         parser.add_argument(option, type=Path, metavar="DIR", help=f"your own {what}, beside those that are built in")
