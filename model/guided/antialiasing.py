@@ -21,14 +21,14 @@ from .decoding import shown
 from .exposure import key_exposure
 
 SEEN = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), colors=(9, COLOR), normal=(3, DIRECTION),
-                alpha=1)
+                alpha=1, noise=1)
 RADIUS = 2                         # pixels, of a kernel
 WEIGHTS = (2 * RADIUS + 1) ** 2    # row by row
 CENTRE = WEIGHTS // 2
-DILATIONS = (1, 2)
+DILATIONS = (1, 2, 4)
 REACH = RADIUS + 1 + sum(DILATIONS)  # pixels around one that have a say in it
 SURE = 20.0                        # offset of the centre's logit that leaves nothing for the others
-SAMPLES = 8                        # of a pixel in the pictures of the training: with more there is less to mend
+SAMPLES = 8, 128                   # of a pixel in the pictures of the training, from and to
 GLOWS = 0.05                       # emission from which on it counts, in the exposure of the picture
 LEAST = 2e-3                       # a weight below is none: what is a thousand times brighter would shine through
 
@@ -56,9 +56,12 @@ class KernelPredictor(nn.Module):
         return self.leave(x).softmax(1)
 
 
-def weighted(picture: Tensor, kernels: Tensor, samples: int = SAMPLES) -> Tensor:
-    """(V, C, H, W): the mean of every pixel's surroundings under its kernel; the outermost pixels are repeated."""
-    kernels = (kernels - LEAST).clamp_min(0) * min(1.0, SAMPLES / samples)
+def weighted(picture: Tensor, kernels: Tensor, samples: int = 0) -> Tensor:
+    """(V, C, H, W): the mean of every pixel's surroundings under its kernel; the outermost pixels are repeated.
+
+    samples: of a pixel; the more there are than in the training, the less there is to mend.
+    """
+    kernels = (kernels - LEAST).clamp_min(0) * (SAMPLES[1] / max(samples, SAMPLES[1]))
     h, w = picture.shape[2:]
     padded = F.pad(picture, (RADIUS,) * 4, mode="replicate")
     side = 2 * RADIUS + 1
@@ -75,17 +78,18 @@ def exposure_of(radiance: np.ndarray, guides: Guides) -> float:
     return float(key_exposure(torch.from_numpy((radiance + guides.environment).mean(-1).ravel())))
 
 
-def seen(radiance: np.ndarray, guides: Guides, exposure: float) -> Tensor:
+def seen(radiance: np.ndarray, guides: Guides, exposure: float, samples: int) -> Tensor:
     """(1, len(SEEN), H, W) of a picture (H, W, 3) without emitters and world seen directly, in world radiance.
 
-    Where no light was traced, there is none in `traced`.
+    samples: of a pixel. Where no light was traced, there is none in `traced`.
     """
     traced = np.zeros_like(radiance) if guides.traced is None else guides.traced
     whole = radiance + guides.emission + guides.environment
     light = shown(tensor(np.dstack([whole, guides.emission, traced]) * np.float32(exposure)))
     surface = tensor(np.dstack([guides.diffuse_color, guides.glossy_color, guides.transmission_color,
                                 guides.normal * guides.alpha[..., None], guides.alpha]))
-    return torch.cat([light, surface], 1)
+    noise = torch.full_like(surface[:, :1], (SAMPLES[0] / np.clip(samples, *SAMPLES)) ** 0.5)
+    return torch.cat([light, surface, noise], 1)
 
 
 def beside_lamps(emission: np.ndarray) -> Tensor:
@@ -107,7 +111,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], rad
         return {key: picture[:, REACH:-REACH] for key, picture in done.items()}
     device, exposure, done = predictor.enter.weight.device, exposure_of(radiance, guides), []
     for outer, inner in bands(*guides.alpha.shape, margin=REACH):
-        kernels = predictor(seen(radiance[outer], guides.rows(outer), exposure).to(device))
+        kernels = predictor(seen(radiance[outer], guides.rows(outer), exposure, samples).to(device))
         kernels = kernels * ~beside_lamps(guides.emission[outer] * np.float32(exposure)).to(device)
         joined = tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
         done.append(weighted(joined, kernels, samples)[0, :, inner].permute(1, 2, 0).cpu().numpy())

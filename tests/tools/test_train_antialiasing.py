@@ -24,7 +24,7 @@ def test_a_sample_becomes_what_the_predictor_sees_and_what_it_should_make(stored
     scene, (view,), (guide,), (reference,) = load_sample(stored)
     guide = replace(guide, traced=np.float32(0.5) * guide.diffuse_color)
     traced = tmp_path / "scene_00000001.npz"
-    save_sample(traced, scene, [view], [guide], [reference])
+    save_sample(traced, scene, [view], [guide], [reference], hints=32)
     scene, (view,), (guide,), (reference,) = load_sample(traced)
     found = training.pixels(renderer, traced)
     radiance = renderer.encode(scene).view(view, guide)
@@ -37,11 +37,11 @@ def test_a_sample_becomes_what_the_predictor_sees_and_what_it_should_make(stored
         reference["combined"][..., :3] + reference["environment"]), rtol=1e-5, atol=1e-6)
     np.testing.assert_array_equal(ours[0, 3], guide.alpha)
     np.testing.assert_array_equal(wanted[0, 3], reference["combined"][..., 3])
-    torch.testing.assert_close(known[:1], seen(radiance, guide, exposure))
+    torch.testing.assert_close(known[:1], seen(radiance, guide, exposure, 32))
     alone = replace(guide, traced=None)
     assert not known[1, SEEN["traced"]].any() and known[0, SEEN["traced"]].any()
     radiance = renderer.encode(scene).view(view, alone)
-    torch.testing.assert_close(known[1:], seen(radiance, alone, exposure_of(radiance, alone)))
+    torch.testing.assert_close(known[1:], seen(radiance, alone, exposure_of(radiance, alone), 32))
 
 
 def test_a_damaged_sample_is_named(tmp_path):

@@ -22,7 +22,7 @@ from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, exp
 from renderformer_v2.model.guided.decoding import shown
 from renderformer_v2.model.guided.pipeline import GuidedPipeline
 from renderformer_v2.model.renderer import Renderer
-from tools.datagen.shards import load_sample
+from tools.datagen.shards import hint_samples, load_sample
 
 from . import apart, ranks
 from .augment import mirrored, recolored, turn_about_z
@@ -34,6 +34,7 @@ SIDE = 48                   # pixels of a part
 PARTS = 16                  # at a time, by all processes together
 SURE = 5.0                  # of the pixel itself, to begin with
 WEIGHT_DECAY = 1e-4
+HARM = 2.0                  # what a part loses counts so many times more than what another gains
 
 
 def pixels(renderer: Renderer, path: Path) -> Tensor:
@@ -55,7 +56,7 @@ def pixels(renderer: Renderer, path: Path) -> Tensor:
         exposure = exposure_of(radiance, guide)
         pictures = tensor(np.dstack([ours, wanted]))
         pictures[:, [0, 1, 2, 4, 5, 6]] *= exposure
-        found.append(torch.cat([seen(radiance, guide, exposure), pictures], 1))
+        found.append(torch.cat([seen(radiance, guide, exposure, hint_samples(path)), pictures], 1))
     return torch.cat(found)
 
 
@@ -84,7 +85,8 @@ def train(predictor: KernelPredictor, samples: list[Tensor], seconds: float, wri
         parts = torch.stack([_part(sample) for sample in chosen])
         own = augmented(parts.float())[ranks.rank()::ranks.count()]
         known, ours, wanted = own.split(CHANNELS, 1)
-        return apart.decibels(*map(display, (weighted(ours, predictor(known)), ours, wanted)))
+        gain = apart.decibels(*map(display, (weighted(ours, predictor(known)), ours, wanted)))
+        return gain + HARM * gain.clamp_max(0)
 
     apart.gain_decibels(predictor, gained, seconds, WEIGHT_DECAY, write)
 
