@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.checkpoint import load_network
-from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, exposure_of, seen, weighted
+from renderformer_v2.model.guided.antialiasing import CENTRE, SEEN, KernelPredictor, exposure_of, seen, weighted
 from renderformer_v2.model.presets import BUNDLED, weights_folder
 from renderformer_v2.model.renderer import Renderer
 from tests.model.guided.weights import busy_network, write
@@ -63,6 +63,17 @@ def test_noise_of_a_pixel_is_learnt_to_be_taken_out():
     with torch.no_grad():
         found = weighted(ours, predictor(known))
     assert written and (found - wanted).square().mean() < 0.9 * (ours - wanted).square().mean()
+
+
+def test_a_trained_predictor_goes_on_from_what_it_knows_and_an_untrained_one_is_made_ready_to_learn():
+    samples = [torch.zeros(1, sum(CHANNELS), 64, 64).half()]
+    untrained, trained = KernelPredictor(8), KernelPredictor(8)
+    torch.nn.init.normal_(trained.leave.weight)
+    before = {name: value.clone() for name, value in trained.state_dict().items()}
+    for predictor in (untrained, trained):
+        training.train(predictor, samples, 1e-9, lambda: None)
+    assert all(torch.equal(value, before[name]) for name, value in trained.state_dict().items())
+    assert untrained.leave.bias[CENTRE] == training.SURE
 
 
 def test_the_command_says_what_is_missing(tmp_path, capsys, monkeypatch):

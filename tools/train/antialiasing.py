@@ -70,11 +70,12 @@ def augmented(parts: Tensor) -> Tensor:
 
 
 def train(predictor: KernelPredictor, samples: list[Tensor], seconds: float, write) -> None:
-    """Fit a predictor to `pixels` of samples; `write()` is called in between and in the end.
+    """Fit a predictor, untrained or not, to `pixels` of samples; `write()` is called in between and in the end.
 
     All processes draw the same parts, and each learns from its share of them.
     """
-    predictor.forget(SURE)
+    if not predictor.leave.weight.any():
+        predictor.forget(SURE)
     ranks.share(PARTS, "parts of a step")
 
     def display(picture: Tensor) -> Tensor:
