@@ -11,10 +11,8 @@ from pathlib import Path
 
 import bpy
 
-from mathutils import Vector
-
 sys.path.insert(0, str(Path(__file__).parent))
-from room import choose_engine, material, put  # noqa: E402
+from room import choose_engine, look, material, put  # noqa: E402
 
 SIZE = 192  # pixels
 WHITE, RED = (0.8, 0.8, 0.8), (0.8, 0.1, 0.08)
@@ -27,12 +25,7 @@ def empty(sky=0.0, eye=(0, -6, 2.2), target=(0, 0, 0.8)):
     scene.world = bpy.data.worlds.new("World")
     scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (sky, sky, sky, 1)
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.location = eye
-    camera.rotation_euler = (Vector(target) - camera.location).to_track_quat("-Z", "Y").to_euler()
-    camera.data.clip_end = 1e5
-    scene.collection.objects.link(camera)
-    scene.camera = camera
+    look("Camera", eye, target, clip_end=1e5)
     scene.render.resolution_x = scene.render.resolution_y = SIZE
     scene.cycles.samples = 256
     return scene

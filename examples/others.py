@@ -15,10 +15,8 @@ from typing import NamedTuple
 
 import bpy
 
-from mathutils import Vector
-
 sys.path.insert(0, str(Path(__file__).parent))
-from room import choose_engine  # noqa: E402
+from room import choose_engine, look  # noqa: E402
 
 BALL = "datafiles/preview.blend"
 LIBRARY = "materials_library_vx/sample_materials.blend"
@@ -108,23 +106,13 @@ def prepare(folder: Path, name: str, output: Path):
     if of.frame is not None:
         scene.frame_set(of.frame)
     if of.camera:
-        look(*of.camera)
+        look("Added Camera", *of.camera)
     render = scene.render
     render.resolution_x, render.resolution_y = of.size
     render.resolution_percentage, render.use_border, render.use_compositing = 100, False, False
     scene.cycles.use_denoising = True
     choose_engine()
     bpy.ops.wm.save_as_mainfile(filepath=str(output.resolve() / f"{name}.blend"), compress=True)
-
-
-def look(place, target, lens):
-    data = bpy.data.cameras.new("Added Camera")
-    data.lens, data.clip_end = lens, 1000
-    camera = bpy.data.objects.new("Added Camera", data)
-    camera.location = place
-    camera.rotation_euler = (Vector(target) - Vector(place)).to_track_quat("-Z", "Y").to_euler()
-    bpy.context.scene.collection.objects.link(camera)
-    bpy.context.scene.camera = camera
 
 
 if __name__ == "__main__":

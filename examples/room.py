@@ -43,6 +43,17 @@ def smooth(name, of):
     return added
 
 
+def look(name, place, target, lens=50, clip_end=1000):
+    """The camera of the scene, a new one."""
+    data = bpy.data.cameras.new(name)
+    data.lens, data.clip_end = lens, clip_end
+    camera = bpy.data.objects.new(name, data)
+    camera.location = place
+    camera.rotation_euler = (Vector(target) - camera.location).to_track_quat("-Z", "Y").to_euler()
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
+
+
 def build():
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -69,13 +80,7 @@ def build():
     light.location = (0, 0, 3.95)
     scene.collection.objects.link(light)
 
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.location = (0, -6.9, 2.05)
-    camera.rotation_euler = (Vector((0, 0, 1.85)) - camera.location).to_track_quat("-Z", "Y").to_euler()
-    camera.data.lens = 48
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-
+    look("Camera", (0, -6.9, 2.05), (0, 0, 1.85), 48)
     scene.world = bpy.data.worlds.new("World")
     scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.05, 0.06, 0.08, 1)
