@@ -16,6 +16,7 @@ from torch.nn import functional as F
 
 from ..bands import bands
 from ..camera_rays import PLACES, CameraRays, Samples
+from ..first_hits import lobe_colors
 from ..scene import Guides, RenderScene, View
 from .bounce.likeness import alike, nearness
 
@@ -26,6 +27,7 @@ ONE_SURFACE = 0.5   # likeness from which two pixels see one surface
 NEAR = 2.0          # a pixel's light counts exp(-NEAR d^2) for what is d pixels from its middle
 AGREED = 0.01       # of the distance, by which what a pixel shows may be off the tokens
 LEAST = 1e-4        # weight of the pixel's own light, which is all there is if none around sees the surface
+UNSEEN = 1e-3       # weight of what is around beside what rays found, should that have no colour at all
 BLACK = 1e-6        # is added to colours, by which light is weighted
 AT_ONCE = 1 << 14   # pixels
 NEARNESS = np.exp(-NEAR * np.square(PLACES[:, None, ::-1] - np.array(AROUND) - 0.5).sum(-1)).astype(np.float32)  # K, 9
@@ -51,7 +53,7 @@ def edges(scene: RenderScene, view: View, guides: Guides, device: torch.device) 
     camera, every, around, share = CameraRays(scene, view), [], [], []
     for outer, inner in bands(*guides.alpha.shape, margin=MARGIN):
         band, first = guides.rows(outer), outer.start * view.width
-        picture = _Picture.of(band, device)
+        picture = _Picture.of(band, scene, device)
         beside = np.zeros(band.alpha.shape, bool)
         beside[inner] = (picture.beside_others().cpu().numpy() & (band.hit_triangle >= 0))[inner]
         at = np.flatnonzero(beside)
@@ -77,11 +79,16 @@ class _Picture:
     normal: Tensor    # (3, H, W), unit
     covered: Tensor   # (H, W) bool
     near: Tensor      # (H, W), of `nearness`
+    colors: Tensor    # (9, H, W) of the lobes
 
     @classmethod
-    def of(cls, guides: Guides, device: torch.device) -> _Picture:
+    def of(cls, guides: Guides, scene: RenderScene, device: torch.device) -> _Picture:
         position, covered = _planes(guides.position, device), torch.from_numpy(guides.alpha > 0).to(device)
-        return cls(position, F.normalize(_planes(guides.normal, device), dim=0), covered, nearness(position, covered))
+        hit = guides.hit_triangle >= 0
+        colors = np.zeros((3, *hit.shape, 3), np.float32)
+        colors[:, hit] = lobe_colors(scene, guides.hit_triangle[hit], guides.hit_barycentric[hit])
+        return cls(position, F.normalize(_planes(guides.normal, device), dim=0), covered, nearness(position, covered),
+                   torch.from_numpy(colors).to(device).permute(0, 3, 1, 2).flatten(0, 1))
 
     def beside_others(self) -> Tensor:
         """(H, W) bool: covered pixels beside others that see another surface."""
@@ -112,4 +119,5 @@ class _Picture:
         says = says * (of(self.covered) & inside[:, None]) * torch.from_numpy(NEARNESS).to(device)
         says[..., MIDDLE] += LEAST
         shown = torch.einsum("cek,ekn->cen", colors + BLACK, says / says.sum(-1, keepdim=True))
+        shown += UNSEEN * (self.colors.flatten(1)[:, around] * inside)
         return around, shown / shown.sum(-1, keepdim=True)

@@ -26,7 +26,7 @@ from .effort import FULL, Effort
 from .exposure import key_exposure
 from .prior.light_prior import SKY_RAYS, LightPrior
 from .sampling import in_a_row
-from .specular import blur
+from .specular import BLURRED, blur
 from .specular import reflected as reflected_ray
 
 FEATURES = Channels(
@@ -157,9 +157,11 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
         bounced, *others = probes.gathered(partial(radiosity, effort=effort, alone=not direct),
                                            spreads=noisy).split(3, dim=-1)
     with part(0.3, 0.4):
-        glossily = probes.gathered(
+        mean = roughness[..., None] > BLURRED  # of all around, which no smoothing blurs
+        glossily = sum(probes.gathered(
             lambda x, n, number, v, r: radiosity.glossy(x, n, v, r[:, 0], number, effort, again=not direct),
-            -rays, roughness[..., None], spreads=NOISY[:1])
+            -rays, roughness[..., None], where=(alpha > 0) & where, spreads=spreads)
+            for where, spreads in ((~mean, NOISY[:1]), (mean, noisy)))
         around = glossily[..., 3 * (direct and was_traced):][..., :3]
     with part(0.4, 0.5):
         behind = probes.gathered(lambda x, n, number: leaving(x, -n, number), spreads=noisy,
@@ -175,9 +177,13 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
         with part(0.7, 0.9):
             lamps_share = _lamps_seen(prior, effort, probes, not was_traced)
         with part(0.9, 1.0):
-            shares = torch.cat([others[1], lamps_share, glossily[..., 6:], 1.0 * ~ends], dim=-1) * (alpha > 0)
+            followed = guides.refracted_light is not None
+            sky_behind = torch.full_like(alpha, not followed)
+            shares = torch.cat([others[1], lamps_share, glossily[..., 6:], sky_behind], dim=-1) * (alpha > 0)
             light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
                           shares.reshape(h * w, 8)).reshape(h, w, 9) * (alpha > 0)
+            if followed:
+                light[..., 6:] = tensor(guides.refracted_light) * (1 - roughness[..., None])
     hinted = torch.full_like(alpha, was_traced)
     traced = tensor(guides.traced).clamp_min(0) if was_traced else torch.zeros_like(position)
     colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)

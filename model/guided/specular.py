@@ -9,7 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
+from ..environment import sample_panorama
 from ..geometry import area_vectors, barycentric, dot
 from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, texels, tint_of_glass
 
@@ -25,11 +27,12 @@ Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 
 @dataclass
 class Ends:
-    """The matte surfaces where P paths end."""
+    """Where P paths end: at matte surfaces, lamps, or the sky."""
 
     position: np.ndarray  # (P, 3) f32, world
     normal: np.ndarray    # (P, 3) f32, unit, facing the path
-    color: np.ndarray     # (P, 3) f32: diffuse colour there times that of what was passed; 0 = lamp, sky or no end
+    color: np.ndarray     # (P, 3) f32: diffuse colour there times that of what was passed; 0 = no surface
+    light: np.ndarray     # (P, 3) f32: radiance of the lamp or the sky there, times the same
 
 
 def blur(roughness):
@@ -42,15 +45,16 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
            solid: Cast | None = None) -> Ends:
     """Paths from world points (P, 3) along unit directions (P, 3), none of which starts at a lamp.
 
+    One that has passed so many surfaces ends at the last as if it were matte: in the light that is around it.
     eye: (3,) or (P, 3), where what is seen at these points is seen from.
     cast(origins, directions), such as `Rays.closest`, gives the nearest triangle (S,) i32, -1 if none, its distance
     (S,), and whatever else. solid: the same of those that are no glass, by which paths end at what glass touches.
     """
-    ends = Ends(*(np.zeros((len(origin), 3), np.float32) for _ in range(3)))
+    ends = Ends(*(np.zeros((len(origin), 3), np.float32) for _ in range(4)))
     path, share = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
     reach = np.linalg.norm(origin - eye, axis=1)  # the longest way so far: precision depends on it
     before, origin = origin - LIFTED * (origin - eye), origin + LIFTED * reach[:, None] * direction
-    for _ in range(SURFACES):
+    for left in reversed(range(SURFACES)):
         if not len(path):
             break
         triangle, distance = cast(origin, direction)[:2]
@@ -59,6 +63,7 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
             touches = (other >= 0) & (way < 3 * LIFTED * reach)
             triangle, distance = np.where(touches, other, triangle), np.where(touches, 0, distance)
         hit = (triangle >= 0) & ~scene.is_light[triangle]
+        ends.light[path[~hit]] = share[~hit] * _light(scene, triangle[~hit], direction[~hit])
         path, share, origin, direction, triangle, distance, reach = (
             x[hit] for x in (path, share, origin, direction, triangle, distance, reach))
         point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
@@ -69,7 +74,7 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
         ends.position[path], ends.normal[path] = point, normal
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
         goes_on = glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
-        ends.color[path] = passed * np.where(goes_on, 0, matte)[:, None]
+        ends.color[path] = passed * np.where(goes_on, not left, matte)[:, None]
         before = point - LIFTED * reach[:, None] * direction
         direction = np.where(glass[:, None], refracted(direction, normal, texel[:, IOR], inside),
                              reflected(direction, normal))
@@ -77,6 +82,14 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
         path, share, before, origin, direction, reach = (
             x[goes_on] for x in (path, passed, before, origin, direction, reach))
     return ends
+
+
+def _light(scene: RenderScene, triangle: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(P, 3) radiance of lamps (P,), -1 = none, or of the sky along world unit vectors (P, 3); spots show nothing."""
+    sky = (np.zeros_like(direction) if scene.environment is None else
+           sample_panorama(scene.environment, torch.from_numpy(direction).float()[None])[0])
+    shining = scene.emission[triangle] * ~scene.beam_axis[triangle].any(1, keepdims=True)
+    return np.where(triangle[:, None] < 0, sky, shining)
 
 
 def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,

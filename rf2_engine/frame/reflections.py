@@ -19,7 +19,7 @@ from ...model.threads import spread
 LEAST_COLOR = {"reflected": 0.08, "refracted": 0.05}  # of a lobe whose pixels are looked at: more than plastic's gloss
 RAYS = 1 << 18   # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at once
-ENDS = {"position": np.float32, "normal": np.float16, "color": np.float16}
+ENDS = {"position": np.float32, "normal": np.float16, "color": np.float16, "light": np.float32}
 
 
 def with_ends(guides: Guides, scene: RenderScene, view: View, rays: Rays | None = None) -> Guides:
@@ -46,7 +46,8 @@ def with_ends(guides: Guides, scene: RenderScene, view: View, rays: Rays | None 
         places = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
         with part(0.0, 1.0, "Tracing mirrors and glass"):
             parts = spread(ends, places)
-        arrays = {kind: np.zeros((*pixels.shape, 3), dtype) for kind, dtype in ENDS.items()}
+        arrays = {kind: np.zeros((*pixels.shape, 3), dtype) for kind, dtype in ENDS.items()
+                  if hasattr(guides, f"{name}_{kind}")}  # of what mirrors show the light prior knows the light
         for kind, array in arrays.items():
             array[rows, columns] = np.concatenate([getattr(ends_of, kind) for ends_of in parts])
         for kind, array in arrays.items():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model import camera_rays
 from renderformer_v2.model.bands import bands
 from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.camera_rays import PLACES, CameraRays
@@ -53,6 +54,14 @@ def test_light_of_a_black_surface_counts_for_nothing():
     scene, view, guides, light = seen((0, 0, 0))
     edges(scene, view, guides, CPU).mix(light, 0)
     assert light[0, 4:-4, EDGE].numpy() == pytest.approx(FLOOR, abs=0.05)
+
+
+def test_a_sliver_that_no_ray_finds_shows_the_light_of_what_is_around_in_its_colour(monkeypatch):
+    scene, view, guides, light = seen((0, 0, 0))
+    middle = camera_rays.PLACES * 0 + np.float32((0.01, 0.5))
+    monkeypatch.setattr(camera_rays, "PLACES", middle)  # on the plate, of which the pixels have the middle
+    edges(scene, view, guides, CPU).mix(light, 0)
+    assert light[0, 4:-4, EDGE - 1].numpy() == pytest.approx(FLOOR, abs=0.05)
 
 
 def test_highlights_may_lose_light_and_never_spread():

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Paths past mirrors and glass end where geometry says, with the colours of what they passed."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from renderformer_v2.model.guided.specular import follow, reflected, refracted
+from renderformer_v2.model.guided.specular import SURFACES, follow, reflected, refracted
 from renderformer_v2.model.scene import RenderScene, constant_tile
 
 RED, GOLD = (0.8, 0.1, 0.1), (1.0, 0.7, 0.3)
@@ -97,15 +99,29 @@ def test_a_path_ends_at_milky_glass_and_not_at_clear_glass():
         np.testing.assert_allclose(found.color, [(color,) * 3], atol=1e-3)
 
 
-@pytest.mark.parametrize("scene", [walls((-1, 1, constant_tile(RED))), walls((2, -1, constant_tile(RED)), shines=True),
-                                   walls((2, -1, constant_tile(GOLD, metallic=1.0, roughness=0.0)))])
-def test_sky_lamps_and_endless_mirrors_leave_no_colour(scene):
-    assert not ends(scene).color.any()
+def test_paths_end_in_the_light_of_lamps_and_of_the_sky_in_the_colour_of_the_glass_before_these():
+    pane = (1, -1, constant_tile((0.25, 1, 1), roughness=0.0, ior=1.0, transmission=1.0))
+    sky = np.zeros((4, 8, 3), np.float32)
+    sky[1:3, 3:5] = 0.2, 0.4, 0.6  # around +X
+    open_, lit = walls(pane), walls(pane, (2, -1, constant_tile(RED)), shines=True)
+    for scene, light in (open_, 0), (replace(open_, environment=sky), sky[1, 3]), (lit, 1):
+        found = ends(scene)
+        assert not found.color.any()
+        np.testing.assert_allclose(found.light, np.multiply((0.5, 1, 1), light)[None], atol=1e-3)
 
 
-def test_two_mirrors_end_after_a_while():
-    mirror = constant_tile((1, 1, 1), metallic=1.0, roughness=0.0)
-    assert not ends(walls((1, -1, mirror), (-1, 1, mirror))).color.any()
+def test_a_spot_shows_nothing_of_its_beam_beside_it():
+    lit = walls((2, -1, constant_tile(RED)), shines=True)
+    lit.beam_axis[:] = 0, 0, 1
+    assert not ends(lit).light.any()
+
+
+def test_two_mirrors_end_after_a_while_as_if_the_last_were_matte():
+    mirror = constant_tile(GOLD, metallic=1.0, roughness=0.0)
+    found = ends(walls((1, -1, mirror), (-1, 1, mirror)))
+    np.testing.assert_allclose(found.color, [np.power(GOLD, SURFACES)], atol=2e-3)
+    np.testing.assert_allclose(found.position, [(-1, 0, 0)], atol=1e-2)
+    assert not found.light.any()
 
 
 def test_light_that_cannot_leave_glass_is_mirrored():
