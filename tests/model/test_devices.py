@@ -59,6 +59,7 @@ def seen():
         for kind, like in (("position", guides.position), ("normal", guides.normal), ("color", guides.diffuse_color)):
             setattr(guides, f"{name}_{kind}", like)
     guides.transmission_color = guides.diffuse_color * 0.5
+    guides.refracted_light = guides.diffuse_color * 0.3
     return view, guides
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from renderformer_v2.model.normalize import CENTRAL_IRRADIANCE, HALF_EXTENT, Normalization
 from renderformer_v2.model.scene import HEIGHT, RenderScene, constant_tile
+from tests.model.samples import floor_view
 
 
 @pytest.fixture
@@ -80,3 +81,14 @@ def test_a_narrow_beam_that_misses_the_scene_does_not_darken_the_rest(scene):
     beamed.beam_cosine[lights] = (0.0, 1e-3)  # an ordinary area lamp
     beamed.beam_axis[lights] = at_centre
     assert Normalization.of(beamed).exposure == pytest.approx(Normalization.of(scene).exposure, rel=1e-2)
+
+
+def test_light_in_guides_is_exposed_and_what_is_seen_directly_is_not(scene):
+    _, guides = floor_view()
+    ones = np.ones_like(guides.position)
+    guides = replace(guides, traced=ones, refracted_light=ones, emission=ones)
+    normalization = Normalization.of(scene)
+    found = normalization.guides(guides)
+    for array in (found.traced, found.refracted_light):
+        np.testing.assert_allclose(array, normalization.exposure, rtol=1e-6)
+    np.testing.assert_array_equal(found.emission, 1)

@@ -136,6 +136,22 @@ def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
     assert found.behind[0, :, 32, 32].min() > 0.01 > 10 * found.bounced[0, :, 32, 32].max()
 
 
+def test_smooth_glass_shows_lamps_and_sky_where_its_paths_end_and_rough_glass_what_arrives_at_its_back():
+    scene, (view, guides) = floor_scene(), floor_view(64, 64)
+    guides.transmission_color = guides.diffuse_color
+    prior = LightPrior(scene)
+    radiosity = Radiosity(scene, prior)
+    straight = guide_tensors(scene, view, guides, prior, radiosity, PATCH)
+    guides.refracted_light = np.full_like(guides.position, 2.0)
+    for roughness in (0.0, 1.0):
+        scene.tiles[:, ROUGHNESS] = roughness
+        found = guide_tensors(scene, view, guides, prior, radiosity, PATCH)
+        seen = found.features[0, FEATURES.index("alpha")] > 0
+        through = found.prior[0, 2][:, seen] / found.exposure
+        assert through.numpy() == pytest.approx(2 * (1 - roughness), rel=1e-5)
+        assert not torch.equal(found.prior[0, 2], straight.prior[0, 2])
+
+
 def test_a_rough_surface_shows_no_image_but_the_mean_of_light_that_has_bounced_before():
     scene, (view, guides) = walls((0.8, 0.8, 0.8)), floor_view(64, 64)
     ends = {"reflected_position": guides.position, "reflected_normal": guides.normal,
