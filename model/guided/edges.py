@@ -53,13 +53,16 @@ def edges(scene: RenderScene, view: View, guides: Guides, device: torch.device) 
     camera, every, around, share = CameraRays(scene, view), [], [], []
     for outer, inner in bands(*guides.alpha.shape, margin=MARGIN):
         band, first = guides.rows(outer), outer.start * view.width
-        picture = _Picture.of(band, scene, device)
-        beside = np.zeros(band.alpha.shape, bool)
-        beside[inner] = (picture.beside_others().cpu().numpy() & (band.hit_triangle >= 0))[inner]
-        at = np.flatnonzero(beside)
+        picture = _Picture.of(band, device)
+        beside = picture.beside_others().cpu().numpy() & (band.hit_triangle >= 0)
+        colors = np.zeros((3, *beside.shape, 3), np.float32)
+        colors[:, beside] = lobe_colors(scene, band.hit_triangle[beside], band.hit_barycentric[beside])
+        own = np.zeros_like(beside)
+        own[inner] = beside[inner]
+        at = np.flatnonzero(own)
         at = at[camera.end_at(band.position.reshape(-1, 3)[at], AGREED)]
         for some in np.array_split(at, len(at) // AT_ONCE + 1):
-            near, shown = picture.shown_by(some, camera.samples(first + some))
+            near, shown = picture.shown_by(some, camera.samples(first + some), colors)
             every.append(torch.from_numpy(first + some).to(device))
             around.append(first + near)
             share.append(shown)
@@ -79,16 +82,11 @@ class _Picture:
     normal: Tensor    # (3, H, W), unit
     covered: Tensor   # (H, W) bool
     near: Tensor      # (H, W), of `nearness`
-    colors: Tensor    # (9, H, W) of the lobes
 
     @classmethod
-    def of(cls, guides: Guides, scene: RenderScene, device: torch.device) -> _Picture:
+    def of(cls, guides: Guides, device: torch.device) -> _Picture:
         position, covered = _planes(guides.position, device), torch.from_numpy(guides.alpha > 0).to(device)
-        hit = guides.hit_triangle >= 0
-        colors = np.zeros((3, *hit.shape, 3), np.float32)
-        colors[:, hit] = lobe_colors(scene, guides.hit_triangle[hit], guides.hit_barycentric[hit])
-        return cls(position, F.normalize(_planes(guides.normal, device), dim=0), covered, nearness(position, covered),
-                   torch.from_numpy(colors).to(device).permute(0, 3, 1, 2).flatten(0, 1))
+        return cls(position, F.normalize(_planes(guides.normal, device), dim=0), covered, nearness(position, covered))
 
     def beside_others(self) -> Tensor:
         """(H, W) bool: covered pixels beside others that see another surface."""
@@ -104,11 +102,15 @@ class _Picture:
             found[there] |= other
         return found
 
-    def shown_by(self, at: np.ndarray, samples: Samples) -> tuple[Tensor, Tensor]:
-        """`around` and `share` of pixels by their number (E,), of whose surroundings these are samples."""
+    def shown_by(self, at: np.ndarray, samples: Samples, middles: np.ndarray) -> tuple[Tensor, Tensor]:
+        """`around` and `share` of pixels by their number (E,), of whose surroundings these are samples.
+
+        middles: (3, H, W, 3) colours of the lobes in the middle of pixels beside others.
+        """
         device, (h, w) = self.near.device, self.near.shape
         position, normal = (_planes(each, device)[..., None] for each in (samples.position, samples.normal))
-        colors = torch.from_numpy(samples.colors).to(device).permute(0, 3, 1, 2).flatten(0, 1)  # (9, E, K)
+        colors, middles = (torch.from_numpy(each).to(device).permute(0, 3, 1, 2).flatten(0, 1)  # (9, E, K), (9, H, W)
+                           for each in (samples.colors, middles))
         steps = torch.tensor(AROUND, device=device)
         pixel = torch.from_numpy(at).to(device)[:, None]
         y, x = pixel // w + steps[:, 0], pixel % w + steps[:, 1]
@@ -119,5 +121,5 @@ class _Picture:
         says = says * (of(self.covered) & inside[:, None]) * torch.from_numpy(NEARNESS).to(device)
         says[..., MIDDLE] += LEAST
         shown = torch.einsum("cek,ekn->cen", colors + BLACK, says / says.sum(-1, keepdim=True))
-        shown += UNSEEN * (self.colors.flatten(1)[:, around] * inside)
+        shown += UNSEEN * (middles.flatten(1)[:, around] * inside)
         return around, shown / shown.sum(-1, keepdim=True)
