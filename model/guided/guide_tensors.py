@@ -175,13 +175,13 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     light = torch.zeros_like(position).repeat(1, 1, 3)
     if direct:
         with part(0.7, 0.9):
-            lamps_share = _lamps_seen(prior, effort, probes, not was_traced)
+            lamps_share = _lamps_seen(prior, effort, probes, not was_traced, -rays, roughness[..., None])
         with part(0.9, 1.0):
             followed = guides.refracted_light is not None
             sky_behind = torch.full_like(alpha, not followed)
             shares = torch.cat([others[1], lamps_share, glossily[..., 6:], sky_behind], dim=-1) * (alpha > 0)
             light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
-                          shares.reshape(h * w, 8)).reshape(h, w, 9) * (alpha > 0)
+                          shares.reshape(h * w, 11)).reshape(h, w, 9) * (alpha > 0)
             if followed:
                 light[..., 6:] = tensor(guides.refracted_light) * (1 - roughness[..., None])
     hinted = torch.full_like(alpha, was_traced)
@@ -212,22 +212,23 @@ def shadow_grid(lamps: int) -> int:
     return next((grid for most, grid in ((SHADOW_RAYS, 1), (4 * SHADOW_RAYS, 2)) if lamps <= most), 4)
 
 
-def _lamps_seen(prior: LightPrior, effort: Effort, probes: Probes, sharp: bool) -> Tensor:
-    """(h, W, 3) mean of `LightPrior.lamps_share`; where light was traced as well, shadows need not be `sharp`."""
+def _lamps_seen(prior: LightPrior, effort: Effort, probes: Probes, sharp: bool, *glossy: Tensor) -> Tensor:
+    """(h, W, 6) `LightPrior.lamps_share`; where light was traced as well, shadows need not be `sharp`.
+
+    glossy: (h, W, ...), what that is told of glossy light.
+    """
     grid = min(max(shadow_grid(len(prior.radiance)), effort.shadow_grid), probes.grid) if sharp else probes.grid
     probes = Probes(*probes.picture, grid, grid)
-    return probes.gathered(partial(_lamps_share, prior, effort), spreads=NOISY[:effort.smoothings],
+    return probes.gathered(partial(_lamps_share, prior, effort), *glossy, spreads=NOISY[:effort.smoothings],
                            tolerance=SAME_SHADOW)
 
 
-def _lamps_share(prior: LightPrior, effort: Effort, x: Tensor, n: Tensor, number: Tensor) -> Tensor:
-    """Mean of `LightPrior.lamps_share` of some rays to every lamp: SHADOW_RAYS of all together, LAMP_RAYS at most."""
+def _lamps_share(prior: LightPrior, effort: Effort, x: Tensor, n: Tensor, number: Tensor, outgoing: Tensor,
+                 roughness: Tensor) -> Tensor:
+    """`LightPrior.lamps_share` by some rays to every lamp: SHADOW_RAYS of all together, LAMP_RAYS at most."""
     count = max(min(SHADOW_RAYS // max(len(prior.radiance), 1), effort.of(LAMP_RAYS)), 1)
-    total = torch.zeros_like(x)
-    for k in range(count):
-        with part(k / count, (k + 1) / count):
-            total += prior.lamps_share(x, n, in_a_row(count * number + k))
-    return total / count
+    start = torch.stack([in_a_row(count * number + k) for k in range(count)], 1)
+    return prior.lamps_share(x, n, start, outgoing, roughness[:, 0])
 
 
 def _leaving(radiosity: Radiosity, prior: LightPrior | None, effort: Effort, x: Tensor, n: Tensor,

@@ -56,7 +56,7 @@ class Probes:
         known: (h, w, ...), what else is to be told of the probes. where: (h, w, 1) bool, the pixels that need light,
         all that are covered by default; it is 0 elsewhere.
         With `spreads` probes are made means of those around before, weighted alike. With a `tolerance` what differs by
-        as much counts 1/e, from the second on.
+        as much in the first three channels counts 1/e, from the second on.
         """
         where = self.picture[2] if where is None else where
         valid = self.of(where).flatten()
@@ -121,7 +121,7 @@ class Probes:
             self._around[spread] = alike_around(self.x, self.n, self.near, spread)
         number, weight = self._around[spread]
         if tolerance is not None:
-            other = (found[number] - found[:, None])[..., :-1].abs().amax(-1)
+            other = (found[number] - found[:, None])[..., :3].abs().amax(-1)
             weight = weight * (-(other / tolerance).square()).exp()
         total = weighted_rows(found, number, weight)
         return torch.where(total[:, -1:] > 0, total / total[:, -1:].clamp_min(1e-12), found) * found[:, -1:]

@@ -93,7 +93,7 @@ class LightPrior:
         with part(0.0, 0.5):
             sky = self.sky_share(position, normal, start, sky_rays)
         with part(0.5, 1.0):
-            return torch.cat([sky, self.lamps_share(position, normal, start)], dim=1)
+            return torch.cat([sky, self.lamps_share(position, normal, start[:, None])], dim=1)
 
     def sky_share(self, position: Tensor, normal: Tensor, start: Tensor, rays: int) -> Tensor:
         """The first half of `arriving`, by so many rays from each point."""
@@ -101,27 +101,37 @@ class LightPrior:
             return torch.ones_like(position)
         return self.sky(position, normal, start, rays)
 
-    def lamps_share(self, position: Tensor, normal: Tensor, start: Tensor) -> Tensor:
-        """The second half of `arriving`, by one ray to some point of every emitter."""
-        return torch.cat(shared(self._unshaded, *(x.split(CHUNK) for x in (position, normal, start))))
+    def lamps_share(self, position: Tensor, normal: Tensor, start: Tensor, *glossy: Tensor) -> Tensor:
+        """The second half of `arriving`, by rays to K points of every emitter, of which `start` (P, K, 2) tells.
 
-    def _unshaded(self, x: Tensor, n: Tensor, start: Tensor) -> Tensor:
-        """(P, 3) share of the emitters' diffuse light that arrives."""
-        direction, light = self._form_factors(x, n)
-        arrives = self._arriving(x + ABOVE * n, light, direction, start)
-        return (arrives @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
+        (P, 6) with the same of the light that glossy surfaces send on; glossy: `outgoing` and `roughness` as below.
+        """
+        given = position, normal, start, *glossy
+        return torch.cat(shared(self._unshaded, *(x.split(CHUNK) for x in given)))
 
-    def _arriving(self, x: Tensor, light: Tensor, direction: Tensor, start: Tensor) -> Tensor:
-        """(P, L) what arrives at points (P, 3) of `light` (P, L) from the emitters, in `direction` (3, P, L)."""
-        point, emitter = light.nonzero().unbind(1)
+    def _unshaded(self, x: Tensor, n: Tensor, start: Tensor, *glossy: Tensor) -> Tensor:
+        """(P, 3) share of the emitters' diffuse light that arrives, (P, 6) with that of glossy light."""
+        direction, sine2, share = self._beams(x)
+        cosine = cosines(direction, n)
+        lobes = [sphere_form_factor(cosine, sine2) * share]
+        if glossy:
+            lobes.append(ggx_lobe(direction, cosine, sine2, n, *glossy) * share)
+        seen = sum(self._seen(x + ABOVE * n, lobes[0] > 0, direction, way) for way in start.unbind(1)) / start.shape[1]
+        return torch.cat([((light * seen) @ self.radiance) / (light @ self.radiance).clamp_min(1e-12)
+                          for light in lobes], 1)
+
+    def _seen(self, x: Tensor, shines: Tensor, direction: Tensor, start: Tensor) -> Tensor:
+        """(P, L) share of the light of emitters that arrives at points (P, 3), of those that shine there.
+
+        shines: (P, L) bool; direction: (3, P, L), to them; start: (P, 2).
+        """
+        point, emitter = shines.nonzero().unbind(1)
         origin, near = x[point], ~self.distant[emitter, None]
         way = self._somewhere_on(emitter, direction[:, point, emitter].T, start[point]) - origin * near
         far = way.norm(dim=-1)
         blocked = self.blockers.blocked(origin, way / far.clamp_min(1e-9)[:, None], far - BEFORE)
-        arrives = light.index_put((point, emitter), light[point, emitter] * ~blocked)
-        if self.fog is not None:
-            arrives = arrives * self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
-        return arrives
+        seen = torch.zeros_like(direction[0]).index_put((point, emitter), 1.0 * ~blocked)
+        return seen if self.fog is None else seen * self.fog.passing(x[:, None], self.origins.renorm(2, 0, FOGLESS))
 
     def _somewhere_on(self, emitter: Tensor, towards: Tensor, start: Tensor) -> Tensor:
         """(R, 3) points of emitters (R,), of spheres on the disk that faces unit vectors (R, 3); start (R, 2)."""
@@ -149,7 +159,7 @@ class LightPrior:
 
     def _around(self, x: Tensor, start: Tensor) -> Tensor:
         direction, sine2, share = self._beams(x)
-        return self._arriving(x, sine2 / 4 * share, direction, start) @ self.radiance
+        return (sine2 / 4 * share * self._seen(x, share > 0, direction, start)) @ self.radiance
 
     def diffuse(self, position: Tensor, normal: Tensor, arriving: Tensor | None = None) -> Tensor:
         """(P, 3) radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3).
@@ -193,18 +203,19 @@ class LightPrior:
 
         position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual. The normal is
         taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a silhouette.
-        arriving: (P, 8), the six above, and the shares of the sky that a glossy lobe sees, and that is seen through the
-        surface; all of the light without it. The glossy lobe loses as much of the lamps' light as the diffuse one.
+        arriving: (P, 11), the six above, the share of the lamps' glossy light, RGB, and those of the sky that a glossy
+        lobe sees, and that is seen through the surface; all of the light without it.
         Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none.
         """
-        arriving = torch.ones_like(roughness[:, None]).expand(-1, 8) if arriving is None else arriving
+        arriving = torch.ones_like(roughness[:, None]).expand(-1, 11) if arriving is None else arriving
         given = position, normal, outgoing, roughness, arriving
         return torch.cat(shared(self._leaving, *(x.split(CHUNK) for x in given)))
 
     def _leaving(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, arriving: Tensor) -> Tensor:
         valid = (n.square().sum(-1, keepdim=True) > 0.25).float()
-        sky, lamps, mirrored_sky, sky_behind = arriving.split([3, 3, 1, 1], dim=1)
-        diffuse, glossy = (light * lamps for light in self._emitters(x, n, v, roughness))
+        sky, lamps, glossy_lamps, mirrored_sky, sky_behind = arriving.split([3, 3, 3, 1, 1], dim=1)
+        diffuse, glossy = self._emitters(x, n, v, roughness)
+        diffuse, glossy = diffuse * lamps, glossy * glossy_lamps
         transmitted = torch.zeros_like(diffuse)
         if self.environment is not None:
             mirrored = 2 * (n * v).sum(-1, keepdim=True) * n - v

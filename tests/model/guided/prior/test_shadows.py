@@ -68,7 +68,7 @@ def test_the_shadow_of_a_wide_lamp_has_a_soft_edge():
     seen = []
     for x in (-0.9, 0.0, 0.9):
         points = torch.tensor([[x, 0.1, 0.0]]).expand(many, 3)
-        seen.append(shaded.lamps_share(points, UP.expand(many, 3), in_a_row(torch.arange(many))).mean().item())
+        seen.append(shaded.lamps_share(points, UP.expand(many, 3), in_a_row(torch.arange(many))[:, None]).mean().item())
     assert seen[0] > 0.95 and 0.25 < seen[1] < 0.75 and seen[2] < 0.05
 
 
@@ -76,3 +76,16 @@ def test_suns_are_parallel_and_one_emitter_however_many_triangles_they_have():
     sun = floor_scene(side=6).triangles[:-1] + np.float32((0, 0, 40))
     emitters = gather_emitters(replace(under_a_sky(sun), emission=np.ones((len(sun), 3), np.float32)))
     assert len(emitters) == 1 and len(emitters.radii) == 1
+
+
+def test_a_highlight_has_the_shadow_of_its_own_lamp():
+    """A lamp above a point of the floor, which mirrors it, and one aside; a plate hides the first or nothing."""
+    floor = floor_scene()
+    aside = replace(under_a_sky(floor.triangles[-1:] + np.float32((1.5, 0, -0.5))), emission=floor.emission[-1:])
+    start = in_a_row(torch.arange(4))[None]
+    for height, seen in (1, 0), (9, 1):
+        plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, height)))
+        prior = LightPrior(floor.appended(aside, plate))
+        diffuse, glossy = prior.lamps_share(torch.zeros(1, 3), UP, start, UP, torch.full((1,), 0.1)).split(3, 1)
+        torch.testing.assert_close(glossy, torch.full((1, 3), float(seen)), atol=0.02, rtol=0)
+        assert 0.1 < diffuse.mean() < 0.9 or seen
