@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .geometry import corner_weights, latlong_uv
+from .geometry import corner_weights, seen_in
 from .guided.specular import shading_normals
 from .material.reflectance import normal_reflectance
 from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels, tint_of_glass
@@ -37,7 +37,7 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
         color[:, at] = lobe_colors(scene, row, hit_weights)
     if scene.environment is not None:
         sky = np.flatnonzero(~hit)
-        environment[sky] = _seen_in(scene.environment, flat_rays[sky])
+        environment[sky] = seen_in(scene.environment, flat_rays[sky])
     whole = lambda array: array.reshape(*array.shape[:-2], *triangle.shape, 3)  # noqa: E731
     return Guides(whole(position), whole(normal), *whole(color), whole(emission), whole(environment),
                   depth.reshape(triangle.shape), hit.astype(np.float32), triangle.astype(np.int32),
@@ -67,10 +67,3 @@ def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.
     colors = np.stack([base * dielectric * (1 - transmission), base * metallic + specular * dielectric,
                        tint_of_glass(base) * dielectric * transmission])
     return colors * ~scene.is_light[row, None]
-
-
-def _seen_in(panorama: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """(P, 3) nearest texels."""
-    u, v = np.moveaxis(latlong_uv(rays), -1, 0)
-    height, width = panorama.shape[:2]
-    return panorama[((1 - v) * height).astype(int).clip(0, height - 1), (u * width).astype(int) % width]

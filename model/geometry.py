@@ -126,3 +126,10 @@ def latlong_uv(directions: np.ndarray) -> np.ndarray:
     """(..., 3) unit directions -> (..., 2): u from 0 on the left to 1, v from 0 at the bottom of a panorama to 1."""
     x, y, z = np.moveaxis(directions, -1, 0)
     return np.stack([0.5 - np.arctan2(y, x) / (2 * np.pi), 0.5 + np.arcsin(np.clip(z, -1, 1)) / np.pi], axis=-1)
+
+
+def seen_in(panorama: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """(P, C) nearest texels of (H, W, C), whose top row is +Z, along unit world rays (P, 3)."""
+    u, v = np.moveaxis(latlong_uv(rays), -1, 0)
+    height, width = panorama.shape[:2]
+    return panorama[((1 - v) * height).astype(int).clip(0, height - 1), (u * width).astype(int) % width]

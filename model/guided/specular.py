@@ -9,10 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
-from ..environment import sample_panorama
-from ..geometry import area_vectors, barycentric, dot
+from ..geometry import area_vectors, barycentric, dot, seen_in
 from ..scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, texels, tint_of_glass
 
 SURFACES = 6       # a path passes at most
@@ -86,8 +84,7 @@ def follow(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.nda
 
 def _light(scene: RenderScene, triangle: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """(P, 3) radiance of lamps (P,), -1 = none, or of the sky along world unit vectors (P, 3); spots show nothing."""
-    sky = (np.zeros_like(direction) if scene.environment is None else
-           sample_panorama(scene.environment, torch.from_numpy(direction).float()[None])[0])
+    sky = 0.0 if scene.environment is None else seen_in(scene.environment, direction)
     shining = scene.emission[triangle] * ~scene.beam_axis[triangle].any(1, keepdims=True)
     return np.where(triangle[:, None] < 0, sky, shining)
 
