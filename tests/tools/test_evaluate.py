@@ -16,6 +16,7 @@ from tests.model.samples import floor_scene, floor_view
 from tools.datagen.shards import save_sample
 from tools.evaluate.pictures import AMPLIFIED, with_errors
 from tools.metrics import compare, psnr
+from tools.rendering import render_once
 
 ROOT = Path(__file__).parents[2]
 SCENE = """
@@ -75,6 +76,17 @@ def test_cycles_with_chosen_samples_is_beside_a_reference_that_is_not_clamped(tm
     beside = found["scenes"]["a cube"]["beside"]
     assert set(beside) == {"cycles_1", "cycles_2", "network_alone"} and found["mean"]["cycles_2"]["seconds"] > 0
     assert "Cycles, 2 samples" in Page(tmp_path / "report").cells
+
+
+def test_a_reference_is_rendered_once_for_the_same_file_and_samples(tmp_path):
+    scene, output = tmp_path / "a cube.blend", tmp_path / "a cube.cycles.exr"
+    subprocess.run([sys.executable, "-c", SCENE, str(scene)], check=True, capture_output=True, timeout=600)
+    options = "--engine", "cycles", "--samples"
+    first = render_once(scene, output, *options, 2)
+    written = output.stat().st_mtime_ns
+    assert first["samples"] == 2 and render_once(scene, output, *options, 2) == first
+    assert output.stat().st_mtime_ns == written
+    assert render_once(scene, output, *options, 1)["samples"] == 1 and output.stat().st_mtime_ns != written
 
 
 def test_a_file_that_cannot_be_rendered_is_named_without_a_traceback_and_what_was_done_before_stays(tmp_path):

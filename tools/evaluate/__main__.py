@@ -7,7 +7,8 @@ FLIP per scene and their means; REPORT_DIR gets the same as report.json, and as 
 Samples are also set beside the traced light (traced_alone), that and a share of the radiosity, which is what the
 network adds to (without_network), the network without traced hints (network_alone), and what that adds to
 (priors_alone); all scenes beside Cycles with few samples and OpenImageDenoise (cycles_equal): `tools.datagen --equal N`
-for samples, as many as take about the engine's time for .blend files, or as --cycles says.
+for samples, as many as take about the engine's time for .blend files, or as --cycles says. References of .blend files
+are kept in REPORT_DIR/renders and not rendered again while file and --reference are the same.
 """
 from __future__ import annotations
 

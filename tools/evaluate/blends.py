@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tools.exr import read_pass
-from tools.rendering import render, samples_in_time
+from tools.rendering import render, render_once, samples_in_time
 
 from .scores import Evaluation, scores
 
 
 def evaluate_blend(path: Path, weights: str, folder: Path, threads: int, cycles: Sequence[int] = (),
                    reference: int | None = None) -> Evaluation:
-    """Metrics of one picture against Cycles; `folder` gets both as multilayer EXR.
+    """Metrics of one picture against Cycles; `folder` gets both as multilayer EXR, and keeps the reference.
 
     reference: samples of what all are compared with, whose bounced light is not clamped then; the file's own settings
     without. cycles: samples of Cycles' pictures that are set beside; as many as take about the engine's time without.
@@ -24,8 +24,8 @@ def evaluate_blend(path: Path, weights: str, folder: Path, threads: int, cycles:
     ours, exact = (folder / f"{path.stem}.{engine}.exr" for engine in ("renderformer", "cycles"))
     engine = render(path, ours, "--weights", weights, *common)
     seconds = engine["seconds"]["total"]
-    whole = render(path, exact, "--engine", "cycles", *(["--samples", reference, "--unclamped"] if reference else []),
-                   *common)
+    whole = render_once(path, exact, "--engine", "cycles",
+                        *(["--samples", reference, "--unclamped"] if reference else []), *common)
     with tempfile.TemporaryDirectory() as scratch:
         alone = Path(scratch, "alone.exr")
         alone_seconds = render(path, alone, "--alone", "--weights", weights, *common)["seconds"]["total"]
