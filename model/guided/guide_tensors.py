@@ -24,6 +24,7 @@ from .bounce.radiosity import Radiosity
 from .edges import Edges, edges
 from .effort import FULL, Effort
 from .exposure import key_exposure
+from .prior.fresnel import at_normal
 from .prior.light_prior import SKY_RAYS, LightPrior
 from .sampling import in_a_row
 from .specular import BLURRED, blur
@@ -148,6 +149,7 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
+    gloss = torch.stack([roughness, _at_normal(tensor(guides.glossy_color), alpha, normal, -rays, roughness)], -1)
     coarse, noisy = max(grid_of(view.longer_side), effort.probe_grid), NOISY[:effort.smoothings]
     probes_of = partial(Probes, grid=coarse, finest=max(coarse // effort.closer, 1))
     probes = probes_of(position, normal, alpha > 0)
@@ -159,8 +161,8 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     with part(0.3, 0.4):
         mean = roughness[..., None] > BLURRED  # of all around, which no smoothing blurs
         glossily = sum(probes.gathered(
-            lambda x, n, number, v, r: radiosity.glossy(x, n, v, r[:, 0], number, effort, again=not direct),
-            -rays, roughness[..., None], where=(alpha > 0) & where, spreads=spreads)
+            lambda x, n, number, v, g: radiosity.glossy(x, n, v, *g.unbind(1), number, effort, again=not direct),
+            -rays, gloss, where=(alpha > 0) & where, spreads=spreads)
             for where, spreads in ((~mean, NOISY[:1]), (mean, noisy)))
         around = glossily[..., 3 * (direct and was_traced):][..., :3]
     with part(0.4, 0.5):
@@ -175,13 +177,13 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     light = torch.zeros_like(position).repeat(1, 1, 3)
     if direct:
         with part(0.7, 0.9):
-            lamps_share = _lamps_seen(prior, effort, probes, not was_traced, -rays, roughness[..., None])
+            lamps_share = _lamps_seen(prior, effort, probes, not was_traced, -rays, gloss)
         with part(0.9, 1.0):
             followed = guides.refracted_light is not None
             sky_behind = torch.full_like(alpha, not followed)
             shares = torch.cat([others[1], lamps_share, glossily[..., 6:], sky_behind], dim=-1) * (alpha > 0)
-            light = prior(*(x.reshape(h * w, -1) for x in (position, normal, -rays)), roughness.reshape(-1),
-                          shares.reshape(h * w, 11)).reshape(h, w, 9) * (alpha > 0)
+            *places, of_gloss, shares = (x.flatten(0, 1) for x in (position, normal, -rays, gloss, shares))
+            light = prior(*places, *of_gloss.unbind(1), shares).view(h, w, 9) * (alpha > 0)
             if followed:
                 light[..., 6:] = tensor(guides.refracted_light) * (1 - roughness[..., None])
     hinted = torch.full_like(alpha, was_traced)
@@ -196,6 +198,12 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     glow = torch.zeros_like(position) if was_traced else _glow(prior, origin, rays, position, normal)
     return _Band(features.permute(2, 0, 1), light.permute(2, 0, 1), bundles.reshape(-1, 3),
                  torch.cat([bounced, behind, reflected, refracted, traced, glow], -1).permute(2, 0, 1))
+
+
+def _at_normal(color: Tensor, alpha: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor) -> Tensor:
+    """(h, W) reflectance at normal incidence, by the glossy colour (h, W, 3), premultiplied by `alpha` (h, W, 1)."""
+    reflected, cosine = color.mean(-1) / alpha[..., 0].clamp_min(1e-3), (normal * outgoing).sum(-1)
+    return at_normal(*(x.flatten() for x in (reflected, cosine, roughness))).view_as(roughness)
 
 
 def _glow(prior: LightPrior, origin: Tensor, rays: Tensor, position: Tensor, normal: Tensor) -> Tensor:
@@ -224,11 +232,11 @@ def _lamps_seen(prior: LightPrior, effort: Effort, probes: Probes, sharp: bool, 
 
 
 def _lamps_share(prior: LightPrior, effort: Effort, x: Tensor, n: Tensor, number: Tensor, outgoing: Tensor,
-                 roughness: Tensor) -> Tensor:
+                 gloss: Tensor) -> Tensor:
     """`LightPrior.lamps_share` by some rays to every lamp: SHADOW_RAYS of all together, LAMP_RAYS at most."""
     count = max(min(SHADOW_RAYS // max(len(prior.radiance), 1), effort.of(LAMP_RAYS)), 1)
     start = torch.stack([in_a_row(count * number + k) for k in range(count)], 1)
-    return prior.lamps_share(x, n, start, outgoing, roughness[:, 0])
+    return prior.lamps_share(x, n, start, outgoing, *gloss.unbind(1))
 
 
 def _leaving(radiosity: Radiosity, prior: LightPrior | None, effort: Effort, x: Tensor, n: Tensor,

@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...geometry import area_vectors, quartered, surfaces
-from ...material.reflectance import layer_reflectance
+from ...material.reflectance import blurred, layer_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ..prior.blocking import bends_light, is_solid, passes_light
 from ..prior.light_prior import Lamps
@@ -98,8 +98,9 @@ def _albedo(means: np.ndarray) -> np.ndarray:
     """
     base, metallic, transmission = means[:, BASE_COLOR], means[:, METALLIC, None], means[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
-    layer = layer_reflectance(means[:, IOR, None], means[:, ROUGHNESS, None])
-    diffuse = (1 - metallic) * (1 - layer) * base * inside
+    passed, layer = (layer_reflectance(means[:, IOR, None], roughness) for roughness in
+                     (means[:, ROUGHNESS, None], blurred(means[:, ROUGHNESS, None])))
+    diffuse = (1 - metallic) * (1 - passed) * base * inside
     glossy = (share * (metallic * base + (1 - metallic) * layer) for share in (1, STEEP))
     return np.concatenate([diffuse, *glossy], axis=1)
 

@@ -14,6 +14,7 @@ import torch
 
 from ...geometry import area_vectors, dot, unit
 from ...material.microfacets import fresnel, unmasked, visible_facets
+from ...material.reflectance import blurred
 from ...rays import Rays
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ..prior.light_prior import BEFORE, LightPrior
@@ -21,7 +22,6 @@ from ..sampling import R2, triangle_weights
 from ..specular import CLEAR, LIFTED, facing, reflected, refracted, surface
 
 SURFACES = 8      # of glass that a photon passes at most
-BLURRED = 0.45    # GGX alpha of glass at least: what Filter Glossy 1 makes of it in the mean behind a diffuse bounce
 EVENLY = 0.1      # of all photons, how many go by area alone
 
 
@@ -100,7 +100,7 @@ def _bent(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
     Either mirrored or refracted, as often as Fresnel says; chance: (N, 3).
     """
     normal, inside, texel = surface(scene, row, at, ray)
-    ior, alpha = texel[:, IOR].clip(1), (texel[:, ROUGHNESS] ** 2).clip(BLURRED)
+    ior, alpha = texel[:, IOR].clip(1), blurred(texel[:, ROUGHNESS]) ** 2
     facet = visible_facets(normal, ray, alpha, chance[:, :2])
     mirrors = chance[:, 2] < fresnel(-dot(ray, facet), np.where(inside, 1 / ior, ior))
     away = unit(np.where(mirrors[:, None], reflected(ray, facet), refracted(ray, facet, ior, inside)))

@@ -14,6 +14,7 @@ from torch.nn import functional as F
 from ...progress import part
 from ...scene import RenderScene
 from ..effort import FULL, Effort
+from ..prior.fresnel import schlick
 from ..prior.light_prior import LightPrior
 from ..sampling import cosine_directions, ggx_directions, in_a_row, scattered
 from .beacons import worth_by_power, worth_by_sight
@@ -107,20 +108,22 @@ class Radiosity:
         bounced = F.pad(through, (0, 3)) + around.gathered(self.leaving)
         return torch.cat([bounced, around.sky_share(self.interior.environment)], dim=1)
 
-    def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
+    def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, at_normal: Tensor,
                number: Tensor, effort: Effort = FULL, again: bool = False) -> Tensor:
-        """Radiance leaving a white glossy surface at points (P, 3) towards `outgoing` (P, 3) -> (P, 7).
+        """Radiance leaving a white glossy surface at points (P, 3) towards `outgoing` (P, 3) -> (P, 9), as above.
 
-        As above, but of the sky one share (P, 1). Only what has bounced diffusely before, `again`, is (P, 3).
-        roughness: (P,), perceptual; number: (P,) as above.
+        Only what has bounced diffusely before, `again`, is (P, 3). roughness: (P,), perceptual; at_normal: (P,),
+        reflectance at normal incidence; number: (P,) as above.
         """
         start = in_a_row(number)
-        direction, weight = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS), start)
+        direction, weight, cosine = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS), start)
         around = self.interior.look(position, normal, direction, hazy=False)  # nobody asks for it here
+        weight = weight * schlick(at_normal[:, None], cosine)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
         if again:
             return around.gathered(self.leaving[:, 3:], weight)
-        return torch.cat([around.gathered(self.leaving, weight), (weight * around.sky).mean(1, keepdim=True)], dim=1)
+        sky = around.sky_share(self.interior.environment, weight)
+        return torch.cat([around.gathered(self.leaving, weight), sky], dim=1)
 
 
 def _both_sides(points: Tensor, normals: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:

@@ -53,11 +53,11 @@ class Surroundings:
         share = self.share if weight is None else self.share * weight
         return weighted_rows(F.pad(leaving, (0, 0, 0, 1)), self.side, share) / self.side.shape[1]
 
-    def sky_share(self, environment: EnvironmentPrior | None) -> Tensor:
-        """(P, 3) share of the environment's light that arrives, by its colour."""
+    def sky_share(self, environment: EnvironmentPrior | None, weight: Tensor | None = None) -> Tensor:
+        """(P, 3) share of the environment's light that arrives, by its colour; weight as above."""
         if environment is None:
             return torch.ones_like(self.through)
-        return environment.share(self.direction, self.sky)
+        return environment.share(self.direction, self.sky, weight)
 
 
 class Interior:

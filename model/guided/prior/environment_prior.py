@@ -55,10 +55,14 @@ class EnvironmentPrior:
         lobe = torch.tensor(COSINE_LOBE, device=normal.device)[bands]
         return (_harmonics(normal) @ (self.harmonics * lobe[:, None])).clamp_min(0)
 
-    def share(self, directions: Tensor, seen: Tensor) -> Tensor:
-        """(P, 3) share of the radiance from (P, R, 3) unit vectors of which so much (P, R) is seen, by its colour."""
+    def share(self, directions: Tensor, seen: Tensor, weight: Tensor | None = None) -> Tensor:
+        """(P, 3) share of the radiance from (P, R, 3) unit vectors of which so much (P, R) is seen, by its colour.
+
+        weight: (P, R), of the vectors.
+        """
         flat = directions.flatten(0, 1)
         radiance = self.filtered(flat, torch.full_like(flat[:, 0], BLUR)).view_as(directions)
+        radiance = radiance if weight is None else weight[..., None] * radiance
         return (seen[..., None] * radiance).sum(1) / radiance.sum(1).clamp_min(1e-12)
 
     def filtered(self, direction: Tensor, roughness: Tensor) -> Tensor:

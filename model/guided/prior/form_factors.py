@@ -13,6 +13,8 @@ import math
 import torch
 from torch import Tensor
 
+from .fresnel import schlick, whole
+
 
 def of_triangles(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
     """Unit direction (3, P, L) to triangles (L, 3, 3) from points (3, P, L), and its squared angular sine (P, L).
@@ -63,20 +65,23 @@ def sphere_form_factor(cosine: Tensor, sine2: Tensor) -> Tensor:
     return torch.where(cut > 0, partial.clamp_min(0), above)
 
 
-def ggx_lobe(direction: Tensor, cosine: Tensor, sine2: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> Tensor:
-    """(P, L) share of a light's radiance that a white GGX lobe sends along v; the light widens the lobe.
+def ggx_lobe(direction: Tensor, cosine: Tensor, sine2: Tensor, n: Tensor, v: Tensor, roughness: Tensor,
+             at_normal: Tensor) -> Tensor:
+    """(P, L) share of a light's radiance that a GGX lobe sends along v, over that which it sends of light all around.
 
-    n, v: (P, 3); roughness: (P,); the others as above.
+    The light widens the lobe. n, v: (P, 3); roughness, reflectance `at_normal` incidence: (P,); the others as above.
     """
     alpha = roughness.clamp_min(0.02).square()[:, None]
     wide = (alpha + sine2.sqrt() / 3).clamp(max=1)
     n_v = (n * v).sum(-1, keepdim=True)
-    n_h = (cosine + n_v) / (2 + 2 * cosines(direction, v)).clamp_min(1e-6).sqrt()
+    half = (2 + 2 * cosines(direction, v)).clamp_min(1e-6).sqrt()
+    n_h, v_h = (cosine + n_v) / half, half / 2
     n_v, n_l = n_v.abs().clamp_min(1e-3), cosine.clamp_min(1e-4)
     density = wide.square() / (math.pi * (n_h.square() * (wide.square() - 1) + 1).square().clamp_min(1e-8))
     a2 = alpha.square()
     smith = 2 * n_l / (n_l * (a2 + (1 - a2) * n_v.square()).sqrt() + n_v * (a2 + (1 - a2) * n_l.square()).sqrt())
-    return (density * smith / 4 * math.pi * sine2).clamp(max=1) * (cosine > 0)
+    gain = schlick(at_normal[:, None], v_h) / whole(at_normal, n_v[:, 0], roughness)[:, None]
+    return (density * smith / 4 * math.pi * sine2).clamp(max=1) * gain * (cosine > 0)
 
 
 def _unit(vectors: Tensor) -> Tensor:

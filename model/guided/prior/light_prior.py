@@ -104,7 +104,8 @@ class LightPrior:
     def lamps_share(self, position: Tensor, normal: Tensor, start: Tensor, *glossy: Tensor) -> Tensor:
         """The second half of `arriving`, by rays to K points of every emitter, of which `start` (P, K, 2) tells.
 
-        (P, 6) with the same of the light that glossy surfaces send on; glossy: `outgoing` and `roughness` as below.
+        (P, 6) with the same of the light that glossy surfaces send on; glossy: `outgoing`, `roughness` and `at_normal`
+        as below.
         """
         given = position, normal, start, *glossy
         return torch.cat(shared(self._unshaded, *(x.split(CHUNK) for x in given)))
@@ -197,24 +198,26 @@ class LightPrior:
         color = self.radiance[emitter] / self.radiance[emitter].mean(1, keepdim=True).clamp_min(1e-20)
         return way, color * power[:, -1:]
 
-    def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor,
+    def __call__(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, at_normal: Tensor,
                  arriving: Tensor | None = None) -> Tensor:
         """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe.
 
-        position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual. The normal is
-        taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a silhouette.
-        arriving: (P, 11), the six above, the share of the lamps' glossy light, RGB, and those of the sky that a glossy
-        lobe sees, and that is seen through the surface; all of the light without it.
+        position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual; at_normal
+        (P,), reflectance at normal incidence. The normal is taken as it is: Cycles has turned it towards the viewer's
+        side, and smooth ones may lean away at a silhouette.
+        arriving: (P, 13), the six above, the shares of the lamps' glossy light and of the sky that a glossy lobe sees,
+        RGB, and that of the sky that is seen through the surface; all of the light without it.
         Returns (P, 9): diffuse, glossy, transmitted RGB. Points whose normal is zero receive none.
         """
-        arriving = torch.ones_like(roughness[:, None]).expand(-1, 11) if arriving is None else arriving
-        given = position, normal, outgoing, roughness, arriving
+        arriving = torch.ones_like(roughness[:, None]).expand(-1, 13) if arriving is None else arriving
+        given = position, normal, outgoing, roughness, at_normal, arriving
         return torch.cat(shared(self._leaving, *(x.split(CHUNK) for x in given)))
 
-    def _leaving(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, arriving: Tensor) -> Tensor:
+    def _leaving(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, at_normal: Tensor,
+                 arriving: Tensor) -> Tensor:
         valid = (n.square().sum(-1, keepdim=True) > 0.25).float()
-        sky, lamps, glossy_lamps, mirrored_sky, sky_behind = arriving.split([3, 3, 3, 1, 1], dim=1)
-        diffuse, glossy = self._emitters(x, n, v, roughness)
+        sky, lamps, glossy_lamps, mirrored_sky, sky_behind = arriving.split([3, 3, 3, 3, 1], dim=1)
+        diffuse, glossy = self._emitters(x, n, v, roughness, at_normal)
         diffuse, glossy = diffuse * lamps, glossy * glossy_lamps
         transmitted = torch.zeros_like(diffuse)
         if self.environment is not None:
@@ -224,14 +227,14 @@ class LightPrior:
             transmitted = self.environment.filtered(-v, roughness) * sky_behind
         return torch.cat([diffuse, glossy, transmitted], -1) * valid
 
-    def _emitters(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
+    def _emitters(self, x: Tensor, n: Tensor, *glossy: Tensor) -> tuple[Tensor, Tensor]:
         if not len(self.radiance):
             return torch.zeros_like(x), torch.zeros_like(x)
         direction, sine2, share = self._beams(x)
         cosine = cosines(direction, n)
         diffuse = sphere_form_factor(cosine, sine2) * share
-        glossy = ggx_lobe(direction, cosine, sine2, n, v, roughness) * share
-        return diffuse @ self.radiance, glossy @ self.radiance
+        lobe = ggx_lobe(direction, cosine, sine2, n, *glossy) * share
+        return diffuse @ self.radiance, lobe @ self.radiance
 
     def _form_factors(self, x: Tensor, n: Tensor) -> tuple[Tensor, Tensor]:
         """Unit direction (3, P, L) to every emitter, and how much of its radiance a diffuse surface sends on (P, L)."""

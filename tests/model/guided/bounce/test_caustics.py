@@ -8,10 +8,10 @@ import torch
 from torch.nn import functional as F
 
 from renderformer_v2.model.geometry import area_vectors, unit
-from renderformer_v2.model.guided.bounce import photons
 from renderformer_v2.model.guided.bounce.caustics import Caustics
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
+from renderformer_v2.model.material import reflectance
 from renderformer_v2.model.scene import RenderScene, constant_tile
 from tests.model.samples import flat, floor_scene
 
@@ -67,7 +67,7 @@ def test_few_photons_are_spread_far_and_many_stay_where_they_are():
 
 def test_a_thin_pane_passes_what_fresnel_leaves_of_the_light_of_a_lamp(monkeypatch):
     """And of its colour each of both surfaces has the square root."""
-    monkeypatch.setattr(photons, "BLURRED", 1e-3)
+    monkeypatch.setattr(reflectance, "BLURRED", 1e-3)
     floor = floor_scene()
     unshaded = LightPrior(floor).diffuse(AROUND, UP.expand(100, 3)).mean(0)
     color = torch.tensor([0.9, 0.5, 0.1])
@@ -88,9 +88,9 @@ def test_a_ball_gathers_light_and_a_blurred_one_less():
     normals = ball().reshape(-1, 3, 3) / 0.1
     scene = floor.appended(of_glass(ball() + np.float32((0, 0, 0.17))))
     scene.normals[len(floor):] = normals
-    for blurred in (0.02, photons.BLURRED):
+    for blurred in (0.02, reflectance.BLURRED):
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(photons, "BLURRED", blurred)
+            patched.setattr(reflectance, "BLURRED", blurred)
             found.append(Radiosity(scene, LightPrior(scene)).caustics(MIDDLE, UP)[0, 0].item())
     assert found[0] > 3 * unshaded and found[0] > 2 * found[1] > 0
 

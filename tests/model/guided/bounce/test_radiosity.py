@@ -14,7 +14,8 @@ from renderformer_v2.model.guided.bounce.panes import PASSED
 from renderformer_v2.model.guided.bounce.probes import Probes
 from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.prior.light_prior import Lamps, LightPrior
-from renderformer_v2.model.scene import METALLIC, ROUGHNESS, RenderScene, constant_tile
+from renderformer_v2.model.material.reflectance import BLURRED, layer_reflectance
+from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, RenderScene, constant_tile
 from tests.model.no_host_copies import NoHostCopies
 from tests.model.samples import flat, floor_scene, walls
 
@@ -23,6 +24,7 @@ RATIO = 0.5 / 0.3  # of half the side of `roof` to its height
 COVERED = 4 / (2 * np.pi) * 2 * RATIO / np.sqrt(1 + RATIO**2) * np.arctan(RATIO / np.sqrt(1 + RATIO**2))  # by it
 NO_LAMPS = Lamps(np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 UP = torch.tensor([[0.0, 0.0, 1.0]])
+PLASTIC = torch.tensor([0.04])  # reflectance at normal incidence
 
 
 def built(scene: RenderScene) -> Radiosity:
@@ -93,7 +95,8 @@ def test_no_more_than_a_whole_hemisphere_arrives():
     bounce.leaving = torch.ones_like(bounce.leaving)
     points = torch.rand(200, 3, generator=torch.Generator().manual_seed(0)) * 2 - 1
     normals = torch.nn.functional.normalize(torch.randn(200, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
-    assert bounce(points, normals)[:, :6].max() <= 1.03  # of aimed rays, too many may meet what they aim at
+    for light in parts(bounce, points, normals):  # of a few aimed rays, too many may meet what they aim at
+        assert light.max() <= 1.03
 
 
 def test_merged_patches_give_nearly_the_same_light(monkeypatch):
@@ -325,9 +328,31 @@ def test_a_glossy_surface_shows_more_of_a_bright_wall_from_where_it_is_mirrored(
     bounce = built(walls((0.8, 0.8, 0.8)))
     at, normal = torch.tensor([[0.0, 0.0, 0.0]]), UP
     towards, away = (torch.nn.functional.normalize(torch.tensor([[x, 0.0, 0.5]]), dim=-1) for x in (1.0, -1.0))
-    found = (bounce.glossy(at, normal, eye, torch.tensor([0.2]), torch.tensor([0]))[0] for eye in (towards, away))
-    (wall, *_, covered), (nothing, *_, clear) = (each.tolist() for each in found)
-    assert wall > 5 * nothing and covered < 0.2 < 0.8 < clear
+    gloss = torch.tensor([0.2]), PLASTIC, torch.tensor([0])
+    wall, nothing = (bounce.glossy(at, normal, eye, *gloss)[0, 0].item() for eye in (towards, away))
+    assert wall > 5 * nothing
+
+
+def test_of_the_sky_a_rough_surface_misses_what_a_wall_hides_by_how_bright_that_is():
+    """The wall stands where the sky is bright, or dark."""
+    sky, shares = np.full((8, 16, 3), 0.01, np.float32), []
+    sky[:, 4:12] = 1
+    for environment in sky, np.roll(sky, 8, axis=1):
+        bounce = built(replace(walls((0.8, 0.8, 0.8)), environment=environment))
+        at, rough = torch.tensor([[-0.8, 0.0, 0.0]]), torch.tensor([0.8])
+        shares.append(bounce.glossy(at, UP, UP, rough, PLASTIC, torch.tensor([0]))[0, 6:].mean().item())
+    clear, covered = shares
+    assert covered < 0.4 and clear > 0.9
+
+
+def test_a_smooth_layer_takes_its_own_share_of_the_diffuse_light_and_sends_on_as_much_as_a_blurred_one():
+    """Cycles blurs glossy surfaces that matte ones see, and a rougher layer reflects less at a slant."""
+    scene = floor_scene()
+    scene.tiles[:, ROUGHNESS], scene.tiles[:, IOR], scene.tiles[:, BASE_COLOR] = 0.2, 1.3291, 0.5
+    diffuse, glossy, _ = patches_of(scene).albedo[0].view(3, 3)[:, 0].tolist()
+    own, of_blurred = (layer_reflectance(np.float32(1.3291), np.float32(x)) for x in (0.2, BLURRED ** 0.5))
+    assert diffuse == pytest.approx(0.5 * (1 - own), rel=1e-3) and glossy == pytest.approx(of_blurred, rel=1e-3)
+    assert of_blurred < 0.7 * own
 
 
 def test_light_that_is_asked_for_alone_is_the_same():
@@ -335,5 +360,6 @@ def test_light_that_is_asked_for_alone_is_the_same():
     at, eye, row = torch.zeros(3, 3), torch.nn.functional.normalize(torch.ones(3, 3), dim=-1), torch.arange(3)
     up, rough = UP.expand(3, 3), torch.full((3,), 0.3)
     assert torch.equal(bounce(at, up, row, alone=True), bounce(at, up, row)[:, :3])
-    assert torch.equal(bounce.glossy(at, up, eye, rough, row, again=True),
-                       bounce.glossy(at, up, eye, rough, row)[:, 3:6])
+    gloss = rough, PLASTIC.expand(3)
+    assert torch.equal(bounce.glossy(at, up, eye, *gloss, row, again=True),
+                       bounce.glossy(at, up, eye, *gloss, row)[:, 3:6])

@@ -86,6 +86,7 @@ def test_a_highlight_has_the_shadow_of_its_own_lamp():
     for height, seen in (1, 0), (9, 1):
         plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, height)))
         prior = LightPrior(floor.appended(aside, plate))
-        diffuse, glossy = prior.lamps_share(torch.zeros(1, 3), UP, start, UP, torch.full((1,), 0.1)).split(3, 1)
+        gloss = torch.full((1,), 0.1), torch.full((1,), 0.04)
+        diffuse, glossy = prior.lamps_share(torch.zeros(1, 3), UP, start, UP, *gloss).split(3, 1)
         torch.testing.assert_close(glossy, torch.full((1, 3), float(seen)), atol=0.02, rtol=0)
         assert 0.1 < diffuse.mean() < 0.9 or seen

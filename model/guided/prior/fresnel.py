@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much of a glossy lobe comes from which side: facets that are met at a slant reflect more.
+
+By Schlick's approximation (1994). A surface's reflectance at normal incidence is found from its colour, which Cycles
+gives as the mean of the lobe, with both halves of a split sum (Karis 2013).
+"""
+from __future__ import annotations
+
+from functools import cache
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ...device_ops import done
+from ..sampling import ggx_directions
+
+GRID = 24, 32   # of roughness and cosine
+RAYS = 256      # of each
+LEAST = 1e-3    # share of the light that a lobe is of at least
+
+
+def schlick(at_normal: Tensor, cosine: Tensor) -> Tensor:
+    """Share of light that facets reflect which meet it at this cosine."""
+    return at_normal + (1 - at_normal) * slant(cosine)
+
+
+def slant(cosine: Tensor) -> Tensor:
+    return (1 - cosine).clamp(0, 1) ** 5
+
+
+def at_normal(color: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
+    """(P,) reflectance at normal incidence of surfaces whose lobe reflects `color` (P,) of light from everywhere.
+
+    cosine: (P,) between normal and viewer; roughness: (P,), perceptual.
+    """
+    straight, slanting = _split_sum(cosine, roughness)
+    return ((color - slanting) / straight.clamp_min(LEAST)).clamp(0, 1)
+
+
+def whole(at_normal: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
+    """(P,) share of light from everywhere that the lobe reflects; what bounces between facets is not in it."""
+    straight, slanting = _split_sum(cosine, roughness)
+    return (at_normal * straight + slanting).clamp_min(LEAST)
+
+
+def _split_sum(cosine: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
+    """(P,) factor of the reflectance at normal incidence, and what slanting facets add."""
+    at = torch.stack([cosine.abs(), roughness], -1) * 2 - 1
+    found = done("grid_sampler_2d", F.grid_sample, _table(cosine.device), at[None, None], mode="bilinear",
+                 padding_mode="border", align_corners=True)
+    return found[0, 0, 0], found[0, 1, 0]
+
+
+@cache
+def _table(device: torch.device) -> Tensor:
+    """(1, 2, roughness, cosine)."""
+    roughness, cosine = (each.flatten() for each in torch.meshgrid(
+        *(torch.linspace(0, 1, count) for count in GRID), indexing="ij"))
+    cosine = cosine.clamp_min(0.01)
+    viewer = torch.stack([(1 - cosine.square()).sqrt(), torch.zeros_like(cosine), cosine], -1)
+    up, start = torch.tensor([[0.0, 0.0, 1.0]]).expand_as(viewer), torch.full((len(cosine), 2), 0.5)
+    _, weight, towards = ggx_directions(up, viewer, roughness, RAYS, start)
+    slanting = slant(towards)
+    return torch.stack([(weight * each).mean(1).view(GRID) for each in (1 - slanting, slanting)])[None].to(device)

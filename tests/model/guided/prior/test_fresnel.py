@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Glossy lobes by angle, against brute-force integration."""
+import math
+
+import pytest
+import torch
+
+from renderformer_v2.model.guided.prior.form_factors import cosines, ggx_lobe
+from renderformer_v2.model.guided.prior.fresnel import at_normal, whole
+
+UP = torch.tensor([[0.0, 0.0, 1.0]])
+
+
+def seen_at(cosine: float) -> torch.Tensor:
+    return torch.tensor([[math.sqrt(1 - cosine ** 2), 0.0, cosine]])
+
+
+def hemisphere(count: int) -> torch.Tensor:
+    """(count, 3) unit vectors, evenly dense by solid angle."""
+    k = torch.arange(count) + 0.5
+    z, phi = k / count, k * math.pi * (3 - math.sqrt(5))
+    return torch.stack([(1 - z * z).sqrt() * phi.cos(), (1 - z * z).sqrt() * phi.sin(), z], -1)
+
+
+@pytest.mark.parametrize("reflectance", [0.04, 0.6])
+@pytest.mark.parametrize("roughness, cosine", [(0.4, 1.0), (0.4, 0.3), (0.9, 0.9), (0.9, 0.2)])
+def test_a_lobe_is_what_it_reflects_of_light_from_everywhere(roughness, cosine, reflectance):
+    """Lamps too small to widen it, all over the sky, next to the integral of the microfacets' formula."""
+    count, tiny, alpha2 = 200_000, 1e-12, roughness ** 4
+    towards, v = hemisphere(count), seen_at(cosine)
+    half = torch.nn.functional.normalize(towards + v, dim=-1)
+    facing, n_h, n_l = (half * v).sum(-1), half[:, 2], towards[:, 2]
+    density = alpha2 / (math.pi * (n_h.square() * (alpha2 - 1) + 1).square())
+    masked = 2 * n_l * cosine / (n_l * math.sqrt(alpha2 + (1 - alpha2) * cosine ** 2)
+                                 + cosine * (alpha2 + (1 - alpha2) * n_l.square()).sqrt())
+    slanting = reflectance + (1 - reflectance) * (1 - facing) ** 5
+    expected = (density * masked * slanting / (4 * cosine)).mean() * 2 * math.pi
+    of = [torch.tensor([x]) for x in (cosine, roughness)]
+    found = whole(torch.tensor([reflectance]), *of)
+    assert found.item() == pytest.approx(expected.item(), rel=0.06)
+
+    lobe = ggx_lobe(towards.T[:, None], cosines(towards.T[:, None], UP), torch.tensor(tiny), UP, v,
+                    torch.tensor([roughness]), torch.tensor([reflectance]))
+    assert (lobe.mean() * 2 / tiny).item() == pytest.approx(1, rel=0.06)
+
+
+def test_the_reflectance_at_normal_incidence_is_found_from_the_colour_of_a_lobe():
+    given, cosine = torch.tensor([0.0, 0.04, 0.5, 1.0]), torch.tensor([0.3, 0.9, 0.6, 0.2])
+    roughness = torch.full((4,), 0.6)
+    torch.testing.assert_close(at_normal(whole(given, cosine, roughness), cosine, roughness), given, atol=1e-3, rtol=0)
+    more = whole(given, cosine, roughness) + 0.5  # rough metals, whose light bounces between facets
+    assert at_normal(more, cosine, roughness)[-1] == 1
+
+
+def test_a_dielectric_is_lit_less_from_where_the_viewer_is_than_from_opposite_at_a_slant():
+    v, roughness, reflectance = seen_at(0.3), torch.tensor([0.8]), torch.tensor([0.04])
+    ways = torch.cat([v, v * torch.tensor([-1.0, 1.0, 1.0])]).T[:, None]
+    steep, slanted = ggx_lobe(ways, cosines(ways, UP), torch.tensor(1e-6), UP, v, roughness, reflectance)[0]
+    of_metal = ggx_lobe(ways, cosines(ways, UP), torch.tensor(1e-6), UP, v, roughness, torch.ones(1))[0]
+    assert slanted / steep > 3 * of_metal[1] / of_metal[0]
