@@ -49,6 +49,7 @@ FEATURES = Channels(
 RADIANCE = {"prior": "light", "bounced": "bounced", "behind": None, "reflected": "reflected", "refracted": "refracted",
             "traced": "traced", "glow": None}
 SHADOW_RAYS, LAMP_RAYS = 16, 4  # of a pixel, and of them those to one lamp
+LEAST_MATTE = 1e-3        # share of the light of a diffuse lobe over a glossy one's: with less nobody sees it
 SAME_SHADOW = 0.3         # difference of the shares of light in a penumbra, whose noise is smoothed
 BANDS = 0.95              # of the work on guides, before edges are smoothed
 BAND_PIXELS = 1 << 17     # computed at once: guides of a large picture are gigabytes
@@ -149,7 +150,10 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     position, alpha = tensor(guides.position), tensor(guides.alpha)[..., None].clamp(0, 1)
     normal = F.normalize(tensor(guides.normal), dim=-1)
     roughness = tensor(hit_roughness(scene, guides))
-    gloss = torch.stack([roughness, _at_normal(tensor(guides.glossy_color), alpha, normal, -rays, roughness)], -1)
+    diffuse_color, glossy_color, transmission_color = (
+        tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color))
+    matte = diffuse_color.mean(-1) / glossy_color.mean(-1).clamp_min(1e-6)
+    gloss = torch.stack([roughness, _at_normal(glossy_color, alpha, normal, -rays, roughness), matte], -1)
     coarse, noisy = max(grid_of(view.longer_side), effort.probe_grid), NOISY[:effort.smoothings]
     probes_of = partial(Probes, grid=coarse, finest=max(coarse // effort.closer, 1))
     probes = probes_of(position, normal, alpha > 0)
@@ -161,13 +165,17 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     with part(0.3, 0.4):
         mean = roughness[..., None] > BLURRED  # of all around, which no smoothing blurs
         glossily = sum(probes.gathered(
-            lambda x, n, number, v, g: radiosity.glossy(x, n, v, *g.unbind(1), number, effort, again=not direct),
-            -rays, gloss, where=(alpha > 0) & where, spreads=spreads)
+            lambda x, n, number, v, g: radiosity.glossy(x, n, v, g, number, effort, was_traced, direct), -rays, gloss,
+            where=(alpha > 0) & where, spreads=spreads)
             for where, spreads in ((~mean, NOISY[:1]), (mean, noisy)))
-        around = glossily[..., 3 * (direct and was_traced):][..., :3]
+        around = glossily[..., :3]
+        if was_traced:
+            missed = glossily[..., 3:6]
+            around = around + missed
+            bounced = (bounced - missed / matte[..., None].clamp_min(LEAST_MATTE)).clamp_min(0)
     with part(0.4, 0.5):
         behind = probes.gathered(lambda x, n, number: leaving(x, -n, number), spreads=noisy,
-                                 where=tensor(guides.transmission_color).amax(-1, keepdim=True) > 0)
+                                 where=transmission_color.amax(-1, keepdim=True) > 0)
     seen = lambda *ends: probes_of(*ends).gathered(leaving, spreads=noisy)  # noqa: E731
     with part(0.5, 0.6):
         mirrored_light, ends = _seen_light(seen, guides, "reflected", tensor)
@@ -177,18 +185,18 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     light = torch.zeros_like(position).repeat(1, 1, 3)
     if direct:
         with part(0.7, 0.9):
-            lamps_share = _lamps_seen(prior, effort, probes, not was_traced, -rays, gloss)
+            lamps_share = _lamps_seen(prior, effort, probes, not was_traced, -rays, gloss[..., :2])
         with part(0.9, 1.0):
             followed = guides.refracted_light is not None
             sky_behind = torch.full_like(alpha, not followed)
-            shares = torch.cat([others[1], lamps_share, glossily[..., 6:], sky_behind], dim=-1) * (alpha > 0)
-            *places, of_gloss, shares = (x.flatten(0, 1) for x in (position, normal, -rays, gloss, shares))
+            shares = torch.cat([others[1], lamps_share, glossily[..., -3:], sky_behind], dim=-1) * (alpha > 0)
+            *places, of_gloss, shares = (x.flatten(0, 1) for x in (position, normal, -rays, gloss[..., :2], shares))
             light = prior(*places, *of_gloss.unbind(1), shares).view(h, w, 9) * (alpha > 0)
             if followed:
                 light[..., 6:] = tensor(guides.refracted_light) * (1 - roughness[..., None])
     hinted = torch.full_like(alpha, was_traced)
     traced = tensor(guides.traced).clamp_min(0) if was_traced else torch.zeros_like(position)
-    colors = torch.cat([tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color)], -1)
+    colors = torch.cat([diffuse_color, glossy_color, transmission_color], -1)
     near = contracted(position)
     bundles = bundle_positions(near, alpha, rays, origin, patch)
     offset = (near - bundles.repeat_interleave(patch, 0).repeat_interleave(patch, 1)) * OFFSET_SCALE * (alpha > 0)

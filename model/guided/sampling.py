@@ -34,12 +34,13 @@ def cosine_directions(normal: Tensor, count: int, start: Tensor) -> Tensor:
 
 
 def ggx_directions(normal: Tensor, outgoing: Tensor, roughness: Tensor, count: int,
-                   start: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+                   start: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """(P, count, 3) unit vectors that a GGX surface reflects towards `outgoing` (P, 3).
 
-    And (P, count) weights, whose mean is the share of light from everywhere that facets without loss would reflect, and
-    cosines at which the facets are met. The normals of these are as dense as their share of the surface (Walter et al.
-    2007, equation 35); normal (P, 3), roughness (P,), `start` (P, 2) as above.
+    And (P, count) weights, whose mean is the share of light from everywhere that facets without loss would reflect;
+    cosines at which the facets are met; and by how much the vectors are dense, by solid angle. The normals of the
+    facets are as dense as their share of the surface (Walter et al. 2007, equation 35); normal (P, 3), roughness (P,),
+    `start` (P, 2) as above.
     """
     alpha2 = roughness.clamp_min(0.05)[:, None] ** 4
     k = torch.arange(count, device=normal.device)
@@ -54,7 +55,8 @@ def ggx_directions(normal: Tensor, outgoing: Tensor, roughness: Tensor, count: i
     seen = (outgoing * normal).sum(-1, keepdim=True).abs().clamp_min(1e-3)
     into, out = (x * (alpha2 + (1 - alpha2) * y.square()).sqrt() for x, y in ((leaving, seen), (seen, leaving)))
     unmasked = 2 * leaving / (into + out).clamp_min(1e-6)
-    return direction, unmasked * towards / cosine.clamp_min(1e-3), towards
+    density = alpha2 * cosine / (4 * math.pi * (cosine.square() * (alpha2 - 1) + 1).square() * towards.clamp_min(1e-3))
+    return direction, unmasked * towards / cosine.clamp_min(1e-3), towards, density
 
 
 def triangle_weights(u: Tensor, v: Tensor) -> Tensor:

@@ -7,6 +7,8 @@ glass, where the prior does not reach, is found by the same rays.
 """
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 from torch.nn import functional as F
@@ -108,22 +110,33 @@ class Radiosity:
         bounced = F.pad(through, (0, 3)) + around.gathered(self.leaving)
         return torch.cat([bounced, around.sky_share(self.interior.environment)], dim=1)
 
-    def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, at_normal: Tensor,
-               number: Tensor, effort: Effort = FULL, again: bool = False) -> Tensor:
-        """Radiance leaving a white glossy surface at points (P, 3) towards `outgoing` (P, 3) -> (P, 9), as above.
+    def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, gloss: Tensor, number: Tensor,
+               effort: Effort = FULL, traced: bool = False, direct: bool = True) -> Tensor:
+        """Radiance leaving a white glossy surface at points (P, 3) towards `outgoing` (P, 3).
 
-        Only what has bounced diffusely before, `again`, is (P, 3). roughness: (P,), perceptual; at_normal: (P,),
-        reflectance at normal incidence; number: (P,) as above.
+        (P, 3), or beside light that was `traced` (P, 6): what has bounced diffusely before, and as much of the rest as
+        was not traced. Cycles follows so many paths from a surface as its glossy lobe has a share in each direction:
+        it leaves out as much of that lobe's light as it traces of the diffuse one's, by the colours of both.
+        With `direct` (P, 3) more, the share of the sky's light that arrives, as above.
+        gloss: (P, 3), perceptual roughness, reflectance at normal incidence, and the diffuse lobe's share of the light
+        over the glossy one's; number: (P,) as above.
         """
-        start = in_a_row(number)
-        direction, weight, cosine = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS), start)
+        start, (roughness, at_normal, matte) = in_a_row(number), gloss.unbind(1)
+        direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS),
+                                                            start)
         around = self.interior.look(position, normal, direction, hazy=False)  # nobody asks for it here
         weight = weight * schlick(at_normal[:, None], cosine)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
-        if again:
-            return around.gathered(self.leaving[:, 3:], weight)
-        sky = around.sky_share(self.interior.environment, weight)
-        return torch.cat([around.gathered(self.leaving, weight), sky], dim=1)
+        if traced:
+            diffusely = matte[:, None] * (direction @ normal[..., None])[..., 0].clamp_min(0) / math.pi
+            missed = diffusely / (diffusely + weight * density).clamp_min(1e-6)
+            once = self.leaving[:, :3] - self.leaving[:, 3:]
+            found = [around.gathered(self.leaving[:, 3:], weight), around.gathered(once, weight * missed)]
+        else:
+            found = [around.gathered(self.leaving[:, :3], weight)]
+        if direct:
+            found.append(around.sky_share(self.interior.environment, weight))
+        return torch.cat(found, dim=1)
 
 
 def _both_sides(points: Tensor, normals: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:

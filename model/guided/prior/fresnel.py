@@ -60,6 +60,6 @@ def _table(device: torch.device) -> Tensor:
     cosine = cosine.clamp_min(0.01)
     viewer = torch.stack([(1 - cosine.square()).sqrt(), torch.zeros_like(cosine), cosine], -1)
     up, start = torch.tensor([[0.0, 0.0, 1.0]]).expand_as(viewer), torch.full((len(cosine), 2), 0.5)
-    _, weight, towards = ggx_directions(up, viewer, roughness, RAYS, start)
+    _, weight, towards, _ = ggx_directions(up, viewer, roughness, RAYS, start)
     slanting = slant(towards)
     return torch.stack([(weight * each).mean(1).view(GRID) for each in (1 - slanting, slanting)])[None].to(device)

@@ -24,7 +24,6 @@ RATIO = 0.5 / 0.3  # of half the side of `roof` to its height
 COVERED = 4 / (2 * np.pi) * 2 * RATIO / np.sqrt(1 + RATIO**2) * np.arctan(RATIO / np.sqrt(1 + RATIO**2))  # by it
 NO_LAMPS = Lamps(np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
 UP = torch.tensor([[0.0, 0.0, 1.0]])
-PLASTIC = torch.tensor([0.04])  # reflectance at normal incidence
 
 
 def built(scene: RenderScene) -> Radiosity:
@@ -324,12 +323,16 @@ def test_light_between_white_walls_adds_up_as_the_series_of_its_bounces():
     assert again / (every - again) == pytest.approx(series - 1, rel=0.05)
 
 
+def glossy(bounce: Radiosity, at, outgoing, roughness: float, matte: float = 1.0, **options) -> torch.Tensor:
+    """Of one point of the floor, of plastic."""
+    gloss = torch.tensor([[roughness, 0.04, matte]])
+    return bounce.glossy(torch.tensor([at]), UP, outgoing, gloss, torch.tensor([0]), **options)[0]
+
+
 def test_a_glossy_surface_shows_more_of_a_bright_wall_from_where_it_is_mirrored():
     bounce = built(walls((0.8, 0.8, 0.8)))
-    at, normal = torch.tensor([[0.0, 0.0, 0.0]]), UP
     towards, away = (torch.nn.functional.normalize(torch.tensor([[x, 0.0, 0.5]]), dim=-1) for x in (1.0, -1.0))
-    gloss = torch.tensor([0.2]), PLASTIC, torch.tensor([0])
-    wall, nothing = (bounce.glossy(at, normal, eye, *gloss)[0, 0].item() for eye in (towards, away))
+    wall, nothing = (glossy(bounce, (0.0, 0.0, 0.0), eye, 0.2)[0].item() for eye in (towards, away))
     assert wall > 5 * nothing
 
 
@@ -339,10 +342,23 @@ def test_of_the_sky_a_rough_surface_misses_what_a_wall_hides_by_how_bright_that_
     sky[:, 4:12] = 1
     for environment in sky, np.roll(sky, 8, axis=1):
         bounce = built(replace(walls((0.8, 0.8, 0.8)), environment=environment))
-        at, rough = torch.tensor([[-0.8, 0.0, 0.0]]), torch.tensor([0.8])
-        shares.append(bounce.glossy(at, UP, UP, rough, PLASTIC, torch.tensor([0]))[0, 6:].mean().item())
+        shares.append(glossy(bounce, (-0.8, 0.0, 0.0), UP, 0.8)[3:].mean().item())
     clear, covered = shares
     assert covered < 0.4 and clear > 0.9
+
+
+def test_beside_traced_light_a_glossy_surface_shows_what_paths_of_its_lobe_do_not():
+    """A lobe alone is traced as a whole; one that few paths are chosen by is not; a mirror is, beside much else."""
+    bounce, at = built(walls((0.8, 0.8, 0.8))), (-0.8, 0.0, 0.0)
+    found = {matte: glossy(bounce, at, UP, 0.9, matte, traced=True, direct=False) for matte in (0.0, 1.0, 1e4)}
+    every, again = glossy(bounce, at, UP, 0.9, direct=False), found[0.0][:3]
+    missed = {matte: light[3:] / (every - again) for matte, light in found.items()}
+    assert again.max() > 0 and missed[0.0].max() == 0 and missed[1e4].min() > 0.99
+    assert 0.3 < missed[1.0].min() and missed[1.0].max() < 0.7
+    towards = torch.nn.functional.normalize(torch.tensor([[1.0, 0.0, 0.5]]), dim=-1)
+    mirrored = glossy(bounce, (0.0, 0.0, 0.0), towards, 0.1, 10.0, traced=True, direct=False)
+    all_of_it = glossy(bounce, (0.0, 0.0, 0.0), towards, 0.1, direct=False)
+    assert mirrored[3:].max() < 0.1 * (all_of_it - mirrored[:3]).min()
 
 
 def test_a_smooth_layer_takes_its_own_share_of_the_diffuse_light_and_sends_on_as_much_as_a_blurred_one():
@@ -357,9 +373,10 @@ def test_a_smooth_layer_takes_its_own_share_of_the_diffuse_light_and_sends_on_as
 
 def test_light_that_is_asked_for_alone_is_the_same():
     bounce = built(replace(walls((0.8, 0.5, 0.2)), environment=np.full((8, 16, 3), 0.5, np.float32)))
-    at, eye, row = torch.zeros(3, 3), torch.nn.functional.normalize(torch.ones(3, 3), dim=-1), torch.arange(3)
-    up, rough = UP.expand(3, 3), torch.full((3,), 0.3)
+    at, row = torch.zeros(3, 3), torch.arange(3)
+    up = UP.expand(3, 3)
     assert torch.equal(bounce(at, up, row, alone=True), bounce(at, up, row)[:, :3])
-    gloss = rough, PLASTIC.expand(3)
-    assert torch.equal(bounce.glossy(at, up, eye, *gloss, row, again=True),
-                       bounce.glossy(at, up, eye, *gloss, row)[:, 3:6])
+    eye = torch.nn.functional.normalize(torch.ones(1, 3), dim=-1)
+    for traced in False, True:
+        whole, lit = (glossy(bounce, (0.0, 0.0, 0.0), eye, 0.3, traced=traced, direct=both) for both in (True, False))
+        assert torch.equal(lit, whole[:-3])
