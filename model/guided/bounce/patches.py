@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...geometry import area_vectors, quartered, surfaces
-from ...material.reflectance import blurred, layer_reflectance
+from ...material.reflectance import blurred, layer_reflectance, normal_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ..prior.blocking import bends_light, is_solid, passes_light
 from ..prior.light_prior import Lamps
@@ -26,7 +26,7 @@ NEAR_LAMP = 0.03     # network units from a lamp: what is closer needs no smalle
 BY_LAMPS = 0.5       # of all patches, how many go by lamps
 AT_ONCE = 64         # triangles that are split before the largest are looked for again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like a diffuse one
-STEEP = 0.7          # of glossy light: lamps light most surfaces more steeply than all around does
+STEEP = 0.7          # of the glossy light of metals: lamps light most surfaces more steeply than all around does
 FINEST = 0.008       # side of a cell whose triangles are one patch, where a unit of area gets all
 CUT = 0.5            # of all patches, how many more triangles there may be where walls cut through them
 CRUMBS = 8           # groups that a surface must be of by itself to share none with others
@@ -39,7 +39,8 @@ class Patches:
 
     center: Tensor   # (S, 3) f32
     vector: Tensor   # (S, 3) f32, area vectors
-    albedo: Tensor   # (S, 9) f32, RGB of the diffuse lobe, of the glossy one, and of that for lamps
+    albedo: Tensor   # (S, 9) f32, RGB of the diffuse lobe, of metals, and of the layers of dielectrics
+    layer: Tensor    # (S, 2) f32, reflectance at normal incidence and perceptual roughness of these
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
     solid: Tensor    # (T,) bool, stops light
@@ -74,16 +75,17 @@ def patches(scene: RenderScene, lamps: Lamps, share: float = 1.0, openness: Open
     if openness:
         corners, source = openness.cut(corners, source, round(CUT * most))
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
-    albedo = _albedo(means)[scene.tile_index[rows]][source]
-    center, vector, albedo = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), albedo))
+    material = np.concatenate([_albedo(means), _layer(means)], axis=1)[scene.tile_index[rows]][source]
+    center, vector, material = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), material))
     tint, passing = _tint(means)[scene.tile_index], passes_light(scene)
     solid, glass, tint = (torch.from_numpy(of[rows][source]) for of in (
         is_solid(scene) & ~passing, bends_light(scene), tint))
     surface = torch.from_numpy(surfaces(scene.triangles[rows])[source])
     kind = glass + 2 * torch.from_numpy(openness.kinds(corners)) if openness else glass.long()
-    center, vector, albedo, patch = _merged(center, vector, albedo, kind, surface, lamps, most)
+    center, vector, material, patch = _merged(center, vector, material, kind, surface, lamps, most)
     weight = vector.norm(dim=-1) * torch.from_numpy(nearness(center.numpy(), lamps)).float()
-    return Patches(center, vector, albedo, patch, torch.from_numpy(corners), solid, glass, tint, weight)
+    return Patches(center, vector, *material.split([9, 2], 1), patch, torch.from_numpy(corners), solid, glass, tint,
+                   weight)
 
 
 def _tint(means: np.ndarray) -> np.ndarray:
@@ -94,15 +96,19 @@ def _tint(means: np.ndarray) -> np.ndarray:
 def _albedo(means: np.ndarray) -> np.ndarray:
     """(tiles, 9) share of the light that the surfaces of tiles send on, RGB each, from the same.
 
-    By its diffuse lobe, by its glossy one, and by that one of light that comes from lamps.
+    By the diffuse lobe, by that of metals, and by the layers of dielectrics, of light from everywhere.
     """
     base, metallic, transmission = means[:, BASE_COLOR], means[:, METALLIC, None], means[:, TRANSMISSION, None]
     inside = (1 - transmission) + TRANSMITTED * transmission
     passed, layer = (layer_reflectance(means[:, IOR, None], roughness) for roughness in
                      (means[:, ROUGHNESS, None], blurred(means[:, ROUGHNESS, None])))
     diffuse = (1 - metallic) * (1 - passed) * base * inside
-    glossy = (share * (metallic * base + (1 - metallic) * layer) for share in (1, STEEP))
-    return np.concatenate([diffuse, *glossy], axis=1)
+    return np.concatenate([diffuse, metallic * base, np.repeat((1 - metallic) * layer, 3, axis=1)], axis=1)
+
+
+def _layer(means: np.ndarray) -> np.ndarray:
+    """(tiles, 2), as of Patches, from the same."""
+    return np.stack([normal_reflectance(means[:, IOR].clip(1)), blurred(means[:, ROUGHNESS])], axis=1)
 
 
 def _split(corners: np.ndarray, lamps: Lamps, most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -139,14 +145,14 @@ def nearness(place: np.ndarray, lamps: Lamps, size: np.ndarray | float = 0.0) ->
     return (1 - BY_LAMPS) * found + BY_LAMPS * lit
 
 
-def _merged(center: Tensor, vector: Tensor, albedo: Tensor, kind: Tensor, surface: Tensor, lamps: Lamps,
+def _merged(center: Tensor, vector: Tensor, material: Tensor, kind: Tensor, surface: Tensor, lamps: Lamps,
             most: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The same of groups of triangles that face the same way in the same cell, each `kind` and surface alone.
 
     The centroid is that of the largest triangle of a group. And which group each of the (S,) triangles is in.
     """
     if len(center) <= most:
-        return center, vector, albedo, torch.arange(len(center))
+        return center, vector, material, torch.arange(len(center))
     group, count = _groups(center, vector, kind, surface, lamps, most)
     area = vector.norm(dim=-1, keepdim=True)
     size = area[:, 0]
@@ -159,7 +165,7 @@ def _merged(center: Tensor, vector: Tensor, albedo: Tensor, kind: Tensor, surfac
     largest = torch.zeros(count).scatter_reduce_(0, group, size, "amax")
     rows = (size >= largest[group]).nonzero()[:, 0]
     middle = center[torch.full((count,), len(center)).scatter_reduce_(0, group[rows], rows, "amin")]
-    return middle, summed(vector), summed(area * albedo) / summed(area).clamp_min(1e-20), group
+    return middle, summed(vector), summed(area * material) / summed(area).clamp_min(1e-20), group
 
 
 def _groups(center: Tensor, vector: Tensor, kind: Tensor, surface: Tensor, lamps: Lamps,

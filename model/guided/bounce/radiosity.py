@@ -22,7 +22,7 @@ from ..sampling import cosine_directions, ggx_directions, in_a_row, scattered
 from .beacons import worth_by_power, worth_by_sight
 from .caustics import caustics
 from .openness import Openness
-from .patches import PATCHES, patches
+from .patches import PATCHES, STEEP, patches
 from .surroundings import ABOVE, Interior, Surroundings
 
 BOUNCES = 3       # between patches, before the last one at the point: together as many as Cycles' diffuse ones
@@ -51,23 +51,25 @@ class Radiosity:
         count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(lamps.share), 1)), 1), effort.of(POINTS))
         # Of all fronts, then of all backs, as of all that follows; points of a patch are one after the other.
         x, n = (torch.cat(sides).flatten(0, 1).to(device) for sides in _both_sides(*found.points(count)))
-        diffuse, glossy, of_lamps = found.albedo.repeat(2, 1).to(device).split(3, dim=1)
+        diffuse, metal, layer = found.albedo.repeat(2, 1).to(device).split(3, dim=1)
+        of_layer = found.layer.repeat(2, 1).to(device).repeat_interleave(count, 0).unbind(1)
         with part(0.2, 0.4):
             arriving = prior.arriving(x, n, scattered(x, 2), effort.of(SKY_RAYS) // count)
         with part(0.4, 0.5):
             self.caustics, of_glass = caustics(scene, prior, self.interior, found.vector.norm(dim=-1).to(device),
                                                effort.of(PHOTONS))
         with part(0.5, 0.6):
-            light = prior.diffuse(x + ABOVE * n, n, arriving).view(-1, count, 3)
+            white, slanting = prior.diffuse(x + ABOVE * n, n, arriving, *of_layer).view(-1, count, 6).split(3, 2)
+            light = (diffuse + STEEP * metal)[:, None] * white + layer[:, None] * slanting
         size = found.weight.repeat(2).to(device)
-        self.interior.aim(worth_by_power((diffuse + of_lamps) * light.mean(1), size))
+        self.interior.aim(worth_by_power(light.mean(1), size))
         with part(0.6, 1.0):
             start = scattered(x, 2)
             directions = cosine_directions(n, effort.of(PATCH_RAYS) // count, start)
             around = self.interior.look(x, n, directions, effort.of(PATCH_AIMED) // count, start)
             weight = self.interior.telling(around, count)
             around = around.together(weight)
-        first = (diffuse + of_lamps) * (weight[..., None] * light).mean(1)
+        first, glossy = (weight[..., None] * light).mean(1), metal + layer
         through = (diffuse + glossy) * (around.through + of_glass)
         glossily, diffusely = self._bounced(around, first + through, diffuse, glossy)
         again = through + diffusely

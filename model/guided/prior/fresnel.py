@@ -44,12 +44,33 @@ def whole(at_normal: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
     return (at_normal * straight + slanting).clamp_min(LEAST)
 
 
-def _split_sum(cosine: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
-    """(P,) factor of the reflectance at normal incidence, and what slanting facets add."""
-    at = torch.stack([cosine.abs(), roughness], -1) * 2 - 1
-    found = done("grid_sampler_2d", F.grid_sample, _table(cosine.device), at[None, None], mode="bilinear",
-                 padding_mode="border", align_corners=True)
-    return found[0, 0, 0], found[0, 1, 0]
+def gain(at_normal: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
+    """(P, L) share of the light from lamps that the lobes of P surfaces reflect, over that of light from everywhere.
+
+    at_normal, roughness: (P,); cosine: (P, L).
+    """
+    of_lamps = _split_sum(*torch.broadcast_tensors(cosine, roughness[:, None]))
+    of_all = _split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
+    lamps, every = (at_normal[:, None] * straight + slanting
+                    for straight, slanting in (of_lamps, (x[:, None] for x in of_all)))
+    return lamps / every.clamp_min(LEAST)
+
+
+def _split_sum(cosine: Tensor, roughness: Tensor, table: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    """Factor of the reflectance at normal incidence, and what slanting facets add; all of one shape."""
+    table = _table(cosine.device) if table is None else table
+    at = torch.stack([cosine.abs().flatten(), roughness.flatten()], -1) * 2 - 1
+    found = done("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear", padding_mode="border",
+                 align_corners=True)
+    return found[0, 0].view_as(cosine), found[0, 1].view_as(cosine)
+
+
+@cache
+def _mean_table(device: torch.device) -> Tensor:
+    """(1, 2, roughness, 1), of light from everywhere."""
+    table = _table(device)
+    cosine = torch.linspace(0, 1, GRID[1], device=device)
+    return (table * cosine).sum(-1, keepdim=True) / cosine.sum()
 
 
 @cache

@@ -24,6 +24,7 @@ from .blocking import is_solid, passes_light
 from .emitters import DISTANT, gather_emitters
 from .environment_prior import EnvironmentPrior
 from .form_factors import beam, cosines, ggx_lobe, of_spheres, of_triangles, sphere_form_factor
+from .fresnel import gain
 from .in_scattering import InScattering
 from .sky import ABOVE, SkyVisibility
 from .transmittance import fog_of
@@ -162,21 +163,29 @@ class LightPrior:
         direction, sine2, share = self._beams(x)
         return (sine2 / 4 * share * self._seen(x, share > 0, direction, start)) @ self.radiance
 
-    def diffuse(self, position: Tensor, normal: Tensor, arriving: Tensor | None = None) -> Tensor:
+    def diffuse(self, position: Tensor, normal: Tensor, arriving: Tensor | None = None, *layer: Tensor) -> Tensor:
         """(P, 3) radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3).
 
         arriving: (P, 6) as above; found here without it.
+        With reflectance at normal incidence and perceptual roughness of a `layer`, (P,) both, it is (P, 6): also what
+        of the light that layer would send on if all came from everywhere, so that its mean share could be used.
         """
         with part(0.0, 0.5):
             arriving = self.arriving(position, normal) if arriving is None else arriving
         with part(0.5, 1.0):
-            return torch.cat(shared(self._diffuse, *(x.split(CHUNK) for x in (position, normal, arriving))))
+            return torch.cat(shared(self._diffuse, *(x.split(CHUNK) for x in (position, normal, arriving, *layer))))
 
-    def _diffuse(self, x: Tensor, n: Tensor, arriving: Tensor) -> Tensor:
+    def _diffuse(self, x: Tensor, n: Tensor, arriving: Tensor, *layer: Tensor) -> Tensor:
         sky, lamps = arriving.split(3, 1)
-        _, light = self._form_factors(x, n)
-        found = light @ self.radiance * lamps
-        return found if self.environment is None else found + self.environment.irradiance(n) * sky / math.pi
+        direction, light = self._form_factors(x, n)
+        found = [light @ self.radiance * lamps]
+        if layer:
+            at_normal, roughness = layer
+            found.append((light * gain(at_normal, cosines(direction, n), roughness)) @ self.radiance * lamps)
+        if self.environment is not None:
+            of_sky = self.environment.irradiance(n) * sky / math.pi
+            found = [light + of_sky for light in found]
+        return torch.cat(found, dim=1)
 
     def beamed(self, position: Tensor, normal: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
         """Unshadowed light of the emitters as if all came from one point (P, 3), each as often as it matters.

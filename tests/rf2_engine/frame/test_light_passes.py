@@ -10,7 +10,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from tests.model.published.bundles import tiny_published_config, write_bundle
-from tests.rf2_engine.f12 import cube, material, press_f12
+from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
 from tests.rf2_engine.still_life import tick, with_cycles
 
 LOBES = ("diffuse", "glossy", "transmission")
@@ -91,6 +91,23 @@ def test_traced_light_goes_to_the_lobes_that_cycles_finds(asked, tmp_path):
         color = ours[key.replace("direct", "color")]
         error = np.abs(color * (ours[key] - cycles[key])).mean()
         assert error < 0.25 * (color * cycles[key]).mean(), key
+
+
+def test_a_polished_floor_divides_what_a_wall_sends_to_it_as_in_cycles(scene, tmp_path):
+    """Of a dark floor Cycles chooses more paths by the glossy lobe than by the diffuse one."""
+    dark = material("Dark", (0.08, 0.08, 0.08))
+    dark.node_tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 0.6
+    mesh_object(scene, "Floor", [(-4, -3, -1), (4, -3, -1), (4, 2, -1), (-4, 2, -1)], [(0, 1, 2, 3)], dark)
+    mesh_object(scene, "Wall", [(-4, 2, -1), (4, 2, -1), (4, 2, 4), (-4, 2, 4)], [(0, 1, 2, 3)])
+    sun(scene, (1.2, 0, 0))
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0, 0, 0, 1)
+    scene.renderformer_v2.guide_samples, scene.cycles.samples, scene.cycles.sample_clamp_indirect = 64, 256, 0
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+    tick(scene.view_layers[0], OF_THE_RECIPE)
+    ours, cycles = by_key(press_f12(scene, tmp_path)), by_key(with_cycles(scene, tmp_path))
+    for lobe in "diffuse", "glossy":
+        own, expected = ((of[f"{lobe}_color"] * of[f"{lobe}_indirect"])[30:].mean() for of in (ours, cycles))
+        assert own == pytest.approx(expected, rel=0.12) and expected > 1e-3, lobe
 
 
 @pytest.mark.parametrize("ticked", [{"diffuse_direct"}, {"diffuse_direct", "glossy_indirect", "volume_direct"}])

@@ -299,11 +299,12 @@ def test_the_points_of_patches_lie_on_them():
 
 def test_all_light_of_a_lamp_arrives_in_a_closed_box():
     scene = closed_box((0.5, 0.5, 0.5))
+    scene.tiles[:, IOR] = 1
     prior = LightPrior(scene)
     bounce, made = Radiosity(scene, prior), patches.patches(scene, prior.lamps())
-    area, (diffuse, _, of_lamps) = made.vector.norm(dim=-1)[:, None], made.albedo.split(3, dim=1)
+    area = made.vector.norm(dim=-1)[:, None]
     first = bounce.leaving[:, :3] - bounce.leaving[:, 3:]
-    arrived = sum((area * side / (diffuse + of_lamps)).sum(0) for side in first.split(len(area)))
+    arrived = sum((area * side / 0.5).sum(0) for side in first.split(len(area)))
     sheets = 2 * np.linalg.norm(area_vectors(prior.corners.numpy()), axis=-1)
     emitted = torch.from_numpy(np.float32(sheets)) @ prior.radiance[:len(sheets)]  # by both sides, over pi
     emitted = emitted + 4 * np.pi * prior.radii.square() @ prior.radiance[len(sheets):]
@@ -316,7 +317,7 @@ def test_light_between_white_walls_adds_up_as_the_series_of_its_bounces():
     scene.tiles[:, ROUGHNESS] = 0.9
     prior = LightPrior(scene)
     bounce, made = Radiosity(scene, prior), patches.patches(scene, prior.lamps())
-    diffuse, glossy, _ = made.albedo[0].view(3, 3)[:, 0].tolist()
+    diffuse, _, glossy = made.albedo[0].view(3, 3)[:, 0].tolist()
     area = made.vector.norm(dim=-1)[:, None]
     every, again = ((area.repeat(2, 1) * light).sum().item() for light in bounce.leaving.split(3, dim=1))
     series = sum(math.comb(d + g, g) * diffuse ** d * glossy ** g for d in range(4) for g in range(3))
@@ -365,10 +366,26 @@ def test_a_smooth_layer_takes_its_own_share_of_the_diffuse_light_and_sends_on_as
     """Cycles blurs glossy surfaces that matte ones see, and a rougher layer reflects less at a slant."""
     scene = floor_scene()
     scene.tiles[:, ROUGHNESS], scene.tiles[:, IOR], scene.tiles[:, BASE_COLOR] = 0.2, 1.3291, 0.5
-    diffuse, glossy, _ = patches_of(scene).albedo[0].view(3, 3)[:, 0].tolist()
+    diffuse, metal, glossy = patches_of(scene).albedo[0].view(3, 3)[:, 0].tolist()
     own, of_blurred = (layer_reflectance(np.float32(1.3291), np.float32(x)) for x in (0.2, BLURRED ** 0.5))
     assert diffuse == pytest.approx(0.5 * (1 - own), rel=1e-3) and glossy == pytest.approx(of_blurred, rel=1e-3)
-    assert of_blurred < 0.7 * own
+    assert of_blurred < 0.7 * own and metal == 0
+
+
+def test_a_slanting_lamp_makes_a_polished_floor_shine_more_than_a_steep_one():
+    """As much light arrives on a black floor by either."""
+    shining = []
+    for aside in (0.0, 6.0):
+        floor = floor_scene()
+        floor.tiles[:, ROUGHNESS], floor.tiles[:, IOR], floor.tiles[:, BASE_COLOR] = 0.3, 1.3291, 0
+        floor.triangles[floor.is_light] += np.float32((aside, 0, 0))
+        prior, at, gloss = LightPrior(floor), torch.zeros(1, 3), torch.tensor([[0.04], [0.67]])
+        arrived, slanting = prior.diffuse(at, UP, torch.ones(1, 6), *gloss)[0].split(3)
+        bounce = built(floor)
+        middle = patches_of(floor).center.norm(dim=-1).argmin()
+        shining.append(((slanting / arrived).mean().item(), (bounce.leaving[middle, :3] / arrived).mean().item()))
+    (steep, by_steep), (slanted, by_slanted) = shining
+    assert slanted > 1.8 * steep and by_slanted > 1.8 * by_steep > 0
 
 
 def test_light_that_is_asked_for_alone_is_the_same():

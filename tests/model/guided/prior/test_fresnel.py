@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.guided.prior.form_factors import cosines, ggx_lobe
-from renderformer_v2.model.guided.prior.fresnel import at_normal, whole
+from renderformer_v2.model.guided.prior.fresnel import at_normal, gain, whole
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 
@@ -50,6 +50,16 @@ def test_the_reflectance_at_normal_incidence_is_found_from_the_colour_of_a_lobe(
     torch.testing.assert_close(at_normal(whole(given, cosine, roughness), cosine, roughness), given, atol=1e-3, rtol=0)
     more = whole(given, cosine, roughness) + 0.5  # rough metals, whose light bounces between facets
     assert at_normal(more, cosine, roughness)[-1] == 1
+
+
+def test_what_a_layer_gains_by_the_angle_of_a_lamp_is_nothing_if_lamps_are_all_around():
+    cosine = (torch.arange(200) + 0.5)[None] / 200
+    given = torch.tensor([0.04, 0.5]), torch.tensor([0.67, 0.3])
+    found = gain(given[0], cosine.expand(2, 200), given[1])
+    torch.testing.assert_close((found * 2 * cosine).mean(1), torch.ones(2), atol=0.02, rtol=0)
+    for at, gains, roughness in zip(*given[:1], found, given[1], strict=True):
+        slanting, steep = whole(at.expand(2), cosine[0, [40, 180]], roughness.expand(2))
+        assert (gains[40] / gains[180]).item() == pytest.approx((slanting / steep).item(), rel=1e-3)
 
 
 def test_a_dielectric_is_lit_less_from_where_the_viewer_is_than_from_opposite_at_a_slant():
