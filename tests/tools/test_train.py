@@ -105,9 +105,9 @@ def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
     x, v = torch.tensor([[0.3, -0.5, 0.0]]), torch.tensor([[0.0, 0.6, 0.8]])
     n = torch.tensor([[0.0, 0.0, 1.0]])
     still = LightPrior(replace(floor_scene(), environment=environment))
-    turn = torch.tensor(quarter)
-    torch.testing.assert_close(LightPrior(world)(x @ turn.T, n, v @ turn.T, torch.tensor([0.4])),
-                               still(x, n, v, torch.tensor([0.4])), rtol=1e-3, atol=1e-4)
+    turn, gloss = torch.tensor(quarter), torch.tensor([[0.4], [0.04]])
+    torch.testing.assert_close(LightPrior(world)(x @ turn.T, n, v @ turn.T, *gloss), still(x, n, v, *gloss), rtol=1e-3,
+                               atol=1e-4)
     torch.testing.assert_close(turned.inputs.triangles, sample.inputs.triangles @ turn.T, atol=1e-6, rtol=0)
     torch.testing.assert_close(turned.inputs.environment.ldr, sample.inputs.environment.ldr.roll(-shift, -1))
     torch.testing.assert_close(turned.image, sample.image)

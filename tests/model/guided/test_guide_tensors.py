@@ -155,7 +155,8 @@ def test_smooth_glass_shows_lamps_and_sky_where_its_paths_end_and_rough_glass_wh
 def test_a_rough_surface_shows_no_image_but_the_mean_of_light_that_has_bounced_before():
     scene, (view, guides) = walls((0.8, 0.8, 0.8)), floor_view(64, 64)
     ends = {"reflected_position": guides.position, "reflected_normal": guides.normal,
-            "reflected_color": np.full_like(guides.position, 0.5), "traced": np.zeros_like(guides.position)}
+            "reflected_color": np.full_like(guides.position, 0.5), "traced": np.zeros_like(guides.position),
+            "diffuse_color": np.zeros_like(guides.position)}  # of metal, whose first bounce is traced
     prior = LightPrior(scene)
     radiosity, shown = Radiosity(scene, prior), []
     for roughness in (0.1, 0.9):
