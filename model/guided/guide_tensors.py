@@ -15,16 +15,28 @@ from ..camera import view_rays_at
 from ..fields import COLOR, DIRECTION, POINT, Channels, array
 from ..geometry import contracted
 from ..lobes import LOBES
+from ..material.reflectance import normal_reflectance
 from ..network.inputs import TensorGroup
 from ..network.memory import like
 from ..progress import part
-from ..scene import ROUGHNESS, Guides, RenderScene, View, texels
+from ..scene import (
+    BASE_COLOR,
+    IOR,
+    METALLIC,
+    ROUGHNESS,
+    TILE_CHANNELS,
+    TRANSMISSION,
+    Guides,
+    RenderScene,
+    View,
+    texels,
+)
 from .bounce.probes import NOISY, Probes, grid_of
 from .bounce.radiosity import Radiosity
 from .edges import Edges, edges
 from .effort import FULL, Effort
 from .exposure import key_exposure
-from .prior.fresnel import at_normal
+from .prior.fresnel import whole
 from .prior.light_prior import SKY_RAYS, LightPrior
 from .sampling import in_a_row
 from .specular import BLURRED, blur
@@ -57,6 +69,8 @@ OFFSET_SCALE = 8.0        # in-bundle offsets are a few hundredths of a unit
 BEYOND = 4.0              # network units from a camera that sees nothing: no volume is farther off
 UNSEEN_DISTANCE = 2.0     # where a bundle that hits nothing is placed along its rays, network units
 UNKNOWN_ROUGHNESS = 0.5   # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
+UNKNOWN_REFLECTANCE = 0.04  # there, of a layer at normal incidence
+LEAST_LAYER = 5e-3        # reflectance at normal incidence from which on a layer reflects all at grazing
 
 
 @dataclass
@@ -153,7 +167,8 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
     diffuse_color, glossy_color, transmission_color = (
         tensor(c) for c in (guides.diffuse_color, guides.glossy_color, guides.transmission_color))
     matte = diffuse_color.mean(-1) / glossy_color.mean(-1).clamp_min(1e-6)
-    gloss = torch.stack([roughness, _at_normal(glossy_color, alpha, normal, -rays, roughness), matte], -1)
+    gloss = torch.stack([roughness, _at_normal(*map(tensor, hit_reflectances(scene, guides)),
+                                               -(normal * rays).sum(-1), roughness), matte], -1)
     coarse, noisy = max(grid_of(view.longer_side), effort.probe_grid), NOISY[:effort.smoothings]
     probes_of = partial(Probes, grid=coarse, finest=max(coarse // effort.closer, 1))
     probes = probes_of(position, normal, alpha > 0)
@@ -208,10 +223,14 @@ def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, rad
                  torch.cat([bounced, behind, reflected, refracted, traced, glow], -1).permute(2, 0, 1))
 
 
-def _at_normal(color: Tensor, alpha: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor) -> Tensor:
-    """(h, W) reflectance at normal incidence, by the glossy colour (h, W, 3), premultiplied by `alpha` (h, W, 1)."""
-    reflected, cosine = color.mean(-1) / alpha[..., 0].clamp_min(1e-3), (normal * outgoing).sum(-1)
-    return at_normal(*(x.flatten() for x in (reflected, cosine, roughness))).view_as(roughness)
+def _at_normal(metal: Tensor, layer: Tensor, reflectance: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
+    """(h, W) reflectance at normal incidence over that at grazing of surfaces of metal, which has 1, and a layer.
+
+    The first three as of `hit_reflectances`; cosine between normal and viewer.
+    """
+    every = whole(torch.ones(()), cosine.flatten(), roughness.flatten()).view_as(cosine)
+    metal = metal / every  # what bounces between its facets is added evenly
+    return (metal + layer * reflectance) / (metal + layer).clamp_min(1e-6)
 
 
 def _glow(prior: LightPrior, origin: Tensor, rays: Tensor, position: Tensor, normal: Tensor) -> Tensor:
@@ -293,10 +312,26 @@ def _rows(width: int, patch: int) -> int:
 
 def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
     """(H, W) f32 roughness of the texel that each pixel centre hits."""
+    return np.where(guides.hit_triangle >= 0, _hit_texels(scene, guides)[..., ROUGHNESS], np.float32(UNKNOWN_ROUGHNESS))
+
+
+def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(H, W) f32 each, of the same texel: what its metal reflects, its share of a layer, and what that reflects.
+
+    The last at normal incidence; a layer that reflects next to nothing there is none.
+    """
+    texel = _hit_texels(scene, guides)
+    known, metallic, transmission = guides.hit_triangle >= 0, texel[..., METALLIC], texel[..., TRANSMISSION]
+    layer = normal_reflectance(texel[..., IOR].clip(1)) * (1 - transmission / 2)  # whose index glass has itself
+    layer = np.where(known, layer, UNKNOWN_REFLECTANCE)
+    metal = known * metallic * texel[..., BASE_COLOR].mean(-1)
+    return metal, (1 - known * metallic) * (layer / LEAST_LAYER).clip(max=1), layer
+
+
+def _hit_texels(scene: RenderScene, guides: Guides) -> np.ndarray:
+    """(H, W, C) f32 of the material tiles; whatever where nothing is hit."""
     hit = guides.hit_triangle
     if not len(scene.triangles):
-        return np.full(hit.shape, UNKNOWN_ROUGHNESS, np.float32)
+        return np.zeros((*hit.shape, TILE_CHANNELS), np.float32)
     x, y = texels(guides.hit_barycentric)
-    tile = scene.tile_index[np.maximum(hit, 0)]
-    roughness = scene.tiles[tile, ROUGHNESS, y, x].astype(np.float32)
-    return np.where(hit >= 0, roughness, np.float32(UNKNOWN_ROUGHNESS))
+    return scene.tiles[scene.tile_index[np.maximum(hit, 0)], :, y, x].astype(np.float32)

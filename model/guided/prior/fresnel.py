@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How much of a glossy lobe comes from which side: facets that are met at a slant reflect more.
 
-By Schlick's approximation (1994). A surface's reflectance at normal incidence is found from its colour, which Cycles
-gives as the mean of the lobe, with both halves of a split sum (Karis 2013).
+By Schlick's approximation (1994), and the mean of a lobe by both halves of a split sum (Karis 2013). What a reflectance
+at normal incidence is given for is 1 at grazing: it is a ratio, and 1 for metals, which reflect alike at all angles.
 """
 from __future__ import annotations
 
@@ -27,15 +27,6 @@ def schlick(at_normal: Tensor, cosine: Tensor) -> Tensor:
 
 def slant(cosine: Tensor) -> Tensor:
     return (1 - cosine).clamp(0, 1) ** 5
-
-
-def at_normal(color: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
-    """(P,) reflectance at normal incidence of surfaces whose lobe reflects `color` (P,) of light from everywhere.
-
-    cosine: (P,) between normal and viewer; roughness: (P,), perceptual.
-    """
-    straight, slanting = _split_sum(cosine, roughness)
-    return ((color - slanting) / straight.clamp_min(LEAST)).clamp(0, 1)
 
 
 def whole(at_normal: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:

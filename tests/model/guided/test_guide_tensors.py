@@ -15,11 +15,12 @@ from renderformer_v2.model.guided.guide_tensors import (
     UNSEEN_DISTANCE,
     exposed,
     guide_tensors,
+    hit_reflectances,
     hit_roughness,
 )
 from renderformer_v2.model.guided.prior.light_prior import LightPrior
 from renderformer_v2.model.presets import rf2_small
-from renderformer_v2.model.scene import ROUGHNESS
+from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION
 from tests.model.samples import floor_scene, floor_view, walls
 
 PATCH = rf2_small().patch_size
@@ -175,6 +176,20 @@ def test_no_light_where_nothing_is_hit():
     empty = guides.features[:, FEATURES.index("alpha")] == 0
     assert empty.any() and (~empty).any()
     assert image.permute(1, 0, 2, 3)[:, empty].abs().amax() == 0
+
+
+def test_what_a_surface_reflects_comes_from_the_texel_that_is_hit():
+    """Plastic, metal, both, what has no layer at all, clear glass of the same index, and what is hit by chance."""
+    scene, (_, guides) = floor_scene(), floor_view()
+    scene.tiles[:, BASE_COLOR] = 0.6
+    guides.hit_triangle[0, 0] = -1
+    for metallic, ior, transmission, expected in ((0, 1.3291, 0, (0, 1, 0.04)), (1, 1.3291, 0, (0.6, 0, 0.04)),
+                                                  (0.5, 1.3291, 0, (0.3, 0.5, 0.04)), (0, 1.0, 0, (0, 0, 0)),
+                                                  (0, 1.5, 1, (0, 1, 0.04))):
+        scene.tiles[:, METALLIC], scene.tiles[:, IOR], scene.tiles[:, TRANSMISSION] = metallic, ior, transmission
+        found = hit_reflectances(scene, guides)
+        np.testing.assert_allclose([each[32, 32] for each in found], expected, atol=1e-3)
+        np.testing.assert_allclose([each[0, 0] for each in found], (0, 1, 0.04), atol=1e-6)
 
 
 def test_roughness_comes_from_the_texel_that_is_hit():

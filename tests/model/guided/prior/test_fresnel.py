@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.guided.prior.form_factors import cosines, ggx_lobe
-from renderformer_v2.model.guided.prior.fresnel import at_normal, gain, whole
+from renderformer_v2.model.guided.prior.fresnel import gain, whole
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 
@@ -42,14 +42,6 @@ def test_a_lobe_is_what_it_reflects_of_light_from_everywhere(roughness, cosine, 
     lobe = ggx_lobe(towards.T[:, None], cosines(towards.T[:, None], UP), torch.tensor(tiny), UP, v,
                     torch.tensor([roughness]), torch.tensor([reflectance]))
     assert (lobe.mean() * 2 / tiny).item() == pytest.approx(1, rel=0.06)
-
-
-def test_the_reflectance_at_normal_incidence_is_found_from_the_colour_of_a_lobe():
-    given, cosine = torch.tensor([0.0, 0.04, 0.5, 1.0]), torch.tensor([0.3, 0.9, 0.6, 0.2])
-    roughness = torch.full((4,), 0.6)
-    torch.testing.assert_close(at_normal(whole(given, cosine, roughness), cosine, roughness), given, atol=1e-3, rtol=0)
-    more = whole(given, cosine, roughness) + 0.5  # rough metals, whose light bounces between facets
-    assert at_normal(more, cosine, roughness)[-1] == 1
 
 
 def test_what_a_layer_gains_by_the_angle_of_a_lamp_is_nothing_if_lamps_are_all_around():
