@@ -23,6 +23,7 @@ from ..scene import (
     BASE_COLOR,
     IOR,
     METALLIC,
+    NORMAL,
     ROUGHNESS,
     TILE_CHANNELS,
     TRANSMISSION,
@@ -312,7 +313,8 @@ def _rows(width: int, patch: int) -> int:
 
 def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
     """(H, W) f32 roughness of the texel that each pixel centre hits."""
-    return np.where(guides.hit_triangle >= 0, _hit_texels(scene, guides)[..., ROUGHNESS], np.float32(UNKNOWN_ROUGHNESS))
+    roughness = _hit_texels(scene, guides, slice(ROUGHNESS, ROUGHNESS + 1))[..., 0]
+    return np.where(guides.hit_triangle >= 0, roughness, np.float32(UNKNOWN_ROUGHNESS))
 
 
 def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -320,7 +322,7 @@ def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np
 
     The last at normal incidence; a layer that reflects next to nothing there is none.
     """
-    texel = _hit_texels(scene, guides)
+    texel = _hit_texels(scene, guides, slice(NORMAL.start))
     known, metallic, transmission = guides.hit_triangle >= 0, texel[..., METALLIC], texel[..., TRANSMISSION]
     layer = normal_reflectance(texel[..., IOR].clip(1)) * (1 - transmission / 2)  # whose index glass has itself
     layer = np.where(known, layer, UNKNOWN_REFLECTANCE)
@@ -328,10 +330,10 @@ def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np
     return metal, (1 - known * metallic) * (layer / LEAST_LAYER).clip(max=1), layer
 
 
-def _hit_texels(scene: RenderScene, guides: Guides) -> np.ndarray:
-    """(H, W, C) f32 of the material tiles; whatever where nothing is hit."""
+def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:
+    """(H, W, C) f32, such channels of the material tiles; whatever where nothing is hit."""
     hit = guides.hit_triangle
     if not len(scene.triangles):
-        return np.zeros((*hit.shape, TILE_CHANNELS), np.float32)
+        return np.zeros((*hit.shape, len(range(TILE_CHANNELS)[channels])), np.float32)
     x, y = texels(guides.hit_barycentric)
-    return scene.tiles[scene.tile_index[np.maximum(hit, 0)], :, y, x].astype(np.float32)
+    return scene.tiles[scene.tile_index[np.maximum(hit, 0)], channels, y, x].astype(np.float32)
