@@ -133,3 +133,26 @@ def seen_in(panorama: np.ndarray, rays: np.ndarray) -> np.ndarray:
     u, v = np.moveaxis(latlong_uv(rays), -1, 0)
     height, width = panorama.shape[:2]
     return panorama[((1 - v) * height).astype(int).clip(0, height - 1), (u * width).astype(int) % width]
+
+
+def reflected(ray, normal):
+    """Unit rays (..., 3), arrays or tensors, mirrored at unit normals (..., 3)."""
+    return ray - 2 * (ray * normal).sum(-1)[..., None] * normal
+
+
+def refracted(ray: np.ndarray, normal: np.ndarray, ior: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Unit rays (P, 3) behind a surface whose unit normals (P, 3) face them; mirrored where nothing passes.
+
+    ior: (P,) of the medium behind the surface's front; inside: (P,), whether the rays come from within.
+    """
+    ior = np.maximum(ior, 1.0)
+    ratio = np.where(inside, ior, 1 / ior)
+    cosine = -dot(ray, normal)
+    rest = 1 - ratio**2 * (1 - cosine**2)
+    through = ratio[:, None] * ray + (ratio * cosine - np.sqrt(np.maximum(rest, 0)))[:, None] * normal
+    return np.where(rest[:, None] > 0, through, reflected(ray, normal))
+
+
+def facing(normal: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """Normals (..., 3), turned where they point along the ray (..., 3)."""
+    return np.where(dot(normal, ray)[..., None] > 0, -normal, normal)

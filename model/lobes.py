@@ -10,9 +10,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .bands import bands
 from .box_filter import box_means
 from .color import HALF_MAX
+from .compute.bands import bands
 from .scene import Guides
 
 LOBES = ("diffuse", "glossy", "transmission")

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from .threads import spread
+from .compute.threads import spread
 
 CHUNK = 1 << 16  # rays between two looks at the Esc key: about 0.02 s
 

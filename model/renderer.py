@@ -24,20 +24,20 @@ import torch
 from torch import Tensor
 
 from .camera import beyond_sides, padded_view, place_in
-from .devices import choose_device, name_of
+from .compute.devices import choose_device, name_of
+from .compute.precision import NAMES, choose_precision, failure
 from .errors import CheckpointError
-from .guided.effort import FULL, Effort
 from .guided.pipeline import GuidedPipeline
+from .light.effort import FULL, Effort
 from .lobes import Lobes
 from .network import memory
 from .normalize import Normalization
-from .precision import NAMES, choose_precision, failure
-from .presets import BUNDLED, weights_folder
 from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle
 from .published.pipeline import PublishedPipeline
 from .scene import Guides, RenderScene, View
-from .weights_files import explained
+from .weights.files import explained
+from .weights.presets import BUNDLED, weights_folder
 
 T = TypeVar("T")
 

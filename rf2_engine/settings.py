@@ -10,8 +10,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..model.errors import CheckpointError
-from ..model.presets import BUNDLED, weights_folder
 from ..model.published.bundle_files import AUTOMATIC, LARGE, SMALL, is_bundle
+from ..model.weights.presets import BUNDLED, weights_folder
 from . import passes
 from .cycles import session as cycles_session
 from .frame.rectangle import size

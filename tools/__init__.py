@@ -8,6 +8,6 @@ from .extension import load
 
 load()
 
-from renderformer_v2.model.threads import sleep_while_waiting  # noqa: E402
+from renderformer_v2.model.compute.threads import sleep_while_waiting  # noqa: E402
 
 sleep_while_waiting()

@@ -10,7 +10,7 @@ import numpy as np
 
 from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.errors import CheckpointError
-from renderformer_v2.model.presets import BUNDLED
+from renderformer_v2.model.weights.presets import BUNDLED
 
 from .picture import write_whole
 
@@ -21,8 +21,8 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
     Raises SceneError for the scene, CheckpointError for the weights or a picture that is not finite, ValueError for a
     resolution that is not square, OSError as the disk does.
     """
-    from renderformer_v2.model.devices import choose_device
-    from renderformer_v2.model.precision import choose_precision
+    from renderformer_v2.model.compute.devices import choose_device
+    from renderformer_v2.model.compute.precision import choose_precision
     from renderformer_v2.model.published.h5 import read_h5
     from renderformer_v2.model.published.pipeline import PublishedPipeline
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderformer_v2.model.color import linear_to_srgb
-from renderformer_v2.model.metrics import psnr
+from renderformer_v2.model.metrics.scores import psnr
 
 
 def flip(a: np.ndarray, b: np.ndarray) -> np.ndarray:

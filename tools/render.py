@@ -23,9 +23,9 @@ import sys
 import time
 from pathlib import Path
 
-from renderformer_v2.model import threads
+from renderformer_v2.model.compute import threads
 from renderformer_v2.model.errors import CheckpointError, SceneError
-from renderformer_v2.model.presets import BUNDLED
+from renderformer_v2.model.weights.presets import BUNDLED
 
 from . import extension
 from .arguments import file_with, picture_size, whole_number

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from renderformer_v2.model.presets import BUNDLED
+from renderformer_v2.model.weights.presets import BUNDLED
 
 from .picture import write_whole
 

@@ -12,8 +12,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from ..bands import bands
 from ..camera import beyond_sides
+from ..compute.bands import bands
 from ..fields import COLOR, DIRECTION, Channels
 from ..network.norm import Float32Conv2d
 from ..scene import Guides

@@ -14,6 +14,15 @@ from torch.nn import functional as F
 from ..camera import view_rays_at
 from ..fields import COLOR, DIRECTION, POINT, Channels, array
 from ..geometry import contracted
+from ..geometry import reflected as reflected_ray
+from ..light.bounce.probes import NOISY, Probes, grid_of
+from ..light.bounce.radiosity import Radiosity
+from ..light.direct.direct_light import SKY_RAYS, LightPrior
+from ..light.edges import Edges, edges
+from ..light.effort import FULL, Effort
+from ..light.fresnel import whole
+from ..light.sampling import in_a_row
+from ..light.specular_paths import BLURRED, blur
 from ..lobes import LOBES
 from ..material.reflectance import normal_reflectance
 from ..network.inputs import TensorGroup
@@ -32,16 +41,7 @@ from ..scene import (
     View,
     texels,
 )
-from .bounce.probes import NOISY, Probes, grid_of
-from .bounce.radiosity import Radiosity
-from .edges import Edges, edges
-from .effort import FULL, Effort
 from .exposure import key_exposure
-from .prior.fresnel import whole
-from .prior.light_prior import SKY_RAYS, LightPrior
-from .sampling import in_a_row
-from .specular import BLURRED, blur
-from .specular import reflected as reflected_ray
 
 FEATURES = Channels(
     1,

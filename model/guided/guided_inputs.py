@@ -12,15 +12,15 @@ from torch.nn import functional as F
 from ..environment import environment_images
 from ..fields import DIRECTION, array
 from ..geometry import contracted
+from ..light.bounce.radiosity import Radiosity
+from ..light.direct.direct_light import LightPrior
+from ..light.effort import FULL, Effort
 from ..network.config import ModelConfig
 from ..network.inputs import EnvironmentInputs, NetworkInputs, ViewInputs, VolumeInputs, encode_light
 from ..scene import Guides, RenderScene, View, Volumes
 from ..tensors import material_tiles, nearer_lights, view_inputs, volume_inputs
-from .bounce.radiosity import Radiosity
-from .effort import FULL, Effort
 from .encoders import panorama_size, tile_side
 from .guide_tensors import GuideTensors, guide_tensors
-from .prior.light_prior import LightPrior
 
 
 @dataclass(kw_only=True)

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ..checkpoint import load_material_mapper, load_network
+from ..light.bounce.radiosity import Radiosity
+from ..light.direct.direct_light import LightPrior
+from ..light.effort import DRAFT, FULL, Effort
+from ..network.precision import in_precision
 from ..network.renderformer import SceneContext
-from ..precision import in_precision
-from ..presets import weights_folder
 from ..progress import part
 from ..scene import Guides, RenderScene, View
+from ..weights.checkpoint import load_material_mapper, load_network
+from ..weights.presets import weights_folder
 from .antialiasing import antialiased
-from .bounce.radiosity import Radiosity
 from .decoding import OUTPUTS, decode_bands
-from .effort import DRAFT, FULL, Effort
 from .guided_inputs import guided_inputs, guided_view
-from .prior.light_prior import LightPrior
 
 
 @dataclass

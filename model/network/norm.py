@@ -34,7 +34,7 @@ class Linear(nn.Linear):
 
 
 class Float32Conv2d(nn.Conv2d):
-    """nn.Conv2d that stays in float32 when `model.precision.in_precision` stores the others in half precision."""
+    """nn.Conv2d that stays in float32 when `in_precision` stores the others in half precision."""
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         return super().forward(x.float())

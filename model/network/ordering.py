@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from ..device_ops import done
+from ..compute.device_ops import done
 
 BITS = 16  # the order depends on it
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..checkpoint import build_network, load_component, load_network
 from ..errors import CheckpointError
 from ..material.autoencoder import MaterialAutoencoder
 from ..material.mappers import MAPPERS, Mapper
 from ..network.config import ModelConfig
 from ..network.renderformer import RenderFormer
-from ..weights_files import (
+from ..weights.checkpoint import build_network, load_component, load_network
+from ..weights.files import (
     FORMAT,
     explained,
     read_json,

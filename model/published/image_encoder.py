@@ -11,12 +11,12 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from .. import background
-from ..checkpoint import load_weights
+from ..compute import background
 from ..errors import CheckpointError
 from ..network.memory import divided
 from ..progress import report
-from ..weights_files import explained, read_json, require
+from ..weights.checkpoint import load_weights
+from ..weights.files import explained, read_json, require
 
 BATCH = 256
 BATCH_CPU = 64         # with fewer, the layers of 4x4 places are slower; the batch does not change the result

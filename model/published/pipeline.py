@@ -9,18 +9,19 @@ import numpy as np
 import torch
 
 from ..camera import padded_view, square_view
+from ..compute.precision import tensor_float_32
 from ..errors import CheckpointError
-from ..guided.effort import FULL, Effort
+from ..light.effort import FULL, Effort
 from ..material.appearance import Appearance
 from ..network.inputs import NetworkInputs
+from ..network.precision import as_released
 from ..network.renderformer import RenderFormer, SceneContext, to_radiance
 from ..normalize import Normalization
-from ..precision import as_released, tensor_float_32
-from ..presets import rf2_200m
 from ..progress import part, report
 from ..scene import Guides, RenderScene, View
 from ..tensors import view_inputs
-from ..weights_files import explained
+from ..weights.files import explained
+from ..weights.presets import rf2_200m
 from .as_trained import as_trained, emitters
 from .bundle import Bundle, load_transformer
 from .bundle_files import AUTOMATIC, MAPPERS, transformer_for, whole

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from ..errors import SceneError
-from ..git_lfs import is_pointer
+from ..weights.git_lfs import is_pointer
 
 CONFIG, MESHES = "scene_config.json", "split"
 VERSION = "2.0.0"

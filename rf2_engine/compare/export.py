@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
-from ...model import flip
+from ...model.metrics import flip
 from ..registering import classes
 from . import comparison, sheet
 from .measuring import Measurement

@@ -8,9 +8,11 @@ import traceback
 import bpy
 import numpy as np
 
-from ...model import metrics, noise, progress
+from ...model import progress
 from ...model.color import linear_to_srgb
 from ...model.errors import RenderCancelled
+from ...model.metrics import noise
+from ...model.metrics import scores as metrics
 from . import header
 from .sources import Picture
 

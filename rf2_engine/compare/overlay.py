@@ -6,7 +6,7 @@ import textwrap
 
 import blf
 
-from ...model.magma import STOPS
+from ...model.metrics.magma import STOPS
 from . import comparison, events, labels
 
 WHITE = (1.0, 1.0, 1.0, 1.0)

@@ -10,8 +10,8 @@ import bpy
 import imbuf
 import numpy as np
 
-from ...model import metrics
-from ...model.magma import magma
+from ...model.metrics import scores as metrics
+from ...model.metrics.magma import magma
 from .measuring import Box
 from .saving import file_format
 from .sources import Picture

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from ...model import presets
 from ...model.scene import RenderScene
+from ...model.weights import presets
 from ..convert.report import Report
 from ..settings import FrameSettings
 from ..setup import importing, wheels
@@ -31,10 +31,10 @@ def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int]
         if settings.device == "cpu" or not wheels.has_nvidia_driver():
             return None  # importing it takes seconds
         importing.import_packages()
-    from ...model.devices import choose_device, free_memory
+    from ...model.compute.devices import choose_device, free_memory
+    from ...model.compute.precision import choose_precision, has_tensor_float_32
     from ...model.network.footprint import card_bytes
     from ...model.network.renderformer import KEYS_VALUES_BYTES
-    from ...model.precision import choose_precision, has_tensor_float_32
     try:
         device = choose_device(settings.device)
         item = choose_precision(settings.precision, device).itemsize

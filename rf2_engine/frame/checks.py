@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from ...model import weights_files
 from ...model.errors import SceneError
-from ...model.presets import weights_folder
+from ...model.weights import files as weights_files
+from ...model.weights.presets import weights_folder
 from .. import compat, passes
 from ..convert.camera.eyes import has_spherical_stereo, no_spherical_stereo
 from ..convert.report import Report

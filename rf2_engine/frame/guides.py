@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...model import denoise_media
 from ...model.camera import view_rays, view_rays_at
-from ...model.camera_rays import CameraRays
-from ...model.denoise_media import Behind
-from ...model.first_hits import guides_of_hits, lobe_colors, mean_guides
+from ...model.first_hits import denoise_media
+from ...model.first_hits.camera_rays import CameraRays
+from ...model.first_hits.denoise_media import Behind
+from ...model.first_hits.from_rays import guides_of_hits, lobe_colors, mean_guides
 from ...model.geometry import barycentric, corner_weights
-from ...model.guided.specular import shading_normals
 from ...model.progress import part
 from ...model.rays import Rays
 from ...model.scene import Guides, RenderScene, View
+from ...model.shading import shading_normals
 from ..convert.meshes.nearest import Surface
 
 # A pixel's ray belongs to the triangle that it hits if that hit lies within this fraction of the distance of what

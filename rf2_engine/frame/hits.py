@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model import denoise_media, progress
+from ...model import progress
 from ...model.camera import sees
+from ...model.first_hits import denoise_media
+from ...model.light.reflections import with_ends
 from ...model.scene import Guides, RenderScene, View
 from ..convert.camera.lens import Lens
 from ..cycles import session as cycles_session
@@ -21,7 +23,6 @@ from .guides import guides_of_no_triangle, inside, make_guides
 from .layer import Layer
 from .optics import Optics
 from .output import Catch
-from .reflections import with_ends
 
 CYCLES_SHARE = 0.8  # of the first hits; the rest finds the triangles behind them
 

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...model import background
+from ...model.compute import background
 from ...model.errors import CheckpointError
-from ...model.presets import weights_folder
 from ...model.progress import part
 from ...model.published.bundle_files import AUTOMATIC
 from ...model.scene import RenderScene
+from ...model.weights.presets import weights_folder
 from ..setup import importing, published_weights, wheels
 
 SUFFIXES = (".safetensors", ".json", ".yaml", ".yml")  # of weights and what describes them
@@ -97,7 +97,7 @@ def unused_card(network) -> str:
     """Why that renderer does not use an NVIDIA card that is there, and what to do; "" where there is none."""
     if network.device.type == "cuda":
         return ""
-    from ...model.devices import unused_card
+    from ...model.compute.devices import unused_card
     return unused_card(wheels.has_nvidia_driver())
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from ...model import progress
 from ...model.lobes import Lobes, MeanLobes
-from ...model.presets import BUNDLED
 from ...model.scene import Guides, RenderScene, View
+from ...model.weights.presets import BUNDLED
 from ..progress.stages import CONVERT, EDGES, ENCODE, LOAD, TEXTURES, VIEW
 from . import model_cache, shutter
 from .hits import Hits, sample_hits

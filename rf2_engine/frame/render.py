@@ -6,11 +6,12 @@ from collections import Counter
 
 import bpy
 
-from ...model import progress, threads
+from ...model import progress
+from ...model.compute import threads
 from ...model.errors import RenderCancelled
 from ...model.lobes import Lobes
-from ...model.presets import BUNDLED
 from ...model.scene import RenderScene, View
+from ...model.weights.presets import BUNDLED
 from .. import passes as pass_table
 from ..convert.report import Report, grouped
 from ..cycles import run as cycles_run

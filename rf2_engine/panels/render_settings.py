@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...model import weights_files
 from ...model.errors import CheckpointError
+from ...model.weights import files as weights_files
 from ..frame import model_cache
 from ..registering import classes
 from ..settings import is_published

@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 
 from ...model.errors import CheckpointError, SceneError
-from ...model.presets import BUNDLED
 from ...model.scene import RenderScene
+from ...model.weights.presets import BUNDLED
 from ..convert.camera.camera import convert_camera
 from ..convert.report import Report
 from ..convert.scene import convert

@@ -10,7 +10,6 @@ import numpy as np
 
 from mathutils import Matrix, Vector
 
-from ...model import git_lfs
 from ...model.errors import SceneError
 from ...model.published.obj_mesh import ObjMesh, read_obj
 from ...model.published.prepared_frame import (
@@ -23,6 +22,7 @@ from ...model.published.prepared_frame import (
     pointers,
     read_frame,
 )
+from ...model.weights import git_lfs
 from ..engine import RenderFormerEngine
 from . import material_nodes
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from ...model.presets import BUNDLED
+from ...model.weights.presets import BUNDLED
 from . import packages, published_weights, state, wheels
 from .display import amount
 

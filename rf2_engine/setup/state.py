@@ -7,10 +7,10 @@ from pathlib import Path
 
 import bpy
 
-from ...model import weights_files
 from ...model.errors import CheckpointError, SceneError
-from ...model.presets import BUNDLED, weights_folder
 from ...model.published.bundle_files import is_bundle
+from ...model.weights import files as weights_files
+from ...model.weights.presets import BUNDLED, weights_folder
 from ..cycles import session as cycles_session
 from . import importing, packages, published_weights, wheels
 
@@ -48,7 +48,7 @@ def _device(problems: list[str]) -> str:
     except packages.MissingPackages as error:
         problems.append(str(error))
         return ""
-    from ...model.devices import choose_device, unused_card
+    from ...model.compute.devices import choose_device, unused_card
     device = str(choose_device())
     reason = "" if device.startswith("cuda") else unused_card(wheels.has_nvidia_driver())
     return f"{device}; {reason}" if reason else device

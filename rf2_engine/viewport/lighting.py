@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 
 from ...model import progress
-from ...model.guided.effort import FULL, QUICK
+from ...model.light.effort import FULL, QUICK
+from ...model.light.reflections import with_ends
 from ...model.rays import Rays
 from ...model.scene import RenderScene, View
 from ..convert import compute
@@ -20,7 +21,6 @@ from ..convert.memo import Memo
 from ..convert.report import Report
 from ..frame import model_cache, output
 from ..frame.guides import CENTRE, SPREAD, cast_guides
-from ..frame.reflections import with_ends
 from ..frame.shot import has_left
 from ..settings import FrameSettings
 from .source import State

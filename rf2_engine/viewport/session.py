@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...model import background, progress, threads
+from ...model import progress
+from ...model.compute import background, threads
 from ...model.errors import RenderCancelled
 from ..convert.copied import Copied
 from ..convert.memo import Memo

@@ -7,7 +7,7 @@ import weakref
 import bpy
 from bpy.app.handlers import persistent
 
-from ...model import threads
+from ...model.compute import threads
 from ...model.errors import CheckpointError
 from ..frame import model_cache, running
 from ..registering import handlers

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderformer_v2.model import bands
+from renderformer_v2.model.compute import bands
 from renderformer_v2.model.lobes import LOBES, Lobes, light_passes
 from renderformer_v2.model.scene import Guides
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.presets import rf2_200m
+from renderformer_v2.model.weights.presets import rf2_200m
 from tests.model.published.bundles import tiny_published_config, tiny_vae
 from tools.benchmark import device, farm, load, textures
 from tools.benchmark.flops import decoder_flops_per_ray, forward_flops, product_rate, stage1_flops, visible_pairs

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.renderer import Renderer
+from renderformer_v2.model.weights.presets import BUNDLED
 from tests.model.samples import floor_view, walls
 from tools.datagen.shards import save_sample
 from tools.evaluate.oracles import FACTORS, ORACLES, Shown, shown

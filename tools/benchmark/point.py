@@ -48,7 +48,7 @@ def rf2_small(point: dict) -> dict:
     settings.token_budget, settings.max_edge, settings.precision = point["triangles"], 1.0, point["precision"]
     settings.light = "NETWORK"
     total = _render(scene)
-    from renderformer_v2.model.presets import rf2_small as preset
+    from renderformer_v2.model.weights.presets import rf2_small as preset
     from renderformer_v2.rf2_engine.progress.last_render import last_frame
     (last,) = last_frame
     return {"seconds": total - last.seconds.get("Loading the network", 0.0), "real_triangles": last.triangles,
@@ -60,11 +60,12 @@ def rf2_200m(point: dict) -> dict:
     import torch
 
     from renderformer_v2.model.camera import square_view
-    from renderformer_v2.model.devices import choose_device
+    from renderformer_v2.model.compute.devices import choose_device
+    from renderformer_v2.model.compute.precision import choose_precision
+    from renderformer_v2.model.network.precision import in_precision
     from renderformer_v2.model.network.renderformer import RenderFormer
-    from renderformer_v2.model.precision import choose_precision, in_precision
-    from renderformer_v2.model.presets import rf2_200m as preset
     from renderformer_v2.model.tensors import view_inputs
+    from renderformer_v2.model.weights.presets import rf2_200m as preset
     device = choose_device()
     torch.manual_seed(SEED)
     model = in_precision(RenderFormer(preset()), choose_precision(point["precision"], device)).to(device).eval()
@@ -108,8 +109,8 @@ def random_inputs(triangles: int, config):
 
 def _efficiency(config, triangles: int, point: dict, seconds: float) -> dict:
     """FLOPs by formula, and how they compare with the large matrix products of this machine in the same format."""
-    from renderformer_v2.model.devices import choose_device
-    from renderformer_v2.model.precision import choose_precision
+    from renderformer_v2.model.compute.devices import choose_device
+    from renderformer_v2.model.compute.precision import choose_precision
 
     from .flops import forward_flops, product_rate, stage1_flops
     device = choose_device()

@@ -11,6 +11,7 @@ import numpy as np
 from tools import extension
 
 extension.load()
+from renderformer_v2.model.light.reflections import with_ends  # noqa: E402
 from renderformer_v2.model.scene import Guides, RenderScene, View  # noqa: E402
 from renderformer_v2.rf2_engine import passes as pass_table  # noqa: E402
 from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera  # noqa: E402
@@ -20,7 +21,6 @@ from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa:
 from renderformer_v2.rf2_engine.cycles.session import Light  # noqa: E402
 from renderformer_v2.rf2_engine.cycles.world import CyclesWorld  # noqa: E402
 from renderformer_v2.rf2_engine.frame.guides import make_guides  # noqa: E402
-from renderformer_v2.rf2_engine.frame.reflections import with_ends  # noqa: E402
 from renderformer_v2.rf2_engine.progress.status import Status  # noqa: E402
 
 from .cameras import Setup  # noqa: E402

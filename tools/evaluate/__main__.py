@@ -17,10 +17,10 @@ import json
 import sys
 from pathlib import Path
 
+from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.errors import CheckpointError
-from renderformer_v2.model.presets import BUNDLED
 from renderformer_v2.model.renderer import Renderer
-from renderformer_v2.model.threads import team
+from renderformer_v2.model.weights.presets import BUNDLED
 from tools.arguments import whole_number
 from tools.datagen.shards import sample_paths
 

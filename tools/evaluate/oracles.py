@@ -19,10 +19,10 @@ import numpy as np
 from skimage.filters import gaussian
 
 from renderformer_v2.model.color import linear_to_srgb
-from renderformer_v2.model.metrics import psnr
-from renderformer_v2.model.presets import BUNDLED
+from renderformer_v2.model.metrics.scores import psnr
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
+from renderformer_v2.model.weights.presets import BUNDLED
 from tools.datagen.shards import load_sample, sample_paths
 
 from .samples import prior_light

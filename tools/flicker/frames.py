@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from renderformer_v2.model.presets import weights_folder
+from renderformer_v2.model.weights.presets import weights_folder
 from tools.exr import read_pass
 from tools.scene_file import configure, open_scene, save
 

@@ -12,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from renderformer_v2.model.precision import PRECISIONS
+from renderformer_v2.model.compute.precision import PRECISIONS
 
 from .cases import Case
 from .compare import TOLERANCE, folder_errors, reason

@@ -23,7 +23,7 @@ from renderformer_v2.model.network.sequence import Tokens, centroids, pack, scen
 from renderformer_v2.model.network.softmax import KeysValues
 from renderformer_v2.model.network.swin import SHIFT, shift_mask, to_windows
 from renderformer_v2.model.network.window import Window
-from renderformer_v2.model.presets import rf2_200m
+from renderformer_v2.model.weights.presets import rf2_200m
 
 from .cases import Recorder, recipe_tensor, relative_error
 

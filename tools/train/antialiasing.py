@@ -16,12 +16,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from renderformer_v2.model.checkpoint import save_network
 from renderformer_v2.model.fields import COLOR, DIRECTION, mapped_channels
 from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, exposure_of, seen, tensor, weighted
 from renderformer_v2.model.guided.decoding import shown
 from renderformer_v2.model.guided.pipeline import GuidedPipeline
 from renderformer_v2.model.renderer import Renderer
+from renderformer_v2.model.weights.checkpoint import save_network
 from tools.datagen.shards import hint_samples, load_sample
 
 from . import apart, ranks

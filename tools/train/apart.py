@@ -15,8 +15,8 @@ from torch import Tensor, nn
 from torch.utils.data import DataLoader, Dataset
 
 from renderformer_v2.model.color import HALF_MAX
-from renderformer_v2.model.presets import BUNDLED
-from renderformer_v2.model.threads import team
+from renderformer_v2.model.compute.threads import team
+from renderformer_v2.model.weights.presets import BUNDLED
 from tools.arguments import whole_number
 from tools.datagen.shards import sample_paths
 

@@ -10,7 +10,7 @@ from torch import nn
 
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.network.config import ModelConfig
-from renderformer_v2.model.presets import PRESETS
+from renderformer_v2.model.weights.presets import PRESETS
 from tools.datagen.facts import Facts
 
 from .errors import TrainingError
@@ -42,7 +42,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class TrainConfig:
-    preset: str                  # a name of model.presets.PRESETS
+    preset: str                  # a name of model.weights.presets.PRESETS
     learning_rate: float
     weight_decay: float
     warmup_steps: int

@@ -13,7 +13,7 @@ import sys
 from dataclasses import dataclass, replace
 
 from renderformer_v2.model.network.config import ModelConfig
-from renderformer_v2.model.presets import rf2_200m
+from renderformer_v2.model.weights.presets import rf2_200m
 from tools.arguments import numbers
 from tools.benchmark.flops import forward_flops, stage1_flops
 

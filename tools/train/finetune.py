@@ -14,8 +14,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from renderformer_v2.model.presets import BUNDLED, PRESETS, weights_folder
 from renderformer_v2.model.published.bundle_files import is_bundle
+from renderformer_v2.model.weights.presets import BUNDLED, PRESETS, weights_folder
 from tools.arguments import whole_number
 from tools.extension import ROOT
 

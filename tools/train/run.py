@@ -13,8 +13,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.errors import CheckpointError
-from renderformer_v2.model.threads import team
 from tools.arguments import whole_number
 
 from . import ranks

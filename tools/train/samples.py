@@ -10,15 +10,15 @@ import torch
 from torch import Tensor
 
 from renderformer_v2.model.fields import COLOR, array
-from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.guide_tensors import GuideTensors
 from renderformer_v2.model.guided.guided_inputs import GuidedInputs, GuidedView, guided_inputs, guided_view
-from renderformer_v2.model.guided.prior.light_prior import LightPrior
+from renderformer_v2.model.light.bounce.radiosity import Radiosity
+from renderformer_v2.model.light.direct.direct_light import LightPrior
 from renderformer_v2.model.lobes import LOBES
 from renderformer_v2.model.network.inputs import EnvironmentInputs, TensorGroup, VolumeInputs, stacked
 from renderformer_v2.model.normalize import Normalization
-from renderformer_v2.model.presets import BUNDLED, PRESETS
 from renderformer_v2.model.tensors import material_tiles
+from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
 from tools.datagen.shards import load_sample
 
 from . import cache_key

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model import bands
-from renderformer_v2.model.checkpoint import load_network
+from renderformer_v2.model.compute import bands
 from renderformer_v2.model.guided.antialiasing import (
     CENTRE,
     LEAST,
@@ -22,7 +21,8 @@ from renderformer_v2.model.guided.antialiasing import (
     tensor,
     weighted,
 )
-from renderformer_v2.model.presets import BUNDLED, weights_folder
+from renderformer_v2.model.weights.checkpoint import load_network
+from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
 from tests.model.samples import floor_view
 
 FEW, MOST = SAMPLES

@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from renderformer_v2.model.guided import guide_tensors as guides_module
-from renderformer_v2.model.guided.bounce.radiosity import Radiosity
 from renderformer_v2.model.guided.decoding import BEHIND, MOST, OUTPUTS, REFRACTED, decode_bands, decode_light
 from renderformer_v2.model.guided.guidance import Guidance
 from renderformer_v2.model.guided.guide_tensors import (
@@ -18,9 +17,10 @@ from renderformer_v2.model.guided.guide_tensors import (
     hit_reflectances,
     hit_roughness,
 )
-from renderformer_v2.model.guided.prior.light_prior import LightPrior
-from renderformer_v2.model.presets import rf2_small
+from renderformer_v2.model.light.bounce.radiosity import Radiosity
+from renderformer_v2.model.light.direct.direct_light import LightPrior
 from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION
+from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view, walls
 
 PATCH = rf2_small().patch_size

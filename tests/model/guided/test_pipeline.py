@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderformer_v2.model.guided.prior.light_prior import LightPrior
+from renderformer_v2.model.light.direct.direct_light import LightPrior
 from renderformer_v2.model.renderer import Renderer
 from tests.model.samples import floor_view, walls
 

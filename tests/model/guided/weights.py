@@ -4,9 +4,9 @@ from pathlib import Path
 
 import torch
 
-from renderformer_v2.model.checkpoint import load_network, new_network, save_network
 from renderformer_v2.model.guided.network import GuidedRenderFormer
-from renderformer_v2.model.presets import BUNDLED, rf2_small, weights_folder
+from renderformer_v2.model.weights.checkpoint import load_network, new_network, save_network
+from renderformer_v2.model.weights.presets import BUNDLED, rf2_small, weights_folder
 
 
 def busy_network() -> GuidedRenderFormer:

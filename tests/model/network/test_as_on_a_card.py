@@ -8,16 +8,15 @@ import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from renderformer_v2.model import precision
-from renderformer_v2.model.network import memory, softmax, window
+from renderformer_v2.model.network import memory, precision, softmax, window
 from renderformer_v2.model.network.footprint import card_bytes, view_parameters
 from renderformer_v2.model.network.inputs import ViewInputs
+from renderformer_v2.model.network.precision import as_released
 from renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer, SceneContext
 from renderformer_v2.model.network.window import Window
-from renderformer_v2.model.precision import as_released
-from renderformer_v2.model.presets import rf2_200m
 from renderformer_v2.model.published.image_encoder import OneFrameEncoder
 from renderformer_v2.model.renderer import Renderer
+from renderformer_v2.model.weights.presets import rf2_200m
 from tests.model.no_host_copies import NoHostCopies
 from tests.model.samples import floor_scene, floor_view
 from tools.benchmark.textures import textured

@@ -6,12 +6,12 @@ import pytest
 import torch
 
 from renderformer_v2.model import progress
-from renderformer_v2.model.checkpoint import new_network
 from renderformer_v2.model.network import decoder, memory, renderformer, swin
 from renderformer_v2.model.network.inputs import ViewInputs
+from renderformer_v2.model.network.precision import in_precision
 from renderformer_v2.model.network.renderformer import RenderFormer
-from renderformer_v2.model.precision import in_precision
-from renderformer_v2.model.presets import rf2_200m, rf2_small
+from renderformer_v2.model.weights.checkpoint import new_network
+from renderformer_v2.model.weights.presets import rf2_200m, rf2_small
 
 
 def meta(config) -> RenderFormer:

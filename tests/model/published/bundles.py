@@ -10,8 +10,8 @@ from safetensors.torch import save_file
 
 from renderformer_v2.model.material.mappers import MAPPERS
 from renderformer_v2.model.network.config import ModelConfig
-from renderformer_v2.model.presets import rf2_200m
 from renderformer_v2.model.published.model_config import FIXED, OWN
+from renderformer_v2.model.weights.presets import rf2_200m
 from tools.parity.cases import recipe_network, with_recipe_weights
 
 

@@ -24,7 +24,7 @@ from renderformer_v2.model.published.processed_scene import square_fov
 from renderformer_v2.model.published.scene_encoder import SceneEncoder
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.scene import BASE_COLOR
-from renderformer_v2.model.weights_files import check
+from renderformer_v2.model.weights.files import check
 from tests.model.published.bundles import tiny_vae, write_bundle
 from tests.model.samples import floor_scene, floor_view
 from tools.parity.cases import with_recipe_weights

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import addon_utils
-from bl_ext.user_default.renderformer_v2.model import checkpoint, presets
+from bl_ext.user_default.renderformer_v2.model.weights import checkpoint, presets
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.last_render import last_frame
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages

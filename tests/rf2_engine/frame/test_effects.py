@@ -9,7 +9,7 @@ import pytest
 import addon_utils
 
 from examples import effects
-from renderformer_v2.model.metrics import closeness
+from renderformer_v2.model.metrics.scores import closeness
 from tests.rf2_engine.f12 import press_f12
 from tests.rf2_engine.installed import PACKAGE
 

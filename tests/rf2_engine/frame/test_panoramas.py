@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.camera import view_rays
-from bl_ext.user_default.renderformer_v2.model.metrics import psnr
+from bl_ext.user_default.renderformer_v2.model.metrics.scores import psnr
 from bl_ext.user_default.renderformer_v2.model.published import pipeline
 from bl_ext.user_default.renderformer_v2.model.scene import View
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits

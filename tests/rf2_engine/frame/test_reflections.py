@@ -4,7 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, reflections
+from bl_ext.user_default.renderformer_v2.model.light import reflections
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.metrics import psnr
+from bl_ext.user_default.renderformer_v2.model.metrics.scores import psnr
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model import presets
+from bl_ext.user_default.renderformer_v2.model.weights import presets
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import camera, copied
 
 from tests.rf2_engine.f12 import cube, sun

@@ -2,7 +2,7 @@
 """Published weights draw viewports as they draw renders, by themselves."""
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.metrics import psnr
+from bl_ext.user_default.renderformer_v2.model.metrics.scores import psnr
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.session import Session
 
 from tests.model.published.bundles import tiny_published_config, write_bundle

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.metrics import psnr
+from bl_ext.user_default.renderformer_v2.model.metrics.scores import psnr
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import lighting
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import session as sessions
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.session import Session

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The threads that PyTorch computes with on the CPU: set their number, and make them sleep while they wait.
+
+By default a waiting OpenMP thread spins for some milliseconds. If another program uses the processor, it spins on the
+core that the thread it waits for needs, and work that takes 2 s takes 20.
+"""
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
+
+from ..progress import part, report
+
+# For GNU's and LLVM's library, and for Intel's.
+_SLEEP = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
+_CHOSEN_BY_USER = (*_SLEEP, "GOMP_SPINCOUNT")
+_GRAIN = 1 << 15  # elements of a tensor that PyTorch does not share between threads
+
+_ours = False
+_this = threading.local()  # has `workers`, how many threads may share this one's work, where that is known
+
+
+def sleep_while_waiting() -> None:
+    """Make waiting threads sleep, unless the environment says how they wait. To be called before PyTorch is imported.
+
+    It holds for OpenMP libraries that are loaded from now on, which PyTorch's own package brings; for the others there
+    is `team`.
+    """
+    global _ours
+    if not any(name in os.environ for name in _CHOSEN_BY_USER):
+        os.environ.update(_SLEEP)
+        _ours = True
+
+
+@contextmanager
+def team(count: int = 0):
+    """Inside, this thread computes with `count` threads, or with as many as PyTorch chose for 0.
+
+    They sleep while they wait even if the OpenMP library was there before `sleep_while_waiting`, as in a Blender that
+    shares the system's.
+    """
+    import torch
+    before = torch.get_num_threads()
+    if count:
+        torch.set_num_threads(count)
+    try:
+        with _crowd(count or before) if _ours else nullcontext():
+            yield
+    finally:
+        if count:
+            torch.set_num_threads(before)
+
+
+def shared(function: Callable, *tensors: Sequence) -> list:
+    """[function(*row) for row in zip(*tensors)], the rows shared between the threads of this one's team.
+
+    For long rows of small operations, which PyTorch's own threads would share one by one or not at all. A GPU works on
+    one row after the other, as do gradients. What is reported is how many rows are done.
+    """
+    import torch
+    rows, workers = list(zip(*tensors, strict=True)), torch.get_num_threads()
+    if workers == 1 or len(rows) < 2 or torch.is_grad_enabled() or rows[0][0].device.type != "cpu":
+        return _in_turn(function, rows)
+    inference = torch.is_inference_mode_enabled()
+
+    def one(row: tuple):
+        with torch.inference_mode(inference), torch.no_grad():  # each thread's own, and the former sets the latter
+            return function(*row)
+
+    def begin():
+        torch.set_num_threads(1)
+        _work_alone()
+
+    try:
+        return _pooled(one, rows, workers, begin)
+    finally:
+        torch.set_num_threads(workers)  # for threads to come: a new one has as many as the last was given
+
+
+def spread(function: Callable, rows: Sequence[tuple]) -> list:
+    """[function(*row) for row in rows] on as many threads as this one's team has, for functions without PyTorch.
+
+    They gain from it if they let go of Python's lock. What is reported is how many rows are done.
+    """
+    workers = _team_size()
+    if workers == 1 or len(rows) < 2:
+        return _in_turn(function, rows)
+    return _pooled(lambda row: function(*row), rows, workers, _work_alone)
+
+
+def _work_alone() -> None:
+    _this.workers = 1
+
+
+@contextmanager
+def limited(count: int):
+    """Inside, `spread` shares this thread's work between `count` threads at most; 0 sets no limit."""
+    before = getattr(_this, "workers", 0)
+    _this.workers = count
+    try:
+        yield
+    finally:
+        _this.workers = before
+
+
+def _team_size() -> int:
+    """How many threads this one's work is shared between; as many as PyTorch has where nothing else is said."""
+    if getattr(_this, "workers", 0):
+        return _this.workers
+    torch = sys.modules.get("torch")
+    return torch.get_num_threads() if hasattr(torch, "get_num_threads") else os.cpu_count() or 1
+
+
+def _in_turn(function: Callable, rows: Sequence[tuple]) -> list:
+    results = []
+    for i, row in enumerate(rows):
+        report(i / len(rows))
+        with part(i / len(rows), (i + 1) / len(rows)):  # what a row reports itself goes on from there
+            results.append(function(*row))
+    return results
+
+
+def _pooled(function: Callable, rows: Sequence[tuple], workers: int, begin: Callable) -> list:
+    results = []
+    with ThreadPoolExecutor(workers, initializer=begin) as pool:
+        try:
+            for i, result in enumerate([pool.submit(function, row) for row in rows]):
+                report(i / len(rows))
+                results.append(result.result())
+            return results
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _crowd(count: int):
+    """Inside, GNU's library has more threads than the machine has cores, if only sleeping ones.
+
+    That makes it wait without spinning (its "throttled" spin count), and nothing else does once it is loaded.
+    """
+    teams = ((os.cpu_count() or 1) - 1) // (count - 1) if count > 1 else 0  # each adds count - 1, as ours does
+    started, done = threading.Semaphore(0), threading.Event()
+    members = [threading.Thread(target=_idle_team, args=(count, started, done), daemon=True) for _ in range(teams)]
+    try:
+        for member in members:
+            member.start()
+            started.acquire()
+        yield
+    finally:
+        done.set()
+        for member in members:
+            member.join()
+
+
+def _idle_team(count: int, started: threading.Semaphore, done: threading.Event) -> None:
+    """A thread whose team of `count` threads has worked once and waits for more until `done`."""
+    import torch
+    try:
+        torch.zeros(count * _GRAIN, dtype=torch.uint8).add_(1)
+    finally:
+        started.release()
+    done.wait()

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Irradiance and roughness-filtered radiance of a lat-long environment map, in closed form per direction.
+
+Diffuse light uses nine spherical-harmonic coefficients (Ramamoorthi and Hanrahan 2001), glossy light a stack of maps
+blurred by the GGX lobe (the first half of Karis' split sum, 2013).
+"""
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ...compute.device_ops import done
+from ...environment import direction_map
+
+ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
+BLUR = 0.3                            # that spreads radiance over what one of many rays stands for
+SHARP, COARSE = (64, 128), (32, 64)  # map sizes of level 0 and of the blurred levels
+COSINE_LOBE = (math.pi, 2 * math.pi / 3, math.pi / 4)  # zonal coefficients of the clamped cosine, bands 0, 1, 2
+
+
+def solid_angles(height: int, width: int, device=None) -> Tensor:
+    """(H, 1) f32, steradians per pixel of a row."""
+    edges = torch.cos(math.pi * torch.arange(height + 1, device=device) / height)
+    return ((edges[:-1] - edges[1:]) * 2 * math.pi / width)[:, None]
+
+
+class EnvironmentPrior:
+    """Built from (H, W, 3) radiance; `irradiance` and `filtered` take (P, 3) unit directions."""
+
+    def __init__(self, radiance: Tensor):
+        image = radiance.permute(2, 0, 1)[None]
+        coarse = F.adaptive_avg_pool2d(image, COARSE)[0]
+        directions = torch.from_numpy(direction_map(*COARSE)).to(radiance.device).reshape(-1, 3)
+        weight = solid_angles(*COARSE, device=radiance.device).expand(COARSE).reshape(-1)
+        colors = coarse.reshape(3, -1).T
+        self.harmonics = _harmonics(directions).T @ (colors * weight[:, None])
+        rows, columns = COARSE
+        cosines = directions[::columns] @ directions.T  # of the first column: the others see the same, turned
+        ahead = torch.arange(columns, device=radiance.device)
+        turned = colors.view(rows, columns, 3)[:, (ahead[:, None] + ahead) % columns].flatten(0, 1)
+        levels = [F.adaptive_avg_pool2d(image, SHARP)[0]]
+        for roughness in ROUGHNESS_LEVELS[1:]:
+            kernel = _lobe(cosines, roughness) * weight
+            blurred = torch.einsum("rs,scd->drc", kernel, turned) / kernel.sum(1, keepdim=True)
+            levels.append(F.interpolate(blurred[None], SHARP, mode="bilinear", align_corners=False)[0])
+        stack = torch.stack(levels, 1)[None]                       # 1, 3, level, row, column
+        self.levels = torch.cat([stack[..., -1:], stack, stack[..., :1]], -1)  # wrap around
+
+    def irradiance(self, normal: Tensor) -> Tensor:
+        """(P, 3) irradiance on a surface with this normal, W/m^2."""
+        bands = torch.tensor([0, 1, 1, 1, 2, 2, 2, 2, 2], device=normal.device)
+        lobe = torch.tensor(COSINE_LOBE, device=normal.device)[bands]
+        return (_harmonics(normal) @ (self.harmonics * lobe[:, None])).clamp_min(0)
+
+    def share(self, directions: Tensor, seen: Tensor, weight: Tensor | None = None) -> Tensor:
+        """(P, 3) share of the radiance from (P, R, 3) unit vectors of which so much (P, R) is seen, by its colour.
+
+        weight: (P, R), of the vectors.
+        """
+        flat = directions.flatten(0, 1)
+        radiance = self.filtered(flat, torch.full_like(flat[:, 0], BLUR)).view_as(directions)
+        radiance = radiance if weight is None else weight[..., None] * radiance
+        return (seen[..., None] * radiance).sum(1) / radiance.sum(1).clamp_min(1e-12)
+
+    def filtered(self, direction: Tensor, roughness: Tensor) -> Tensor:
+        """(P, 3) radiance around a direction, averaged over the GGX lobe of this perceptual roughness (P,)."""
+        u = 0.5 - torch.atan2(direction[:, 1], direction[:, 0]) / (2 * math.pi)
+        w = torch.acos(direction[:, 2].clamp(-1, 1)) / math.pi
+        wrapped = (u * SHARP[1] + 1) / (SHARP[1] + 2)
+        level = (roughness.clamp(0, 1) * (len(ROUGHNESS_LEVELS) - 1) + 0.5) / len(ROUGHNESS_LEVELS)
+        grid = torch.stack([wrapped, w, level], -1) * 2 - 1
+        sampled = done("grid_sampler_3d", F.grid_sample, self.levels, grid[None, :, None, None], mode="bilinear",
+                       padding_mode="border", align_corners=False)
+        return sampled[0, :, :, 0, 0].T
+
+
+def _lobe(cosine: Tensor, roughness: float) -> Tensor:
+    """GGX density at the half vector times the cosine, for view = normal = reflection direction."""
+    alpha2 = roughness**4
+    half2 = ((1 + cosine) / 2).clamp(0, 1)
+    return cosine.clamp_min(0) / (half2 * (alpha2 - 1) + 1).square()
+
+
+def _harmonics(d: Tensor) -> Tensor:
+    """(P, 9) real spherical harmonics of bands 0 to 2."""
+    x, y, z = d.unbind(-1)
+    return torch.stack([
+        torch.full_like(x, 0.282095), 0.488603 * y, 0.488603 * z, 0.488603 * x,
+        1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y),
+    ], -1)

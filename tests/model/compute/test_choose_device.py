@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which device is taken, and what is said about a card that is not; the cards are described, not there."""
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from renderformer_v2.model.compute import devices, precision
+from renderformer_v2.model.compute.devices import choose_device, is_built_for, unused_card
+from renderformer_v2.model.renderer import Renderer
+
+CUDA_13 = ["sm_75", "sm_80", "sm_86", "sm_90", "sm_100", "sm_120", "compute_120"]
+
+
+@pytest.fixture
+def cards(monkeypatch):
+    """Function that puts cards (name, capability, GiB) into the machine, for a PyTorch with these programs."""
+    def put(*found, builds=CUDA_13, cuda="13.0", driver=13000):
+        monkeypatch.setattr(torch.version, "cuda", cuda)
+        monkeypatch.setattr(torch.cuda, "is_available", lambda: bool(found))
+        monkeypatch.setattr(torch.cuda, "device_count", lambda: len(found))
+        monkeypatch.setattr(torch.cuda, "get_arch_list", lambda: builds)
+        monkeypatch.setattr(torch.cuda, "get_device_name", lambda i: found[i][0])
+        monkeypatch.setattr(torch.cuda, "get_device_capability", lambda i: found[i][1])
+        monkeypatch.setattr(torch.cuda, "get_device_properties",
+                            lambda i: SimpleNamespace(total_memory=found[i][2] << 30))
+        monkeypatch.setattr(torch._C, "_cuda_getDriverVersion", lambda: driver, raising=False)
+    return put
+
+
+@pytest.mark.parametrize("capability, expected", [
+    ((6, 1), False), ((7, 0), False), ((7, 5), True), ((8, 9), True), ((9, 0), True), ((12, 1), True), ((13, 0), True)],
+    ids=["Pascal", "Volta", "Turing", "Ada", "Hopper", "Blackwell", "later"])
+def test_programs_for_cuda_13_run_from_turing_on(capability, expected):
+    assert is_built_for(capability, CUDA_13) == expected
+
+
+def test_programs_run_on_later_cards_of_their_generation_alone():
+    assert is_built_for((8, 6), ["sm_80"]) and not is_built_for((9, 0), ["sm_80"])
+    assert not is_built_for((8, 0), ["sm_86"])
+    assert is_built_for((9, 0), ["sm_90a"]) and is_built_for((11, 0), ["gfx1100"])
+
+
+def test_the_card_with_the_most_memory_is_taken_and_another_by_its_number(cards):
+    cards(("Small", (8, 6), 8), ("Large", (8, 9), 24), ("Old", (6, 1), 48))
+    assert choose_device() == torch.device("cuda", 1) and choose_device("cuda") == torch.device("cuda", 1)
+    assert choose_device("cuda:0") == torch.device("cuda", 0)
+    assert choose_device("cpu") == torch.device("cpu")
+    with pytest.raises(ValueError, match="no card 4, only 3"):
+        choose_device("cuda:3")
+
+
+def test_a_card_that_is_too_old_for_the_build_is_named(cards):
+    cards(("GeForce GTX 1080", (6, 1), 8))
+    assert choose_device().type != "cuda"
+    assert "GTX 1080 (compute capability 6.1)" in unused_card() and "CUDA 12.6" in unused_card()
+    with pytest.raises(ValueError, match="GTX 1080.*Automatic or CPU"):
+        choose_device("cuda")
+
+
+def test_a_driver_that_is_too_old_is_said(cards):
+    cards(driver=12040)
+    assert "knows CUDA 12.4, and this PyTorch needs 13.0" in unused_card()
+
+
+@pytest.mark.parametrize("has_driver", [True, False])
+def test_a_build_without_cuda_is_said_where_there_is_a_driver(cards, has_driver):
+    cards(cuda=None, builds=[])
+    assert ("build for the CPU" in unused_card(has_driver)) == has_driver
+
+
+def test_nothing_is_said_of_a_machine_without_card(cards):
+    cards(driver=0)
+    assert unused_card() == ""
+
+
+def test_a_format_that_fails_is_replaced_and_said(monkeypatch):
+    monkeypatch.setattr(precision, "of_processor", lambda _: torch.bfloat16)
+
+    def linear(*arguments):
+        raise RuntimeError("unknown parameter type\nmore")
+    monkeypatch.setattr(precision.F, "linear", linear)
+    made = Renderer(device="cpu")
+    assert made.dtype == torch.float32 and "CPU" in made.computed_on and "Float32" in made.computed_on
+    assert made.remark == "BFloat16 does not work in this PyTorch (unknown parameter type): Float32 is used"
+    assert Renderer(device="cpu", precision="bf16").dtype == torch.bfloat16  # as it was chosen
+
+
+def test_formats_that_work_are_kept():
+    assert precision.failure(torch.float32, torch.device("cpu")) == ""
+    assert precision.failure(torch.bfloat16, torch.device("cpu")) == ""
+    assert devices.name_of(torch.device("cpu")).startswith("CPU")

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light of lamps that glass bends."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch.nn import functional as F
+
+from renderformer_v2.model.geometry import area_vectors, unit
+from renderformer_v2.model.light.bounce.caustics import Caustics
+from renderformer_v2.model.light.bounce.radiosity import Radiosity
+from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.material import reflectance
+from renderformer_v2.model.scene import RenderScene, constant_tile
+from tests.model.samples import flat, floor_scene
+
+UP = torch.tensor([[0.0, 0.0, 1.0]])
+GLASS = {"transmission": 1.0, "ior": 1.5, "roughness": 0.0}
+MIDDLE = torch.tensor([[0.0, 0.0, 0.0]])
+AROUND = torch.cat([torch.rand(100, 2, generator=torch.Generator().manual_seed(0)) * 0.4 - 0.2, torch.zeros(100, 1)], 1)
+
+
+def of_glass(corners: np.ndarray, color=(1.0, 1.0, 1.0), **material) -> RenderScene:
+    scene = flat(np.float32(corners), color)
+    scene.tiles[:] = constant_tile(color, **GLASS | material)
+    scene.normals[:] = unit(area_vectors(scene.triangles))[:, None]
+    return scene
+
+
+def pane(height: float, thickness: float, half: float = 1.0) -> np.ndarray:
+    """(12, 3, 3) of a box of glass across z, whose faces look out."""
+    square = np.float32([[(-1, -1, 1), (1, -1, 1), (1, 1, 1)], [(-1, -1, 1), (1, 1, 1), (-1, 1, 1)]])
+    sides = np.concatenate([np.roll(square * np.float32((1, 1, z)), axis, axis=-1)[:, ::int(z)]
+                            for axis in range(3) for z in (1, -1)])
+    return sides * np.float32((half, half, thickness / 2)) + np.float32((0, 0, height))
+
+
+def light_on_floor(scene: RenderScene) -> torch.Tensor:
+    """(3,) radiance of the middle of a floor, if it were white, by photons."""
+    return Radiosity(scene, LightPrior(scene)).caustics(AROUND, UP.expand(100, 3)).mean(0)
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, -0.6, 0.8), (0.6, 0.6, -0.53)])
+def test_photons_that_lie_evenly_light_a_surface_evenly_however_it_is_turned(normal):
+    normal = F.normalize(torch.tensor([normal]), dim=-1)
+    u = F.normalize(torch.linalg.cross(normal, torch.tensor([[0.3, 0.2, -0.9]])), dim=-1)
+    v = torch.linalg.cross(normal, u)
+    side, spacing = 300, 1 / 300
+    place = (torch.arange(side) + 0.5) * spacing - 0.5
+    x, y = (each.reshape(-1, 1) for each in torch.meshgrid(place, place, indexing="ij"))
+    flux = torch.tensor([[1.0, 2.0, 3.0]]) * spacing**2
+    lit = Caustics(x * u + y * v, normal.expand(side**2, 3), flux.expand(side**2, 3))
+    at = 0.6 * (torch.rand(500, 2, generator=torch.Generator().manual_seed(0)) - 0.5)
+    found = lit(at[:, :1] * u + at[:, 1:] * v, normal.expand(500, 3))
+    torch.testing.assert_close(found * torch.pi, torch.tensor([[1.0, 2.0, 3.0]]).expand(500, 3), rtol=0.05, atol=0)
+    assert lit(at[:, :1] * u + at[:, 1:] * v, -normal.expand(500, 3)).abs().max() == 0  # the other side is dark
+    assert lit(at[:, :1] * u + at[:, 1:] * v + normal, normal.expand(500, 3)).abs().max() == 0  # and what is above
+
+
+def test_few_photons_are_spread_far_and_many_stay_where_they_are():
+    at = torch.tensor([[0.0, 0.0, 0.0], [0.05, 0.0, 0.0]])
+    shown = [Caustics(*(x.expand(count, 3) for x in (MIDDLE, UP, torch.ones(1, 3) / count)))(at, UP.expand(2, 3))[:, 0]
+             for count in (4, 4000)]
+    assert shown[0][1] > 0.05 * shown[0][0] > 0 and shown[1][1] < 1e-3 * shown[1][0]
+
+
+def test_a_thin_pane_passes_what_fresnel_leaves_of_the_light_of_a_lamp(monkeypatch):
+    """And of its colour each of both surfaces has the square root."""
+    monkeypatch.setattr(reflectance, "BLURRED", 1e-3)
+    floor = floor_scene()
+    unshaded = LightPrior(floor).diffuse(AROUND, UP.expand(100, 3)).mean(0)
+    color = torch.tensor([0.9, 0.5, 0.1])
+    found = light_on_floor(floor.appended(of_glass(pane(0.3, 0.01), color.tolist())))
+    through = 0.96 * 0.96 * (1 + 0.04 ** 2 * color.square())  # what is mirrored twice inside passes too
+    torch.testing.assert_close(found, unshaded * color * through, rtol=0.05, atol=0)
+
+
+def test_a_ball_gathers_light_and_a_blurred_one_less():
+    def ball(segments=24) -> np.ndarray:
+        theta, phi = np.linspace(0, np.pi, segments + 1), np.linspace(0, 2 * np.pi, 2 * segments + 1)
+        at = lambda i, j: (np.sin(theta[i]) * np.cos(phi[j]), np.sin(theta[i]) * np.sin(phi[j]),  # noqa: E731
+                           np.cos(theta[i]))
+        return np.float32([t for i in range(segments) for j in range(2 * segments) for t in (
+            (at(i, j), at(i + 1, j), at(i + 1, j + 1)), (at(i, j), at(i + 1, j + 1), at(i, j + 1)))]) * 0.1
+    floor, found = floor_scene(), []
+    unshaded = LightPrior(floor).diffuse(MIDDLE, UP)[0, 0].item()
+    normals = ball().reshape(-1, 3, 3) / 0.1
+    scene = floor.appended(of_glass(ball() + np.float32((0, 0, 0.17))))
+    scene.normals[len(floor):] = normals
+    for blurred in (0.02, reflectance.BLURRED):
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(reflectance, "BLURRED", blurred)
+            found.append(Radiosity(scene, LightPrior(scene)).caustics(MIDDLE, UP)[0, 0].item())
+    assert found[0] > 3 * unshaded and found[0] > 2 * found[1] > 0
+
+
+def test_what_stands_between_lamp_and_glass_takes_its_light():
+    glass, floor = of_glass(pane(0.3, 0.01)), floor_scene()
+    plate = flat(np.float32(pane(0.4, 0.01)), (0.5, 0.5, 0.5))
+    assert light_on_floor(floor.appended(glass)).min() > 0
+    assert light_on_floor(floor.appended(glass).appended(plate)).abs().max() == 0
+
+
+def test_metal_and_what_lets_light_straight_on_bend_none():
+    for material in ({"metallic": 1.0}, {"ior": 1.0}, {"transmission": 0.0}):
+        assert light_on_floor(floor_scene().appended(of_glass(pane(0.3, 0.01), **material))).abs().max() == 0
+
+
+def test_light_that_glass_gathers_bounces_on():
+    """From the floor, all under the glass, back to where no lamp is seen."""
+    under, found = torch.tensor([[0.0, 0.0, 0.2]]), []
+    for plate in of_glass(pane(0.3, 0.01, half=1.5)), flat(np.float32(pane(0.3, 0.01, half=1.5)), (0.0, 0.0, 0.0)):
+        scene = floor_scene().appended(plate)
+        found.append(Radiosity(scene, LightPrior(scene))(under, -UP)[0, :3])
+    assert (found[0] > 0.005).all() and (found[0] > 5 * found[1]).all()
+
+
+def test_half_the_photons_give_the_same_light(monkeypatch):
+    scene, found = floor_scene().appended(of_glass(pane(0.3, 0.05), roughness=0.7)), []
+    for count in (1 << 15, 1 << 16):
+        monkeypatch.setattr("renderformer_v2.model.light.bounce.radiosity.PHOTONS", count)
+        found.append(light_on_floor(scene))
+    torch.testing.assert_close(*found, rtol=0.1, atol=0)
+
+
+def test_light_stays_on_a_surface_beside_which_another_is_dark():
+    """Of a table just above a floor, photons light the top, and not what is below."""
+    at = torch.cat([torch.rand(20000, 2, generator=torch.Generator().manual_seed(0)) - 0.5, torch.zeros(20000, 1)], 1)
+    lit = Caustics(at, UP.expand(20000, 3), torch.full((20000, 3), 1 / 20000))
+    middle = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, -0.04], [0.0, 0.0, 0.04]])
+    found = lit(middle, UP.expand(3, 3))[:, 0]
+    assert found[0].item() == pytest.approx(1 / np.pi, rel=0.2) and found[1:].abs().max() == 0
+
+
+def test_milky_glass_is_lit_from_within_and_clear_glass_is_not():
+    """On the inner side of a ball's far wall, where a lamp's light arrives through the near one."""
+    for transmission, lit in (0.6, True), (0.9, False):
+        scene = floor_scene().appended(of_glass(pane(0.3, 0.2, half=0.3), transmission=transmission))
+        bounce = Radiosity(scene, LightPrior(scene))
+        found = bounce.caustics(torch.tensor([[0.05, 0.03, 0.2]]), UP)
+        assert (found.min() > 0) == lit
+
+
+def test_glass_alone_sends_its_light_nowhere():
+    glass = of_glass(pane(0.0, 0.2, half=0.3))
+    lamp = floor_scene()
+    lamp = replace(lamp, **{name: getattr(lamp, name)[lamp.is_light] for name in
+                            ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")})
+    assert light_on_floor(lamp.appended(glass)).abs().max() == 0
+
+
+def test_a_floor_that_glass_touches_gets_all_that_passes():
+    floor, found = floor_scene(), []
+    for height in 0.05, 0.051:
+        found.append(light_on_floor(floor.appended(of_glass(pane(height, 0.1)))))
+    torch.testing.assert_close(*found, rtol=0.1, atol=0)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The closed forms of the light prior against brute-force integration."""
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.environment import direction_map
+from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.emitters import gather_emitters
+from renderformer_v2.model.light.direct.environment_light import EnvironmentPrior, solid_angles
+from renderformer_v2.model.light.direct.form_factors import sphere_form_factor
+from renderformer_v2.model.scene import RenderScene, constant_tile
+from tests.model.samples import floor_scene
+
+OCTAHEDRON = np.array([[(1, 0, 0), (0, s, 0), (0, 0, t)][:: s * t] for s in (1, -1) for t in (1, -1)]
+                      + [[(-1, 0, 0), (0, s, 0), (0, 0, t)][:: -s * t] for s in (1, -1) for t in (1, -1)], np.float32)
+
+
+def lit_by(corners, radiance=(1.0, 1.0, 1.0), axis=(0, 0, 0), cosine=(0, 0), environment=None) -> RenderScene:
+    n = len(corners)
+    rows = lambda x: np.tile(np.float32(x), (n, 1))  # noqa: E731
+    return RenderScene(np.float32(corners), np.zeros((n, 3, 3), np.float32), rows(radiance), rows(axis), rows(cosine),
+                       np.zeros(n, np.int32), constant_tile()[None], environment)
+
+
+def integrated_irradiance(corners, x, n, samples=400):
+    """Sum of cos cos dA / d^2 over fine pieces of the triangles."""
+    u, v = np.meshgrid(*[(np.arange(samples) + 0.5) / samples] * 2)
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    total = 0.0
+    for a, b, c in np.float64(corners):
+        points = a + u[..., None] * (b - a) + v[..., None] * (c - a)
+        area_vector = np.cross(b - a, c - a) / 2
+        to = points - x
+        d2 = (to**2).sum(-1)
+        direction = to / np.sqrt(d2)[..., None]
+        total += ((direction @ n).clip(0) * np.abs(direction @ area_vector) / d2).mean()
+    return total
+
+
+def diffuse(scene, x, n):
+    t = lambda a: torch.tensor(np.float32(a))[None]  # noqa: E731
+    return LightPrior(scene)(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0, :3].numpy()
+
+
+@pytest.mark.parametrize("cosine, sine2", [(0.9, 0.1), (0.2, 0.3), (-0.2, 0.3), (0.0, 0.5), (-0.5, 0.9)])
+def test_sphere_form_factor_matches_monte_carlo(cosine, sine2):
+    rng = np.random.default_rng(0)
+    w = rng.standard_normal((1_000_000, 3))
+    w /= np.linalg.norm(w, axis=1, keepdims=True)
+    inside = w @ [math.sqrt(1 - cosine**2), 0, cosine] > math.sqrt(1 - sine2)
+    expected = 4 * (w[:, 2].clip(0) * inside).mean()
+    assert sphere_form_factor(torch.tensor([cosine]), torch.tensor([sine2])).item() == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("x, n", [((0, 0, 0), (0, 0, 1)), ((0.5, -0.3, 0.2), (0.6, 0, 0.8)), ((1, 0, 0), (0, 0, 1))])
+def test_triangle_irradiance_matches_integration(x, n):
+    corners = np.array([[(-0.3, -0.3, 1), (0.4, -0.2, 1.2), (0, 0.5, 0.9)]])
+    expected = integrated_irradiance(corners, np.float64(x), np.float64(n)) / math.pi
+    assert diffuse(lit_by(corners), x, n)[0] == pytest.approx(expected, rel=0.03)
+
+
+def test_closed_polyhedron_shines_like_a_sphere_of_equal_area():
+    corners = OCTAHEDRON * 0.05 + np.float32((0, 0, 1))
+    emitters = gather_emitters(lit_by(corners))
+    assert len(emitters.corners) == 0 and len(emitters.radii) == 1
+    area = 8 * math.sqrt(3) / 4 * (math.sqrt(2) * 0.05) ** 2
+    assert diffuse(lit_by(corners), (0, 0, 0), (0, 0, 1))[0] == pytest.approx(area / 4 / math.pi, rel=0.01)
+
+
+def test_beam_limits_a_lamp_to_its_cone():
+    corners = OCTAHEDRON * 0.05 + np.float32((0, 0, 1))
+    inside, outside = (lit_by(corners, axis=axis, cosine=(0.7, 0.8)) for axis in ((0, 0, -1), (0, 0, 1)))
+    assert diffuse(inside, (0, 0, 0), (0, 0, 1))[0] > 0
+    assert diffuse(outside, (0, 0, 0), (0, 0, 1))[0] == 0
+
+
+def test_fine_emissive_meshes_are_merged_without_losing_light():
+    grid = [[(i, j, 0), (i + 1, j, 0), (i, j + 1, 0)] for i in range(20) for j in range(20)]
+    grid += [[(i + 1, j + 1, 0), (i, j + 1, 0), (i + 1, j, 0)] for i in range(20) for j in range(20)]
+    corners = np.float32(grid) / 20 - (0.5, 0.5, -2)
+    assert len(gather_emitters(lit_by(corners)).corners) <= 8
+    expected = integrated_irradiance(corners, np.zeros(3), np.array((0, 0, 1.0)), samples=4) / math.pi
+    assert diffuse(lit_by(corners), (0, 0, 0), (0, 0, 1))[0] == pytest.approx(expected, rel=0.05)
+
+
+def test_environment_irradiance_and_mirror_reflection():
+    rng = np.random.default_rng(0)
+    coarse = np.kron(rng.random((8, 16, 3)), np.ones((32, 32, 1)))
+    environment = EnvironmentPrior(torch.tensor(coarse, dtype=torch.float32))
+    directions, weights = direction_map(256, 512), solid_angles(256, 512).numpy()
+    n = np.float32([[0, 0, 1], [0.6, 0.0, 0.8], [0, -1, 0]])
+    expected = np.stack([(coarse * ((directions @ k).clip(0) * weights)[..., None]).sum((0, 1)) for k in n])
+    np.testing.assert_allclose(environment.irradiance(torch.tensor(n)), expected, rtol=0.04)
+    looking = torch.tensor(directions[[48, 112, 240], [16, 240, 496]])
+    seen = environment.filtered(looking, torch.zeros(3))
+    np.testing.assert_allclose(seen, coarse[[48, 112, 240], [16, 240, 496]], atol=1e-3)
+
+
+def test_rough_surfaces_mirror_the_mean_of_what_is_around():
+    coarse = np.random.default_rng(1).random((32, 64, 3))
+    looking, weights = direction_map(32, 64), solid_angles(32, 64).numpy()[..., None]
+    at = [4, 16, 27], [5, 40, 63]
+    seen = EnvironmentPrior(torch.tensor(coarse, dtype=torch.float32)).filtered(
+        torch.tensor(looking[at]), torch.full((3,), 0.75))
+    lobe = [(1 + looking @ towards)[..., None] / 2 * (0.75 ** 4 - 1) + 1 for towards in looking[at]]
+    share = [(looking @ towards).clip(0)[..., None] / each ** 2 * weights
+             for towards, each in zip(looking[at], lobe, strict=True)]
+    expected = [(each * coarse).sum((0, 1)) / each.sum() for each in share]
+    np.testing.assert_allclose(seen, expected, rtol=0.05)
+
+
+def test_a_sun_shines_alike_on_near_and_far_ground():
+    sun = floor_scene()
+    sun.triangles[sun.is_light] = (sun.triangles[sun.is_light] - np.float32((0, 0, 2))) * 25 + np.float32((0, 0, 50))
+    points = torch.tensor([[0.0, 0.0, 0.0], [300.0, 0.0, 0.0], [0.0, -5000.0, 0.0]])
+    up = torch.tensor([[0.0, 0.0, 1.0]]).expand(3, 3)
+    light = LightPrior(sun)(points, up, up, torch.ones(3), torch.ones(3))[:, :3]
+    assert light[0].min() > 0
+    torch.testing.assert_close(light[1:], light[:1].expand(2, 3), rtol=0.02, atol=0)

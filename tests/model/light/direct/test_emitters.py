@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Few emitters in place of many light triangles, whatever the scene, and with as much light."""
+from itertools import product
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.geometry import area_vectors
+from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.emitters import MAX_EMITTERS, gather_emitters
+from renderformer_v2.model.scene import RenderScene, constant_tile
+
+FLOOR = np.float32([[(-2, -2, 0), (2, -2, 0), (2, 2, 0)], [(-2, -2, 0), (2, 2, 0), (-2, 2, 0)]])
+UP = np.array([0, 0, 1.0])
+
+
+def lit_by(corners, radiance, axis=None, cosine=None) -> RenderScene:
+    """A dark floor 4 units wide under light triangles."""
+    n, count = len(corners), len(corners) + 2
+    rows = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
+    for row, values in zip(rows, (radiance, axis, cosine), strict=True):
+        if values is not None:
+            row[:n] = values
+    return RenderScene(np.concatenate([np.float32(corners), FLOOR]), np.zeros((count, 3, 3), np.float32), *rows,
+                       np.zeros(count, np.int32), constant_tile()[None])
+
+
+def grid(columns, rows, width, depth, height) -> np.ndarray:
+    """(2 * columns * rows, 3, 3) triangles of a rectangle above the origin, facing down."""
+    x, y = np.linspace(-width / 2, width / 2, columns + 1), np.linspace(-depth / 2, depth / 2, rows + 1)
+    triangles = []
+    for i, j in product(range(columns), range(rows)):
+        a, b, c, d = ((x[i + s], y[j + t], height) for s, t in ((0, 0), (0, 1), (1, 1), (1, 0)))
+        triangles += [(a, b, c), (a, c, d)]
+    return np.float32(triangles)
+
+
+def ball(center, radius, segments, rings) -> np.ndarray:
+    """(n, 3, 3) triangles of a sphere, facing outwards."""
+    theta, phi = np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, segments + 1)
+    point = lambda t, p: np.array([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)])  # noqa: E731
+    triangles = []
+    for i, j in product(range(rings), range(segments)):
+        a, b = point(theta[i], phi[j]), point(theta[i + 1], phi[j])
+        c, d = point(theta[i + 1], phi[j + 1]), point(theta[i], phi[j + 1])
+        triangles += [(a, b, c)] * (i < rings - 1) + [(a, c, d)] * (i > 0)
+    return np.float32(center) + radius * np.float32(triangles)
+
+
+def box(size, center) -> np.ndarray:
+    """(12, 3, 3) triangles of a box, facing outwards."""
+    triangles = []
+    for axis, sign in product(range(3), (-1, 1)):
+        n, u, v = np.roll(np.eye(3), -axis, axis=0)
+        a, b, c, d = (sign * n + s * sign * u + t * v for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+        triangles += [(a, b, c), (a, c, d)]
+    return np.float32(np.array(triangles) * np.array(size) / 2 + center)
+
+
+def irradiance(corners, radiance, x, n) -> np.ndarray:
+    """(3,) from the front of small triangles."""
+    vectors, to = area_vectors(corners.astype(np.float64)), corners.mean(axis=1) - x
+    distance = np.linalg.norm(to, axis=1)
+    emitted = np.maximum(-(to * vectors).sum(axis=1), 0) * np.maximum(to @ n, 0) / distance ** 4
+    return emitted @ np.broadcast_to(radiance, (len(corners), 3))
+
+
+def diffuse(scene, x, n=UP) -> np.ndarray:
+    t = lambda a: torch.tensor(np.float32(a))[None]  # noqa: E731
+    return np.pi * LightPrior(scene)(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0, :3].double().numpy()
+
+
+def test_emission_texture_becomes_few_emitters_of_the_same_light():
+    corners = grid(24, 20, 1.2, 1.0, 1.5)
+    radiance = np.random.default_rng(0).uniform(0, 5, (len(corners), 3)) * (corners.mean(axis=1) > 0)[:, :1] + 0.1
+    scene = lit_by(corners, radiance)
+    emitters = gather_emitters(scene)
+    assert len(emitters) == MAX_EMITTERS
+    area = np.linalg.norm(area_vectors(emitters.corners), axis=1)
+    exact = np.linalg.norm(area_vectors(corners), axis=1) @ radiance
+    np.testing.assert_allclose(area @ emitters.radiance, exact, rtol=1e-4)
+    for x in ((0, 0, 0), (1, 0.5, 0), (-0.4, 0.3, 1.0)):
+        np.testing.assert_allclose(diffuse(scene, np.array(x)), irradiance(corners, radiance, x, UP), rtol=0.05)
+
+
+def test_few_emitters_stay_as_they_are():
+    corners = grid(8, MAX_EMITTERS // 16, 1, 1, 1)
+    radiance = np.random.default_rng(0).uniform(1, 2, (len(corners), 3))
+    emitters = gather_emitters(lit_by(corners, radiance))
+    assert len(emitters) == len(corners) == MAX_EMITTERS
+    assert {c.tobytes() for c in emitters.corners} == {c.tobytes() for c in corners}
+
+
+def test_textured_ball_shines_like_a_ball_and_a_textured_dome_from_inside():
+    rng = np.random.default_rng(0)
+    corners = ball((0, 0, 2), 0.3, 32, 16)
+    radiance = rng.uniform(1, 2, (len(corners), 3))
+    scene = lit_by(corners, radiance)
+    np.testing.assert_allclose(diffuse(scene, np.zeros(3)), irradiance(corners, radiance, (0, 0, 0), UP), rtol=0.05)
+    dome = ball((0, 0, 0), 4.0, 32, 16)
+    radiance = 1 + (dome.mean(axis=1)[:, 2:] > 0) * rng.uniform(1, 2, (len(dome), 3))
+    expected = irradiance(dome[:, ::-1], radiance, (0, 0, 0), UP)
+    np.testing.assert_allclose(diffuse(lit_by(dome, radiance), np.zeros(3)), expected, rtol=0.1)
+
+
+def test_many_lamps_become_few_that_keep_place_colour_and_beam():
+    balls, radiance, axis = [], [], []
+    for i, j in product(range(15), range(15)):
+        balls.append(ball((i / 4 - 1.75, j / 4 - 1.75, 1), 0.01, 4, 2))
+        radiance += [(1, 0, 0) if i < 7 else (0, 0, 1)] * len(balls[-1])
+        axis += [(0, 0, -1) if i < 7 else (0, 0, 1)] * len(balls[-1])
+    corners, radiance = np.concatenate(balls), 1e3 * np.array(radiance)
+    scene = lit_by(corners, radiance, axis, (0.5, 0.6))
+    emitters = gather_emitters(scene)
+    assert len(emitters) == len(emitters.radii) == MAX_EMITTERS
+    exact = np.linalg.norm(area_vectors(corners), axis=1) @ radiance
+    np.testing.assert_allclose(4 * np.pi * emitters.radii ** 2 @ emitters.radiance, exact, rtol=1e-4)
+    light = diffuse(scene, np.array((-1.0, 0, 0)))
+    assert light[0] > 0 and light[2] == 0  # the blue ones point up
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_flat_panel_lights_what_it_faces(turn):
+    corners = box((2, 2, 0.05), (0, 0, 0))
+    rotation = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
+    fine = grid(40, 40, 2, 2, -0.025) @ rotation.T + (0, 0, 2)
+    scene = lit_by(corners @ rotation.T + (0, 0, 2), (3.0, 2.0, 1.0))
+    expected = irradiance(fine, (3.0, 2.0, 1.0), (0, 0, 0), UP)
+    np.testing.assert_allclose(diffuse(scene, np.zeros(3)), expected, rtol=0.07)
+    np.testing.assert_allclose(diffuse(scene, np.array((0, 0, 4.0)), -UP), expected, rtol=0.07)
+
+
+@pytest.mark.parametrize("degrees", [0.5, 30, 90, 150])
+def test_a_sun_of_any_size_gives_the_light_of_its_disk(degrees):
+    half, distance, turn = np.radians(degrees) / 2, 100.0, 2 * np.pi * np.arange(65) / 64
+    rim = distance * np.tan(half) * np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1) + distance * UP
+    disk = np.stack([np.broadcast_to(distance * UP, (64, 3)), rim[1:], rim[:-1]], axis=1)
+    sun = gather_emitters(lit_by(disk, (1.0, 1.0, 1.0)))
+    assert len(sun.radii) == 1 and len(sun.corners) == 0
+    assert sun.radii[0] / np.linalg.norm(sun.centers[0]) == pytest.approx(np.sin(half), rel=0.01)
+
+
+def test_a_lamp_far_away_is_as_large_as_nearby():
+    near, far = (gather_emitters(lit_by(ball((0, 0, height), 1, 16, 8), (1.0, 1.0, 1.0))) for height in (3, 60))
+    assert far.radii == pytest.approx(near.radii, rel=1e-3) and near.radii[0] > 0.9

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pixels that see several surfaces show the light of each, by how much of it they see and by its colour."""
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.camera import view_rays
+from renderformer_v2.model.compute.bands import bands
+from renderformer_v2.model.first_hits import camera_rays
+from renderformer_v2.model.first_hits.camera_rays import PLACES, CameraRays
+from renderformer_v2.model.first_hits.from_rays import guides_of_hits
+from renderformer_v2.model.light.edges import edges
+from tests.model.samples import flat, floor_scene, floor_view
+
+SIZE, CPU = 32, torch.device("cpu")
+EDGE = SIZE // 2  # column in which the plate ends
+FLOOR, PLATE = 3.0, 1.0  # their light
+
+
+def first_hits(scene, view):
+    rays = view_rays(view)[1]
+    met = CameraRays(scene, view).closest(rays.reshape(-1, 3))
+    return guides_of_hits(scene, view, rays, met.triangle.reshape(SIZE, SIZE), met.weights.reshape(SIZE, SIZE, 2))
+
+
+def seen(color=(0.5, 0.5, 0.5)):
+    """A grey floor and a plate of this colour above its left half, that reaches 0.3 pixels into a column."""
+    floor, (view, _) = floor_scene().triangles[:-1], floor_view(SIZE, SIZE)
+    end = 0.3 * 2 / SIZE  # two units from the camera
+    plate = (floor * np.float32((1 + end, 2, 1)) / 2 + np.float32((end / 2 - 0.5, 0, 1))).astype(np.float32)
+    scene = flat(floor * np.float32((2, 2, 1)), (0.5, 0.5, 0.5)).appended(flat(plate, color))
+    scene.normals[:] = 0, 0, 1
+    guides = first_hits(scene, view)
+    light = torch.where(torch.from_numpy(guides.position[..., 2] > 0.5), PLATE, FLOOR).expand(3, -1, -1).clone()
+    return scene, view, guides, light
+
+
+def test_light_is_mixed_by_how_much_a_pixel_sees_of_each_surface():
+    scene, view, guides, light = seen()
+    before = light.clone()
+    edges(scene, view, guides, CPU).mix(light, 0)
+    inside, covered = slice(4, -4), (PLACES[:, 0] < 0.3).mean()
+    expected = covered * PLATE + (1 - covered) * FLOOR
+    assert light[0, inside, EDGE].numpy() == pytest.approx(expected, abs=0.15)
+    assert torch.equal(light[:, inside, :EDGE - 1], before[:, inside, :EDGE - 1])
+    assert torch.equal(light[:, inside, EDGE + 2:], before[:, inside, EDGE + 2:])
+    assert (light[0, inside, EDGE - 1] >= PLATE).all() and light[0, inside, EDGE - 1].mean() < 1.5
+
+
+def test_light_of_a_black_surface_counts_for_nothing():
+    scene, view, guides, light = seen((0, 0, 0))
+    edges(scene, view, guides, CPU).mix(light, 0)
+    assert light[0, 4:-4, EDGE].numpy() == pytest.approx(FLOOR, abs=0.05)
+
+
+def test_a_sliver_that_no_ray_finds_shows_the_light_of_what_is_around_in_its_colour(monkeypatch):
+    scene, view, guides, light = seen((0, 0, 0))
+    middle = camera_rays.PLACES * 0 + np.float32((0.01, 0.5))
+    monkeypatch.setattr(camera_rays, "PLACES", middle)  # on the plate, of which the pixels have the middle
+    edges(scene, view, guides, CPU).mix(light, 0)
+    assert light[0, 4:-4, EDGE - 1].numpy() == pytest.approx(FLOOR, abs=0.05)
+
+
+def test_highlights_may_lose_light_and_never_spread():
+    scene, view, guides, light = seen()
+    both, before = light.clone(), light.clone()
+    found = edges(scene, view, guides, CPU)
+    found.mix(light, 1, dims_only=True)
+    found.mix(both, 1)
+    assert (light <= before).all() and (light < before).any() and (both > before).any()
+
+
+def test_one_surface_has_no_edges():
+    scene, view, _, light = seen()
+    floor = replace(scene, seen=scene.triangles[:, :, 2].max(1) < 0.5)
+    found = edges(floor, view, first_hits(floor, view), CPU)
+    assert len(found.at) == 0
+    found.mix(light, 0)  # nothing to do is no error
+
+
+def test_where_the_tokens_are_not_what_is_seen_light_stays():
+    scene, view, guides, light = seen()
+    before, moved = light.clone(), replace(scene, triangles=scene.triangles - np.float32((0, 0, 0.3)))
+    edges(moved, view, guides, CPU).mix(light, 0)
+    assert torch.equal(light, before)
+
+
+def test_edges_of_a_large_picture_are_found_in_bands(monkeypatch):
+    scene, view, guides, _ = seen()
+    whole = edges(scene, view, guides, CPU)
+    monkeypatch.setattr("renderformer_v2.model.light.edges.bands", partial(bands, pixels=5 * SIZE))
+    parts = edges(scene, view, guides, CPU)
+    assert len(whole.at) > SIZE and torch.equal(whole.at, parts.at) and torch.equal(whole.around, parts.around)
+    torch.testing.assert_close(whole.share, parts.share)

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Glossy lobes by angle, against brute-force integration."""
+import math
+
+import pytest
+import torch
+
+from renderformer_v2.model.light.direct.form_factors import cosines, ggx_lobe
+from renderformer_v2.model.light.fresnel import gain, whole
+
+UP = torch.tensor([[0.0, 0.0, 1.0]])
+
+
+def seen_at(cosine: float) -> torch.Tensor:
+    return torch.tensor([[math.sqrt(1 - cosine ** 2), 0.0, cosine]])
+
+
+def hemisphere(count: int) -> torch.Tensor:
+    """(count, 3) unit vectors, evenly dense by solid angle."""
+    k = torch.arange(count) + 0.5
+    z, phi = k / count, k * math.pi * (3 - math.sqrt(5))
+    return torch.stack([(1 - z * z).sqrt() * phi.cos(), (1 - z * z).sqrt() * phi.sin(), z], -1)
+
+
+@pytest.mark.parametrize("reflectance", [0.04, 0.6])
+@pytest.mark.parametrize("roughness, cosine", [(0.4, 1.0), (0.4, 0.3), (0.9, 0.9), (0.9, 0.2)])
+def test_a_lobe_is_what_it_reflects_of_light_from_everywhere(roughness, cosine, reflectance):
+    """Lamps too small to widen it, all over the sky, next to the integral of the microfacets' formula."""
+    count, tiny, alpha2 = 200_000, 1e-12, roughness ** 4
+    towards, v = hemisphere(count), seen_at(cosine)
+    half = torch.nn.functional.normalize(towards + v, dim=-1)
+    facing, n_h, n_l = (half * v).sum(-1), half[:, 2], towards[:, 2]
+    density = alpha2 / (math.pi * (n_h.square() * (alpha2 - 1) + 1).square())
+    masked = 2 * n_l * cosine / (n_l * math.sqrt(alpha2 + (1 - alpha2) * cosine ** 2)
+                                 + cosine * (alpha2 + (1 - alpha2) * n_l.square()).sqrt())
+    slanting = reflectance + (1 - reflectance) * (1 - facing) ** 5
+    expected = (density * masked * slanting / (4 * cosine)).mean() * 2 * math.pi
+    of = [torch.tensor([x]) for x in (cosine, roughness)]
+    found = whole(torch.tensor([reflectance]), *of)
+    assert found.item() == pytest.approx(expected.item(), rel=0.06)
+
+    lobe = ggx_lobe(towards.T[:, None], cosines(towards.T[:, None], UP), torch.tensor(tiny), UP, v,
+                    torch.tensor([roughness]), torch.tensor([reflectance]))
+    assert (lobe.mean() * 2 / tiny).item() == pytest.approx(1, rel=0.06)
+
+
+def test_what_a_layer_gains_by_the_angle_of_a_lamp_is_nothing_if_lamps_are_all_around():
+    cosine = (torch.arange(200) + 0.5)[None] / 200
+    given = torch.tensor([0.04, 0.5]), torch.tensor([0.67, 0.3])
+    found = gain(given[0], cosine.expand(2, 200), given[1])
+    torch.testing.assert_close((found * 2 * cosine).mean(1), torch.ones(2), atol=0.02, rtol=0)
+    for at, gains, roughness in zip(*given[:1], found, given[1], strict=True):
+        slanting, steep = whole(at.expand(2), cosine[0, [40, 180]], roughness.expand(2))
+        assert (gains[40] / gains[180]).item() == pytest.approx((slanting / steep).item(), rel=1e-3)
+
+
+def test_a_dielectric_is_lit_less_from_where_the_viewer_is_than_from_opposite_at_a_slant():
+    v, roughness, reflectance = seen_at(0.3), torch.tensor([0.8]), torch.tensor([0.04])
+    ways = torch.cat([v, v * torch.tensor([-1.0, 1.0, 1.0])]).T[:, None]
+    steep, slanted = ggx_lobe(ways, cosines(ways, UP), torch.tensor(1e-6), UP, v, roughness, reflectance)[0]
+    of_metal = ggx_lobe(ways, cosines(ways, UP), torch.tensor(1e-6), UP, v, roughness, torch.ones(1))[0]
+    assert slanted / steep > 3 * of_metal[1] / of_metal[0]

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths past mirrors and glass end where geometry says, with the colours of what they passed."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderformer_v2.model.geometry import reflected, refracted
+from renderformer_v2.model.light.specular_paths import SURFACES, follow
+from renderformer_v2.model.scene import RenderScene, constant_tile
+
+RED, GOLD = (0.8, 0.1, 0.1), (1.0, 0.7, 0.3)
+
+
+def square(x: float, facing: float) -> np.ndarray:
+    """Two triangles across the X axis, their front towards `facing`."""
+    a, b, c, d = (np.float32((x, y, z)) for y, z in ((-9, -9), (9, -9), (9, 9), (-9, 9)))
+    return np.stack([(a, b, c), (a, c, d)]) if facing > 0 else np.stack([(a, c, b), (a, d, c)])
+
+
+def walls(*materials: tuple[float, float, np.ndarray], shines: bool = False) -> RenderScene:
+    """Squares across the X axis: (x, facing, tile) each."""
+    triangles = np.concatenate([square(x, facing) for x, facing, _ in materials])
+    normals = np.repeat([(np.sign(facing), 0, 0) for _, facing, _ in materials], 2, axis=0)
+    n = len(triangles)
+    emission = np.zeros((n, 3), np.float32)
+    emission[-2:] = float(shines)
+    return RenderScene(triangles, np.float32(normals)[:, None].repeat(3, 1), emission, np.zeros((n, 3), np.float32),
+                       np.zeros((n, 2), np.float32), np.arange(n, dtype=np.int32) // 2,
+                       np.stack([tile for _, _, tile in materials]))
+
+
+def along_x(scene: RenderScene):
+    """A cast for squares across the X axis that no ray misses sideways."""
+    x = scene.triangles[:, 0, 0]
+
+    def cast(origins, rays):
+        distance = (x[None] - origins[:, :1]) / rays[:, :1]
+        distance[distance <= 0] = np.inf
+        nearest = distance.argmin(1)
+        found = distance[np.arange(len(rays)), nearest]
+        return np.where(np.isfinite(found), nearest, -1).astype(np.int32), np.where(np.isfinite(found), found, 0)
+
+    return cast
+
+
+def ends(scene: RenderScene, direction=(1.0, 0.0, 0.0), error=0.0):
+    """error: by which distances are found too short."""
+    ray, exact = np.float64([direction]), along_x(scene)
+
+    def cast(origins, rays):
+        triangle, distance = exact(origins, rays)
+        return triangle, np.maximum(distance - error, 0)
+
+    return follow(scene, cast, np.zeros((1, 3)), ray / np.linalg.norm(ray), eye=np.float32((-5, 0, 0)))
+
+
+def test_a_path_ends_at_the_first_matte_surface():
+    found = ends(walls((2, -1, constant_tile(RED)), (-1, 1, constant_tile())))
+    np.testing.assert_allclose(found.position, [(2, 0, 0)], atol=1e-5)
+    np.testing.assert_allclose(found.normal, [(-1, 0, 0)], atol=1e-5)
+    np.testing.assert_allclose(found.color, [RED], atol=1e-3)
+
+
+def test_a_mirror_sends_a_path_on_and_colours_it():
+    mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
+    found = ends(walls((2, -1, mirror), (-1, 1, constant_tile(RED))), (1, 0.5, 0))
+    np.testing.assert_allclose(found.position, [(-1, 2.5, 0)], atol=1e-2)
+    np.testing.assert_allclose(found.color, [np.multiply(GOLD, RED)], atol=2e-3)
+
+
+def test_a_rough_metal_ends_a_path():
+    found = ends(walls((2, -1, constant_tile(GOLD, metallic=1.0, roughness=0.8))))
+    np.testing.assert_allclose(found.color, [GOLD], atol=1e-3)
+
+
+@pytest.mark.parametrize(("slope", "ior"), [(0.0, 1.5), (1.0, 1.5), (1.0, 1.0)])
+def test_a_pane_shifts_a_path_by_its_thickness(slope, ior):
+    glass = constant_tile((1, 1, 1), roughness=0.0, ior=ior, transmission=1.0)
+    found = ends(walls((1, -1, glass), (2, 1, glass), (4, -1, constant_tile(RED))), (1, slope, 0))
+    inside = slope / np.sqrt(1 + slope**2) / ior
+    height = 3 * slope + inside / np.sqrt(1 - inside**2)  # one unit of glass among four
+    np.testing.assert_allclose(found.position, [(4, height, 0)], atol=2e-3)
+    np.testing.assert_allclose(found.color, [RED], atol=1e-3)
+
+
+def test_each_surface_of_glass_tints_by_the_root_of_its_colour_as_cycles_principled_bsdf_does():
+    glass = constant_tile((0.81, 0.25, 0.04), roughness=0.0, ior=1.5, transmission=1.0)
+    white = constant_tile((1, 1, 1))
+    once, twice = (ends(walls(*[(x, -1, glass) for x in panes], (4, -1, white))) for panes in ((1,), (1, 2)))
+    np.testing.assert_allclose(once.color, [(0.9, 0.5, 0.2)], atol=1e-3)
+    np.testing.assert_allclose(twice.color, [(0.81, 0.25, 0.04)], atol=1e-3)
+
+
+def test_a_path_ends_at_milky_glass_and_not_at_clear_glass():
+    for transmission, end, color in (0.6, 1, 0.4), (0.9, 4, 1.0):
+        glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.2, transmission=transmission)
+        found = ends(walls((1, -1, glass), (4, -1, constant_tile((1, 1, 1)))))
+        np.testing.assert_allclose(found.position, [(end, 0, 0)], atol=1e-5)
+        np.testing.assert_allclose(found.color, [(color,) * 3], atol=1e-3)
+
+
+def test_paths_end_in_the_light_of_lamps_and_of_the_sky_in_the_colour_of_the_glass_before_these():
+    pane = (1, -1, constant_tile((0.25, 1, 1), roughness=0.0, ior=1.0, transmission=1.0))
+    sky = np.zeros((4, 8, 3), np.float32)
+    sky[1:3, 3:5] = 0.2, 0.4, 0.6  # around +X
+    open_, lit = walls(pane), walls(pane, (2, -1, constant_tile(RED)), shines=True)
+    for scene, light in (open_, 0), (replace(open_, environment=sky), sky[1, 3]), (lit, 1):
+        found = ends(scene)
+        assert not found.color.any()
+        np.testing.assert_allclose(found.light, np.multiply((0.5, 1, 1), light)[None], atol=1e-3)
+
+
+def test_a_spot_shows_nothing_of_its_beam_beside_it():
+    lit = walls((2, -1, constant_tile(RED)), shines=True)
+    lit.beam_axis[:] = 0, 0, 1
+    assert not ends(lit).light.any()
+
+
+def test_two_mirrors_end_after_a_while_as_if_the_last_were_matte():
+    mirror = constant_tile(GOLD, metallic=1.0, roughness=0.0)
+    found = ends(walls((1, -1, mirror), (-1, 1, mirror)))
+    np.testing.assert_allclose(found.color, [np.power(GOLD, SURFACES)], atol=2e-3)
+    np.testing.assert_allclose(found.position, [(-1, 0, 0)], atol=1e-2)
+    assert not found.light.any()
+
+
+def test_light_that_cannot_leave_glass_is_mirrored():
+    ray, normal = np.float64([(0.8, 0.6, 0)]), np.float64([(-1, 0, 0)])
+    flat = np.float64([(0.6, 0.8, 0)])
+    ior, inside = np.array([1.5]), np.array([True])
+    np.testing.assert_allclose(refracted(flat, normal, ior, inside), reflected(flat, normal))
+    through = refracted(ray, normal, np.array([1.2]), inside)
+    np.testing.assert_allclose(np.linalg.norm(through, axis=1), 1)
+    np.testing.assert_allclose(through[0, 1], 0.72)
+
+
+def test_a_path_is_not_held_by_a_surface_that_it_meets_where_it_starts():
+    glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
+    found = ends(walls((1e-5, -1, glass), (1, 1, glass), (4, -1, constant_tile(RED))), error=1e-5)
+    np.testing.assert_allclose(found.color, [RED], atol=1e-3)
+
+
+def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_meet():
+    glass = constant_tile((1, 1, 1), roughness=0.0, ior=1.5, transmission=1.0)
+    scene = walls((1, -1, glass), (3, 1, glass), (3, -1, constant_tile(RED)), (5, -1, constant_tile(GOLD)))
+    cast, start, ray = along_x(scene), np.zeros((1, 3)), np.float64([(1, 0, 0)])
+    solid = walls((3 + 1e-5, -1, constant_tile(RED)), (5, -1, constant_tile(GOLD)))
+    beyond = along_x(solid)
+
+    def of_solid(origins, rays):
+        triangle, distance = beyond(origins, rays)
+        return np.where(triangle >= 0, triangle + 4, -1), distance
+    without, found = (follow(scene, cast, start, ray, np.float32((-5, 0, 0)), each) for each in (None, of_solid))
+    np.testing.assert_allclose(without.color, [GOLD], atol=1e-3)
+    np.testing.assert_allclose(found.color, [RED], atol=1e-3)

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which parts of a network are stored in half precision."""
+import torch
+
+from renderformer_v2.model.network import precision
+from renderformer_v2.model.network.footprint import view_parameters
+from renderformer_v2.model.network.precision import as_released
+from renderformer_v2.model.network.renderformer import RenderFormer
+from renderformer_v2.model.weights.presets import rf2_200m
+from tools.parity.cases import recipe_network
+
+
+@torch.inference_mode()
+def test_stage_2_is_as_exact_as_in_the_authors_release(tiny_config, tiny_inputs, rays, monkeypatch):
+    context = recipe_network(tiny_config).encode_scene(tiny_inputs, keep_keys_values=False)
+
+    def features(exact: bool, dtype: torch.dtype):
+        monkeypatch.setattr(precision, "has_tensor_float_32", lambda device: exact)
+        network, seen = as_released(recipe_network(tiny_config), dtype, torch.device("cpu")).eval(), []
+        network.view_transformer.out_dpt.register_forward_pre_hook(lambda module, given: seen.extend(given[0]))
+        assert network.render_view(context, rays).isfinite().all()
+        return torch.stack(seen), {name: weight.dtype for name, weight in network.named_parameters()}
+
+    expected, _ = features(False, torch.float32)
+    mixed, found = features(True, torch.bfloat16)
+    torch.testing.assert_close(mixed, expected, rtol=0, atol=0)
+    assert not torch.equal(features(False, torch.bfloat16)[0], expected)
+    assert found["view_transformer.out_dpt.projects.0.weight"] == torch.bfloat16
+    assert found["transformer.layers.0.multihead_attn.in_proj.weight"] == torch.bfloat16
+
+
+def test_the_weights_of_stage_2_are_counted():
+    with torch.device("meta"):
+        layers = RenderFormer(rf2_200m()).view_transformer.transformer.layers
+    counted = sum(p.numel() for p in layers.parameters() if p.ndim == 2)
+    assert view_parameters(rf2_200m()) == counted
