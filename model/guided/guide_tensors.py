@@ -12,6 +12,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..camera import view_rays_at
+from ..compute.buffers import like
 from ..fields import COLOR, DIRECTION, POINT, Channels, array
 from ..geometry import contracted
 from ..geometry import reflected as reflected_ray
@@ -25,8 +26,6 @@ from ..light.sampling import in_a_row
 from ..light.specular_paths import BLURRED, blur
 from ..lobes import LOBES
 from ..material.reflectance import normal_reflectance
-from ..network.inputs import TensorGroup
-from ..network.memory import like
 from ..progress import part
 from ..scene import (
     BASE_COLOR,
@@ -41,6 +40,7 @@ from ..scene import (
     View,
     texels,
 )
+from ..tensor_group import TensorGroup
 from .exposure import key_exposure
 
 FEATURES = Channels(

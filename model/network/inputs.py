@@ -2,28 +2,12 @@
 """Inputs of the network: tensors of one scene and of its views (docs/network.md 2), on the model's device."""
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 
 from ..fields import COLOR, DIRECTION, EULER, LENGTH, PANORAMA, POINT, array
-
-
-class TensorGroup:
-    """Base of dataclasses whose fields are tensors, other groups, or None."""
-
-    def to(self, device):
-        """A copy on `device`."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return type(self)(**{name: v if v is None else v.to(device) for name, v in values.items()})
-
-
-def stacked(groups: list):
-    """Groups of one kind, all of whose fields are there, behind each other: several views as one input."""
-    def joined(parts: list):
-        return torch.cat(parts) if isinstance(parts[0], torch.Tensor) else stacked(parts)
-
-    return type(groups[0])(**{f.name: joined([getattr(group, f.name) for group in groups]) for f in fields(groups[0])})
+from ..tensor_group import TensorGroup
 
 
 @dataclass

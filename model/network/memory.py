@@ -2,19 +2,17 @@
 """Process long sequences in pieces: this bounds memory, and every piece reports progress (which may cancel)."""
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
-import numpy as np
 import torch
 
+from ..compute.buffers import like
 from ..progress import part, report
 
 # Rows per chunk: large enough for the matrix products, small enough that a chunk takes well under 0.2 s and that the
 # element-wise work between the products stays in the processor's cache.
 CHUNK = 512
 GPU_CHUNK = 4096
-HUGE = 1 << 22  # bytes: numpy asks the system for huge pages from here on
 
 
 SMALLEST = 16   # part of the usual pieces that is tried last
@@ -96,16 +94,3 @@ def chunked(function, *tensors: torch.Tensor, size: int = 0, axis: int = 0, into
         for whole, piece in zip(results, parts):
             whole.narrow(axis, begin, piece.shape[axis]).copy_(piece)
     return tuple(results) if isinstance(result, tuple) else results[0]
-
-
-def like(piece: torch.Tensor, length: int, axis: int) -> torch.Tensor:
-    """Room for `length` rows of what `piece` holds some of."""
-    return room((*piece.shape[:axis], length, *piece.shape[axis + 1:]), piece)
-
-
-def room(shape: tuple[int, ...], like: torch.Tensor) -> torch.Tensor:
-    """Uninitialised memory of the dtype and on the device of `like`; large ones for the CPU with few page faults."""
-    size = like.itemsize * math.prod(shape)
-    if like.device.type != "cpu" or size < HUGE:
-        return like.new_empty(shape)
-    return torch.from_numpy(np.empty(size, np.uint8)).view(like.dtype).view(shape)

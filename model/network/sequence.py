@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import torch
 from torch import nn
 
+from ..compute.buffers import like
 from ..progress import part, report
-from .memory import chunked, like
+from .memory import chunked
 from .ordering import hilbert_order
 
 COPIED = 8192  # embeddings between two polls

@@ -15,8 +15,8 @@ from itertools import accumulate
 import torch
 from torch.nn import functional as F
 
+from ..compute.buffers import room
 from ..progress import report
-from .memory import room
 
 SAFE_EXPONENT = 60.0  # exp of it, and of its negative, times the longest sequence, is far inside of float32
 

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from renderformer_v2.model.network.inputs import TensorGroup
+from renderformer_v2.model.tensor_group import TensorGroup
 from tools.datagen import manifest
 from tools.datagen.facts import Facts, facts
 from tools.datagen.shards import sample_paths
