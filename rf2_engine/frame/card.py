@@ -7,9 +7,9 @@ import sys
 from ...model.scene import RenderScene
 from ...model.weights import presets
 from ..convert.report import Report
+from ..runtime import model_cache
 from ..settings import FrameSettings
 from ..setup import importing, wheels
-from . import model_cache
 
 PARAMETERS = {True: 11_000_000, False: 208_000_000}  # of guided networks; of published ones without the image encoder
 IMAGE_ENCODER = 78_500_000  # bytes; it stays in float32 on a card

@@ -6,10 +6,11 @@ from pathlib import Path
 
 from ...model.errors import CheckpointError
 from ...model.weights import files as weights_files
-from ..frame import model_cache
+from ..preferences import package_panel
 from ..registering import classes
+from ..runtime import model_cache
 from ..settings import is_published
-from ..setup import package_panel, packages, published_weights
+from ..setup import packages, published_weights
 from ..setup.display import draw_text
 from .panel import EnginePanel
 from .presets import RENDERFORMER_PT_presets

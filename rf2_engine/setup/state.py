@@ -11,7 +11,6 @@ from ...model.errors import CheckpointError, SceneError
 from ...model.published.bundle_files import is_bundle
 from ...model.weights import files as weights_files
 from ...model.weights.presets import BUNDLED, weights_folder
-from ..cycles import session as cycles_session
 from . import importing, packages, published_weights, wheels
 
 
@@ -27,7 +26,7 @@ def status(weights: str = BUNDLED) -> dict:
              "published_weights": _text(published_weights.bundle_folder()),
              "device": _device(problems), "weights": _weights(weights, problems)}
     try:
-        cycles_session.require()
+        packages.require_cycles()
     except SceneError as error:
         problems.append(str(error))
     return found | {"problems": problems, "ready": not problems}
