@@ -36,7 +36,7 @@ from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle
 from .published.pipeline import PublishedPipeline
 from .scene import Guides, RenderScene, View
-from .weights.files import explained
+from .weights.files import checkpoint_errors
 from .weights.presets import BUNDLED, weights_folder
 
 T = TypeVar("T")
@@ -59,7 +59,7 @@ class Renderer:
         if precision == "auto" and self.dtype != torch.float32 and (problem := failure(self.dtype, self.device)):
             self.remark = f"{NAMES[self.dtype]} does not work in this PyTorch ({problem}): Float32 is used"
             self.dtype = torch.float32
-        with explained():
+        with checkpoint_errors():
             published = is_bundle(weights_folder(weights))
         self.pipeline = (PublishedPipeline(weights, self.device, self.dtype, transformer, latents) if published
                          else GuidedPipeline(weights, self.device, self.dtype))

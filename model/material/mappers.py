@@ -2,13 +2,18 @@
 """Perceptrons from shader parameters to the 9-D appearance latent (docs/scene-input.md 3.1, docs/network.md 13)."""
 from __future__ import annotations
 
+from pathlib import Path
+
 import torch
 from torch import nn
 from torch.nn import functional as F
 
 from ..network.norm import Linear
+from ..weights.checkpoint import load_component
+from ..weights.presets import WEIGHTS
 
 LATENT_DIM = 9
+MATERIAL_MAPPER = WEIGHTS / "material" / "metallic_transmission_mapper"  # of the bundled weights
 
 
 class Mapper(nn.Module):
@@ -53,3 +58,8 @@ class MetallicTransmissionMapper(Mapper):
 
 MAPPERS = {"diffspec_mapper": DiffuseSpecularMapper, "metallic_mapper": MetallicMapper,
            "metallic_transmission_mapper": MetallicTransmissionMapper}
+
+
+def load_material_mapper(folder: Path = MATERIAL_MAPPER) -> Mapper:
+    """The bundled mapper from Principled parameters to the 9-D latent. Raises CheckpointError."""
+    return load_component(MetallicTransmissionMapper, folder)

@@ -7,7 +7,7 @@ from pathlib import Path
 from ...model.normalize import Normalization
 from ...model.published import training_range
 from ...model.published.as_trained import as_trained, emitters
-from ...model.published.bundle_files import transformer_for, whole
+from ...model.published.bundle_files import bundle_and_transformer, transformer_for
 from ...model.scene import RenderScene, View
 from ..convert.report import Report
 from ..settings import FrameSettings
@@ -20,7 +20,7 @@ def told(scene: RenderScene, view: View, settings: FrameSettings, report: Report
     """The scene as its weights are told it, published ones in network units; reported is what is unlike training."""
     if settings.guided:
         return scene
-    bundle, chosen = whole(Path(settings.weights), settings.transformer)
+    bundle, chosen = bundle_and_transformer(Path(settings.weights), settings.transformer)
     wanted, found = (transformer_for(folder, view.longer_side, chosen) for folder in (Path(), bundle))
     if wanted != found:
         report.approximated(NAME, f"{wanted} was trained for pictures of this size, but {bundle} has only {found}")

@@ -21,7 +21,7 @@ from renderformer_v2.model.guided.antialiasing import (
     tensor,
     weighted,
 )
-from renderformer_v2.model.weights.checkpoint import load_network
+from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
 from tests.model.samples import floor_view
 

@@ -6,11 +6,11 @@ import pytest
 import torch
 
 from renderformer_v2.model import progress
+from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.network import decoder, memory, renderformer, swin
 from renderformer_v2.model.network.inputs import ViewInputs
 from renderformer_v2.model.network.precision import in_precision
 from renderformer_v2.model.network.renderformer import RenderFormer
-from renderformer_v2.model.weights.checkpoint import new_network
 from renderformer_v2.model.weights.presets import rf2_200m, rf2_small
 
 
