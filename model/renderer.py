@@ -24,13 +24,13 @@ import torch
 from torch import Tensor
 
 from .camera import beyond_sides, padded_view, place_in
+from .compute import inference
 from .compute.devices import choose_device, name_of
 from .compute.precision import NAMES, choose_precision, failure
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
 from .light.effort import FULL, Effort
 from .lobes import Lobes
-from .network import memory
 from .normalize import Normalization
 from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle
@@ -53,7 +53,7 @@ class Renderer:
         Raises CheckpointError for unusable weights, ValueError for a device or precision that is not there. `remark`
         says afterwards what automatic choices had to do without, "" for nothing.
         """
-        memory.usual()
+        inference.usual()
         self.device = choose_device(device)
         self.dtype, self.remark = choose_precision(precision, self.device), ""
         if precision == "auto" and self.dtype != torch.float32 and (problem := failure(self.dtype, self.device)):
@@ -78,7 +78,7 @@ class Renderer:
             try:
                 return compute()
             except torch.OutOfMemoryError:
-                if not memory.smaller():
+                if not inference.smaller():
                     raise
             gc.collect()
             if self.device.type == "cuda":

@@ -10,10 +10,10 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from ..compute.inference import chunked
 from ..network.config import ModelConfig
 from ..network.decoder import DPTDecoder
 from ..network.inputs import EnvironmentInputs
-from ..network.memory import chunked
 from ..network.renderformer import RenderFormer
 from ..progress import part
 from ..weights.checkpoint import read_network

@@ -13,7 +13,7 @@ from ..light.bounce.radiosity import Radiosity
 from ..light.direct.direct_light import LightPrior
 from ..light.effort import DRAFT, FULL, Effort
 from ..material.mappers import load_material_mapper
-from ..network.precision import in_precision
+from ..network.layers import in_precision
 from ..network.renderformer import SceneContext
 from ..progress import part
 from ..scene import Guides, RenderScene, View

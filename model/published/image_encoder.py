@@ -11,9 +11,9 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..compute import background
+from ..compute.inference import divided
+from ..compute.threads import begin_import, finish_import
 from ..errors import CheckpointError
-from ..network.memory import divided
 from ..progress import report
 from ..weights.checkpoint import load_weights
 from ..weights.files import checkpoint_errors, read_json, require
@@ -93,7 +93,7 @@ class ImageEncoder:
 
     def _encode(self, images: torch.Tensor) -> torch.Tensor:
         if self._network is None:
-            kind = background.finish(background.begin(vae_class))
+            kind = finish_import(begin_import(vae_class))
             network = OneFrameEncoder(load_vae(kind, self.config, self.file))
             self._network = network.to(self.device, self.dtype, memory_format=torch.channels_last)
         tile = images.shape[-1] * images.shape[-2]

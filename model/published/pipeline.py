@@ -12,15 +12,13 @@ from ..camera import padded_view, square_view
 from ..compute.precision import tensor_float_32
 from ..errors import CheckpointError
 from ..light.effort import FULL, Effort
-from ..material.appearance import Appearance
-from ..network.inputs import NetworkInputs
-from ..network.precision import as_released
-from ..network.renderformer import RenderFormer, SceneContext, to_radiance
+from ..material.mappers import Appearance
+from ..network.inputs import NetworkInputs, view_inputs
+from ..network.renderformer import RenderFormer, SceneContext, as_released, to_radiance
 from ..normalize import Normalization
 from ..pipeline import Pipeline
 from ..progress import part, report
 from ..scene import Guides, RenderScene, View
-from ..tensors import view_inputs
 from ..weights.files import checkpoint_errors
 from ..weights.presets import rf2_200m
 from .as_trained import as_trained, emitters

@@ -20,8 +20,8 @@ from renderformer_v2.model.network.inputs import (
     VolumeInputs,
     encode_light,
 )
+from renderformer_v2.model.network.layers import rope_frequencies
 from renderformer_v2.model.network.renderformer import RenderFormer
-from renderformer_v2.model.network.rope import rope_frequencies
 
 VOLUME_FIELDS = ("density", "position", "rotation", "scale", "scattering", "absorption")
 

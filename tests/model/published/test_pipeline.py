@@ -13,8 +13,7 @@ import yaml
 from renderformer_v2.model import progress
 from renderformer_v2.model.camera import square_view
 from renderformer_v2.model.errors import CheckpointError, RenderCancelled, SceneError
-from renderformer_v2.model.material.appearance import Appearance
-from renderformer_v2.model.material.mappers import MAPPERS
+from renderformer_v2.model.material.mappers import MAPPERS, Appearance
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.published import image_encoder
 from renderformer_v2.model.published.bundle_files import AUTOMATIC, TRANSFORMERS, check_weights
