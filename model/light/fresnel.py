@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..compute.device_ops import done
+from ..compute.devices import run_operator
 from .sampling import ggx_directions
 
 GRID = 24, 32   # of roughness and cosine
@@ -51,8 +51,8 @@ def _split_sum(cosine: Tensor, roughness: Tensor, table: Tensor | None = None) -
     """Factor of the reflectance at normal incidence, and what slanting facets add; all of one shape."""
     table = _table(cosine.device) if table is None else table
     at = torch.stack([cosine.abs().flatten(), roughness.flatten()], -1) * 2 - 1
-    found = done("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear", padding_mode="border",
-                 align_corners=True)
+    found = run_operator("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear",
+                         padding_mode="border", align_corners=True)
     return found[0, 0].view_as(cosine), found[0, 1].view_as(cosine)
 
 

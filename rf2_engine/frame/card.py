@@ -33,7 +33,7 @@ def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int]
         importing.import_packages()
     from ...model.compute.devices import choose_device, free_memory
     from ...model.compute.precision import choose_precision, has_tensor_float_32
-    from ...model.network.footprint import card_bytes
+    from ...model.network.memory_estimate import card_bytes
     from ...model.network.renderformer import KEYS_VALUES_BYTES
     try:
         device = choose_device(settings.device)

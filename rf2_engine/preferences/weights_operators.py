@@ -7,7 +7,7 @@ import shutil
 import bpy
 
 from ...model.published import latent_store
-from ...model.published.training_range import TRIANGLES, WELL_KNOWN
+from ...model.published.as_trained import TRIANGLES, WELL_KNOWN
 from ..registering import classes
 from ..runtime import model_cache, running
 from ..setup import packages, published_weights, redraw, shared_folders, weights_download

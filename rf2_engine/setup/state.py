@@ -8,8 +8,7 @@ from pathlib import Path
 import bpy
 
 from ...model.errors import CheckpointError, SceneError
-from ...model.published.bundle_files import is_bundle
-from ...model.weights import files as weights_files
+from ...model.published.bundle_files import check_weights, is_bundle
 from ...model.weights.presets import BUNDLED, weights_folder
 from . import importing, packages, published_weights, wheels
 
@@ -58,7 +57,7 @@ def _weights(wanted: str, problems: list[str]) -> str:
     try:
         if wanted == "published":
             return str(published_weights.require())
-        weights_files.check(weights_folder(wanted))
+        check_weights(weights_folder(wanted))
         if wanted != BUNDLED and is_bundle(wanted) and (parts := published_weights.missing_parts(Path(wanted))):
             raise CheckpointError(f"The published weights are not complete in {wanted}: {', '.join(parts)}")
     except CheckpointError as error:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...model import progress
-from ...model.compute import background, threads
+from ...model.compute import threads
 from ...model.errors import RenderCancelled
 from ..convert.copied import Copied
 from ..convert.memo import Memo
@@ -137,7 +137,7 @@ class Session:
         try:
             with progress.reporting(heard), threads.limited(count):
                 with progress.part(0.0, 0.0, "Loading PyTorch"):
-                    background.finish(model_cache.begin_import())
+                    threads.finish_import(model_cache.begin_import())
                 with threads.team(count):
                     if piece == SCENE:
                         self._light(request)
