@@ -45,7 +45,7 @@ def _run(arguments: argparse.Namespace) -> dict:
     prepare(arguments.output)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     extension.load().register()
-    from renderformer_v2.rf2_engine.convert.report import Report
+    from renderformer_v2.rf2_engine.convert.data.report import Report
     from renderformer_v2.rf2_engine.paper_scenes.h5_import import import_h5
     from renderformer_v2.rf2_engine.paper_scenes.importing import import_frame
     report, empty = Report(), bpy.context.scene

@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import bpy
 
-from ..convert.report import Group, Remark, grouped
+from ..convert.data.report import Group, Remark, grouped
 from ..frame import preflight
 from ..frame.preflight import Preflight
 from ..progress import last_render

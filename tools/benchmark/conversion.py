@@ -68,7 +68,7 @@ def _measured(budget: int, published: dict[int, float]) -> dict:
 
     from renderformer_v2.model import progress
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-    from renderformer_v2.rf2_engine.convert.report import Report
+    from renderformer_v2.rf2_engine.convert.data.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert
     depsgraph = bpy.context.evaluated_depsgraph_get()
     view, looks = convert_camera(depsgraph, RESOLUTION, RESOLUTION, None), [time.perf_counter()]
