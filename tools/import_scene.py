@@ -17,9 +17,9 @@ from pathlib import Path
 from renderformer_v2.model.errors import SceneError
 
 from . import extension
-from .arguments import file_with, whole_number
-from .picture import prepare
-from .scene_file import one_line
+from .common.arguments import file_with, whole_number
+from .common.pictures import prepare
+from .common.scene_file import one_line
 
 
 def main() -> int:

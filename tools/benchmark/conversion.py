@@ -19,9 +19,9 @@ import time
 from pathlib import Path
 
 from tools import extension
-from tools.arguments import numbers
+from tools.common.arguments import numbers
 
-from .measured import MeasurementError, measured
+from .points import MeasurementError, measured
 
 RESOLUTION = 512  # that triangles are allotted by
 SIDE = 708    # squares along the mesh of a million triangles
@@ -39,7 +39,7 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 1
     extension.load().register()
-    from tools.scene_file import open_scene
+    from tools.common.scene_file import open_scene
     found = {}
     for name, scene in [*((str(path), lambda path=path: open_scene(path)) for path in arguments.scenes)] or [
             ("one mesh", _mesh), (f"{OBJECTS} objects", _objects)]:

@@ -14,7 +14,7 @@ from bl_ext.user_default.renderformer_v2.model.color import linear_to_srgb
 from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, events
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
-from tools import metrics as with_libraries
+from tools.common import metrics as with_libraries
 
 PACKAGE = "bl_ext.user_default.renderformer_v2"
 
