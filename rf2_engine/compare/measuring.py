@@ -24,7 +24,8 @@ class Box:
 
     def __init__(self, scene: bpy.types.Scene, region: str, a: Picture, b: Picture):
         """The box in two pictures of one size, where both were rendered; `region` is CompareSettings.region."""
-        crops = [a.crop.render_region(scene.render) if region == "BORDER" else a.crop.picture, a.rendered, b.rendered]
+        selected = a.crop.in_render_region(scene.render) if region == "BORDER" else a.crop.picture
+        crops = [selected, a.rendered, b.rendered]
         self.width, self.height = crops[0][:2]
         self.left, bottom = max(crop.left for crop in crops), max(crop.bottom for crop in crops)
         self.right, top = min(crop.right for crop in crops), min(crop.top for crop in crops)

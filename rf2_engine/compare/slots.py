@@ -26,7 +26,7 @@ class Crop(NamedTuple):
         """All of the picture, in its own pixels."""
         return full(self.right - self.left, self.top - self.bottom)
 
-    def render_region(self, settings: bpy.types.RenderSettings) -> Crop:
+    def in_render_region(self, settings: bpy.types.RenderSettings) -> Crop:
         """The part inside the render region, as far as the picture shows it, in pixels of the picture."""
         left, right, bottom, top = render_region(self.width, self.height, settings)
         left, right = (min(max(x, self.left), self.right) - self.left for x in (left, right))
