@@ -9,7 +9,7 @@ import torch
 from safetensors.torch import save_file
 
 from bl_ext.user_default.renderformer_v2.model.material.autoencoder import MaterialAutoencoder
-from bl_ext.user_default.renderformer_v2.rf2_engine.panels import material_latent
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import material as material_panel
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.panorama import write_panorama
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
@@ -70,13 +70,13 @@ def test_a_picture_of_a_sphere_becomes_a_latent_and_is_shown(material, tmp_path,
     write_panorama(tmp_path / "sphere.exr", sphere)
     assert load(material, tmp_path / "sphere.exr") == {"FINISHED"}
     found = np.float32(material.renderformer_v2.latent)
-    np.testing.assert_allclose(found, material_latent.encoded(sphere), atol=1e-3)
+    np.testing.assert_allclose(found, material_panel.encode_sphere(sphere), atol=1e-3)
     with bpy.context.temp_override(material=material):
         assert bpy.ops.renderformer_v2.show_latent() == {"FINISHED"}
     shown = bpy.data.images["Latent of Measured"]
     pixels = np.empty((256, 256, 4), np.float32)
     shown.pixels.foreach_get(pixels.ravel())
-    np.testing.assert_allclose(pixels[::-1, :, :3], material_latent.decoded(found), atol=1e-3)
+    np.testing.assert_allclose(pixels[::-1, :, :3], material_panel.decode_sphere(found), atol=1e-3)
 
 
 def test_a_picture_of_another_size_and_a_missing_autoencoder_are_said(material, tmp_path, monkeypatch):
