@@ -19,12 +19,12 @@ import torch
 
 from examples import bounced, effects, room
 from renderformer_v2.model.compute import threads
+from renderformer_v2.model.first_hits.camera_rays import cast_guides
 from renderformer_v2.model.light.reflections import with_ends
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-from renderformer_v2.rf2_engine.convert.report import Report
+from renderformer_v2.rf2_engine.convert.data.report import Report
 from renderformer_v2.rf2_engine.convert.scene import convert
-from renderformer_v2.rf2_engine.frame.guides import cast_guides
 
 FOLDER = Path(__file__).parent / "fixtures"
 HASHES, COPIES = FOLDER / "pictures.json", FOLDER / "pictures.npz"
