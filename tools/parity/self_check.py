@@ -267,7 +267,8 @@ def _decoder_sizes(entry):
         decoder = DPTDecoder(rf2_200m())
     for name, sizes in entry.items():
         grid = tuple(map(int, name.split("x")))
-        with Recorder(dict(decoder.scratch.named_children())) as seen:
+        parts = dict(decoder.scratch.named_children())
+        with Recorder(parts | {"output_conv2": parts["output_conv2"][-1]}) as seen:
             decoder([torch.zeros(1, 768, *grid, device="meta")] * 4)
         for key, size in sizes.items():
             yield list(seen[key].shape[-2:]), size
