@@ -18,7 +18,7 @@ _register_all, _unregister_all = modules(MODULES)
 
 def register() -> None:
     """All of it, or nothing when it raises."""
-    if running.forget_afterwards():
+    if running.cancel_action():
         return  # disabled and enabled again while a render went on: nothing was taken back
     _register_all()
 
@@ -28,7 +28,7 @@ def unregister() -> None:
     if running.stop():
         _take_back()
     else:
-        running.afterwards(_take_back)
+        running.when_ended(_take_back)
 
 
 def _take_back() -> None:

@@ -46,7 +46,7 @@ class GrowingReference:
         running = cycles_growing.running()
         if running is None:  # it has just ended
             return OURS, "Cycles"
-        samples = f"{running.samples()} of {running.wanted} samples"
+        samples = f"{running.samples()} of {running.target_samples} samples"
         seconds = Credits(seconds=time.perf_counter() - running.begin)
         return str(Credits(OURS, None, running.our_seconds)), f"Cycles, {samples}, {seconds}"
 

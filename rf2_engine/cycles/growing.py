@@ -9,60 +9,67 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import bpy
 
 
-class Running(NamedTuple):
+class Reference(NamedTuple):
     """A reference that Cycles renders beside our picture of a view layer."""
 
     layer: str
     width: int                  # of the picture, in pixels
     height: int
     our_seconds: float
-    samples: Callable[[], int]  # so far
-    wanted: int                 # samples
+    samples: Callable[[], int]  # returns the samples so far
+    target_samples: int
     begin: float                # by time.perf_counter
     left: int = 0               # of the render region in the frame, in pixels: Cycles draws it there
     bottom: int = 0
     views: tuple[str, ...] = ("",)  # of stereoscopy, which Cycles renders one after the other
 
 
-_lock = threading.Lock()  # the window is drawn by another thread: engine and session must not go away meanwhile
-_running: Running | None = None
-_engine: bpy.types.RenderEngine | None = None
+@dataclass
+class GrowingPicture:
+    """What Cycles renders now, if it can be drawn. The window is drawn by another thread than the one that renders."""
+
+    reference: Reference | None = None
+    engine: bpy.types.RenderEngine | None = None  # in whose session the picture is
+    lock: threading.Lock = field(default_factory=threading.Lock)  # neither may go away while it is drawn
+
+
+_growing = GrowingPicture()
 
 
 @contextmanager
-def announced(running: Running):
+def announced(reference: Reference):
     """Inside, what Cycles renders is this reference."""
-    global _running
-    _running = running
+    _growing.reference = reference
     try:
         yield
     finally:
-        with _lock:
-            _running = None
+        with _growing.lock:
+            _growing.reference = None
 
 
 @contextmanager
 def drawable(engine: bpy.types.RenderEngine):
     """Around Cycles' own function `render`, in whose session the picture is."""
-    global _engine
-    with _lock:
-        _engine = engine
+    with _growing.lock:
+        _growing.engine = engine
     try:
         yield
     finally:
-        with _lock:
-            _engine = None
+        with _growing.lock:
+            _growing.engine = None
 
 
-def running() -> Running | None:
+def running() -> Reference | None:
     """The reference of which `draw` can draw something."""
-    with _lock:
-        return _running if _running and _engine and _running.samples() else None
+    with _growing.lock:
+        reference = _growing.reference
+        return reference if reference and _growing.engine and reference.samples() else None
 
 
 def size() -> tuple[int, int] | None:
@@ -73,24 +80,25 @@ def size() -> tuple[int, int] | None:
 
 def view() -> int:
     """The number of the view that Cycles renders; 0 without stereoscopy."""
-    with _lock:
-        name = _engine.active_view_get() if _running and _engine else ""
-        return _running.views.index(name) if _running and name in _running.views else 0
+    with _growing.lock:
+        reference = _growing.reference
+        name = _growing.engine.active_view_get() if reference and _growing.engine else ""
+        return reference.views.index(name) if reference and name in reference.views else 0
 
 
 def draw(context: bpy.types.Context) -> None:
     """Draw it into the framebuffer that is bound, where GPU matrices put the pixels of an image.
 
-    Cycles looks at the pass that the Image Editor shows. One whose function is another than we know is not asked again.
+    Cycles looks at the pass that the Image Editor shows. If its function is not the one that we know, it is not called
+    again during this run.
     """
-    global _engine
-    with _lock:
-        if _engine is None:
+    with _growing.lock:
+        if _growing.engine is None:
             return
         try:
             import cycles.engine as cycles_engine
             depsgraph = context.view_layer.depsgraph or context.evaluated_depsgraph_get()
-            cycles_engine.draw(_engine, depsgraph, context.space_data)
+            cycles_engine.draw(_growing.engine, depsgraph, context.space_data)
         except (ImportError, AttributeError, TypeError, RuntimeError, SystemError) as error:
             print(f"RenderFormer-V2: a reference cannot be shown while it is rendered: {error}")
-            _engine = None
+            _growing.engine = None

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import sys
 
+from ...model.errors import CheckpointError
+from ...model.network.config import ModelConfig
 from ...model.scene import RenderScene
 from ...model.weights import presets
+from ...model.weights.files import described
 from ..convert.data.report import Report
 from ..runtime import model_cache
 from ..settings import FrameSettings, Network
@@ -15,7 +18,9 @@ PUBLISHED_PARAMETERS = 208_000_000  # without the image encoder
 IMAGE_ENCODER = 78_500_000          # bytes; it stays in float32 on a card
 GUIDED_WEIGHTS = 1_000_000          # bytes
 GUIDED_PIXEL = 320                  # bytes: guides, and the light of each lobe, for every pixel of the picture
-GUIDED_WORK = 1_500_000_000         # bytes: light of a band of the picture, patches of surfaces and what they exchange
+GUIDED_TOKEN = 4_000                # bytes: lights, patches of surfaces and the light that they exchange
+GUIDED_BAND = 600_000_000           # bytes: light of the pixels that are computed at once
+GUIDED_PARAMETERS = 11_000_000      # of one whose transformer was trained; the bundled one has none
 
 
 def count_tokens(scene: RenderScene, settings: FrameSettings) -> int:
@@ -38,23 +43,25 @@ def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int]
     try:
         device = choose_device(settings.device)
         free = free_memory(device, with_ours=model_cache.is_loaded())
-        if free is None:
-            return None
-        if settings.network is Network.PUBLISHED:
-            return _published_bytes(settings, device, tokens, pixels), free
-    except ValueError:
+        return None if free is None else (_needed(settings, device, tokens, pixels), free)
+    except (CheckpointError, ValueError):
         return None  # the render will say why
-    return GUIDED_WEIGHTS + GUIDED_WORK + GUIDED_PIXEL * pixels, free
 
 
-def _published_bytes(settings: FrameSettings, device, tokens: int, pixels: int) -> int:
+def _needed(settings: FrameSettings, device, tokens: int, pixels: int) -> int:
     from ...model.compute.precision import choose_precision, has_tensor_float_32
     from ...model.network.memory_estimate import card_bytes
     from ...model.network.renderformer import KEYS_VALUES_BYTES
     item = choose_precision(settings.precision, device).itemsize
-    view_item = 4 if has_tensor_float_32(device) else item
-    return IMAGE_ENCODER + card_bytes(presets.rf2_200m(), PUBLISHED_PARAMETERS, tokens, pixels, (item, view_item),
-                                      KEYS_VALUES_BYTES)
+    if settings.network is Network.PUBLISHED:
+        view_item = 4 if has_tensor_float_32(device) else item
+        return IMAGE_ENCODER + card_bytes(presets.rf2_200m(), PUBLISHED_PARAMETERS, tokens, pixels, (item, view_item),
+                                          KEYS_VALUES_BYTES)
+    needed = GUIDED_WEIGHTS + GUIDED_BAND + GUIDED_TOKEN * tokens + GUIDED_PIXEL * pixels
+    config = ModelConfig.from_dict(described(presets.weights_folder(settings.weights)))
+    if config.guidance and not config.guidance.transformer:
+        return needed
+    return needed + card_bytes(config, GUIDED_PARAMETERS, tokens, pixels, (item, item), KEYS_VALUES_BYTES)
 
 
 def warn(settings: FrameSettings, scene: RenderScene, pixels: int, report: Report) -> None:

@@ -67,7 +67,7 @@ def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
         with layer.plan.enter(REFERENCE):
             progress.report(0.0, f"RenderFormer 100 %, {NAME}")
             with layer.status.during_cycles("RenderFormer 100 %, Cycles {}", time_limit=chosen.time_limit) as status, \
-                    growing.announced(growing.Running(
+                    growing.announced(growing.Reference(
                         layer.name, width, height, seconds, partial(status.samples, samples), samples, begin,
                         *(layer.border[::2] if layer.border else (0, 0)), tuple(pictures))):
                 rendered = _render(engine, layer.depsgraph, chosen, layer.settings.threads, report)

@@ -8,7 +8,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.weights import presets
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session as cycles_session
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import render
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import preflight, render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
 
@@ -107,3 +107,14 @@ def test_a_weights_folder_that_is_none_is_found_before_cycles_works(scene, tmp_p
     with pytest.raises(RuntimeError):
         bpy.ops.render.render(scene=scene.name)
     assert last_render.last_frame[0].error and not worked
+
+
+def test_a_frame_of_less_than_a_pixel_counts_as_one(scene):
+    """Blender 4.5 refuses to render it, but panels and viewports read its settings."""
+    cube(scene)
+    scene.render.resolution_x = scene.render.resolution_y = 64
+    scene.render.resolution_percentage = 1
+    scene.renderformer_v2.more_when_small = True
+    assert FrameSettings.read(scene).guide_samples == 16
+    result = preflight.run(bpy.context.evaluated_depsgraph_get(), lambda text, fraction: None)
+    assert not result.error and result.size == (1, 1)

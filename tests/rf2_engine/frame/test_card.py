@@ -126,3 +126,11 @@ def test_encoded_textures_can_be_deleted(scene, tmp_path, monkeypatch):
         file.with_name(file.name + ending).write_bytes(b"some")
     assert bpy.ops.renderformer_v2.remove_latents() == {"FINISHED"}
     assert not list(tmp_path.iterdir())
+
+
+def test_the_bundled_network_needs_memory_for_pixels_and_hardly_any_for_weights(lit, monkeypatch):
+    describe(monkeypatch, AMPERE)
+    settings = FrameSettings.read(lit)
+    assert settings.network is Network.GUIDED
+    small, large = (card.memory(settings, 4096, pixels)[0] for pixels in (512 * 512, 4096 * 2160))
+    assert small < 1e9 and 2.3e9 < large < 5e9

@@ -13,8 +13,8 @@ def test_the_coarsest_comes_first_until_a_finer_one_is_known_to_be_quick():
 
 
 def test_while_something_is_dragged_pictures_are_coarse_unless_finer_ones_are_smooth():
-    assert first((8, 4, 2, 1), {8: 0.1, 4: QUICK, 2: 0.9}, changing=True) == 8
-    assert first((8, 4, 2, 1), {8: 0.02, 4: SMOOTH, 2: 0.9}, changing=True) == 4
+    assert first((8, 4, 2, 1), {8: 0.1, 4: QUICK, 2: 0.9}, is_dragged=True) == 8
+    assert first((8, 4, 2, 1), {8: 0.02, 4: SMOOTH, 2: 0.9}, is_dragged=True) == 4
 
 
 def test_each_level_follows_the_one_before():

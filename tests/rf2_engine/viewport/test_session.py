@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.metrics.scores import psnr
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert import compute
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.shot import has_left
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import pictures as viewport_pictures
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import session as sessions
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.session import Session
@@ -44,7 +46,7 @@ def counted(monkeypatch):
     return calls
 
 
-def ask(session, scene, source, view):
+def submit(session, scene, source, view):
     return session.submit(request(scene, source, view))
 
 
@@ -58,7 +60,7 @@ def test_each_level_shows_what_a_render_with_network_alone_shows(corner, tmp_pat
     corner.renderformer_v2.guide_samples = 8
     rendered = press_f12(corner, tmp_path)["ViewLayer.Combined"]
     session = Session()
-    ask(session, corner, read(), through_camera(corner, WIDTH, HEIGHT))
+    submit(session, corner, read(), through_camera(corner, WIDTH, HEIGHT))
     shown = [picture for picture in pictures(session) if picture]
     assert [picture.divisor for picture in shown] == [8, 4, 2, 1]
     close = [psnr(picture.pixels[..., :3], smaller(rendered, picture.pixels)[..., :3]) for picture in shown]
@@ -74,49 +76,49 @@ def test_the_first_picture_does_not_wait_for_the_network(corner, monkeypatch):
     monkeypatch.setattr(sessions, "render_picture", picture)
     corner.renderformer_v2.viewport.resolution = "4"
     session, source = Session(), read()
-    ask(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
+    submit(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
     pictures(session)
     assert drawn == [(8, True), (4, False)]
     corner.renderformer_v2.viewport.resolution = "8"
     session = Session()
-    ask(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
+    submit(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
     pictures(session)
     assert drawn[2:] == [(8, True), (8, False)]
 
 
 def test_a_moved_camera_converts_nothing(corner, counted):
     session, source = Session(), read()
-    ask(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
+    submit(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
     pictures(session)
     corner.camera.location.x += 0.5
     before = session.displayed
-    assert ask(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
+    assert submit(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
     after = pictures(session)[-1]
     assert counted["light"] == 1 and not np.array_equal(before.pixels, after.pixels)
 
 
 def test_asking_for_the_same_is_no_work(corner, counted):
     session, source = Session(), read()
-    ask(session, corner, source, through_camera(corner, 64, 48))
+    submit(session, corner, source, through_camera(corner, 64, 48))
     pictures(session)
-    assert not ask(session, corner, source, through_camera(corner, 64, 48)) and not session.has_work()
+    assert not submit(session, corner, source, through_camera(corner, 64, 48)) and not session.has_work()
 
 
 def test_a_resized_region_casts_rays_and_no_more(corner, counted):
     session, source = Session(), read()
     for width in (64, 80):
-        ask(session, corner, source, through_camera(corner, width, 48))
+        submit(session, corner, source, through_camera(corner, width, 48))
         pictures(session)
     assert counted["light"] == 1 and counted["picture"][-1] == (80, 48)
 
 
 def test_an_edit_that_changes_nothing_is_not_encoded_again(corner):
     session, source, view = Session(), read(), through_camera(corner, 64, 48)
-    ask(session, corner, source, view)
+    submit(session, corner, source, view)
     pictures(session)
     lit = session._scene.encoded
     source.changes.add_everything()
-    ask(session, corner, read(source), view)
+    submit(session, corner, read(source), view)
     pictures(session)
     assert session._scene.encoded is lit and session._scene.state == source.state
 
@@ -124,13 +126,13 @@ def test_an_edit_that_changes_nothing_is_not_encoded_again(corner):
 def test_the_newest_view_is_shown_and_finer_pictures_of_older_ones_are_dropped(corner, monkeypatch):
     session, source = Session(), read()
     first, newest = (through_camera(corner, width, 96) for width in (128, 160))
-    ask(session, corner, source, first)
+    submit(session, corner, source, first)
     while session.displayed is None:
         session.step(lambda *_: None)
     assert session.displayed.divisor == 8
 
     def moves(*_):
-        ask(session, corner, source, newest)
+        submit(session, corner, source, newest)
     session.step(moves)  # the camera moves while 1/4 is drawn
     assert session.displayed.divisor == 8 and session.displayed.request.view == first
     assert [picture.request.view for picture in pictures(session) if picture] == [newest] * 4
@@ -140,17 +142,17 @@ def test_a_first_picture_is_finished_although_the_camera_goes_on(corner, monkeyp
     monkeypatch.setattr(sessions, "PATIENCE", 1e9)
     session, source = Session(), read()
     views = [through_camera(corner, width, 96) for width in (128, 136, 144)]
-    ask(session, corner, source, views[0])
+    submit(session, corner, source, views[0])
     session.step(lambda *_: None)
     for view, newer in zip(views, views[1:], strict=False):
-        ask(session, corner, source, view)
-        session.step(lambda *_, newer=newer: ask(session, corner, source, newer))
+        submit(session, corner, source, view)
+        session.step(lambda *_, newer=newer: submit(session, corner, source, newer))
         assert session.displayed.request.view == view
 
 
 def test_what_was_stopped_is_taken_up_again(corner):
     session = Session()
-    ask(session, corner, read(), through_camera(corner, 64, 48))
+    submit(session, corner, read(), through_camera(corner, 64, 48))
 
     def stop(*_):
         raise sessions.Stopped()
@@ -167,20 +169,20 @@ def test_an_error_is_said_once_and_tried_again_after_a_change(corner, monkeypatc
     session, source, view = Session(), read(), through_camera(corner, 64, 48)
     with monkeypatch.context() as patch:
         patch.setattr(sessions, "prepare_scene", fails)
-        ask(session, corner, source, view)
+        submit(session, corner, source, view)
         session.step(lambda *_: None)
     assert session.error == "The floor is lava: cool it" and not session.has_work()
     source.changes.add_everything()
-    ask(session, corner, read(source), view)
+    submit(session, corner, read(source), view)
     assert pictures(session)[-1].divisor == 1 and not session.error
 
 
 def test_a_view_far_from_the_one_before_is_fitted_anew(corner, counted):
     session, source = Session(), read()
-    ask(session, corner, source, through_camera(corner, 128, 96))
+    submit(session, corner, source, through_camera(corner, 128, 96))
     pictures(session)
     corner.camera.location, corner.camera.rotation_euler = (0, 5.6, -1.3), (1.5, 0, 0)
-    ask(session, corner, source, through_camera(corner, 128, 96))
+    submit(session, corner, source, through_camera(corner, 128, 96))
     assert any(picture is None for picture in pictures(session))
     assert counted["light"] == 2 and not session.has_work()
 
@@ -201,7 +203,7 @@ def test_the_triangle_budget_is_the_viewports_own(corner):
 
 def test_a_closed_viewport_holds_nothing(corner):
     session = Session()
-    ask(session, corner, read(), through_camera(corner, 64, 48))
+    submit(session, corner, read(), through_camera(corner, 64, 48))
     pictures(session)
     session.close()
     assert session._scene is None and session.displayed is None and not session.has_work()
@@ -210,7 +212,7 @@ def test_a_closed_viewport_holds_nothing(corner):
 def test_there_are_pictures_while_edits_go_on(corner, monkeypatch):
     monkeypatch.setattr(sessions, "PATIENCE", 1e9)
     session, source, view = Session(), read(), through_camera(corner, 64, 48)
-    ask(session, corner, source, view)
+    submit(session, corner, source, view)
     shown = set()
     for _ in range(6):
         edited = []
@@ -219,7 +221,7 @@ def test_there_are_pictures_while_edits_go_on(corner, monkeypatch):
             if not edited:
                 edited.append(True)
                 source.changes.add_everything()
-                ask(session, corner, read(source), view)
+                submit(session, corner, read(source), view)
         session.step(edits)
         shown.add(session.displayed and session.displayed.request.state)
     assert len(shown - {None}) == 3 and max(shown - {None}) < source.state
@@ -229,10 +231,10 @@ def test_there_are_pictures_while_edits_go_on(corner, monkeypatch):
 def test_a_long_piece_of_work_is_dropped_once_and_then_finished(corner, monkeypatch):
     monkeypatch.setattr(sessions, "PATIENCE", -1.0)
     session, source, widths = Session(), read(), itertools.cycle((64, 72))
-    ask(session, corner, source, through_camera(corner, 56, 48))
+    submit(session, corner, source, through_camera(corner, 56, 48))
 
     def moves(*_):
-        ask(session, corner, source, through_camera(corner, next(widths), 48))
+        submit(session, corner, source, through_camera(corner, next(widths), 48))
     session.step(moves)
     assert session._scene is None and session.has_work()
     session.step(moves)
@@ -247,6 +249,21 @@ def test_another_view_layer_or_local_view_is_another_scene(corner):
     session, view = Session(), through_camera(corner, 32, 24)
     counts = []
     for hides in (None, lambda obj: obj.name == "Floor", None):
-        ask(session, corner, read(hides=hides), view)
+        submit(session, corner, read(hides=hides), view)
         counts.append(pictures(session)[-1].triangles)
     assert counts[0] == counts[2] != counts[1]
+
+
+def test_keep_scale_and_light_holds_at_once_also_where_the_scene_fits_the_box_before(scene):
+    cube(scene)  # fills about as much as one unit of the network
+    sun(scene)
+    session, source, view = Session(), read(), through_camera(scene, 64, 48)
+    scene.renderformer_v2.viewport.resolution, boxes = "8", []
+    for scene.renderformer_v2.as_is in (False, True, False):
+        submit(session, scene, source, view)
+        pictures(session)
+        boxes.append(session._scene.framing.box)
+        assert (session._scene.scene.exposure is not None) == scene.renderformer_v2.as_is
+    np.testing.assert_array_equal(boxes[1], compute.UNIT_BOX)
+    np.testing.assert_array_equal(boxes[0], boxes[2])
+    assert not has_left(boxes[0], boxes[1]) and not np.array_equal(boxes[0], boxes[1])
