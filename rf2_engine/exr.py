@@ -25,10 +25,10 @@ class Multilayer(NamedTuple):
     metadata: dict[str, str]
     views: list[str]  # of stereoscopy, the first that is shown at first; none without
 
-    def apart(self, name: str) -> tuple[str, str]:
+    def split_view(self, name: str) -> tuple[str, str]:
         """A pass as its first view has it, and the name of the view that it is of: "" for the first."""
-        of, _, view = name.rpartition(".")
-        return (of, view) if view in self.views[1:] else (name, "")
+        first, _, view = name.rpartition(".")
+        return (first, view) if view in self.views[1:] else (name, "")
 
 
 def read(path: Path) -> Multilayer:
@@ -43,14 +43,14 @@ def read(path: Path) -> Multilayer:
     passes, views = {}, _views(attributes.get("multiView", b""))
     for name, _ in channels:
         stem, _, channel = name.rpartition(".")
-        stem, view = _apart(stem, views)
-        layer, _, of = stem.rpartition(".")
-        passes.setdefault((layer, (of or "Combined") + view), {})[channel] = rows[name]
+        stem, view = _split(stem, views)
+        layer, _, pass_name = stem.rpartition(".")
+        passes.setdefault((layer, (pass_name or "Combined") + view), {})[channel] = rows[name]
     return Multilayer(passes, {name: value.decode(errors="replace") for name, value in attributes.items()
                                if name not in ("channels", "dataWindow", "multiView")}, views)
 
 
-def _apart(stem: str, views: list[str]) -> tuple[str, str]:
+def _split(stem: str, views: list[str]) -> tuple[str, str]:
     """Layer and pass, and ".right" if that view is not the first."""
     rest, _, last = stem.rpartition(".")
     if len(views) < 2 or last not in views:
@@ -59,32 +59,32 @@ def _apart(stem: str, views: list[str]) -> tuple[str, str]:
 
 
 def _views(data: bytes) -> list[str]:
-    found, at = [], 0
+    views, at = [], 0
     while at < len(data):
         size, = struct.unpack_from("<i", data, at)
-        found.append(data[at + 4:at + 4 + size].decode())
+        views.append(data[at + 4:at + 4 + size].decode())
         at += 4 + size
-    return found
+    return views
 
 
 def _header(data: memoryview) -> tuple[dict[str, bytes], int]:
-    """Texts and what is needed to find the pixels, by name, and where the header ends."""
+    """Texts and what finds the pixels, by name, and where the header ends."""
     magic, version = struct.unpack_from("<2i", data)
     if magic != MAGIC or version & (TILED | MULTIPART):
         raise ValueError("Not an EXR file of one part in scanlines")
-    found, at = {}, 8
+    attributes, at = {}, 8
     while data[at]:
         name, at = _text(data, at)
         kind, at = _text(data, at)
         size, = struct.unpack_from("<i", data, at)
         value, at = bytes(data[at + 4:at + 4 + size]), at + 4 + size
         if kind == "string" or name in ("channels", "dataWindow", "multiView"):
-            found[name] = value
+            attributes[name] = value
         elif (name, value[0]) in (("compression", NO_COMPRESSION), ("lineOrder", TOP_TO_BOTTOM)):
             continue
         elif name in ("compression", "lineOrder"):
             raise ValueError("A compressed EXR file, or one whose rows begin at the bottom")
-    return found, at + 1
+    return attributes, at + 1
 
 
 def _text(data: memoryview, at: int) -> tuple[str, int]:
@@ -96,10 +96,10 @@ def _text(data: memoryview, at: int) -> tuple[str, int]:
 
 def _channels(data: bytes) -> list[tuple[str, str]]:
     """(name, type of numpy) in the order of the file."""
-    found, at = [], 0
+    channels, at = [], 0
     while data[at]:
         name, at = _text(memoryview(data), at)
         kind, = struct.unpack_from("<i", data, at)
-        found.append((name, PIXEL_TYPES[kind]))
+        channels.append((name, PIXEL_TYPES[kind]))
         at += 16
-    return found
+    return channels

@@ -108,17 +108,17 @@ def ticked_passes(view_layer: bpy.types.ViewLayer, lighting: Collection[str],
     `scene` is its own, which a view layer that Blender gives to update_render_passes does not know.
     What we compute under the name of a shader AOV is among them, for Blender then marks the AOV as in conflict.
     """
-    taken = {aov.name for aov in view_layer.aovs}
+    aov_names = {aov.name for aov in view_layer.aovs}
     ticked = [p for p in PASSES if (p.source != "lighting" or p.key in lighting) and (
-        p.is_ticked(view_layer) or p.source in ("guide", "lighting") and p.blender_name in taken)]
+        p.is_ticked(view_layer) or p.source in ("guide", "lighting") and p.blender_name in aov_names)]
     noisy = [NOISY] if _is_noisy_ticked(view_layer, scene or view_layer.id_data) else []
     return ticked + noisy + [*_cryptomattes(view_layer), *_shader_aovs(view_layer)]
 
 
 def _is_noisy_ticked(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
     """True where Cycles has it, but only with Denoising Data."""
-    of_cycles = getattr(view_layer, "cycles", None)
-    return bool(of_cycles and of_cycles.denoising_store_passes and of_cycles.use_denoising
+    settings = getattr(view_layer, "cycles", None)
+    return bool(settings and settings.denoising_store_passes and settings.use_denoising
                 and scene.cycles.use_denoising)
 
 
@@ -126,11 +126,11 @@ def absent(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, lighting: Co
     """Names of passes that Cycles would give of this view layer, and we cannot."""
     try:
         from cycles.engine import list_render_passes
-        of_cycles = [name for name, *_ in list_render_passes(scene, view_layer)]
+        cycles_names = [name for name, *_ in list_render_passes(scene, view_layer)]
     except (ImportError, AttributeError, TypeError):
         return []  # a Cycles that does not tell
     ours = {p.blender_name for p in ticked_passes(view_layer, lighting, scene)}
-    return [name for name in of_cycles if name not in ours and not name.startswith("Noisy ")]
+    return [name for name in cycles_names if name not in ours and not name.startswith("Noisy ")]
 
 
 def is_light_requested(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> bool:
@@ -143,8 +143,8 @@ def needed_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> 
 
     An added pass stays in the file. Volume Indirect alone needs all: it is what they leave of the picture.
     """
-    asked = {p.key for p in ticked_passes(view_layer, lighting) if p.source == "lighting"}
-    return LIGHTING if "volume_indirect" in asked else frozenset(asked)
+    ticked = {p.key for p in ticked_passes(view_layer, lighting) if p.source == "lighting"}
+    return LIGHTING if "volume_indirect" in ticked else frozenset(ticked)
 
 
 def session_passes(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[Pass]:
@@ -161,7 +161,7 @@ def register(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer:
 
 
 def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray], view: str = "") -> None:
-    """Hand {pass_key its name: (H, W, C), row 0 on top} of one view layer to Blender; view "": of all views."""
+    """Hand {pass_key(name): (H, W, C), row 0 on top} of one view layer to Blender; view "": of all views."""
     result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer, view=view)
     for p in result.layers[0].passes:
         if (key := pass_key(p.name)) in passes:
@@ -171,17 +171,17 @@ def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarr
 
 def _cryptomattes(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
     """Two ranks to a pass. Their channels are in lower case: OpenEXR then never compresses them with loss."""
-    for of in ("object", "material", "asset"):
-        if getattr(view_layer, f"use_pass_cryptomatte_{of}"):
+    for kind in ("object", "material", "asset"):
+        if getattr(view_layer, f"use_pass_cryptomatte_{kind}"):
             for i in range((min(view_layer.pass_cryptomatte_depth, 16) + 1) // 2):
-                yield _own(f"Crypto{of.capitalize()}{i:02d}", "rgba", "COLOR")
+                yield _pass_by_name(f"Crypto{kind.capitalize()}{i:02d}", "rgba", "COLOR")
 
 
 def _shader_aovs(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
     for aov in view_layer.aovs:
         if aov.is_valid:
-            yield _own(aov.name, *(("X", "VALUE") if aov.type == "VALUE" else ("RGBA", "COLOR")))
+            yield _pass_by_name(aov.name, *(("X", "VALUE") if aov.type == "VALUE" else ("RGBA", "COLOR")))
 
 
-def _own(name: str, channels: str, kind: str) -> Pass:
+def _pass_by_name(name: str, channels: str, kind: str) -> Pass:
     return Pass(pass_key(name), name, name, channels, kind, "data")

@@ -60,14 +60,14 @@ def appended(name: str, draw: Callable) -> Pair:
     return partial(call, "append"), partial(call, "remove")
 
 
-def handlers(*wanted: tuple[str, Callable]) -> Pair:
+def handlers(*functions: tuple[str, Callable]) -> Pair:
     """For functions in lists of bpy.app.handlers: (name of the list, function), and so on."""
     def register() -> None:
-        for name, handler in wanted:
+        for name, handler in functions:
             getattr(bpy.app.handlers, name).append(handler)
 
     def unregister() -> None:
-        for name, handler in wanted:
+        for name, handler in functions:
             if handler in getattr(bpy.app.handlers, name):  # other add-ons clear these lists
                 getattr(bpy.app.handlers, name).remove(handler)
 

@@ -165,7 +165,7 @@ def _read_pass(file: exr.Multilayer, layer: str, name: str, slot: int | None, sl
         existing = ", ".join(sorted({other for other_layer, other in file.passes if other_layer == layer}))
         raise SourceError(f"{slot_name} has no pass '{name}' in '{layer}'. "
                           f"Choose one of: {existing or 'none in this layer'}")
-    pixels, (usual_name, view) = _rgba(file.passes[layer, name]), file.apart(name)
+    pixels, (usual_name, view) = _rgba(file.passes[layer, name]), file.split_view(name)
     is_reference = usual_name in pass_table.REFERENCE_NAMES
     if is_reference and lacks_reference(file.metadata, layer) and not pixels[..., :3].any():
         raise SourceError(f"{slot_name} has no {name} in '{layer}': it was stopped before every pixel had a sample, or "

@@ -43,22 +43,22 @@ class Job:
     frame: int
     subframe: float
     passes: list[tuple[str, str]]                               # Blender's name, path of the setting that asks for it
-    changes: list[tuple[str, str, bool, str, object]] = field(default_factory=list)  # see `changed`
+    changes: list[tuple[str, str, bool, str, object]] = field(default_factory=list)  # see `describe_change`
     compute_device_type: str = "NONE"
     devices: list[str] = field(default_factory=list)            # Cycles' names of those that are switched on
 
     @classmethod
-    def create(cls, depsgraph: bpy.types.Depsgraph, layer: str, wanted: list[pass_table.Pass], changes: list) -> Job:
+    def create(cls, depsgraph: bpy.types.Depsgraph, layer: str, requested: list[pass_table.Pass], changes: list) -> Job:
         scene = depsgraph.scene_eval
         job = cls(scene.original.name, layer, scene.frame_current, scene.frame_subframe,
-                  [(p.blender_name, p.setting) for p in wanted], list(changes))
+                  [(p.blender_name, p.setting) for p in requested], list(changes))
         if cycles := bpy.context.preferences.addons.get("cycles"):
             job.compute_device_type = cycles.preferences.compute_device_type
             job.devices = [device.id for device in cycles.preferences.devices if device.use]
         return job
 
 
-def changed(data: bpy.types.ID, path: str, value: object) -> tuple[str, str, bool, str, object]:
+def describe_change(data: bpy.types.ID, path: str, value: object) -> tuple[str, str, bool, str, object]:
     """A setting of evaluated data: collection of bpy.data, name, whether it is linked, path, value as JSON has it."""
     original = data.original
     if isinstance(value, mathutils.Matrix):
@@ -68,17 +68,17 @@ def changed(data: bpy.types.ID, path: str, value: object) -> tuple[str, str, boo
     return COLLECTIONS[original.id_type], original.name, original.library is not None, path, value
 
 
-def run(engine: bpy.types.RenderEngine, job: Job, wanted: list[pass_table.Pass],
+def run(engine: bpy.types.RenderEngine, job: Job, requested: list[pass_table.Pass],
         partial: bool = False) -> dict[str, np.ndarray]:
-    """{key: (H, W, C) f32} of the `wanted` passes, row 0 on top, of the render border.
+    """{key: (H, W, C) f32} of the `requested` passes, row 0 on top, of the render border.
 
-    Raises RenderCancelled after Esc, and then ends that Blender; where `partial` pictures are wanted it is asked for
+    Raises RenderCancelled after Esc, and then ends that Blender; where `partial` pictures are requested it is asked for
     what it has, and the last status of `engine` says how many samples that has. Raises SceneError when that Blender
     cannot be started or fails.
     """
     with tempfile.TemporaryDirectory(prefix="renderformer-v2-") as folder:
         answer = Path(folder) / "passes.exr"
-        process = started(WORKER, *written(folder, bpy.data.scenes[job.scene], vars(job)), str(answer),
+        process = start_blender(WORKER, *write_copy(folder, bpy.data.scenes[job.scene], vars(job)), str(answer),
                           stdin=subprocess.PIPE)
         _wait(engine, process, partial and bool(bpy.app.binary_path))  # the bpy module cannot be told
         try:
@@ -87,10 +87,10 @@ def run(engine: bpy.types.RenderEngine, job: Job, wanted: list[pass_table.Pass],
             raise SceneError(f"the background Blender rendered nothing that can be read: {error}") from error
     _stamp_cryptomatte(engine, file.metadata)
     return {p.key: _pixels(file.passes[job.layer, p.blender_name], p.channels)
-            for p in wanted if (job.layer, p.blender_name) in file.passes}
+            for p in requested if (job.layer, p.blender_name) in file.passes}
 
 
-def written(folder: str, scene: bpy.types.Scene, job: dict) -> tuple[str, str]:
+def write_copy(folder: str, scene: bpy.types.Scene, job: dict) -> tuple[str, str]:
     """Paths, in this folder, of a copy of the scene and of the job as JSON."""
     copy, request = (Path(folder) / name for name in ("scene.blend", "job.json"))
     main_thread.call(lambda: bpy.data.libraries.write(str(copy), {scene}, path_remap="ABSOLUTE"))
@@ -98,7 +98,7 @@ def written(folder: str, scene: bpy.types.Scene, job: dict) -> tuple[str, str]:
     return str(copy), str(request)
 
 
-def started(worker: Path, *arguments: str, stdin: int = subprocess.DEVNULL) -> subprocess.Popen:
+def start_blender(worker: Path, *arguments: str, stdin: int = subprocess.DEVNULL) -> subprocess.Popen:
     """A Blender that runs a program beside this file, with its words in `stdout`. Raises SceneError."""
     try:
         return subprocess.Popen(_command(str(worker), *arguments), stdin=stdin, stdout=subprocess.PIPE,
@@ -131,7 +131,7 @@ def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bo
         except RenderCancelled:
             if not partial or running.is_stopping():
                 raise
-            if not _hands_over(engine, process, reader):
+            if not _hand_over(engine, process, reader):
                 raise RenderCancelled("the Blender in the background did not hand over its samples in "
                                       f"{GRACE:.0f} seconds") from None
             engine.update_stats("", _status(lines))
@@ -153,11 +153,11 @@ def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bo
 
 def _status(lines: list[str]) -> str:
     """What Cycles said last of its samples, or ""."""
-    said = next((line for line in reversed(lines) if "Sample" in line), "").strip()
-    return said and f"Background Blender {said[said.find('Sample'):]}"
+    line = next((line for line in reversed(lines) if "Sample" in line), "").strip()
+    return line and f"Background Blender {line[line.find('Sample'):]}"
 
 
-def _hands_over(engine: bpy.types.RenderEngine, process: subprocess.Popen, reader: threading.Thread) -> bool:
+def _hand_over(engine: bpy.types.RenderEngine, process: subprocess.Popen, reader: threading.Thread) -> bool:
     """Whether it has ended in time with what it had rendered, once it was told to."""
     try:
         process.stdin.write(STOP.decode())

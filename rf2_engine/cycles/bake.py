@@ -101,8 +101,8 @@ class Baker:
 
     def _start(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="renderformer-v2-")
-        files = background_cycles.written(self._folder.name, self._scene, self._settings)
-        self._process = background_cycles.started(WORKER, *files, stdin=subprocess.PIPE)
+        files = background_cycles.write_copy(self._folder.name, self._scene, self._settings)
+        self._process = background_cycles.start_blender(WORKER, *files, stdin=subprocess.PIPE)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
         self._wait_for("ready")

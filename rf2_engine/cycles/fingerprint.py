@@ -7,24 +7,24 @@ from collections.abc import Iterator
 import bpy
 
 VALUES = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
-PLACE = {"location", "location_absolute", "width", "height", "select", "show_options", "show_preview"}  # in the editor
+IN_EDITOR = {"location", "location_absolute", "width", "height", "select", "show_options", "show_preview"}
 
 
-def trees(world: bpy.types.World) -> Iterator[tuple[bpy.types.ID, str, bpy.types.NodeTree]]:
+def node_trees(world: bpy.types.World) -> Iterator[tuple[bpy.types.ID, str, bpy.types.NodeTree]]:
     """The node trees of a world and of all groups in it: data-block that owns it, path to it from there, and it."""
-    waiting, seen = [(world, "node_tree.", world.node_tree)], set()
+    waiting, visited = [(world, "node_tree.", world.node_tree)], set()
     while waiting:
         owner, prefix, tree = waiting.pop()
-        if tree is not None and tree.as_pointer() not in seen:
-            seen.add(tree.as_pointer())
+        if tree is not None and tree.as_pointer() not in visited:
+            visited.add(tree.as_pointer())
             yield owner, prefix, tree
             waiting += [(node.node_tree, "", node.node_tree) for node in tree.nodes if getattr(node, "node_tree", None)]
 
 
-def of_tree(world: bpy.types.World) -> str:
+def describe_world(world: bpy.types.World) -> str:
     """The text of a world with nodes."""
     parts = [world.name_full]
-    for _, _, tree in trees(world):
+    for _, _, tree in node_trees(world):
         for node in tree.nodes:
             parts.append(repr([node.bl_idname, *_values(node), *(getattr(s, "default_value", None) and _plain(
                 s.default_value) for s in (*node.inputs, *node.outputs))]))
@@ -38,7 +38,7 @@ def _values(data, depth: int = 2) -> list:
     values = []
     for prop in data.bl_rna.properties:
         name = prop.identifier
-        if name in PLACE or name.startswith("bl_") or name == "rna_type":
+        if name in IN_EDITOR or name.startswith("bl_") or name == "rna_type":
             continue
         value = getattr(data, name, None)
         if prop.type in VALUES:
@@ -50,7 +50,7 @@ def _values(data, depth: int = 2) -> list:
         elif prop.type == "POINTER" and value is not None and depth and not isinstance(value, bpy.types.Node):
             values.append((name, _values(value, depth - 1)))
         elif prop.type == "COLLECTION" and depth and name in ("elements", "curves", "points"):
-            values.append((name, [_values(each, depth - 1 if name != "curves" else 1) for each in value]))
+            values.append((name, [_values(item, depth - 1 if name != "curves" else 1) for item in value]))
     return values
 
 

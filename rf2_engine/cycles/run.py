@@ -19,13 +19,13 @@ Passes = dict[str, np.ndarray]  # of one view: {key: (H, W, C) f32}, row 0 on to
 
 
 @contextmanager
-def scene_kept(engine: bpy.types.RenderEngine, wanted: bool):
-    """Inside, if `wanted`, the evaluated scene survives Cycles, which can then run twice in one `engine.render`.
+def keep_scene(engine: bpy.types.RenderEngine, runs_twice: bool):
+    """Inside, if `runs_twice`, the evaluated scene survives Cycles, which can then run twice in one `engine.render`.
 
     Cycles asks Blender to free it as soon as it has its own copy. Blender does not where Persistent Data is on, nor for
     an engine with a GPU context; that flag is looked at afresh each time, and we need no context.
     """
-    engine.bl_use_gpu_context, engine.emptied = wanted, False
+    engine.bl_use_gpu_context, engine.emptied = runs_twice, False
     try:
         yield
     finally:
@@ -37,8 +37,8 @@ class CyclesFailed(Exception):
 
 
 @contextmanager
-def _of_cycles():
-    """Around nothing but Cycles' own functions: the same errors from ours are faults of ours."""
+def _cycles_errors():
+    """Errors of Cycles' own functions become CyclesFailed; around nothing else, for the same from ours are faults."""
     try:
         yield
     except (ImportError, AttributeError, TypeError, RuntimeError, SystemError) as error:
@@ -46,7 +46,7 @@ def _of_cycles():
 
 
 def renew(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
-    """Evaluate again what the last run has left of the objects, if need be, inside `scene_kept`.
+    """Evaluate again what the last run has left of the objects, if need be, inside `keep_scene`.
 
     Where nobody looks at the scene meanwhile Cycles throws away what modifiers made of objects, and a second run would
     show them without their modifiers.
@@ -72,56 +72,56 @@ def evaluate_at(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, 
 
 
 def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
-        wanted: list[pass_table.Pass], changes: list, report: Report, partial: bool = False) -> dict[str, Passes]:
+        requested: list[pass_table.Pass], changes: list, report: Report, partial: bool = False) -> dict[str, Passes]:
     """Render the view layer of `depsgraph`, called `layer`, with its settings as they are.
 
-    Returns the `wanted` passes by view, which is "" without stereoscopy; the result of `engine` must have them. Where
-    Cycles cannot be run inside Blender a Blender in the background renders, with the `changes` that `overrides` gave
-    to the settings, and the report says so.
-    After Esc it raises RenderCancelled, or gives what was `partial`ly rendered where that is wanted.
+    Returns the `requested` passes by view, which is "" without stereoscopy; the result of `engine` must have them.
+    Where Cycles cannot be run inside Blender, a Blender in the background renders, with the `changes` that `overrides`
+    made to the settings, and the report says so.
+    After Esc it raises RenderCancelled; if `partial`, it returns what was rendered so far instead.
     Raises SceneError when Cycles stops with an error.
     """
-    job = background_cycles.Job.create(depsgraph, layer, wanted, changes)
+    job = background_cycles.Job.create(depsgraph, layer, requested, changes)
     try:
-        rendered = inside(engine, depsgraph, layer, wanted, partial)
+        rendered = run_inside(engine, depsgraph, layer, requested, partial)
     except CyclesFailed as error:
         if failure.is_out_of_memory(error.__cause__):
             raise error.__cause__ from None
-        rendered = _run_outside(engine, job, wanted, error.__cause__, report, partial)
+        rendered = _run_outside(engine, job, requested, error.__cause__, report, partial)
     if engine.test_break():
         if partial:
             return rendered
         raise RenderCancelled()
-    missing = [p.blender_name for p in wanted if any(p.key not in passes for passes in rendered.values())]
+    missing = [p.blender_name for p in requested if any(p.key not in passes for passes in rendered.values())]
     if missing:
         raise SceneError(f"Cycles stopped without the passes {', '.join(missing)}: see its message in the console")
     return rendered
 
 
-def inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
-           wanted: list[pass_table.Pass], partial: bool = False) -> dict[str, Passes]:
-    """As `run`, but where Cycles fails CyclesFailed comes out, and passes may be missing."""
-    emptied = _empties(engine, depsgraph)
-    with _expecting_ours(engine, depsgraph, layer), _session(engine) as cycles_engine:
-        with _of_cycles():
+def run_inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str,
+           requested: list[pass_table.Pass], partial: bool = False) -> dict[str, Passes]:
+    """As `run`, but raises CyclesFailed where Cycles fails, and passes may be missing."""
+    emptied = _loses_modifiers(engine, depsgraph)
+    with _with_our_passes(engine, depsgraph, layer), _session(engine) as cycles_engine:
+        with _cycles_errors():
             cycles_engine.reset(engine, bpy.data, depsgraph)
             with growing.drawable(engine):
                 cycles_engine.render(engine, depsgraph)
             cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         if engine.test_break() and not partial:
             raise RenderCancelled()
-        rendered = _read(engine.get_result(), layer, wanted)
+        rendered = _read(engine.get_result(), layer, requested)
     engine.emptied = emptied
     return rendered
 
 
-def _run_outside(engine, job, wanted, why: Exception, report: Report, partial: bool) -> dict[str, Passes]:
+def _run_outside(engine, job, requested, why: Exception, report: Report, partial: bool) -> dict[str, Passes]:
     reason = str(why).splitlines()[0] if str(why) else type(why).__name__
     if view_names(engine) != [""]:
         raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), which stereoscopy needs: switch it off "
                          "in Output Properties > Stereoscopy") from why
     try:
-        rendered = background_cycles.run(engine, job, wanted, partial)
+        rendered = background_cycles.run(engine, job, requested, partial)
     except SceneError as error:
         raise SceneError(f"Cycles cannot be run inside this Blender ({reason}), and {error}") from why
     report.approximated("Cycles", f"it cannot be run inside this Blender ({reason}), so a Blender in the background "
@@ -134,8 +134,8 @@ def _run_outside(engine, job, wanted, why: Exception, report: Report, partial: b
 def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
     """A function that sets properties of evaluated data, given by dotted path; they are put back in the end.
 
-    The user's scene never sees it: it is the evaluated copy that Cycles reads. `changes` of that function lists what
-    was set, as background_cycles.changed gives it.
+    The user's scene never sees it: it is the evaluated copy that Cycles reads. Its attribute `changes` lists what was
+    set, as background_cycles.describe_change returns it.
     """
     renew(engine, depsgraph)  # now, for it undoes whatever is set
     saved, changes, survives = [], [], _survives(engine, depsgraph)
@@ -145,9 +145,9 @@ def overrides(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
             owner, name = _owner(data, path)
             if hasattr(owner, name):  # Cycles' settings come and go with Blender's version
                 before = getattr(owner, name)
-                saved.append((data, path, _copied(before)))
+                saved.append((data, path, _copy(before)))
                 setattr(owner, name, value)
-                changes.append(background_cycles.changed(data, path, value))
+                changes.append(background_cycles.describe_change(data, path, value))
     override.changes = changes
     try:
         yield override
@@ -163,7 +163,7 @@ def _survives(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) ->
     return engine.bl_use_gpu_context or depsgraph.scene_eval.render.use_persistent_data
 
 
-def _copied(value):
+def _copy(value):
     if isinstance(value, bpy.types.bpy_prop_array):
         return tuple(value)
     return value.copy() if hasattr(value, "copy") else value
@@ -175,7 +175,7 @@ def _owner(data: bpy.types.ID, path: str) -> tuple[bpy.types.bpy_struct, str]:
 
 
 @contextmanager
-def _expecting_ours(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str):
+def _with_our_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: str):
     """Inside, those of our own passes that Cycles does not know are AOVs of the evaluated view layer.
 
     No shader writes to them. Without them Cycles prints an error for each, once per run.
@@ -198,34 +198,34 @@ def _expecting_ours(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgra
 @contextmanager
 def _session(engine: bpy.types.RenderEngine):
     """Cycles' own functions, with a session of `engine` inside."""
-    with _of_cycles():
+    with _cycles_errors():
         import cycles.engine as cycles_engine
         engine.session = None
         cycles_engine.create(engine, bpy.data)
     try:
         yield cycles_engine
     finally:
-        with _of_cycles():
+        with _cycles_errors():
             cycles_engine.free(engine)
         engine.session = None
 
 
-def _empties(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
+def _loses_modifiers(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether a run leaves objects without what modifiers made of them, in a scene that is kept."""
     settings = depsgraph.scene_eval.render
     unwatched = bpy.app.background or settings.use_lock_interface
     return engine.bl_use_gpu_context and unwatched and not settings.use_persistent_data
 
 
-def _read(result: bpy.types.RenderResult, layer: str, wanted: list[pass_table.Pass]) -> dict[str, Passes]:
+def _read(result: bpy.types.RenderResult, layer: str, requested: list[pass_table.Pass]) -> dict[str, Passes]:
     height, width = result.resolution_y, result.resolution_x
-    keys = {p.blender_name: p.key for p in wanted}
+    keys = {p.blender_name: p.key for p in requested}
     views = [view.name for view in result.views]
     read = {view: {} for view in views}
     for p in result.layers[layer].passes:
-        found = read[views[p.view_id]]
-        if p.name in keys and keys[p.name] not in found:
+        of_view = read[views[p.view_id]]
+        if p.name in keys and keys[p.name] not in of_view:
             pixels = np.empty(height * width * p.channels, np.float32)
             p.rect.foreach_get(pixels)
-            found[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
+            of_view[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()
     return read

@@ -3,7 +3,7 @@
 
 Cycles computes the passes that our render result has and obeys render border, resolution percentage, view layer,
 overrides and Esc by itself. It frees the evaluated scene when it ends (unless Persistent Data is on, or inside
-`run.scene_kept`), so everything else must be read from the depsgraph before `render_passes`.
+`run.keep_scene`), so everything else must be read from the depsgraph before `render_passes`.
 """
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ PINHOLE = CameraModel()
 
 
 def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, **options) -> Passes:
-    """As `render_views`, of a render without stereoscopy."""
+    """As `render_views`, for a render without stereoscopy."""
     passes, = render_views(engine, depsgraph, **options).values()
     return passes
 
@@ -121,10 +121,10 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     clean = light is Light.TRACED and compat.has_openimagedenoise()
     lobes = {Light.ALL: pass_table.LIGHTING, Light.NONE: (),
              Light.TRACED: pass_table.needed_light(view_layer, pass_table.LIGHTING)}[light]
-    layer_name, wanted = view_layer.name, pass_table.session_passes(view_layer, lobes)
+    layer_name, requested = view_layer.name, pass_table.session_passes(view_layer, lobes)
     if not clean:
-        wanted = [p for p in wanted if p != pass_table.NOISY]
-    for p in wanted:  # those that were registered are there already, and stay as they are
+        requested = [p for p in requested if p != pass_table.NOISY]
+    for p in requested:  # those that were registered are there already, and stay as they are
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
     settings = ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise,
@@ -143,7 +143,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
             override(depsgraph.scene_eval, _TRACED | (_DENOISED if clean else {}))
             if hazy:
                 override(depsgraph.scene_eval, {"cycles.denoising_prefilter": "ACCURATE"})
-        views = run(engine, depsgraph, layer_name, wanted, override.changes, report or Report())
+        views = run(engine, depsgraph, layer_name, requested, override.changes, report or Report())
 
     for rendered in views.values():
         _make_finite(rendered, report or Report())
@@ -193,7 +193,7 @@ def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override) 
 
 
 def _leave_out_light(depsgraph: bpy.types.Depsgraph, override, occluding: bool) -> None:
-    """`occluding`: ambient occlusion is wanted, whose rays are shadow rays."""
+    """`occluding`: ambient occlusion is requested, whose rays are shadow rays."""
     override(depsgraph.scene_eval, FIRST_HITS_ONLY)
     if world := compat.world(depsgraph):
         override(world, _WORLD_UNLIT)

@@ -30,113 +30,117 @@ from ..registering import handlers
 from . import background as background_cycles
 from . import run as cycles_run
 from . import session as cycles_session
-from .fingerprint import of_tree, trees
+from .fingerprint import describe_world, node_trees
 
 _SETTINGS = {"cycles.pixel_filter_type": "BOX", "cycles.filter_width": 1.0, "cycles.use_denoising": False,
              "render.film_transparent": False}
 RAYS = 1 << 19                # of a panorama
 RAYS_OF_SUN = 1 << 17
 MOST_SAMPLES = 256
-AROUND = 2.0                  # radii of a sun: half of the window that is drawn of it
+WINDOW = 2.0                  # radii of a sun: half of the window that is drawn of it
 LEAST_WINDOW = math.radians(2)
-SAME = math.cos(math.radians(3))  # of two suns
+SAME_SUN = math.cos(math.radians(3))  # between the directions of two suns
 TO_X = np.array([(0.0, 0, -1), (-1, 0, 0), (0, 1, 0)])  # a camera that looks along +X, +Z up
 
-_known: dict[str, tuple[np.ndarray, list[Sun]]] = {}  # by world and what it is made of, of one render job
+_panoramas: dict[str, tuple[np.ndarray, list[Sun]]] = {}  # by world and what it is made of, of one render job
 
 
 @dataclass
 class CyclesWorld:
-    """What convert/world.py asks where it cannot evaluate a world as it is."""
+    """Draws the worlds that convert/world.py cannot evaluate."""
 
     engine: bpy.types.RenderEngine
     depsgraph: bpy.types.Depsgraph
     status: Status
 
-    def light(self, rough: list[Sun]) -> tuple[np.ndarray, list[Sun]] | None:
-        """(256, 512, 3) f32 panorama without suns, and these; None where it cannot be drawn.
+    def light(self, rough_suns: list[Sun]) -> tuple[np.ndarray, list[Sun]] | None:
+        """(256, 512, 3) f32 panorama without suns, and the suns; None where it cannot be drawn.
 
-        rough: about where suns of Sky Textures are. Raises RenderCancelled after Esc.
+        rough_suns: about where suns of Sky Textures are. Raises RenderCancelled after Esc.
         """
         world = compat.world(self.depsgraph)
         if not is_possible(self.depsgraph.scene_eval):
             return None
-        if (key := of_tree(world)) in _known:
-            return _known[key]
+        if (key := describe_world(world)) in _panoramas:
+            return _panoramas[key]
         try:
-            drawn = self._light(rough)
+            drawn = self._draw_light(rough_suns)
         except (cycles_run.CyclesFailed, SceneError):
             return None
         finally:
             pass_table.write(self.engine, self.depsgraph.view_layer_eval.name, {})  # no panorama is left in the picture
             cycles_run.renew(self.engine, self.depsgraph)
         if drawn is not None:
-            _known[key] = drawn
+            _panoramas[key] = drawn
         return drawn
 
-    def _light(self, rough: list[Sun]) -> tuple[np.ndarray, list[Sun]] | None:
-        whole = self._drawn(np.eye(3), (math.pi, math.pi / 2), discs=False)
-        if whole is None:
+    def _draw_light(self, rough_suns: list[Sun]) -> tuple[np.ndarray, list[Sun]] | None:
+        panorama = self._draw(np.eye(3), (math.pi, math.pi / 2), with_discs=False)
+        if panorama is None:
             return None
-        environment, suns = split_suns(_resized(whole))
-        for sun in rough:
-            if all(sun.toward @ other.toward < SAME for other in suns):
-                suns.append(self._measured(sun))
+        environment, suns = split_suns(_resize(panorama))
+        for sun in rough_suns:
+            if all(sun.toward @ other.toward < SAME_SUN for other in suns):
+                suns.append(self._measure_sun(sun))
         return environment, [sun for sun in suns if sun.irradiance.any()]
 
-    def _measured(self, sun: Sun) -> Sun:
-        """The same with the light that there is more of than around it."""
-        half = max(AROUND * sun.angle / 2, LEAST_WINDOW)
+    def _measure_sun(self, sun: Sun) -> Sun:
+        """The sun with the irradiance that it adds to the sky around it."""
+        half = max(WINDOW * sun.angle / 2, LEAST_WINDOW)
         pose = np.eye(3)
         pose[:, 2] = sun.toward
-        window = self._drawn(np.roll(rotation(pose), 1, axis=1), (half, half), discs=True)
+        window = self._draw(np.roll(rotation(pose), 1, axis=1), (half, half), with_discs=True)
         height, width, _ = window.shape
         latitude, longitude = (half * (1 - 2 * (np.arange(n) + 0.5) / n) for n in (height, width))
         solid_angle = np.cos(latitude)[:, None] * (2 * half / height) * (2 * half / width)
         cosine = np.cos(latitude)[:, None] * np.cos(longitude)
         far = window[np.hypot(latitude[:, None], longitude) > 0.8 * half]
-        around = np.median(far, axis=0) if len(far) else 0.0  # of a picture of a few pixels
-        excess = np.maximum(window - around, 0)
+        sky = np.median(far, axis=0) if len(far) else 0.0  # of a picture of a few pixels
+        excess = np.maximum(window - sky, 0)
         return Sun(sun.toward, np.einsum("ijc,ij->c", excess, solid_angle * cosine), sun.angle)
 
-    def _drawn(self, frame: np.ndarray, half: tuple[float, float], discs: bool) -> np.ndarray | None:
-        """(H, W, 3) of half so many radians of longitude and latitude; the columns of `frame` are the window's axes."""
+    def _draw(self, frame: np.ndarray, half: tuple[float, float], with_discs: bool) -> np.ndarray | None:
+        """(H, W, 3) radiance of a window of the world.
+
+        frame: (3, 3), its axes as columns. half: of its longitude and latitude, radians. with_discs: Sky Textures show
+        their suns.
+        """
         engine, depsgraph = self.engine, self.depsgraph
-        wanted = [p for p in pass_table.session_passes(depsgraph.view_layer_eval, ()) if p.key == "combined"]
-        samples = (RAYS_OF_SUN if discs else RAYS) // max(engine.resolution_x * engine.resolution_y, 1)
-        kept, engine.bl_use_gpu_context = engine.bl_use_gpu_context, True
+        combined = [p for p in pass_table.session_passes(depsgraph.view_layer_eval, ()) if p.key == "combined"]
+        samples = (RAYS_OF_SUN if with_discs else RAYS) // max(engine.resolution_x * engine.resolution_y, 1)
+        had_context, engine.bl_use_gpu_context = engine.bl_use_gpu_context, True
         try:
             with cycles_run.overrides(engine, depsgraph) as override:
                 override(depsgraph.scene_eval, cycles_session.ALWAYS | cycles_session.FIRST_HITS_ONLY | _SETTINGS
                          | {"cycles.samples": int(np.clip(samples, 1, MOST_SAMPLES))})
-                if not _alone(compat.world(depsgraph), discs, override):
+                if not _isolate(compat.world(depsgraph), with_discs, override):
                     return None
                 cycles_session.hide_all(depsgraph, override)
-                _keep_still(depsgraph.scene_eval, override)
+                _disable_motion_blur(depsgraph.scene_eval, override)
                 for camera in {eye.camera for eye in eyes(engine, depsgraph)}:  # whose panoramas will be the same
-                    _point(camera, frame, half, override)
+                    _point_camera(camera, frame, half, override)
                 with self.status.during_cycles("World {}", share=0.1):
-                    rendered = next(iter(self._run(wanted, override.changes).values()))
+                    rendered = next(iter(self._run(combined, override.changes).values()))
         finally:
-            engine.bl_use_gpu_context = kept
+            engine.bl_use_gpu_context = had_context
         return rendered["combined"][..., :3].clip(0)
 
-    def _run(self, wanted: list[pass_table.Pass], changes: list) -> dict[str, cycles_run.Passes]:
+    def _run(self, combined: list[pass_table.Pass], changes: list) -> dict[str, cycles_run.Passes]:
         """In a Blender in the background where there is a render border: a session draws no more than that."""
         scene, layer = self.depsgraph.scene_eval, self.depsgraph.view_layer_eval.name
         if not scene.render.use_border:
-            return cycles_run.inside(self.engine, self.depsgraph, layer, wanted)
-        whole = [*changes, background_cycles.changed(scene, "render.use_border", False)]
-        job = background_cycles.Job.create(self.depsgraph, layer, wanted, whole)
-        return {"": background_cycles.run(self.engine, job, wanted)}
+            return cycles_run.run_inside(self.engine, self.depsgraph, layer, combined)
+        all_changes = [*changes, background_cycles.describe_change(scene, "render.use_border", False)]
+        job = background_cycles.Job.create(self.depsgraph, layer, combined, all_changes)
+        return {"": background_cycles.run(self.engine, job, combined)}
 
 
 @dataclass
 class ExpectedWorld:
-    """Instead of a CyclesWorld where nothing is rendered: only what will be reported is right."""
+    """Takes the place of a CyclesWorld where nothing is rendered: only the report is right."""
 
-    def light(self, rough: list[Sun]) -> tuple[np.ndarray, list[Sun]]:
-        return np.ones(ENVIRONMENT_SHAPE, np.float32), rough
+    def light(self, rough_suns: list[Sun]) -> tuple[np.ndarray, list[Sun]]:
+        return np.ones(ENVIRONMENT_SHAPE, np.float32), rough_suns
 
 
 def is_possible(scene: bpy.types.Scene) -> bool:
@@ -144,10 +148,10 @@ def is_possible(scene: bpy.types.Scene) -> bool:
     return scene.camera is not None and scene.camera.type == "CAMERA"
 
 
-def _alone(world: bpy.types.World, discs: bool, override) -> bool:
+def _isolate(world: bpy.types.World, with_discs: bool, override) -> bool:
     """Change the evaluated world into one that is seen as it lights; False where that cannot be done."""
     override(world, {"cycles_visibility.camera": True, "cycles.sampling_method": "NONE"})
-    for owner, prefix, tree in trees(world):
+    for owner, prefix, tree in node_trees(world):
         if not owner.is_evaluated:
             return False
         for i, link in enumerate(tree.links):
@@ -160,19 +164,19 @@ def _alone(world: bpy.types.World, discs: bool, override) -> bool:
                 answer, old = LIT.get(link.from_socket.name, 0.0), link.to_socket.default_value
                 value = answer if isinstance(old, (int, float)) else [answer] * 3 + [1.0] * (len(old) - 3)
                 override(owner, {f"{path}.to_socket.default_value": value, f"{path}.is_muted": True})
-        for node in tree.nodes if not discs else ():
+        for node in tree.nodes if not with_discs else ():
             if node.bl_idname == "ShaderNodeTexSky":
                 override(owner, {f'{prefix}nodes["{bpy.utils.escape_identifier(node.name)}"].sun_disc': False})
     return True
 
 
-def _keep_still(scene: bpy.types.Scene, override) -> None:
+def _disable_motion_blur(scene: bpy.types.Scene, override) -> None:
     for view_layer in scene.view_layers:
         name = bpy.utils.escape_identifier(view_layer.name)
         override(scene, {f'view_layers["{name}"].use_motion_blur': False})
 
 
-def _point(camera: bpy.types.Object, frame: np.ndarray, half: tuple[float, float], override) -> None:
+def _point_camera(camera: bpy.types.Object, frame: np.ndarray, half: tuple[float, float], override) -> None:
     longitude, latitude = half
     override(camera.data, {
         "dof.use_dof": False, "type": "PANO", "panorama_type": "EQUIRECTANGULAR", "latitude_min": -latitude,
@@ -182,7 +186,7 @@ def _point(camera: bpy.types.Object, frame: np.ndarray, half: tuple[float, float
     override(camera, pose | {"matrix_world": Matrix((frame @ TO_X).tolist()).to_4x4()})
 
 
-def _resized(panorama: np.ndarray) -> np.ndarray:
+def _resize(panorama: np.ndarray) -> np.ndarray:
     """(256, 512, 3) f32: means of a fine one, a coarse one interpolated."""
     padded = np.pad(np.pad(panorama, ((1, 1), (0, 0), (0, 0)), "edge"), ((0, 0), (1, 1), (0, 0)), "wrap")
     for axis, count in enumerate(ENVIRONMENT_SHAPE[:2]):
@@ -194,12 +198,12 @@ def _resized(panorama: np.ndarray) -> np.ndarray:
 
 @persistent
 def _begin(*_):
-    _known.clear()
+    _panoramas.clear()
 
 
 register, _remove_handlers = handlers(("render_init", _begin))
 
 
 def unregister() -> None:
-    _known.clear()
+    _panoramas.clear()
     _remove_handlers()

@@ -53,7 +53,7 @@ def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view
 def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
     """Render the reference and write it beside `pictures`, the passes of our views, which stay if Cycles is stopped.
 
-    Must be called inside cycles_run.scene_kept, begun before the first run of this frame. Where Cycles renders on a
+    Must be called inside cycles_run.keep_scene, begun before the first run of this frame. Where Cycles renders on a
     GPU, the network leaves it. A reference that is stopped has the samples that it had by then. Returns its samples, 0
     when there is none. Raises RenderCancelled when the add-on is being disabled; whatever else ends the reference is a
     line of `report`.

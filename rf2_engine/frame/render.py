@@ -64,7 +64,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, name
     status, report = Status(engine, name if count_layers(depsgraph.scene_eval) > 1 else ""), Report()
     optics = Optics.read(depsgraph)
     runs_twice = optics.sessions > 1 or reference.is_requested(depsgraph.scene_eval)
-    with progress.reporting(status), cycles_run.scene_kept(engine, runs_twice):
+    with progress.reporting(status), cycles_run.keep_scene(engine, runs_twice):
         return _render_layer(engine, depsgraph, optics, status, report)
 
 

@@ -29,7 +29,7 @@ def moments(scene: bpy.types.Scene, count: int) -> np.ndarray:
 
 @contextmanager
 def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
-    """A function that evaluates the scene at a frame, inside cycles_run.scene_kept; in the end it is back at its own.
+    """A function that evaluates the scene at a frame, inside cycles_run.keep_scene; in the end it is back at its own.
 
     The function returns what has changed: {"camera", "scene"}, one of them or nothing.
     """

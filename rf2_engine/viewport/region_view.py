@@ -18,7 +18,7 @@ STEP = 64  # pixels: coarse pictures have multiples of them, because the network
 
 @dataclass(frozen=True)
 class RegionView:
-    """Equal ones show the same."""
+    """Where a region of a 3D viewport looks; equal ones show the same."""
 
     projection: Matrix      # (4, 4) camera space to clip space of the region, lens shift and zoom of the view included
     camera: Matrix          # (4, 4) camera to world
@@ -33,17 +33,17 @@ class RegionView:
         interface_pixel: `preferences.system.pixel_size`.
         """
         projection, view = np.array(data.window_matrix), np.array(data.view_matrix)
-        within = ALL
+        part = ALL
         if data.view_perspective == "CAMERA" and space.camera is not None:
             if scene.render.use_border and space.camera.type == "CAMERA":
                 frame = _camera_frame(projection, space.camera, scene)
-                within = _inside(frame, _border(scene.render, "border"))
+                part = _inside(frame, _border(scene.render, "border"))
         elif space.use_render_border:
-            within = _border(space, "render_border")
+            part = _border(space, "render_border")
         pixels = np.array([width, width, height, height])
-        x0, x1, y0, y1 = np.rint(np.clip(within, 0, 1) * pixels).astype(int).tolist()
-        chosen = scene.render.preview_pixel_size
-        pixel_size = (2 if interface_pixel > 1.5 else 1) if chosen == "AUTO" else int(chosen)
+        x0, x1, y0, y1 = np.rint(np.clip(part, 0, 1) * pixels).astype(int).tolist()
+        setting = scene.render.preview_pixel_size
+        pixel_size = (2 if interface_pixel > 1.5 else 1) if setting == "AUTO" else int(setting)
         return cls(_frozen(projection), _frozen(np.linalg.inv(view)), (x0, max(x1, x0), y0, max(y1, y0)),
                    (width, height), pixel_size)
 
@@ -77,11 +77,11 @@ class RegionView:
         shift = np.array([-projection[0, 2], projection[1, 2]])
         half = np.array([width, height]) / 2
         x0, x1, y0, y1 = self.rectangle
-        wide, high = self.picture_size(divisor)
-        share = np.array([wide / (x1 - x0), high / (y1 - y0)])
-        principal = ((1 + shift) * half - (x0, height - y1)) * share
-        return View(camera_to_world.astype(np.float32), (scale * half * share).astype(np.float32),
-                    principal.astype(np.float32), wide, high, longer_side)
+        picture_width, picture_height = self.picture_size(divisor)
+        scale_down = np.array([picture_width / (x1 - x0), picture_height / (y1 - y0)])
+        principal = ((1 + shift) * half - (x0, height - y1)) * scale_down
+        return View(camera_to_world.astype(np.float32), (scale * half * scale_down).astype(np.float32),
+                    principal.astype(np.float32), picture_width, picture_height, longer_side)
 
 
 def _as_perspective(projection: np.ndarray, camera_to_world: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -89,25 +89,25 @@ def _as_perspective(projection: np.ndarray, camera_to_world: np.ndarray, points:
 
     As in orthographic.py, but by points of the whole scene: what is in the picture may change with every redraw.
     """
-    seen = projection @ np.linalg.inv(camera_to_world)
-    across = points @ seen[:2, :3].T + seen[:2, 3]
+    to_clip_space = projection @ np.linalg.inv(camera_to_world)
+    across = points @ to_clip_space[:2, :3].T + to_clip_space[:2, 3]
     inside = points[(np.abs(across) <= 1).all(axis=1)]
     heights = ((inside if len(inside) else points) - camera_to_world[:3, 3]) @ camera_to_world[:3, 2]
     low, high = (heights.min(), heights.max()) if len(heights) else (0.0, 0.0)
     frame = 2 / min(abs(projection[0, 0]), abs(projection[1, 1]))
     distance = max(DISTANCE * frame, DEPTHS * (high - low))
     camera_to_world[:3, 3] += (distance + (low + high) / 2) * camera_to_world[:3, 2]
-    made = np.zeros((4, 4))
-    made[0, 0], made[1, 1] = projection[0, 0] * distance, projection[1, 1] * distance
-    made[:2, 2] = -projection[:2, 3]
-    return made
+    perspective = np.zeros((4, 4))
+    perspective[0, 0], perspective[1, 1] = projection[0, 0] * distance, projection[1, 1] * distance
+    perspective[:2, 2] = -projection[:2, 3]
+    return perspective
 
 
 def _camera_frame(projection: np.ndarray, camera, scene) -> np.ndarray:
     """(4,) x0, x1, y0, y1 of the camera's picture, in parts of the region."""
     corners = np.array([(*corner, 1) for corner in camera.data.view_frame(scene=scene)]) @ projection.T
-    places = (corners[:, :2] / corners[:, 3:] + 1) / 2
-    return np.stack([places.min(axis=0), places.max(axis=0)], axis=1).ravel()
+    positions = (corners[:, :2] / corners[:, 3:] + 1) / 2
+    return np.stack([positions.min(axis=0), positions.max(axis=0)], axis=1).ravel()
 
 
 def _inside(frame: np.ndarray, part: tuple[float, ...]) -> np.ndarray:

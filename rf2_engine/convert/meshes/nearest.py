@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....model import progress
-from ...bvh import tree_of, uncollected
+from ...bvh import build_tree, uncollected
 from ..data import mesh as meshes
 from .blocks import blocks, points_of
 
@@ -23,7 +23,7 @@ class Surface:
             progress.report(i / len(self.blocks))
             corners, shape = points_of(points, faces[rows])
             self.boxes.append((corners.min(axis=0), corners.max(axis=0)))
-            self.trees.append(tree_of(corners, shape))
+            self.trees.append(build_tree(corners, shape))
 
     def nearest(self, points: np.ndarray) -> np.ndarray:
         """(q,) i64: the triangle nearest to each of (q, 3) points."""

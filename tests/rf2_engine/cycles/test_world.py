@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import world as world_session
-from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.fingerprint import of_tree
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.fingerprint import describe_world
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
@@ -85,12 +85,12 @@ def test_a_world_is_drawn_as_it_lights_and_nothing_of_the_scene_changes(scene, t
     scene.render.use_motion_blur = scene.camera.data.dof.use_dof = True
     scene.renderformer_v2.lens_samples = scene.renderformer_v2.shutter_samples = 1  # a sharp picture all the same
     bpy.context.view_layer.update()
-    before = of_tree(made), of_tree_links(made), scene.camera.matrix_world.copy(), scene.camera.data.type
+    before = describe_world(made), of_tree_links(made), scene.camera.matrix_world.copy(), scene.camera.data.type
     scene_tokens = tokens()
     assert len(scene_tokens) == 2 * 24 * 4
     np.testing.assert_array_equal(tokens.found["depth"], depth)
     np.testing.assert_allclose(tokens.found["environment"][0, 0], (0, 50, 0), rtol=1e-3)  # what the camera sees
-    assert before == (of_tree(made), of_tree_links(made), scene.camera.matrix_world, scene.camera.data.type)
+    assert before == (describe_world(made), of_tree_links(made), scene.camera.matrix_world, scene.camera.data.type)
     assert scene.camera.data.dof.use_dof and scene.camera.visible_camera and sky.sky_type == "PREETHAM"
     found = np.array([light(scene_tokens, normal) for normal in NORMALS])
     np.testing.assert_allclose(found, measured(scene), rtol=0.02)
@@ -103,14 +103,14 @@ def of_tree_links(world):
 def test_esc_while_a_world_is_drawn_leaves_nothing_of_it(scene, monkeypatch, tmp_path):
     cube(scene)
     sky_world(0.5, kind=("PREETHAM",))
-    real, stopped = world_session.CyclesWorld._drawn, []
+    real, stopped = world_session.CyclesWorld._draw, []
 
     def drawn(self, *arguments, **named):
         real(self, *arguments, **named)
         stopped.append(True)
         raise RenderCancelled
 
-    monkeypatch.setattr(world_session.CyclesWorld, "_drawn", drawn)
+    monkeypatch.setattr(world_session.CyclesWorld, "_draw", drawn)
     passes = press_f12(scene, tmp_path)
     assert stopped and last_render.last_frame[-1].cancelled
     assert not passes["ViewLayer.Combined"].any()
@@ -149,7 +149,7 @@ def test_in_an_animation_the_sky_is_that_of_each_frame(scene, tmp_path):
     np.testing.assert_allclose(read_exr(tmp_path / "2.exr")["ViewLayer.Combined"], expected, rtol=0.02)
 
 
-@pytest.mark.parametrize("where", ["_resized", "_alone"])
+@pytest.mark.parametrize("where", ["_resize", "_isolate"])
 def test_a_fault_of_ours_while_a_world_is_drawn_is_no_failure_of_cycles(scene, monkeypatch, where):
     def faulty(*_):
         raise TypeError("a fault of ours")
