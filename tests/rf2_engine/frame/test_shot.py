@@ -23,7 +23,7 @@ def of_now(scene, fitted=None, width=16):
     """The Shot of the frame that the scene is at; fitted: function that gives the box of a key frame."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     now = shot.Shot.find(depsgraph, FrameSettings.read(depsgraph.scene_eval), width, 16)
-    keys, at = now.unknown(), []
+    keys, at = now.unknown_keys(), []
     if fitted:
         now.look_ahead(keys, lambda key: at.append(key) or {"scene"},
                        lambda: Framing(np.float32(fitted(at[-1])), None))
@@ -34,7 +34,7 @@ def box_at(scene, frame, boxes):
     """Which box a frame gets that is rendered alone, if frames are by themselves fitted to what `boxes` gives."""
     shot._fitted.clear()
     scene.frame_set(frame)
-    return of_now(scene, boxes).settled(Framing(np.float32(boxes(frame)), None)).box
+    return of_now(scene, boxes).settle(Framing(np.float32(boxes(frame)), None)).box
 
 
 def test_frames_keep_the_box_of_the_first_one(scene):
@@ -76,19 +76,19 @@ def test_a_range_that_begins_before_the_files_one_does_not_move_the_key_frames(s
 def test_key_frames_are_looked_at_once(scene):
     scene.frame_set(OTHERS[0])
     first = of_now(scene, lambda frame: BOX)
-    first.settled(Framing(BOX, None))
+    first.settle(Framing(BOX, None))
     first.remember()
     scene.frame_set(OTHERS[0] + 1)
-    assert len(first.keys) == 2 and not of_now(scene).unknown()
+    assert len(first.keys) == 2 and not of_now(scene).unknown_keys()
 
 
 @pytest.mark.parametrize("change", ["object", "layer", "camera", "size", "file"])
 def test_what_is_changed_is_looked_at_anew(scene, change):
     scene.frame_set(IN_FIRST_BLOCK)
     first = of_now(scene, lambda frame: BOX)
-    first.settled(Framing(BOX, None))
+    first.settle(Framing(BOX, None))
     first.remember()
-    assert not of_now(scene).unknown()
+    assert not of_now(scene).unknown_keys()
     if change == "object":
         scene.camera.location.x += 1
     elif change == "layer":
@@ -100,7 +100,7 @@ def test_what_is_changed_is_looked_at_anew(scene, change):
         bpy.ops.wm.read_homefile()
         bpy.context.scene.frame_set(IN_FIRST_BLOCK)
     bpy.context.view_layer.update()
-    assert of_now(bpy.context.scene, width=17 if change == "size" else 16).unknown() == [1]
+    assert of_now(bpy.context.scene, width=17 if change == "size" else 16).unknown_keys() == [1]
 
 
 @pytest.fixture

@@ -56,7 +56,7 @@ def test_a_fault_of_ours_saves_no_empty_frame(scene, saved, monkeypatch, how):
     def broken(depsgraph):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(render.Optics, "of", broken)
+    monkeypatch.setattr(render.Optics, "read", broken)
     assert saved(**{how: True}) == []
     assert "ZeroDivisionError" in last_render.last_frame[0].error
 
@@ -67,7 +67,7 @@ def test_an_interruption_saves_no_empty_frame(scene, saved, monkeypatch, how):
     def interrupted(depsgraph):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(render.Optics, "of", interrupted)
+    monkeypatch.setattr(render.Optics, "read", interrupted)
     assert saved(**{how: True}) == []
     assert last_render.last_frame[0].cancelled and bpy.context.scene.frame_current == 1
 
@@ -107,7 +107,7 @@ def test_a_folder_without_weights_is_found_before_the_scene_is_converted(scene, 
         folder.mkdir()
         for name in content:
             (folder / name).write_text("{}")
-    monkeypatch.setattr(render.Layer, "scene", convert)
+    monkeypatch.setattr(render.Layer, "convert", convert)
     scene.renderformer_v2.weights_source, scene.renderformer_v2.weights_folder = "FOLDER", str(folder)
     assert saved(write_still=True) == []
     assert str(folder) in last_render.last_frame[0].error and "converted" not in last_render.last_frame[0].error
