@@ -8,7 +8,7 @@ from ..setup.display import amount, draw_progress, draw_text, free_space
 
 def draw_packages(layout, group: dict[str, str], published: bool = False) -> None:
     """What is missing of packages.PACKAGES or PUBLISHED, with the button for it; nothing when all is there."""
-    installation = package_install.current
+    installation = package_install.current.process
     if installation and installation.is_running:
         percent = 100 * installation.present // max(installation.total, 1)  # unpacked sizes are estimates
         draw_progress(layout, installation, f"about {percent} %  {installation.text}")
@@ -46,9 +46,9 @@ def draw_build(layout) -> None:
     if preferences.torch_build == "AUTO":
         found = "An" if wheels.has_nvidia_driver() else "No"
         layout.label(text=f"{found} NVIDIA driver was found: the {packages.build()} build", icon="INFO")
-    if wheels.torch_of(packages.build()) == wheels.CPU_TORCH:
+    if wheels.torch_distribution(packages.build()) == wheels.CPU_TORCH:
         layout.prop(preferences, "torch_cpu_index")
-    elif wheels.torch_of(packages.build()) == wheels.CUDA_TORCH:
+    elif wheels.torch_distribution(packages.build()) == wheels.CUDA_TORCH:
         layout.prop(preferences, "torch_cuda_index")
 
 
@@ -56,7 +56,7 @@ def draw_choices(layout) -> None:
     """Build of PyTorch, index, repair."""
     draw_build(layout)
     layout.prop(packages.preferences(), "package_index")
-    if packages.installed() and not package_install.is_running():
+    if packages.installed() and not package_install.current.is_running:
         if other := packages.other_build():
             layout.operator("renderformer_v2.install_packages", icon="IMPORT", text=f"Change to the {other} Build")
         layout.operator("renderformer_v2.repair_packages", icon="FILE_REFRESH")

@@ -9,26 +9,28 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...model.published.bundle_files import LARGE, SMALL, TRANSFORMERS
 from ..runtime import model_cache
-from ..setup import packages, published_weights, shared_folders, weights_download
+from ..setup import packages, published_weights, weights_download
 from ..setup.display import amount, draw_progress, draw_steps, draw_text, free_space
 from . import package_panel
 
-_token = ""  # only for this session: a property of Blender's own would be saved with the preferences
+
+class Session:
+    """Kept for this session only, whereas properties are saved with the preferences. There is one: `session`."""
+
+    token = ""  # access token of the Hugging Face Hub
 
 
-def token() -> str:
-    return _token
+session = Session()
 
 
 def networks() -> tuple[str, ...]:
-    """Of bundle_files.TRANSFORMERS, what is to be downloaded."""
-    chosen = packages.preferences().networks
-    return TRANSFORMERS if chosen == "BOTH" else (SMALL if chosen == "SMALL" else LARGE,)
+    """Those of bundle_files.TRANSFORMERS that are to be downloaded."""
+    choice = packages.preferences().networks
+    return TRANSFORMERS if choice == "BOTH" else (SMALL if choice == "SMALL" else LARGE,)
 
 
 def _set_token(self, value: str) -> None:
-    global _token
-    _token = "".join(value.split())  # copied over a line's end
+    session.token = "".join(value.split())  # copied text may have a line break
 
 
 class RenderFormerPreferences(bpy.types.AddonPreferences):
@@ -66,7 +68,7 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
                ("BOTH", "Both", "Pictures from 2048 pixels are drawn by the second: 1.7 GB", 2)),
     )
     access_token: StringProperty(
-        name="Access Token", subtype="PASSWORD", options={"SKIP_SAVE"}, get=lambda self: _token, set=_set_token,
+        name="Access Token", subtype="PASSWORD", options={"SKIP_SAVE"}, get=lambda self: session.token, set=_set_token,
         description="Token of your Hugging Face account. It is not saved when Blender is closed",
     )
 
@@ -89,8 +91,8 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
         if not self.weights_folder:
             package_panel.draw_packages(box, packages.PUBLISHED, published=True)
             _draw_download(box, self)
-        if shared := shared_folders.named(shared_folders.WEIGHTS):
-            box.label(text=f"{shared_folders.WEIGHTS} names {shared}", icon="INFO")
+        if shared := packages.shared_folder(packages.WEIGHTS_VARIABLE):
+            box.label(text=f"{packages.WEIGHTS_VARIABLE} names {shared}", icon="INFO")
         else:
             box.prop(self, "weights_folder")
         if model_cache.is_loaded():
@@ -118,14 +120,14 @@ def _draw_status(layout) -> None:
 
 
 def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
-    download, offline = weights_download.current, packages.offline()
+    download, offline = weights_download.current.process, packages.offline()
     if offline and not packages.missing(packages.PUBLISHED):  # else it stands below that button
         layout.label(text=offline, icon="INTERNET_OFFLINE")
     if download is None or download.state in ("done", "failed", "cancelled"):
         if download and download.state == "failed":
             draw_text(layout, download.error)
             draw_steps(layout, download.steps)
-            if download.needs_token or token():
+            if download.needs_token or session.token:
                 layout.prop(preferences, "access_token")
         row = layout.row()
         row.label(text="Network for pictures of so many pixels:")

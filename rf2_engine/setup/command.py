@@ -84,7 +84,7 @@ def _choose_weights(kept: bpy.types.AddonPreferences, folder: Path) -> None:
 def _install_packages(group: dict[str, str], published: bool = False) -> None:
     missing = packages.missing(group)
     if missing or (not published and packages.other_build()):
-        wanted = packages.lacking(missing or group)
+        wanted = packages.missing_wheels(missing or group)
         print(f"RenderFormer-V2: installing {len(wanted)} packages, "
               f"{amount(sum(wheel.download for wheel in wanted))} to download", flush=True)
         _allowed()
@@ -111,16 +111,13 @@ def _allowed() -> None:
         raise ValueError(f"{reason}, or start it as blender --online-mode --command {NAME} install")
 
 
-_handle = None
+_handles: list = []
 
 
 def register() -> None:
-    global _handle
-    _handle = bpy.utils.register_cli_command(NAME, run)
+    _handles.append(bpy.utils.register_cli_command(NAME, run))
 
 
 def unregister() -> None:
-    global _handle
-    if _handle is not None:
-        bpy.utils.unregister_cli_command(_handle)
-    _handle = None
+    while _handles:
+        bpy.utils.unregister_cli_command(_handles.pop())

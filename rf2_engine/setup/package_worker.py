@@ -41,7 +41,7 @@ class Stopped(Exception):
 
 def install(request: dict, tell) -> None:
     """tell(**message) is called whenever something changed."""
-    target = distributions.long(Path(request["target"]))
+    target = distributions.allow_long_paths(Path(request["target"]))
     target.mkdir(parents=True, exist_ok=True)
     lock(target, f"another Blender is installing packages into {request['target']}")
     staging = target / STAGING
@@ -50,7 +50,7 @@ def install(request: dict, tell) -> None:
         if not request["wheels"]:
             return
         tell(total=0, present=0, text="Checking installed files")
-        there = distributions.intact(target, request["by_content"])
+        there = distributions.find_intact(target, request["by_content"])
         wheels = [wheel for wheel in (Wheel(**fields) for fields in request["wheels"])
                   if there.get(wheel.name) != wheel.version]
         total = sum(wheel.download + wheel.unpacked for wheel in wheels)
@@ -97,11 +97,11 @@ def unpack(file: Path, to: Path, tell_size) -> None:
 def move_in(wheel: Wheel, staging: Path, target: Path) -> None:
     """From staging to the target, in place of an older or damaged one. Raises Explained when something is missing."""
     made, name = staging / "new", wheel.name
-    if distributions.intact(made).get(name) != wheel.version:
+    if distributions.find_intact(made).get(name) != wheel.version:
         raise Explained(f"{name} {wheel.version} arrived incomplete: install again")
-    (info,) = distributions.infos(made)[name]
+    (info,) = distributions.find_infos(made)[name]
     remove(name, target, staging / "old")
-    listed = [entry.path for entry in distributions.entries(info)]
+    listed = [entry.path for entry in distributions.read_entries(info)]
     for path in sorted(listed, key=lambda path: path.endswith(".dist-info/RECORD")):
         (target / path).parent.mkdir(parents=True, exist_ok=True)
         (made / path).replace(target / path)
@@ -110,11 +110,11 @@ def move_in(wheel: Wheel, staging: Path, target: Path) -> None:
 def remove(name: str, target: Path, to: Path) -> None:
     """Move a distribution's own files away: Windows lets what a running Blender has loaded be moved, not deleted."""
     to.mkdir()
-    infos = distributions.infos(target)
+    infos = distributions.find_infos(target)
     others = {entry.path for other, found in infos.items() if other != name
-              for info in found for entry in distributions.entries(info)}
+              for info in found for entry in distributions.read_entries(info)}
     for info in infos.get(name, ()):
-        for number, entry in enumerate(distributions.entries(info)):
+        for number, entry in enumerate(distributions.read_entries(info)):
             if entry.path not in others and (target / entry.path).is_file():
                 (target / entry.path).replace(to / f"{info.name}.{number}")
         shutil.rmtree(info, ignore_errors=True)

@@ -55,7 +55,7 @@ def download(wheel: Wheel, staging: Path, tell_size: Callable[[int], None]) -> P
                                stderr=subprocess.STDOUT, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0))
         try:
             while pip.poll() is None:  # its output says nothing between the beginning and the end of a file
-                tell_size(min(sum(distributions.sizes(staging).values()), wheel.download))
+                tell_size(min(sum(distributions.measure_files(staging).values()), wheel.download))
                 time.sleep(INTERVAL)
         finally:
             pip.kill()

@@ -11,7 +11,7 @@ import bpy
 from ...model.errors import CheckpointError
 from ...model.published import bundle_files
 from ...model.published.bundle_files import is_bundle
-from . import packages, shared_folders
+from . import packages
 
 NEEDED = (*bundle_files.TRANSFORMERS, *bundle_files.MAPPERS)  # by a render
 BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
@@ -35,7 +35,7 @@ def download_folder() -> Path | None:
 
     None when run from the source tree without a shared one.
     """
-    if shared := shared_folders.named(shared_folders.WEIGHTS):
+    if shared := packages.shared_folder(packages.WEIGHTS_VARIABLE):
         return shared.parent if is_bundle(shared) else shared
     if not packages.is_extension():
         return None
@@ -51,7 +51,7 @@ def latents_file() -> Path | None:
 
 def bundle_folder() -> Path | None:
     """The folder of renderformer-v2: the shared one, else the user's own, else the downloaded one, there or not."""
-    if shared := shared_folders.named(shared_folders.WEIGHTS):
+    if shared := packages.shared_folder(packages.WEIGHTS_VARIABLE):
         return shared if is_bundle(shared) else shared / BUNDLE
     chosen = packages.preferences() and packages.preferences().weights_folder
     if chosen:
@@ -81,15 +81,15 @@ def require() -> Path:
     if bundle and isdir(bundle):
         readable = os.access(bundle, os.R_OK | os.X_OK)
         what = f"in {bundle}: {', '.join(parts)}" if readable else f": {bundle} may not be read"
-    elif shared_folders.named(shared_folders.WEIGHTS) or (packages.preferences()
+    elif packages.shared_folder(packages.WEIGHTS_VARIABLE) or (packages.preferences()
                                                           and packages.preferences().weights_folder):
         what = f": there is no folder {bundle}"
     raise CheckpointError(f"The published weights are not complete {what}. {_remedy()}; or set Weights to Bundled")
 
 
 def _remedy() -> str:
-    if shared_folders.named(shared_folders.WEIGHTS):
-        return (f"The environment variable {shared_folders.WEIGHTS} says where: correct it, or download them there "
+    if packages.shared_folder(packages.WEIGHTS_VARIABLE):
+        return (f"The environment variable {packages.WEIGHTS_VARIABLE} says where: correct it, or download them there "
                 "with blender --online-mode --command renderformer_v2 install --download")
     return "Download them, or choose a folder that has them, in Preferences > Add-ons > RenderFormer-V2"
 
