@@ -48,7 +48,7 @@ PRESENT = {
 
 
 def install(wheel: Path, name: str, version: str, target: Path) -> None:
-    """As package_worker.install does after its download. Raises package_worker.Explained for an incomplete wheel."""
+    """Install as package_worker does after its download. Raises ExplainedError for an incomplete wheel."""
     staging = target / distributions.STAGING
     staging.mkdir(parents=True)
     package_worker.unpack(wheel, staging / "new", lambda size: None)

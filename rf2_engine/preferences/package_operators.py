@@ -6,7 +6,7 @@ import bpy
 
 from ..registering import classes
 from ..setup import package_install, packages, redraw, wheels
-from ..setup.display import amount, draw_text, free_space
+from ..setup.display import draw_text, format_size, free_space
 from . import package_panel
 
 
@@ -61,8 +61,10 @@ class _Install:
             return str(error)
         target = packages.folder()
         free = free_space(target)
-        return "" if free >= needed else (f"The disk of {target} has too little space: {amount(needed)} are needed, "
-                                          f"{amount(free)} are free")
+        if free >= needed:
+            return ""
+        return (f"The disk of {target} has too little space: {format_size(needed)} are needed, {format_size(free)} are "
+                "free")
 
 
 class RENDERFORMER_OT_install_packages(_Install, bpy.types.Operator):

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ...model.published.bundle_files import LARGE, SMALL, TRANSFORMERS
 from ..runtime import model_cache
 from ..setup import packages, published_weights, weights_download
-from ..setup.display import amount, draw_progress, draw_steps, draw_text, free_space
+from ..setup.display import draw_progress, draw_steps, draw_text, format_size, free_space
 from . import package_panel
 
 
@@ -111,17 +111,17 @@ def _draw_status(layout) -> None:
         layout.label(text="Complete", icon="CHECKMARK")
     folder = published_weights.download_folder()
     if folder and folder.is_dir():
-        layout.label(text=f"{amount(published_weights.size_on_disk(folder))} downloaded to {folder}")
+        layout.label(text=f"{format_size(published_weights.size_on_disk(folder))} downloaded to {folder}")
         layout.operator("renderformer_v2.remove_weights", icon="TRASH")
     latents = published_weights.latents_file()
     if latents and latents.is_file():
-        layout.label(text=f"{amount(latents.stat().st_size)} of encoded textures kept for later renders")
+        layout.label(text=f"{format_size(latents.stat().st_size)} of encoded textures kept for later renders")
         layout.operator("renderformer_v2.remove_latents", icon="TRASH")
 
 
 def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
     download, offline = weights_download.current.process, packages.offline()
-    if offline and not packages.missing(packages.PUBLISHED):  # else it stands below that button
+    if offline and not packages.missing(packages.PUBLISHED):  # otherwise the button for them says so
         layout.label(text=offline, icon="INTERNET_OFFLINE")
     if download is None or download.state in ("done", "failed", "cancelled"):
         if download and download.state == "failed":
@@ -135,10 +135,10 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
         layout.operator("renderformer_v2.download_weights", icon="IMPORT")
         return
     if download.state == "ready":
-        left = download.total - download.present
-        have = f" ({amount(download.present)} are already here)" if download.present else ""
-        layout.label(text=f"{amount(left)} to download{have}, {amount(free_space(download.target))} free on the disk")
-        layout.operator("renderformer_v2.fetch_weights", text=f"Download {amount(left)}", icon="IMPORT")
+        missing, free = format_size(download.total - download.present), format_size(free_space(download.target))
+        present = f" ({format_size(download.present)} are already here)" if download.present else ""
+        layout.label(text=f"{missing} to download{present}, {free} free on the disk")
+        layout.operator("renderformer_v2.fetch_weights", text=f"Download {missing}", icon="IMPORT")
     else:
         draw_progress(layout, download, progress_text(download))
     layout.operator("renderformer_v2.cancel_download", icon="CANCEL")
@@ -148,8 +148,8 @@ def progress_text(download: weights_download.Download) -> str:
     """"12 %, 210.3 MB of 1.75 GB  transformer_512/model.safetensors"."""
     if not download.total:
         return download.text
-    return (f"{100 * download.present // download.total} %, {amount(download.present)} of {amount(download.total)}  "
-            f"{download.text}")
+    percent = 100 * download.present // download.total
+    return f"{percent} %, {format_size(download.present)} of {format_size(download.total)}  {download.text}"
 
 
 def register() -> None:

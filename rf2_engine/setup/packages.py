@@ -110,30 +110,30 @@ def refresh() -> None:
 
 
 def elsewhere(name: str) -> Path | None:
-    """The folder outside of ours where the running Python finds a package of this import name, if it does."""
+    """The folder outside of ours where Python finds a package of this import name, if any."""
     own = folder()
     if own and own.is_dir() and str(own) not in sys.path:
-        sys.path.append(str(own))  # behind Blender's packages: it must not replace any of them
+        sys.path.append(str(own))  # after Blender's packages, so that it replaces none of them
         importlib.invalidate_caches()
     spec = importlib.util.find_spec(name)
-    if spec is None or spec.origin is None:  # a folder without an __init__.py is the rest of something
+    if spec is None or spec.origin is None:  # a folder without __init__.py is a leftover
         return None
     return None if own and Path(spec.origin).is_relative_to(own) else Path(spec.origin).parents[1]
 
 
 def is_elsewhere(name: str) -> bool:
-    """Whether the running Python has a package of this import name outside of our folder; that one is used then."""
+    """Whether Python has a package of this import name outside of our folder, which is then used."""
     return elsewhere(name) is not None
 
 
 @cache
 def _version(distribution: str, folder: Path) -> str:
-    """Of a distribution that lies there, or "" where nothing says so."""
-    return next((found.version for found in metadata.distributions(name=distribution, path=[str(folder)])), "")
+    """The version of a distribution in a folder, or "" where it is unknown."""
+    return next((candidate.version for candidate in metadata.distributions(name=distribution, path=[str(folder)])), "")
 
 
 def version_elsewhere(name: str) -> str:
-    """Of the package with this import name outside of our folder, or "" where there is none or nothing says so."""
+    """The version of the package with this import name outside of our folder, or "" where none is known."""
     folder = elsewhere(name)
     return _version((PACKAGES | PUBLISHED)[name], folder) if folder else ""
 
@@ -156,52 +156,52 @@ def too_old() -> str:
 
 
 def is_complete(distribution: str) -> bool:
-    """Whether our folder has it with all that it needs, of either build and in the pinned versions."""
+    """Whether our folder has a distribution and all that it needs, of one build and in the pinned versions."""
     have = intact()
 
     def has(build: str) -> bool:
         try:
             return all(wheels.public_version(have.get(wheel.name, "")) == wheels.public_version(wheel.version)
                        for wheel in wheels.find_wheels(distribution, build))
-        except (wheels.NoWheel, KeyError):  # not made for this computer, or not pinned
+        except (wheels.NoWheel, KeyError):  # no wheel for this computer, or not pinned
             return False
 
     return any(map(has, wheels.BUILDS))
 
 
 def is_offered(name: str, distribution: str) -> bool:
-    """Whether a package is asked for on this computer: one that is only useful is not where no wheel of it is made."""
+    """Whether a package is required on this computer; an optional one is not if it has no wheel for it."""
     return name in NETWORK or wheels.is_made(distribution)
 
 
 def missing(packages: dict[str, str] = PACKAGES) -> list[str]:
-    """Import names of the packages (PACKAGES or PUBLISHED) that are not to be found, or damaged."""
+    """Import names of the packages (PACKAGES or PUBLISHED) that are missing or damaged."""
     return [name for name, distribution in packages.items()
             if is_offered(name, distribution) and not is_elsewhere(name) and not is_complete(distribution)]
 
 
 def installed() -> list[str]:
-    """Import names of the packages that lie in our folder, damaged or not."""
+    """Import names of the packages in our folder, damaged or not."""
     own = folder()
-    there = distributions.find_infos(own) if own else {}
-    return [name for name, distribution in (PACKAGES | PUBLISHED).items() if distribution in there]
+    existing = distributions.find_infos(own) if own else {}
+    return [name for name, distribution in (PACKAGES | PUBLISHED).items() if distribution in existing]
 
 
 def build() -> str:
-    """The build of PyTorch that the preferences ask for: CUDA or CPU."""
+    """The build of PyTorch chosen in the preferences: CUDA or CPU."""
     return wheels.choose_build(preferences().torch_build if preferences() else "AUTO")
 
 
 def cuda_release() -> str:
-    """That of PyTorch's CUDA build for Windows."""
+    """The release of CUDA ("cu132") of PyTorch's build for Windows."""
     return wheels.parse_cuda_release(preferences().torch_cuda_index) if preferences() else wheels.CUDA
 
 
 def installed_build() -> str:
-    """Which build of PyTorch is there: "CPU", "CUDA 13.2", "ROCm 7.1", or "" for none or an unknown one."""
-    found = elsewhere("torch") or folder()
+    """The build of PyTorch that is installed: "CPU", "CUDA 13.2", "ROCm 7.1", or "" for none or an unknown one."""
+    location = elsewhere("torch") or folder()
     try:
-        text = (found / "torch" / "version.py").read_text(encoding="utf-8")
+        text = (location / "torch" / "version.py").read_text(encoding="utf-8")
     except (OSError, TypeError):
         return ""
     for name, pattern in (("CUDA", r"^cuda\b.*=\s*'([\d.]+)'"), ("ROCm", r"^hip\b.*=\s*'([\d.]+)")):
@@ -212,10 +212,11 @@ def installed_build() -> str:
 
 def required_wheels(names: Iterable[str]) -> list[wheels.Wheel]:
     """All that our folder should have for these packages, in the build of the preferences. Raises NoWheel."""
-    known, required = PACKAGES | PUBLISHED, {}
+    all_packages, required = PACKAGES | PUBLISHED, {}
     for name in names:
-        if is_offered(name, known[name]) and not is_elsewhere(name):
-            required |= {wheel.name: wheel for wheel in wheels.find_wheels(known[name], build(), cuda_release())}
+        if is_offered(name, all_packages[name]) and not is_elsewhere(name):
+            found_wheels = wheels.find_wheels(all_packages[name], build(), cuda_release())
+            required |= {wheel.name: wheel for wheel in found_wheels}
     return list(required.values())
 
 
