@@ -48,7 +48,7 @@ PRESENT = {
 
 
 def install(wheel: Path, name: str, version: str, target: Path) -> None:
-    """As package_worker.install does after its download. Raises package_worker.Explained for an incomplete wheel."""
+    """Install as package_worker does after its download. Raises ExplainedError for an incomplete wheel."""
     staging = target / distributions.STAGING
     staging.mkdir(parents=True)
     package_worker.unpack(wheel, staging / "new", lambda size: None)
@@ -59,7 +59,7 @@ def install(wheel: Path, name: str, version: str, target: Path) -> None:
 def compiled(folder: Path, system: str) -> dict[str, Binary]:
     """All compiled files of a folder by their paths."""
     found = {}
-    for path in sorted(distributions.sizes(folder)):
+    for path in sorted(distributions.measure_files(folder)):
         parts = PurePosixPath(path).name.split(".")
         if not set(MODULES[system] + LIBRARIES[system]) & {f".{part}" for part in parts[1:]}:
             continue
@@ -107,11 +107,11 @@ def too_long(paths: Iterable[str]) -> list[str]:
 def check(platform: str, python: str, folder: Path, expected: dict[str, str]) -> dict:
     """What was found in a folder of wheels; "problems" is empty when all is well."""
     system, machine = MACHINES[platform]
-    intact, files = distributions.intact(folder, by_content=True), compiled(folder, system)
+    intact, files = distributions.find_intact(folder, by_content=True), compiled(folder, system)
     problems = [f"{name} {version} is not complete" for name, version in expected.items()
                 if intact.get(name) != version]
     problems += wrong_machines(files, system, machine) + missing_libraries(files, system)
-    sizes = distributions.sizes(folder)
+    sizes = distributions.measure_files(folder)
     imported = [path for path in too_long(sizes) if path.endswith((".py", *MODULES[system], *LIBRARIES[system]))]
     if platform.startswith("windows"):
         problems += [f"{path} is too long for Windows" for path in imported]

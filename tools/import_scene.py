@@ -46,8 +46,8 @@ def _run(arguments: argparse.Namespace) -> dict:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     extension.load().register()
     from renderformer_v2.rf2_engine.convert.data.report import Report
-    from renderformer_v2.rf2_engine.paper_scenes.h5_import import import_h5
-    from renderformer_v2.rf2_engine.paper_scenes.importing import import_frame
+    from renderformer_v2.rf2_engine.paper_scenes.frame_import import import_frame
+    from renderformer_v2.rf2_engine.paper_scenes.h5_scene import import_h5
     report, empty = Report(), bpy.context.scene
     run = import_frame if arguments.scene.is_dir() else import_h5
     scene = run(arguments.scene, report, arguments.resolution)

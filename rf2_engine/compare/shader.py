@@ -11,13 +11,13 @@ LARGEST_BOX = 8  # texels across that are averaged where a picture is shown smal
 VERTEX = """
 void main()
 {
-  position = mix(part.xy, part.zw, corner);
-  gl_Position = projection * vec4(position, 0.0, 1.0);
+  uv = mix(part.xy, part.zw, corner);
+  gl_Position = projection * vec4(uv, 0.0, 1.0);
 }
 """
 
 FRAGMENT = """
-vec4 average(sampler2D image, vec2 texels, int box)
+vec4 box_average(sampler2D image, vec2 texels, int box)
 {
   vec4 sum = vec4(0.0);
   ivec2 last = textureSize(image, 0) - 1;
@@ -32,12 +32,12 @@ vec4 average(sampler2D image, vec2 texels, int box)
 
 void main()
 {
-  vec2 texels = (position - area.xy) / (area.zw - area.xy) * vec2(textureSize(picture, 0));
+  vec2 texels = (uv - area.xy) / (area.zw - area.xy) * vec2(textureSize(picture, 0));
   vec2 across = fwidth(texels);
   int box = clamp(int(round(max(across.x, across.y))), 1, LARGEST_BOX);
-  color = average(picture, texels, box);
+  color = box_average(picture, texels, box);
   if (gain >= 0.0) {
-    color = vec4(abs(color.rgb - average(other, texels, box).rgb) * gain, 1.0);
+    color = vec4(abs(color.rgb - box_average(other, texels, box).rgb) * gain, 1.0);
   }
   color.a = max(color.a, opaque);
 }
@@ -49,7 +49,7 @@ def create():
     import gpu  # not in Blender without a window
 
     info, interface = gpu.types.GPUShaderCreateInfo(), gpu.types.GPUStageInterfaceInfo("renderformer_v2_compare")
-    interface.smooth("VEC2", "position")
+    interface.smooth("VEC2", "uv")
     info.vertex_in(0, "VEC2", "corner")
     info.vertex_out(interface)
     info.fragment_out(0, "VEC4", "color")

@@ -37,17 +37,17 @@ class Reader:
     def picture(self, side) -> Picture:
         """The picture that `side` (settings.Side) names. Raises SourceError."""
         if side.kind == "IMAGE":
-            image, name = image_of(side), side.image
+            image, name = find_image(side), side.image
             if len(image.pixels):  # loads the image; empty for a multilayer EXR
                 return Picture((name,), _read_pixels(image), *[full(*image.size)] * 2)
         layer, pass_name = self.chosen(side)
         file = self.files[key(side)]
-        pass_name = header.pass_in_view(file, image_of(side), layer, pass_name)
+        pass_name = header.pass_in_view(file, find_image(side), layer, pass_name)
         return _read_pass(file, layer, pass_name, slot_number(side), _name(side))
 
     def chosen(self, side) -> tuple[str, str]:
         """(layer, pass) that `side` names; what it leaves open is as in the header. Raises SourceError."""
-        image = image_of(side)
+        image = find_image(side)
         if key(side) not in self.files:
             self.files[key(side)] = self._read_file(image, slot_number(side))
         file = self.files[key(side)]
@@ -94,7 +94,7 @@ class Reader:
             image.save_render(str(path), scene=self._scene)
 
 
-def image_of(side) -> bpy.types.Image:
+def find_image(side) -> bpy.types.Image:
     """Raises SourceError."""
     if side.kind != "IMAGE":
         return _render_result()

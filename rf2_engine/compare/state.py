@@ -125,7 +125,7 @@ class Comparison:
         settings, render = self.settings, bpy.context.scene.render
         region = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
         try:
-            sides = [(sources.key(side), header.numbers(sources.image_of(side)))
+            sides = [(sources.key(side), header.numbers(sources.find_image(side)))
                      for side in (settings.a, settings.b)]
             return *sides, sources.count_slots(), settings.region == "BORDER" and region
         except sources.SourceError:

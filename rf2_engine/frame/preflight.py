@@ -156,7 +156,7 @@ def _inspect(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: 
                      card=card.describe(card.memory(settings, tokens, view.width * view.height)),
                      blur=_blur(optics, seconds, sharp),
                      seconds=None if seconds is None else count * (converting + seconds),
-                     memory=None if added is None else memory.held()[0] + added, remarks=report.entries)
+                     memory=None if added is None else memory.measure()[0] + added, remarks=report.entries)
 
 
 def _blur(optics: Optics, seconds: float | None, sharp: float | None) -> str:

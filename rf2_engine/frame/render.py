@@ -44,17 +44,17 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     try:  # whatever is raised outside of it leaves an empty frame, which Blender takes for a picture and saves
         statistics = _render(engine, depsgraph, name)
     except RenderCancelled:
-        last_render.add(LayerStatistics(name, cancelled=True))
+        last_render.last_frame.add(LayerStatistics(name, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
             engine.report({"ERROR"}, "RenderFormer-V2 was disabled while it rendered")
     except KeyboardInterrupt:  # Ctrl-C in a Python that has imported bpy, which Blender would swallow
-        last_render.add(LayerStatistics(name, cancelled=True))
+        last_render.last_frame.add(LayerStatistics(name, cancelled=True))
         engine.report({"ERROR"}, "Interrupted")
         engine.error_set("Interrupted")
     except Exception as error:
         _fail(engine, name, failure.message(error))
     else:
-        last_render.add(statistics)
+        last_render.last_frame.add(statistics)
         last_render.stamp(engine)
         _print_report(engine, statistics)
 
@@ -86,7 +86,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
             scene, framing = layer.convert()                                        # 3. Scene
             view = next(iter(views.values()))
             tokens_scene = network_input(scene, view, settings, report)
-        layer.plan.has_triangles(len(scene))
+        layer.plan.set_triangles(len(scene))
         rendered = _render_passes(layer, views, scene, framing, tokens_scene)       # 4. to 7.
     with layer.plan.enter(WRITE):
         output.write_views(engine, layer.name, rendered.passes)
@@ -165,7 +165,7 @@ def _print_report(engine: bpy.types.RenderEngine, statistics: LayerStatistics) -
 
 
 def _fail(engine: bpy.types.RenderEngine, layer: str, message: str) -> None:
-    last_render.add(LayerStatistics(layer, error=message))
+    last_render.last_frame.add(LayerStatistics(layer, error=message))
     output.write_error(engine, layer)
     engine.report({"ERROR"}, message)   # makes scripts stop
     engine.error_set(message)           # shows in the Image Editor

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work on the depsgraph of a render: Python has no access to it otherwise."""
+"""Work on the depsgraph of a render, which Python can only reach while one runs."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -10,27 +10,27 @@ from ...model.errors import SceneError
 
 
 def in_render(scene: bpy.types.Scene, work: Callable[[bpy.types.RenderEngine, bpy.types.Depsgraph], object]) -> object:
-    """What work(engine, depsgraph) returns, called where F12 would render the first view layer that is enabled.
+    """Call work(engine, depsgraph) where F12 would render the first enabled view layer, and return its result.
 
-    It raises what `work` raises, and SceneError where Blender cannot render the scene. Settings are as they were
-    afterwards; the render result is a new, empty one.
+    Raises what `work` raises, and SceneError where Blender cannot render the scene. Settings are restored afterwards;
+    the render result is a new, empty one.
     """
-    found = []
+    outcome = []
 
     class Visitor(bpy.types.RenderEngine):
         """Renders nothing."""
 
         bl_idname = "RENDERFORMER_V2_VISITOR"
         bl_label = "RenderFormer-V2 Export"
-        emptied = False  # as cycles/run.py has it of an engine
+        emptied = False  # read by cycles/run.py
 
         def render(self, depsgraph):
-            if found:
+            if outcome:
                 return  # one view layer is enough
             try:
-                found.append((work(self, depsgraph), None))
+                outcome.append((work(self, depsgraph), None))
             except Exception as error:  # Blender would print it and go on
-                found.append((None, error))
+                outcome.append((None, error))
 
     if scene.camera is None:
         raise SceneError(f'Scene "{scene.name}" has no camera: add one')
@@ -46,10 +46,10 @@ def in_render(scene: bpy.types.Scene, work: Callable[[bpy.types.RenderEngine, bp
         for name, value in before.items():
             setattr(render, name, value)
         bpy.utils.unregister_class(Visitor)
-    if not found:
+    if not outcome:
         raise SceneError(f'Scene "{scene.name}" has no view layer that is enabled for rendering: switch on Use for '
                          "Rendering in View Layer Properties")
-    result, error = found[0]
+    result, error = outcome[0]
     if error is not None:
         raise error
     return result

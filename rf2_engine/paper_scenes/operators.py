@@ -30,19 +30,19 @@ class RENDERFORMER_OT_import_scene(bpy.types.Operator, ImportHelper):
                                         "2048")
 
     def execute(self, context):
-        from . import h5_import, importing
+        from . import frame_import, h5_scene
         report, file = Report(), Path(self.filepath)
         try:
             if file.suffix.lower() in H5:
-                scene = h5_import.import_h5(file, report, self.resolution)
+                scene = h5_scene.import_h5(file, report, self.resolution)
             else:
-                scene = importing.import_frame(file if file.is_dir() else file.parent, report, self.resolution)
+                scene = frame_import.import_frame(file if file.is_dir() else file.parent, report, self.resolution)
         except (SceneError, OSError) as error:
-            self.report({"ERROR"}, explained(error, "read"))
+            self.report({"ERROR"}, explain(error, "read"))
             return {"CANCELLED"}
         if context.window is not None:
             context.window.scene = scene
-        tell(self, report)
+        show_report(self, report)
         return {"FINISHED"}
 
 
@@ -57,19 +57,19 @@ class RENDERFORMER_OT_export_scene(bpy.types.Operator, ExportHelper):
     filter_glob: StringProperty(default="*.h5;*.json", options={"HIDDEN"})
 
     def execute(self, context):
-        from . import exporting, h5_export
+        from . import frame_export, h5_scene
         report, target = Report(), Path(self.filepath)
-        if target.suffix.lower() == ".json":  # which the folder will hold
+        if target.suffix.lower() == ".json":  # the folder will contain it
             target = target.with_suffix("")
         try:
             if target.suffix.lower() in H5:
-                h5_export.export_h5(context.scene, context.scene.renderformer_v2.weights(), target, report)
+                h5_scene.export_h5(context.scene, context.scene.renderformer_v2.weights(), target, report)
             else:
-                exporting.export_frame(context.scene, target, report)
+                frame_export.export_frame(context.scene, target, report)
         except (SceneError, CheckpointError, MissingPackages, OSError) as error:
-            self.report({"ERROR"}, explained(error, "written"))
+            self.report({"ERROR"}, explain(error, "written"))
             return {"CANCELLED"}
-        tell(self, report)
+        show_report(self, report)
         return {"FINISHED"}
 
     def invoke(self, context, event):
@@ -78,14 +78,14 @@ class RENDERFORMER_OT_export_scene(bpy.types.Operator, ExportHelper):
         return {"RUNNING_MODAL"}
 
 
-def explained(error: Exception, done: str) -> str:
-    """For users; done: to the file that the system names."""
+def explain(error: Exception, action: str) -> str:
+    """The error for users; action: what could not be done with the file, such as "read"."""
     if isinstance(error, OSError) and error.filename:
-        return f"{error.filename} cannot be {done}: {error.strerror}"
+        return f"{error.filename} cannot be {action}: {error.strerror}"
     return str(error)
 
 
-def tell(operator: bpy.types.Operator, report: Report) -> None:
+def show_report(operator: bpy.types.Operator, report: Report) -> None:
     for group in grouped(report.entries):
         operator.report({"WARNING"}, str(group))
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import bpy
 
 from ..registering import classes
-from ..setup import package_install, packages, redraw, shared_folders, wheels
-from ..setup.display import amount, draw_text, free_space
+from ..setup import package_install, packages, redraw, wheels
+from ..setup.display import draw_text, format_size, free_space
 from . import package_panel
 
 
 class _Install:
-    """Asks first; then a process works while Blender goes on. wanted() gives the wheels, or raises wheels.NoWheel."""
+    """Asks first; then a process installs required_wheels(), which raises wheels.NoWheel, while Blender goes on."""
 
     by_content = False
 
@@ -32,21 +32,22 @@ class _Install:
         if problem := self.problem():
             draw_text(self.layout, problem)
         else:
-            package_panel.draw_confirmation(self.layout, self.wanted(), self.by_content)
+            package_panel.draw_confirmation(self.layout, self.required_wheels(), self.by_content)
 
     def execute(self, context):
         if problem := self.problem():
             self.report({"ERROR"}, problem)
             return {"CANCELLED"}
-        kept = packages.preferences()
-        torch_index = kept.torch_cpu_index if packages.build() == "CPU" else kept.torch_cuda_index
-        installation = package_install.begin(packages.folder(create=True), self.wanted(), by_content=self.by_content,
-                                             index=kept.package_index, torch_index=torch_index)
+        preferences = packages.preferences()
+        torch_index = preferences.torch_cpu_index if packages.build() == "CPU" else preferences.torch_cuda_index
+        installation = package_install.current.begin(
+            packages.folder(create=True), self.required_wheels(), by_content=self.by_content,
+            index=preferences.package_index, torch_index=torch_index)
         if not bpy.app.background:
             redraw.keep_redrawing()
             return {"FINISHED"}
-        installation.wait()  # a script's call returns when all is there
-        packages.look_again()
+        installation.wait()  # for a script the operator returns when all is done
+        packages.refresh()
         if installation.state == "failed":
             self.report({"ERROR"}, installation.error)
             return {"CANCELLED"}
@@ -55,13 +56,15 @@ class _Install:
     def problem(self) -> str:
         """Why these packages cannot be installed, or ""."""
         try:
-            needed = 0 if self.by_content else wheels.space_needed(self.wanted())
+            needed = 0 if self.by_content else wheels.space_needed(self.required_wheels())
         except wheels.NoWheel as error:
             return str(error)
         target = packages.folder()
         free = free_space(target)
-        return "" if free >= needed else (f"The disk of {target} has too little space: {amount(needed)} are needed, "
-                                          f"{amount(free)} are free")
+        if free >= needed:
+            return ""
+        return (f"The disk of {target} has too little space: {format_size(needed)} are needed, {format_size(free)} are "
+                "free")
 
 
 class RENDERFORMER_OT_install_packages(_Install, bpy.types.Operator):
@@ -77,9 +80,9 @@ class RENDERFORMER_OT_install_packages(_Install, bpy.types.Operator):
         return super().poll(context) and bool(packages.missing(packages.PACKAGES | packages.PUBLISHED)
                                               or packages.other_build())
 
-    def wanted(self):
+    def required_wheels(self):
         group = packages.PUBLISHED if self.published else packages.PACKAGES
-        return packages.lacking(packages.missing(group) or group)
+        return packages.missing_wheels(packages.missing(group) or group)
 
 
 class RENDERFORMER_OT_repair_packages(_Install, bpy.types.Operator):
@@ -92,8 +95,8 @@ class RENDERFORMER_OT_repair_packages(_Install, bpy.types.Operator):
     def poll(cls, context):
         return super().poll(context) and bool(packages.installed())
 
-    def wanted(self):
-        return packages.wanted(packages.installed())
+    def required_wheels(self):
+        return packages.required_wheels(packages.installed())
 
 
 class RENDERFORMER_OT_cancel_packages(bpy.types.Operator):
@@ -103,10 +106,10 @@ class RENDERFORMER_OT_cancel_packages(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return package_install.is_running()
+        return package_install.current.is_running
 
     def execute(self, context):
-        package_install.current.cancel()
+        package_install.current.process.cancel()
         return {"FINISHED"}
 
 
@@ -116,11 +119,11 @@ _register, _unregister = classes(
 
 def register() -> None:
     _register()
-    if not shared_folders.named(shared_folders.PACKAGES):  # another machine may be at work there
+    if not packages.shared_folder(packages.PACKAGES_VARIABLE):  # another machine may be at work there
         package_install.tidy_up(packages.folder())
 
 
 def unregister() -> None:
-    package_install.forget()
+    package_install.current.forget()
     redraw.unregister()
     _unregister()

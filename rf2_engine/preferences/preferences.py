@@ -9,26 +9,28 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...model.published.bundle_files import LARGE, SMALL, TRANSFORMERS
 from ..runtime import model_cache
-from ..setup import packages, published_weights, shared_folders, weights_download
-from ..setup.display import amount, draw_progress, draw_steps, draw_text, free_space
+from ..setup import packages, published_weights, weights_download
+from ..setup.display import draw_progress, draw_steps, draw_text, format_size, free_space
 from . import package_panel
 
-_token = ""  # only for this session: a property of Blender's own would be saved with the preferences
+
+class Session:
+    """Kept for this session only, whereas properties are saved with the preferences. There is one: `session`."""
+
+    token = ""  # access token of the Hugging Face Hub
 
 
-def token() -> str:
-    return _token
+session = Session()
 
 
 def networks() -> tuple[str, ...]:
-    """Of bundle_files.TRANSFORMERS, what is to be downloaded."""
-    chosen = packages.preferences().networks
-    return TRANSFORMERS if chosen == "BOTH" else (SMALL if chosen == "SMALL" else LARGE,)
+    """Those of bundle_files.TRANSFORMERS that are to be downloaded."""
+    choice = packages.preferences().networks
+    return TRANSFORMERS if choice == "BOTH" else (SMALL if choice == "SMALL" else LARGE,)
 
 
 def _set_token(self, value: str) -> None:
-    global _token
-    _token = "".join(value.split())  # copied over a line's end
+    session.token = "".join(value.split())  # copied text may have a line break
 
 
 class RenderFormerPreferences(bpy.types.AddonPreferences):
@@ -66,7 +68,7 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
                ("BOTH", "Both", "Pictures from 2048 pixels are drawn by the second: 1.7 GB", 2)),
     )
     access_token: StringProperty(
-        name="Access Token", subtype="PASSWORD", options={"SKIP_SAVE"}, get=lambda self: _token, set=_set_token,
+        name="Access Token", subtype="PASSWORD", options={"SKIP_SAVE"}, get=lambda self: session.token, set=_set_token,
         description="Token of your Hugging Face account. It is not saved when Blender is closed",
     )
 
@@ -89,8 +91,8 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
         if not self.weights_folder:
             package_panel.draw_packages(box, packages.PUBLISHED, published=True)
             _draw_download(box, self)
-        if shared := shared_folders.named(shared_folders.WEIGHTS):
-            box.label(text=f"{shared_folders.WEIGHTS} names {shared}", icon="INFO")
+        if shared := packages.shared_folder(packages.WEIGHTS_VARIABLE):
+            box.label(text=f"{packages.WEIGHTS_VARIABLE} names {shared}", icon="INFO")
         else:
             box.prop(self, "weights_folder")
         if model_cache.is_loaded():
@@ -109,23 +111,23 @@ def _draw_status(layout) -> None:
         layout.label(text="Complete", icon="CHECKMARK")
     folder = published_weights.download_folder()
     if folder and folder.is_dir():
-        layout.label(text=f"{amount(published_weights.size_on_disk(folder))} downloaded to {folder}")
+        layout.label(text=f"{format_size(published_weights.size_on_disk(folder))} downloaded to {folder}")
         layout.operator("renderformer_v2.remove_weights", icon="TRASH")
     latents = published_weights.latents_file()
     if latents and latents.is_file():
-        layout.label(text=f"{amount(latents.stat().st_size)} of encoded textures kept for later renders")
+        layout.label(text=f"{format_size(latents.stat().st_size)} of encoded textures kept for later renders")
         layout.operator("renderformer_v2.remove_latents", icon="TRASH")
 
 
 def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
-    download, offline = weights_download.current, packages.offline()
-    if offline and not packages.missing(packages.PUBLISHED):  # else it stands below that button
+    download, offline = weights_download.current.process, packages.offline()
+    if offline and not packages.missing(packages.PUBLISHED):  # otherwise the button for them says so
         layout.label(text=offline, icon="INTERNET_OFFLINE")
     if download is None or download.state in ("done", "failed", "cancelled"):
         if download and download.state == "failed":
             draw_text(layout, download.error)
             draw_steps(layout, download.steps)
-            if download.needs_token or token():
+            if download.needs_token or session.token:
                 layout.prop(preferences, "access_token")
         row = layout.row()
         row.label(text="Network for pictures of so many pixels:")
@@ -133,10 +135,10 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
         layout.operator("renderformer_v2.download_weights", icon="IMPORT")
         return
     if download.state == "ready":
-        left = download.total - download.present
-        have = f" ({amount(download.present)} are already here)" if download.present else ""
-        layout.label(text=f"{amount(left)} to download{have}, {amount(free_space(download.target))} free on the disk")
-        layout.operator("renderformer_v2.fetch_weights", text=f"Download {amount(left)}", icon="IMPORT")
+        missing, free = format_size(download.total - download.present), format_size(free_space(download.target))
+        present = f" ({format_size(download.present)} are already here)" if download.present else ""
+        layout.label(text=f"{missing} to download{present}, {free} free on the disk")
+        layout.operator("renderformer_v2.fetch_weights", text=f"Download {missing}", icon="IMPORT")
     else:
         draw_progress(layout, download, progress_text(download))
     layout.operator("renderformer_v2.cancel_download", icon="CANCEL")
@@ -146,8 +148,8 @@ def progress_text(download: weights_download.Download) -> str:
     """"12 %, 210.3 MB of 1.75 GB  transformer_512/model.safetensors"."""
     if not download.total:
         return download.text
-    return (f"{100 * download.present // download.total} %, {amount(download.present)} of {amount(download.total)}  "
-            f"{download.text}")
+    percent = 100 * download.present // download.total
+    return f"{percent} %, {format_size(download.present)} of {format_size(download.total)}  {download.text}"
 
 
 def register() -> None:

@@ -10,7 +10,7 @@ from ...model.published import latent_store
 from ...model.published.as_trained import TRIANGLES, WELL_KNOWN
 from ..registering import classes
 from ..runtime import model_cache, running
-from ..setup import packages, published_weights, redraw, shared_folders, weights_download
+from ..setup import packages, published_weights, redraw, weights_download
 from . import preferences
 
 RENDERING = "A render is running"
@@ -37,13 +37,13 @@ class _Download(bpy.types.Operator):
     def poll(cls, context):
         if message := refusal():
             cls.poll_message_set(message)
-        return not message and not weights_download.is_running()
+        return not message and not weights_download.current.is_running
 
     def run(self, download: weights_download.Download) -> set[str]:
         if not bpy.app.background:
             redraw.keep_redrawing()
             return {"FINISHED"}
-        download.wait()  # a script's call returns when all is there
+        download.wait()  # for a script the operator returns when all is done
         if download.state == "failed":
             self.report({"ERROR"}, download.explanation)
             return {"CANCELLED"}
@@ -57,7 +57,7 @@ class RENDERFORMER_OT_download_weights(_Download):
                       "and the VAE of Qwen/Qwen-Image). You see the size before anything is downloaded")
 
     def execute(self, context):
-        return self.run(weights_download.begin(published_weights.download_folder(), preferences.token(),
+        return self.run(weights_download.current.begin(published_weights.download_folder(), preferences.session.token,
                                                preferences.networks()))
 
 
@@ -68,13 +68,13 @@ class RENDERFORMER_OT_fetch_weights(_Download):
 
     @classmethod
     def poll(cls, context):
-        current = weights_download.current
-        return super().poll(context) and current is not None and current.state == "ready"
+        download = weights_download.current.process
+        return super().poll(context) and download is not None and download.state == "ready"
 
     def execute(self, context):
         model_cache.free()  # its files are mapped, which Windows would not let us replace
-        weights_download.current.fetch()
-        return self.run(weights_download.current)
+        weights_download.current.process.fetch()
+        return self.run(weights_download.current.process)
 
 
 class RENDERFORMER_OT_cancel_download(bpy.types.Operator):
@@ -84,10 +84,10 @@ class RENDERFORMER_OT_cancel_download(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return weights_download.current is not None
+        return weights_download.current.process is not None
 
     def execute(self, context):
-        weights_download.forget()
+        weights_download.current.forget()
         return {"FINISHED"}
 
 
@@ -99,15 +99,15 @@ class RENDERFORMER_OT_remove_weights(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         folder = published_weights.download_folder()
-        if shared_folders.named(shared_folders.WEIGHTS):
+        if packages.shared_folder(packages.WEIGHTS_VARIABLE):
             return False  # others use them
-        return folder is not None and folder.is_dir() and not weights_download.is_running() and not is_rendering()
+        return folder is not None and folder.is_dir() and not weights_download.current.is_running and not is_rendering()
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, context):
-        weights_download.forget()
+        weights_download.current.forget()
         model_cache.free()
         try:
             shutil.rmtree(published_weights.download_folder())
@@ -174,6 +174,6 @@ register, _unregister = classes(
 
 
 def unregister() -> None:
-    weights_download.forget()
+    weights_download.current.forget()
     redraw.unregister()
     _unregister()

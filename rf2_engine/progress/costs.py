@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Remember the seconds that the stages of a render took on this machine, between sessions of Blender.
 
-They belong to a setup: the settings that decide, beside the amount of work, how long a stage takes.
+They belong to a setup: the settings that, apart from the amount of work, decide how long a stage takes.
 """
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from ..registering import handlers
 from ..setup import packages
 from .stages import Stage, Work
 
-LEAST_LEARNED = 0.5   # of what was known: a stage that found its work done already says little about the next time
-MOST_SETUPS = 20      # the latest
+LEAST_LEARNED = 0.5   # least factor on a known cost: a stage whose work was done already tells little about the next
+MOST_SETUPS = 20      # the latest are remembered
 
-_measured: dict[str, dict[str, float]] = {}      # seconds for a unit by setup and key
-_memory: dict[str, list[float]] = {}             # by setup: MiB that a render added, its pixels and its triangles
+_measured: dict[str, dict[str, float]] = {}  # seconds for a unit, by setup and key
+_memory: dict[str, list[float]] = {}         # MiB that a render added, its pixels and its triangles, by setup
 
 
 def seconds(stage: Stage, units: float, setup: str = "") -> float:
-    """What so many units of a stage's work are expected to take: in that setup, or else as far as anything is known."""
+    """Expected seconds of so many units of a stage's work: as in this setup, or else as in any."""
     measured = _measured.get(setup, {})
     if stage.key in measured:
         return measured[stage.key] * units
@@ -33,27 +33,27 @@ def seconds(stage: Stage, units: float, setup: str = "") -> float:
 
 
 def measured_seconds(work: dict[Stage, Work], setup: str) -> float | None:
-    """Of all these stages together; None unless each was measured in that setup on this machine."""
-    if any(each.total and stage.key not in _measured.get(setup, {}) for stage, each in work.items()):
+    """Expected seconds of all these stages; None unless all were measured in this setup on this machine."""
+    if any(stage_work.total and stage.key not in _measured.get(setup, {}) for stage, stage_work in work.items()):
         return None
-    return sum(seconds(stage, each.total, setup) for stage, each in work.items())
+    return sum(seconds(stage, stage_work.total, setup) for stage, stage_work in work.items())
 
 
-def learn(stage: Stage, units: float, took: float, setup: str = "") -> None:
-    """Remember that so many units of a stage's work took so many seconds."""
+def learn(stage: Stage, units: float, taken: float, setup: str = "") -> None:
+    """Remember the seconds taken by so many units of a stage's work."""
     if units:
         costs = _latest(_measured, setup, {})
-        costs[stage.key] = max(took / units, LEAST_LEARNED * costs.get(stage.key, 0.0))
+        costs[stage.key] = max(taken / units, LEAST_LEARNED * costs.get(stage.key, 0.0))
 
 
 def learn_memory(setup: str, loaded: bool, added: float, pixels: int, triangles: int) -> None:
-    """Remember that a render of that size, with the network `loaded` before it or not, made Blender hold more MiB."""
+    """Remember the MiB that a render of this size added, with the network `loaded` before it or not."""
     _latest(_memory, _memory_key(setup, loaded), [])[:] = added, pixels, triangles
 
 
 def measured_memory(setup: str, loaded: bool, pixels: int, triangles: int) -> float | None:
-    """MiB that a render will add, growing with the picture or the scene, whichever grows more; None if unknown."""
-    before = _memory.get(_memory_key(setup, loaded)) or _memory.get(setup)  # with a network to be loaded it is more
+    """MiB that a render will add, in proportion to the picture or the scene, whichever grew more; None if unknown."""
+    before = _memory.get(_memory_key(setup, loaded)) or _memory.get(setup)  # more, as it includes loading the network
     if not before:
         return None
     added, before_pixels, before_triangles = before
@@ -65,7 +65,7 @@ def _memory_key(setup: str, loaded: bool) -> str:
 
 
 def _latest(costs: dict, setup: str, empty):
-    """The entry of a setup, moved to the end; the oldest of too many is dropped."""
+    """The entry of a setup, moved to the end; the oldest is dropped if there are too many."""
     costs[setup] = costs.pop(setup, empty)
     if len(costs) > MOST_SETUPS:
         del costs[next(iter(costs))]
@@ -74,13 +74,13 @@ def _latest(costs: dict, setup: str, empty):
 
 def _file() -> Path | None:
     if not packages.is_extension():
-        return None  # Blender has no folder for us
+        return None  # Blender has no folder for the add-on
     return Path(bpy.utils.extension_path_user(packages.EXTENSION, create=True)) / "costs.json"
 
 
 @persistent
 def save(*_) -> None:
-    """Losing this is no more than guessing again."""
+    """Write the costs to disk; if that fails they are guessed again."""
     try:
         if file := _file():
             new = file.with_suffix(".new")
@@ -91,12 +91,13 @@ def save(*_) -> None:
 
 
 def load() -> None:
+    """Read the costs of earlier sessions."""
     try:
         saved = json.loads(_file().read_text())
         seconds = {setup: {key: float(cost) for key, cost in row.items()} for setup, row in saved["seconds"].items()}
         memory = {setup: [float(x) for x in row] for setup, row in saved["memory"].items() if len(row) == 3}
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return  # never saved, or by something else
+        return  # there is no such file, or not one of ours
     _measured.update(seconds)
     _memory.update(memory)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw our status line in the Image Editors that show a render, over Blender's, which Cycles sets while it runs.
+"""Our status line in the Image Editors that show a render, over Blender's, which Cycles sets while it runs.
 
-Two threads must not set Blender's status text at once, and what Cycles says is about one of its runs alone.
+Two threads must not set Blender's status text at once, and the text of Cycles is about one of its runs alone.
 """
 from __future__ import annotations
 
@@ -13,27 +13,44 @@ HEIGHT = 22                  # of a line
 LEFT = 13
 SHADE = (0.12, 0.12, 0.12, 1.0)
 
-_text = ""
-_handles: list = []
+
+class StatusLine:
+    """The line, or none while its text is empty. There is one: `status_line`."""
+
+    def __init__(self):
+        self._text = ""
+        self._handles: list = []
+
+    def show(self, text: str) -> None:
+        """From any thread. Image Editors are drawn again as the render goes on."""
+        self._text = text
+
+    def register(self) -> None:
+        self._handles.append(bpy.types.SpaceImageEditor.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL"))
+
+    def unregister(self) -> None:
+        self.show("")
+        while self._handles:
+            bpy.types.SpaceImageEditor.draw_handler_remove(self._handles.pop(), "WINDOW")
+
+    def _draw(self) -> None:
+        space = bpy.context.space_data
+        if self._text and space.image is not None and space.image.type == "RENDER_RESULT":
+            _draw_text(self._text)
 
 
-def show(text: str) -> None:
-    """From any thread; an empty text takes the line away. Image Editors are drawn again as the render goes on."""
-    global _text
-    _text = text
+status_line = StatusLine()
+register, unregister = status_line.register, status_line.unregister
 
 
-def _draw() -> None:
-    space = bpy.context.space_data
-    if not _text or space.image is None or space.image.type != "RENDER_RESULT":
-        return
+def _draw_text(text: str) -> None:
     import gpu
     from gpu_extras.batch import batch_for_shader
 
     area, region, unit = bpy.context.area, bpy.context.region, bpy.context.preferences.system.ui_scale
-    over = sum(r.height for r in area.regions if r.type in ("HEADER", "TOOL_HEADER") and r.height > 1 and
-               r.y < region.y + region.height and r.alignment == "TOP")
-    top = region.height - over
+    headers = sum(other.height for other in area.regions if other.type in ("HEADER", "TOOL_HEADER")
+                  and other.height > 1 and other.y < region.y + region.height and other.alignment == "TOP")
+    top = region.height - headers
     bottom = top - HEIGHT * unit
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     gpu.state.blend_set("ALPHA")
@@ -44,14 +61,4 @@ def _draw() -> None:
     blf.size(0, SIZE * unit)
     blf.color(0, 1, 1, 1, 1)
     blf.position(0, LEFT * unit, bottom + (HEIGHT - SIZE) * unit / 2 + 1, 0)
-    blf.draw(0, _text)
-
-
-def register() -> None:
-    _handles.append(bpy.types.SpaceImageEditor.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL"))
-
-
-def unregister() -> None:
-    show("")
-    while _handles:
-        bpy.types.SpaceImageEditor.draw_handler_remove(_handles.pop(), "WINDOW")
+    blf.draw(0, text)

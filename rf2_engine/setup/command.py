@@ -5,14 +5,17 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
 import sys
 from pathlib import Path
 
 import bpy
 
-from ...model.weights.presets import BUNDLED
-from . import packages, published_weights, state, wheels
-from .display import amount
+from ...model.errors import CheckpointError, SceneError
+from ...model.published.bundle_files import check_weights, is_bundle
+from ...model.weights.presets import BUNDLED, weights_folder
+from . import importing, packages, published_weights, wheels
+from .display import format_size
 
 NAME = "renderformer_v2"
 
@@ -20,12 +23,12 @@ NAME = "renderformer_v2"
 def run(arguments: list[str]) -> int:
     """The exit status: 0 when all is well, 1 when something is missing or failed, 2 for wrong arguments."""
     try:
-        chosen = _parser().parse_args(arguments)
-    except SystemExit as end:  # which would end Blender in the middle of its work
+        options = _parser().parse_args(arguments)
+    except SystemExit as end:  # would end Blender
         return end.code or 0
     try:
-        return chosen.run(chosen)
-    except (RuntimeError, ValueError, OSError, wheels.NoWheel) as error:  # RuntimeError is what operators report
+        return options.run(options)
+    except (RuntimeError, ValueError, OSError, wheels.NoWheel) as error:  # operators raise RuntimeError
         print(f"RenderFormer-V2: {' '.join(str(error).removeprefix('Error: ').split())}", file=sys.stderr, flush=True)
         return 1
 
@@ -48,53 +51,53 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _status(chosen: argparse.Namespace) -> int:
-    found = state.status(chosen.weights)
-    print(json.dumps(found), flush=True)
-    return 0 if found["ready"] else 1
+def _status(options: argparse.Namespace) -> int:
+    setup = describe_setup(options.weights)
+    print(json.dumps(setup), flush=True)
+    return 0 if setup["ready"] else 1
 
 
-def _install(chosen: argparse.Namespace) -> int:
-    kept = packages.preferences()
-    if kept is None:
+def _install(options: argparse.Namespace) -> int:
+    preferences = packages.preferences()
+    if preferences is None:
         raise ValueError("the add-on is not enabled in Blender's preferences: blender --command extension install-file "
                          "-r user_default -e FILE.zip")
-    if chosen.weights:
-        _choose_weights(kept, chosen.weights.expanduser().absolute())
-    if chosen.build:
-        kept.torch_build = chosen.build.upper()
-    if chosen.build or chosen.weights:
+    if options.weights:
+        _choose_weights(preferences, options.weights.expanduser().absolute())
+    if options.build:
+        preferences.torch_build = options.build.upper()
+    if options.build or options.weights:
         bpy.ops.wm.save_userpref()
     _install_packages(packages.PACKAGES)
-    if chosen.download or chosen.weights:
+    if options.download or options.weights:
         _install_packages(packages.PUBLISHED, published=True)
-    if chosen.download:
+    if options.download:
         _download()
     print("RenderFormer-V2: ready", flush=True)
     return 0
 
 
-def _choose_weights(kept: bpy.types.AddonPreferences, folder: Path) -> None:
-    """In the preferences. Raises ValueError when they are not complete."""
+def _choose_weights(preferences: bpy.types.AddonPreferences, folder: Path) -> None:
+    """Set the folder of the published weights. Raises ValueError if they are incomplete."""
     if parts := published_weights.missing_parts(folder):
         raise ValueError(f"{folder} does not hold the published weights: {', '.join(parts)} is missing")
-    kept.weights_folder = str(folder)
+    preferences.weights_folder = str(folder)
 
 
 def _install_packages(group: dict[str, str], published: bool = False) -> None:
     missing = packages.missing(group)
     if missing or (not published and packages.other_build()):
-        wanted = packages.lacking(missing or group)
-        print(f"RenderFormer-V2: installing {len(wanted)} packages, "
-              f"{amount(sum(wheel.download for wheel in wanted))} to download", flush=True)
-        _allowed()
+        needed = packages.missing_wheels(missing or group)
+        print(f"RenderFormer-V2: installing {len(needed)} packages, "
+              f"{format_size(sum(wheel.download for wheel in needed))} to download", flush=True)
+        _require_online_access()
         bpy.ops.renderformer_v2.install_packages(published=published)
 
 
 def _download() -> None:
     if parts := _missing_weights():
         print(f"RenderFormer-V2: downloading the published weights: {', '.join(parts)}", flush=True)
-        _allowed()
+        _require_online_access()
         packages.preferences().access_token = os.environ.get("HF_TOKEN", "")
         bpy.ops.renderformer_v2.download_weights()
         bpy.ops.renderformer_v2.fetch_weights()
@@ -105,22 +108,75 @@ def _missing_weights() -> list[str]:
     return published_weights.missing_parts(bundle) if bundle else ["all"]
 
 
-def _allowed() -> None:
-    """Raises ValueError where the user has not allowed the network."""
+def _require_online_access() -> None:
+    """Raises ValueError if the user has not allowed network access."""
     if reason := packages.offline():
         raise ValueError(f"{reason}, or start it as blender --online-mode --command {NAME} install")
 
 
-_handle = None
+def describe_setup(weights: str = BUNDLED) -> dict:
+    """Versions, packages, device and weights of this computer, and under "problems" what prevents a render.
+
+    weights: those to be used: BUNDLED, "published", or a folder.
+    """
+    problems: list[str] = []
+    setup = {"blender": bpy.app.version_string, "python": platform.python_version(),
+             "system": f"{platform.system()} {platform.machine()}", "packages": _package_versions(),
+             "missing": packages.missing(), "packages_folder": _text(packages.folder()),
+             "published_weights": _text(published_weights.bundle_folder()),
+             "device": _find_device(problems), "weights": _find_weights(weights, problems)}
+    try:
+        packages.require_cycles()
+    except SceneError as error:
+        problems.append(str(error))
+    return setup | {"problems": problems, "ready": not problems}
+
+
+def _package_versions() -> dict[str, str]:
+    """{import name: version} of existing packages, "" where the version is unknown."""
+    all_packages, own = packages.PACKAGES | packages.PUBLISHED, packages.intact()
+    return {name: packages.version_elsewhere(name) or own.get(distribution, "")
+            for name, distribution in all_packages.items() if distribution in own or packages.is_elsewhere(name)}
+
+
+def _find_device(problems: list[str]) -> str:
+    """The device that Automatic chooses here, or ""."""
+    try:
+        packages.require()
+        importing.import_packages()
+    except packages.MissingPackages as error:
+        problems.append(str(error))
+        return ""
+    from ...model.compute.devices import choose_device, unused_card
+    device = str(choose_device())
+    reason = "" if device.startswith("cuda") else unused_card(wheels.has_nvidia_driver())
+    return f"{device}; {reason}" if reason else device
+
+
+def _find_weights(weights: str, problems: list[str]) -> str:
+    """The preset or the folder of the weights."""
+    try:
+        if weights == "published":
+            return str(published_weights.require())
+        check_weights(weights_folder(weights))
+        if weights != BUNDLED and is_bundle(weights) and (parts := published_weights.missing_parts(Path(weights))):
+            raise CheckpointError(f"The published weights are not complete in {weights}: {', '.join(parts)}")
+    except CheckpointError as error:
+        problems.append(str(error))
+    return weights
+
+
+def _text(folder: Path | None) -> str:
+    return str(folder) if folder else ""
+
+
+_handles: list = []
 
 
 def register() -> None:
-    global _handle
-    _handle = bpy.utils.register_cli_command(NAME, run)
+    _handles.append(bpy.utils.register_cli_command(NAME, run))
 
 
 def unregister() -> None:
-    global _handle
-    if _handle is not None:
-        bpy.utils.unregister_cli_command(_handle)
-    _handle = None
+    while _handles:
+        bpy.utils.unregister_cli_command(_handles.pop())

@@ -17,27 +17,27 @@ CHARACTERS = 70    # of a line where no region is drawn
 
 
 def draw_text(layout, text: str, icon: str = "ERROR") -> None:
-    """In as many lines as it needs in the region that is being drawn."""
+    """Draw a text in as many lines as it needs in the region that is being drawn."""
     region, preferences = bpy.context.region, bpy.context.preferences
     scale = preferences.system.ui_scale
     blf.size(0, preferences.ui_styles[0].widget.points * scale)
     margin = MARGIN + TABS * (region is not None and region.type == "UI")
-    lines = textwrap.wrap(text, CHARACTERS) if region is None else wrapped(text, region.width - margin * scale)
+    lines = textwrap.wrap(text, CHARACTERS) if region is None else wrap(text, region.width - margin * scale)
     column = layout.column(align=True)
     for number, line in enumerate(lines):
         column.label(text=line, icon="BLANK1" if number else icon)
 
 
 def draw_steps(layout, steps: list[tuple[str, str]]) -> None:
-    """What to do one after the other, with a button to the web page where that is done."""
+    """Draw steps (text, address or ""), with buttons to their web pages."""
     for number, (text, page) in enumerate(steps, 1):
         draw_text(layout, f"{number}. {text}", icon="BLANK1")
         if page:
             layout.operator("wm.url_open", text=page.partition("://")[2], icon="URL").url = page
 
 
-def wrapped(text: str, width: float) -> list[str]:
-    """Lines of at most this width, in pixels at the size that blf has; words wider than that are broken."""
+def wrap(text: str, width: float) -> list[str]:
+    """Lines of at most this width, in pixels at blf's size; wider words are broken."""
     def fits(line: str) -> bool:
         return len(line) < 2 or blf.dimensions(0, line)[0] <= width
 
@@ -55,18 +55,19 @@ def wrapped(text: str, width: float) -> list[str]:
 
 
 def draw_progress(layout, process: WorkerProcess, text: str) -> None:
+    """Draw a bar with the progress of a process, and for how long no data have come."""
     silent = process.silent_seconds
     layout.progress(factor=process.present / max(process.total, 1),
                     text=text if silent < 5 else f"{text} (no data for {silent:.0f} s)")
 
 
-def amount(size: int) -> str:
+def format_size(size: int) -> str:
     """Bytes as "1.75 GB" or "210.3 MB"."""
     return f"{size / 1e9:.2f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"
 
 
 def free_space(folder: Path) -> int:
-    """Bytes on the disk where the folder is or will be."""
+    """Free bytes on the disk where the folder is or will be."""
     while not folder.exists():
         folder = folder.parent
     return shutil.disk_usage(folder).free

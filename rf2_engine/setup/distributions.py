@@ -25,30 +25,30 @@ class Entry:
     size: int    # bytes, or -1 (RECORD itself)
 
 
-def long(folder: Path) -> Path:
-    """The same folder, where Windows allows paths in it to be longer than 260 characters."""
+def allow_long_paths(folder: Path) -> Path:
+    """The folder, spelled so that Windows allows paths of more than 260 characters in it."""
     return Path(f"\\\\?\\{folder.absolute()}") if os.name == "nt" and not str(folder).startswith("\\\\") else folder
 
 
-def normalised(name: str) -> str:
+def normalise(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def infos(folder: Path) -> dict[str, list[Path]]:
-    """{distribution: its .dist-info folders}; more than one is what an interrupted replacement leaves."""
-    found = {}
+def find_infos(folder: Path) -> dict[str, list[Path]]:
+    """{distribution: its .dist-info folders}; an interrupted replacement leaves more than one."""
+    infos = {}
     for path in sorted(folder.glob("*.dist-info")):
-        found.setdefault(normalised(path.name.partition("-")[0]), []).append(path)
-    return found
+        infos.setdefault(normalise(path.name.partition("-")[0]), []).append(path)
+    return infos
 
 
 def is_data(path: str) -> bool:
-    """Whether it is in a wheel's NAME-VERSION.data: programs and manuals."""
+    """Whether a path is inside NAME-VERSION.data of a wheel, which has programs and manuals."""
     return path.partition("/")[0].endswith(".data")
 
 
-def entries(info: Path) -> list[Entry]:
-    """What RECORD lists inside the folder, without compiled Python, programs and manuals; [] when unreadable."""
+def read_entries(info: Path) -> list[Entry]:
+    """What RECORD lists inside the folder, without compiled Python, programs and manuals; [] if unreadable."""
     try:
         rows = list(csv.reader((info / "RECORD").read_text(encoding="utf-8").splitlines()))
         return [Entry(path, sha256.removeprefix("sha256="), int(size or -1)) for path, sha256, size in rows
@@ -57,36 +57,36 @@ def entries(info: Path) -> list[Entry]:
         return []
 
 
-def sizes(folder: Path) -> dict[str, int]:
-    """{path relative to the folder: bytes} of all files that stay there while it looks, but for STAGING."""
-    found = {}
+def measure_files(folder: Path) -> dict[str, int]:
+    """{path relative to the folder: bytes} of all files outside STAGING, but those that vanish meanwhile."""
+    sizes = {}
     for path, folders, files in os.walk(folder):
         folders[:] = [name for name in folders if name != STAGING]
         prefix = "" if path == str(folder) else os.path.relpath(path, folder).replace(os.sep, "/") + "/"
         for name in files:
             with suppress(FileNotFoundError):
-                found[prefix + name] = os.stat(os.path.join(path, name)).st_size
-    return found
+                sizes[prefix + name] = os.stat(os.path.join(path, name)).st_size
+    return sizes
 
 
-def intact(folder: Path, by_content: bool = False) -> dict[str, str]:
-    """{distribution: version} of all whose every file is there in its size, and `by_content` has its hash too."""
-    folder = long(folder)
+def find_intact(folder: Path, by_content: bool = False) -> dict[str, str]:
+    """{distribution: version} of those whose files all exist in their sizes; by_content: and with their hashes."""
+    folder = allow_long_paths(folder)
     if not folder.is_dir():
         return {}
-    there, found = sizes(folder), {}
-    for name, (info, *more) in infos(folder).items():
-        listed = entries(info)
-        if not more and _is_whole(info, listed) and all(
-                entry.path in there and entry.size in (-1, there[entry.path]) for entry in listed):
-            if not by_content or all(_has_hash(folder / entry.path, entry.sha256) for entry in listed):
-                found[name] = info.name.removesuffix(".dist-info").partition("-")[2]
-    return found
+    sizes, intact = measure_files(folder), {}
+    for name, (info, *more) in find_infos(folder).items():
+        entries = read_entries(info)
+        if not more and _is_complete(info, entries) and all(
+                entry.path in sizes and entry.size in (-1, sizes[entry.path]) for entry in entries):
+            if not by_content or all(_has_hash(folder / entry.path, entry.sha256) for entry in entries):
+                intact[name] = info.name.removesuffix(".dist-info").partition("-")[2]
+    return intact
 
 
-def _is_whole(info: Path, listed: list[Entry]) -> bool:
-    """Not cut off: the list names its own end and something beside itself."""
-    paths = {entry.path for entry in listed}
+def _is_complete(info: Path, entries: list[Entry]) -> bool:
+    """Whether a RECORD is not cut off: it names itself, which comes last, and the metadata."""
+    paths = {entry.path for entry in entries}
     return {f"{info.name}/METADATA", f"{info.name}/RECORD"} <= paths
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Import PyTorch. A process can try it only once, so the first error is kept and shown from then on."""
+"""Import PyTorch. A process can try it only once, so the error of the first attempt stays."""
 from __future__ import annotations
 
 import importlib
@@ -9,39 +9,45 @@ import threading
 import traceback
 from importlib.util import find_spec
 
-from . import packages, shared_folders, wheels
+from . import packages, wheels
 
-_lock = threading.Lock()
-_failure = ""
+
+class FirstAttempt:
+    """The outcome of the first attempt to import. There is one: `_first_attempt`."""
+
+    def __init__(self):
+        self.lock, self.failure = threading.Lock(), ""
+
+
+_first_attempt = FirstAttempt()
 
 
 class BrokenPackages(packages.MissingPackages):
-    """Packages are there, but cannot be imported; the message says why and what to do."""
+    """Packages exist but cannot be imported; the message says why and what to do."""
 
 
 def failure() -> str:
-    """What the first import that failed said, or ""."""
-    return _failure
+    """The message of the first import that failed, or ""."""
+    return _first_attempt.failure
 
 
 def import_packages() -> None:
     """Import what the network needs. Raises BrokenPackages, in every attempt with the message of the first."""
-    global _failure
-    with _lock:
+    with _first_attempt.lock:
         for name in packages.NETWORK:
-            if _failure:
-                raise BrokenPackages(_failure)
+            if _first_attempt.failure:
+                raise BrokenPackages(_first_attempt.failure)
             try:
                 importlib.import_module(name)
             except MemoryError:
                 raise
             except Exception as error:
                 traceback.print_exc()
-                _failure = _explained(name, error)
-                raise BrokenPackages(_failure) from error
+                _first_attempt.failure = _explain(name, error)
+                raise BrokenPackages(_first_attempt.failure) from error
 
 
-def _explained(name: str, error: Exception) -> str:
+def _explain(name: str, error: Exception) -> str:
     lines = str(error).strip().splitlines() or [""]
     return (f"{name} cannot be loaded: {type(error).__name__}: {lines[0][:300]}. {_advice(name, str(error))}, "
             "then start Blender again")
@@ -54,8 +60,8 @@ def _advice(name: str, text: str) -> str:
         where = find_spec(name).origin if name not in sys.modules else "Blender's Python"
         advice = (f"It is the one in {where}: install it again with {sys.executable} -m pip install --force-reinstall "
                   f"{wheels.requirement(packages.PACKAGES[name])}")
-    elif shared := shared_folders.named(shared_folders.PACKAGES):
-        advice = (f"The environment variable {shared_folders.PACKAGES} names {shared}: it has to be filled on a "
+    elif shared := packages.shared_folder(packages.PACKAGES_VARIABLE):
+        advice = (f"The environment variable {packages.PACKAGES_VARIABLE} names {shared}: it has to be filled on a "
                   f"machine with the same system and Python {platform.python_version()}")
     else:
         advice = "Use Preferences > Add-ons > RenderFormer-V2 > Repair Packages"

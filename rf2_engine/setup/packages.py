@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Find the Python packages that the network needs and Blender does not include, without importing them.
 
-They are taken from the running Python, or from a folder of our own that the Install operator fills. Blender's own
-site-packages are never written to, and numpy always stays Blender's.
+They come from the running Python, or from a folder of our own that the Install operator fills. Blender's own
+site-packages are never written to, and numpy always stays Blender's. The environment can name folders for packages and
+weights that many machines or users share.
 """
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
 import sys
 from collections.abc import Iterable
@@ -19,22 +21,49 @@ import bpy
 import addon_utils
 
 from ...model.errors import SceneError
-from . import distributions, package_install, shared_folders, wheels
+from . import distributions, package_install, wheels
 
 PACKAGES = {"torch": "torch", "safetensors": "safetensors", "fast_simplification": "fast-simplification",
             "embreex": "embreex"}
-NETWORK = ("torch", "safetensors")  # no picture without them; the rest is asked for where it is used
+NETWORK = ("torch", "safetensors")  # no picture without them; the others are required where they are used
 MINIMUM = {"torch": "2.4", "safetensors": "0.4"}  # PyTorch has had rms_norm since then
 PUBLISHED = {  # to download and read the published weights
     "huggingface_hub": "huggingface-hub", "yaml": "pyyaml", "diffusers": "diffusers", "PIL": "pillow",
 }
 EXTENSION = __package__.rsplit(".", 2)[0]
 
-_seen: tuple[object, dict[str, str]] = (None, {})  # what state of the folder was looked at, and what was intact there
+PACKAGES_VARIABLE = "RENDERFORMER_V2_PACKAGES"  # environment: folder of Python packages, as Install Packages makes it
+WEIGHTS_VARIABLE = "RENDERFORMER_V2_WEIGHTS"    # environment: renderformer-v2, or the folder that contains it
 
 
 class MissingPackages(Exception):
     """Packages cannot be imported or used; the message says how to get them."""
+
+
+class FolderContents:
+    """What our folder of packages holds, cached until the folder changes. There is one: `_contents`."""
+
+    def __init__(self):
+        self.forget()
+
+    def forget(self) -> None:
+        self._state, self._intact = None, {}
+
+    def intact(self) -> dict[str, str]:
+        """{distribution: version} of what is complete in the folder; as it was before while something is installed."""
+        if package_install.current.is_running:
+            return self._intact
+        own = folder()
+        if own is None or not own.is_dir():
+            return {}
+        state = own, own.stat().st_mtime_ns
+        if self._state != state:
+            self._state, self._intact = state, distributions.find_intact(own)
+        return self._intact
+
+
+_contents = FolderContents()
+intact = _contents.intact
 
 
 def is_extension() -> bool:
@@ -56,64 +85,55 @@ def offline() -> str:
     return "Allow Online Access in Preferences > System first"
 
 
+def shared_folder(variable: str) -> Path | None:
+    """The folder that the environment names, absolute, whether it exists or not."""
+    text = os.environ.get(variable, "").strip()
+    return Path(text).expanduser().absolute() if text else None
+
+
 def folder(create: bool = False) -> Path | None:
     """Our folder of packages: the shared one, or under Blender's path for this extension.
 
     None when run from the source tree without a shared one.
     """
-    if shared := shared_folders.named(shared_folders.PACKAGES):
+    if shared := shared_folder(PACKAGES_VARIABLE):
         return shared
     if not is_extension():
         return None
     return Path(bpy.utils.extension_path_user(EXTENSION, path="runtime", create=create))
 
 
-def look_again() -> None:
-    """Forget what was seen in our folder: something was written there."""
-    global _seen
-    _seen = None, {}
+def refresh() -> None:
+    """Look into our folder again: something was installed."""
+    _contents.forget()
     importlib.invalidate_caches()
 
 
-def intact() -> dict[str, str]:
-    """{distribution: version} of what lies complete in our folder; looked at again when something comes or goes."""
-    global _seen
-    if package_install.is_running():
-        return _seen[1]  # what comes now is looked at when all is there
-    own = folder()
-    if own is None or not own.is_dir():
-        return {}
-    state = own, own.stat().st_mtime_ns
-    if _seen[0] != state:
-        _seen = state, distributions.intact(own)
-    return _seen[1]
-
-
 def elsewhere(name: str) -> Path | None:
-    """The folder outside of ours where the running Python finds a package of this import name, if it does."""
+    """The folder outside of ours where Python finds a package of this import name, if any."""
     own = folder()
     if own and own.is_dir() and str(own) not in sys.path:
-        sys.path.append(str(own))  # behind Blender's packages: it must not replace any of them
+        sys.path.append(str(own))  # after Blender's packages, so that it replaces none of them
         importlib.invalidate_caches()
     spec = importlib.util.find_spec(name)
-    if spec is None or spec.origin is None:  # a folder without an __init__.py is the rest of something
+    if spec is None or spec.origin is None:  # a folder without __init__.py is a leftover
         return None
     return None if own and Path(spec.origin).is_relative_to(own) else Path(spec.origin).parents[1]
 
 
 def is_elsewhere(name: str) -> bool:
-    """Whether the running Python has a package of this import name outside of our folder; that one is used then."""
+    """Whether Python has a package of this import name outside of our folder, which is then used."""
     return elsewhere(name) is not None
 
 
 @cache
 def _version(distribution: str, folder: Path) -> str:
-    """Of a distribution that lies there, or "" where nothing says so."""
-    return next((found.version for found in metadata.distributions(name=distribution, path=[str(folder)])), "")
+    """The version of a distribution in a folder, or "" where it is unknown."""
+    return next((candidate.version for candidate in metadata.distributions(name=distribution, path=[str(folder)])), "")
 
 
 def version_elsewhere(name: str) -> str:
-    """Of the package with this import name outside of our folder, or "" where there is none or nothing says so."""
+    """The version of the package with this import name outside of our folder, or "" where none is known."""
     folder = elsewhere(name)
     return _version((PACKAGES | PUBLISHED)[name], folder) if folder else ""
 
@@ -136,52 +156,52 @@ def too_old() -> str:
 
 
 def is_complete(distribution: str) -> bool:
-    """Whether our folder has it with all that it needs, of either build and in the pinned versions."""
+    """Whether our folder has a distribution and all that it needs, of one build and in the pinned versions."""
     have = intact()
 
     def has(build: str) -> bool:
         try:
-            return all(wheels.public(have.get(wheel.name, "")) == wheels.public(wheel.version)
-                       for wheel in wheels.needed(distribution, build))
-        except (wheels.NoWheel, KeyError):  # not made for this computer, or not pinned
+            return all(wheels.public_version(have.get(wheel.name, "")) == wheels.public_version(wheel.version)
+                       for wheel in wheels.find_wheels(distribution, build))
+        except (wheels.NoWheel, KeyError):  # no wheel for this computer, or not pinned
             return False
 
     return any(map(has, wheels.BUILDS))
 
 
 def is_offered(name: str, distribution: str) -> bool:
-    """Whether a package is asked for on this computer: one that is only useful is not where no wheel of it is made."""
+    """Whether a package is required on this computer; an optional one is not if it has no wheel for it."""
     return name in NETWORK or wheels.is_made(distribution)
 
 
 def missing(packages: dict[str, str] = PACKAGES) -> list[str]:
-    """Import names of the packages (PACKAGES or PUBLISHED) that are not to be found, or damaged."""
+    """Import names of the packages (PACKAGES or PUBLISHED) that are missing or damaged."""
     return [name for name, distribution in packages.items()
             if is_offered(name, distribution) and not is_elsewhere(name) and not is_complete(distribution)]
 
 
 def installed() -> list[str]:
-    """Import names of the packages that lie in our folder, damaged or not."""
+    """Import names of the packages in our folder, damaged or not."""
     own = folder()
-    there = distributions.infos(own) if own else {}
-    return [name for name, distribution in (PACKAGES | PUBLISHED).items() if distribution in there]
+    existing = distributions.find_infos(own) if own else {}
+    return [name for name, distribution in (PACKAGES | PUBLISHED).items() if distribution in existing]
 
 
 def build() -> str:
-    """The build of PyTorch that the preferences ask for: CUDA or CPU."""
-    return wheels.build(preferences().torch_build if preferences() else "AUTO")
+    """The build of PyTorch chosen in the preferences: CUDA or CPU."""
+    return wheels.choose_build(preferences().torch_build if preferences() else "AUTO")
 
 
 def cuda_release() -> str:
-    """That of PyTorch's CUDA build for Windows."""
-    return wheels.release_of(preferences().torch_cuda_index) if preferences() else wheels.CUDA
+    """The release of CUDA ("cu132") of PyTorch's build for Windows."""
+    return wheels.parse_cuda_release(preferences().torch_cuda_index) if preferences() else wheels.CUDA
 
 
 def installed_build() -> str:
-    """Which build of PyTorch is there: "CPU", "CUDA 13.2", "ROCm 7.1", or "" for none or an unknown one."""
-    found = elsewhere("torch") or folder()
+    """The build of PyTorch that is installed: "CPU", "CUDA 13.2", "ROCm 7.1", or "" for none or an unknown one."""
+    location = elsewhere("torch") or folder()
     try:
-        text = (found / "torch" / "version.py").read_text(encoding="utf-8")
+        text = (location / "torch" / "version.py").read_text(encoding="utf-8")
     except (OSError, TypeError):
         return ""
     for name, pattern in (("CUDA", r"^cuda\b.*=\s*'([\d.]+)'"), ("ROCm", r"^hip\b.*=\s*'([\d.]+)")):
@@ -190,25 +210,26 @@ def installed_build() -> str:
     return "CPU" if re.search(r"^cuda\b.*=\s*None", text, re.MULTILINE) else ""
 
 
-def wanted(names: Iterable[str]) -> list[wheels.Wheel]:
-    """Everything that our folder should have for these packages, in the build of the preferences. Raises NoWheel."""
-    known, found = PACKAGES | PUBLISHED, {}
+def required_wheels(names: Iterable[str]) -> list[wheels.Wheel]:
+    """All that our folder should have for these packages, in the build of the preferences. Raises NoWheel."""
+    all_packages, required = PACKAGES | PUBLISHED, {}
     for name in names:
-        if is_offered(name, known[name]) and not is_elsewhere(name):
-            found |= {wheel.name: wheel for wheel in wheels.needed(known[name], build(), cuda_release())}
-    return list(found.values())
+        if is_offered(name, all_packages[name]) and not is_elsewhere(name):
+            found_wheels = wheels.find_wheels(all_packages[name], build(), cuda_release())
+            required |= {wheel.name: wheel for wheel in found_wheels}
+    return list(required.values())
 
 
-def lacking(names: Iterable[str]) -> list[wheels.Wheel]:
-    """Those of wanted(names) that are not there. Raises NoWheel."""
+def missing_wheels(names: Iterable[str]) -> list[wheels.Wheel]:
+    """Those of required_wheels(names) that are not there. Raises NoWheel."""
     have = intact()
-    return [wheel for wheel in wanted(names) if have.get(wheel.name) != wheel.version]
+    return [wheel for wheel in required_wheels(names) if have.get(wheel.name) != wheel.version]
 
 
 def other_build() -> str:
     """The build of PyTorch in the preferences, if our folder has a complete one of another; else ""."""
     try:
-        return build() if is_complete("torch") and lacking(["torch"]) else ""
+        return build() if is_complete("torch") and missing_wheels(["torch"]) else ""
     except wheels.NoWheel:
         return ""
 
@@ -219,7 +240,7 @@ def refusal() -> str:
         return message
     if folder() is None:
         return "The add-on runs from its source folder: install the packages into this Python"
-    if package_install.is_running():
+    if package_install.current.is_running:
         return "The packages are being installed"
     return "A render is running" if bpy.app.is_job_running("RENDER") else ""
 
@@ -227,7 +248,7 @@ def refusal() -> str:
 def unavailable(names: Iterable[str]) -> str:
     """Why these packages can never be installed into this Python, and what to do; or ""."""
     try:
-        wanted(names)
+        required_wheels(names)
     except wheels.NoWheel as error:
         return str(error)
     return ""
@@ -241,10 +262,10 @@ def require() -> None:
     if names:
         if problem := unavailable(names):
             raise MissingPackages(problem)
-        if shared := shared_folders.named(shared_folders.PACKAGES):
+        if shared := shared_folder(PACKAGES_VARIABLE):
             raise MissingPackages(
                 f"Python packages are missing or incomplete in {shared}: {', '.join(names)}. The environment variable "
-                f"{shared_folders.PACKAGES} names this folder: correct it, or fill it with blender --online-mode "
+                f"{PACKAGES_VARIABLE} names this folder: correct it, or fill it with blender --online-mode "
                 "--command renderformer_v2 install")
         raise MissingPackages(
             f"Python packages are missing or incomplete: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Downloads one wheel with pip; a part of package_worker.py: standard library and its neighbours only."""
+"""Download a wheel with pip; a part of package_worker.py, which has the standard library and its neighbours only."""
 from __future__ import annotations
 
 import os
@@ -11,36 +11,37 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import distributions
-from hub_worker import Explained
+from hub_worker import ExplainedError
 from wheels import Wheel
 
-KEPT = "packages that are complete are kept, the next installation downloads the others"  # pip resumes no file
-INTERVAL = 0.5  # seconds between two looks at how much has arrived
-KEPT_VARIABLES = {"PIP_CERT", "PIP_CLIENT_CERT", "PIP_PROXY"}  # how to get out of this network, not what to install
+KEPT = "packages that are complete are kept, the next installation downloads the others"  # pip cannot resume a file
+INTERVAL = 0.5  # seconds between two reports of progress
+KEPT_VARIABLES = {"PIP_CERT", "PIP_CLIENT_CERT", "PIP_PROXY"}  # they describe the network, not what to install
 FROM_WHEEL = "import runpy, sys; sys.path.insert(0, sys.argv.pop(1)); runpy.run_module('pip', run_name='__main__')"
 
 
 def pip_command() -> list[str]:
-    """Blender's pip, or the one that Python carries along to make one. Raises Explained without either."""
+    """The command of Blender's pip, or of the one inside ensurepip. Raises ExplainedError without either."""
     if find_spec("pip"):
         return [sys.executable, "-I", "-m", "pip"]
     if spec := find_spec("ensurepip"):
         for wheel in sorted(Path(spec.origin).parent.glob("_bundled/pip-*.whl")):
             return [sys.executable, "-I", "-c", FROM_WHEEL, str(wheel)]
-    raise Explained(f"Blender's Python has no pip: use Blender from blender.org, or install pip for {sys.executable}")
+    raise ExplainedError("Blender's Python has no pip: use Blender from blender.org, or install pip for "
+                         f"{sys.executable}")
 
 
 def environment(temporary: Path) -> dict[str, str]:
-    """Without settings of pip and Python that are meant for others; proxies and certificates stay."""
+    """Environment variables without the user's settings of pip and Python, but with proxies and certificates."""
     cleaned = {key: value for key, value in os.environ.items()
                if not key.startswith(("PIP_", "PYTHON")) or key in KEPT_VARIABLES}
-    if "SSL_CERT_FILE" in cleaned:  # which older pips do not know
+    if "SSL_CERT_FILE" in cleaned:  # unknown to older versions of pip
         cleaned.setdefault("REQUESTS_CA_BUNDLE", cleaned["SSL_CERT_FILE"])
     return cleaned | {"PIP_CONFIG_FILE": os.devnull} | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))
 
 
-def download(wheel: Wheel, staging: Path, tell_size: Callable[[int], None]) -> Path:
-    """The wheel's file in `staging`, compared with its hashes by pip. Raises Explained, and what tell_size raises."""
+def download(wheel: Wheel, staging: Path, report_size: Callable[[int], None]) -> Path:
+    """The wheel's file in `staging`, whose hash pip has checked. Raises ExplainedError, and what report_size raises."""
     temporary, log, requirements = staging / "tmp", staging / "log", staging / "requirements.txt"
     temporary.mkdir()
     hashes = "".join(f" --hash=sha256:{value}" for value in wheel.sha256)
@@ -54,21 +55,21 @@ def download(wheel: Wheel, staging: Path, tell_size: Callable[[int], None]) -> P
         pip = subprocess.Popen(command, env=environment(temporary), stdin=subprocess.DEVNULL, stdout=output,
                                stderr=subprocess.STDOUT, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0))
         try:
-            while pip.poll() is None:  # its output says nothing between the beginning and the end of a file
-                tell_size(min(sum(distributions.sizes(staging).values()), wheel.download))
+            while pip.poll() is None:  # it prints nothing while it downloads a file
+                report_size(min(sum(distributions.measure_files(staging).values()), wheel.download))
                 time.sleep(INTERVAL)
         finally:
             pip.kill()
             pip.wait()
     text = log.read_text(encoding="utf-8", errors="replace")
-    found = list(staging.glob("*.whl"))
-    if pip.returncode or not found:
+    files = list(staging.glob("*.whl"))
+    if pip.returncode or not files:
         print(text, file=sys.stderr)
-        raise Explained(reason(wheel, text))
-    return found[0]
+        raise ExplainedError(explain_failure(wheel, text))
+    return files[0]
 
 
-def reason(wheel: Wheel, log: str) -> str:
+def explain_failure(wheel: Wheel, log: str) -> str:
     """pip's output in one line for the user."""
     what = f"{wheel.name} {wheel.version}"
     if "DO NOT MATCH THE HASHES" in log:

@@ -11,11 +11,11 @@ import bpy
 from ...model.errors import CheckpointError
 from ...model.published import bundle_files
 from ...model.published.bundle_files import is_bundle
-from . import packages, shared_folders
+from . import packages
 
-NEEDED = (*bundle_files.TRANSFORMERS, *bundle_files.MAPPERS)  # by a render
+NEEDED = (*bundle_files.TRANSFORMERS, *bundle_files.MAPPERS)  # for a render
 BUNDLE, VAE = "renderformer-v2", "Qwen-Image"
-# A "revision" of None is the head; "sha256" of a file, where it is known, is asked of whatever the Hub sends.
+# A "revision" of None is the head. "sha256" has the known hashes of files, which downloads must have.
 REPOSITORIES = [
     {"id": "RenderFormer/renderformer-v2", "revision": None, "folder": BUNDLE,
      "parts": [bundle_files.INDEX, *(f"{name}/" for name in NEEDED)], "sha256": {}},
@@ -25,7 +25,7 @@ REPOSITORIES = [
 
 
 def repositories(transformers: tuple[str, ...]) -> list[dict]:
-    """REPOSITORIES with no more than these of bundle_files.TRANSFORMERS."""
+    """REPOSITORIES without the other ones of bundle_files.TRANSFORMERS."""
     unwanted = {f"{name}/" for name in bundle_files.TRANSFORMERS if name not in transformers}
     return [entry | {"parts": [part for part in entry["parts"] if part not in unwanted]} for entry in REPOSITORIES]
 
@@ -35,7 +35,7 @@ def download_folder() -> Path | None:
 
     None when run from the source tree without a shared one.
     """
-    if shared := shared_folders.named(shared_folders.WEIGHTS):
+    if shared := packages.shared_folder(packages.WEIGHTS_VARIABLE):
         return shared.parent if is_bundle(shared) else shared
     if not packages.is_extension():
         return None
@@ -43,15 +43,15 @@ def download_folder() -> Path | None:
 
 
 def latents_file() -> Path | None:
-    """Where encoded textures are kept between renders, of limited size; None when run from the source tree."""
+    """The file that keeps encoded textures between renders, of limited size; None when run from the source tree."""
     if not packages.is_extension():
         return None
     return Path(bpy.utils.extension_path_user(packages.EXTENSION, path="latents")) / "latents.sqlite"
 
 
 def bundle_folder() -> Path | None:
-    """The folder of renderformer-v2: the shared one, else the user's own, else the downloaded one, there or not."""
-    if shared := shared_folders.named(shared_folders.WEIGHTS):
+    """The folder of renderformer-v2, whether it exists or not: shared, or else the user's own, or else downloaded."""
+    if shared := packages.shared_folder(packages.WEIGHTS_VARIABLE):
         return shared if is_bundle(shared) else shared / BUNDLE
     chosen = packages.preferences() and packages.preferences().weights_folder
     if chosen:
@@ -61,10 +61,10 @@ def bundle_folder() -> Path | None:
 
 
 def missing_parts(bundle: Path) -> list[str]:
-    """What a render would not find, the VAE included."""
+    """The parts that a render needs and that are missing, the VAE included."""
     bundle, chosen = bundle_files.bundle_and_transformer(bundle)
     parts = bundle_files.missing_parts(bundle, chosen)
-    # The places where model.image_encoder.find_vae looks; it cannot be asked without importing torch.
+    # The folders in which find_vae of the image encoder looks, which cannot be imported without torch.
     vae = bundle / "vae" if isdir(bundle / "vae") else bundle.parent / VAE / "vae"
     if not all(isfile(vae / name) for name in ("config.json", "diffusion_pytorch_model.safetensors")):
         parts.append(f"{VAE}/vae")
@@ -72,7 +72,7 @@ def missing_parts(bundle: Path) -> list[str]:
 
 
 def require() -> Path:
-    """The complete bundle's folder. Raises CheckpointError that says how to get it."""
+    """The folder of the complete bundle. Raises CheckpointError, which says how to get it."""
     bundle = bundle_folder()
     parts = missing_parts(bundle) if bundle else []
     if bundle and not parts:
@@ -81,19 +81,19 @@ def require() -> Path:
     if bundle and isdir(bundle):
         readable = os.access(bundle, os.R_OK | os.X_OK)
         what = f"in {bundle}: {', '.join(parts)}" if readable else f": {bundle} may not be read"
-    elif shared_folders.named(shared_folders.WEIGHTS) or (packages.preferences()
+    elif packages.shared_folder(packages.WEIGHTS_VARIABLE) or (packages.preferences()
                                                           and packages.preferences().weights_folder):
         what = f": there is no folder {bundle}"
     raise CheckpointError(f"The published weights are not complete {what}. {_remedy()}; or set Weights to Bundled")
 
 
 def _remedy() -> str:
-    if shared_folders.named(shared_folders.WEIGHTS):
-        return (f"The environment variable {shared_folders.WEIGHTS} says where: correct it, or download them there "
+    if packages.shared_folder(packages.WEIGHTS_VARIABLE):
+        return (f"The environment variable {packages.WEIGHTS_VARIABLE} says where: correct it, or download them there "
                 "with blender --online-mode --command renderformer_v2 install --download")
     return "Download them, or choose a folder that has them, in Preferences > Add-ons > RenderFormer-V2"
 
 
 def size_on_disk(folder: Path) -> int:
-    """Bytes of all files in a folder, unfinished ones too."""
+    """Bytes of all files in a folder, including unfinished ones."""
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

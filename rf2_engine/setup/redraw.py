@@ -17,9 +17,9 @@ def redraw() -> float | None:
         for area in window.screen.areas:
             if area.type in ("PREFERENCES", "PROPERTIES"):
                 area.tag_redraw()
-    if package_install.is_running() or weights_download.is_running():
+    if package_install.current.is_running or weights_download.current.is_running:
         return INTERVAL
-    packages.look_again()
+    packages.refresh()
     return None
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A download of the published weights as a process that reports its progress, and can be ended at any time."""
+"""A download of the published weights: a process that reports its progress and can be ended at any time."""
 from __future__ import annotations
 
 import os
@@ -8,10 +8,10 @@ from pathlib import Path
 
 from ...model.published.bundle_files import TRANSFORMERS
 from .published_weights import repositories
-from .worker_process import WorkerProcess
+from .worker_process import CurrentProcess, WorkerProcess
 
 WORKER = Path(__file__).with_name("hub_worker.py")
-ENVIRONMENT = {  # nothing but what was asked for goes over the network
+ENVIRONMENT = {  # no traffic but the requested files
     "HF_HUB_DISABLE_TELEMETRY": "1", "HF_HUB_DISABLE_UPDATE_CHECK": "1", "HF_HUB_DISABLE_IMPLICIT_TOKEN": "1",
     "HF_HUB_DISABLE_XET": "1", "HF_HUB_DISABLE_PROGRESS_BARS": "1",
 }
@@ -19,12 +19,12 @@ TIMEOUT = 20  # seconds without data before a request is made again
 
 
 class Download(WorkerProcess):
-    """asking -> ready (sizes are known) -> fetch() -> fetching -> done; or failed, or cancelled: what came is kept."""
+    """asking -> ready (sizes are known) -> fetch() -> fetching -> done; or failed, or cancelled: arrived data stay."""
 
     RUNNING = ("asking", "fetching")
 
     def __init__(self, target: Path, token: str = "", transformers: tuple[str, ...] = TRANSFORMERS):
-        """Asks the Hub for names and sizes only; raises OSError when no process can be started."""
+        """Ask the Hub for names and sizes. Raises OSError if no process can be started."""
         super().__init__()
         self.target, self.token, self.transformers = target, token, transformers
         self._begin("asking", "ready")
@@ -45,24 +45,4 @@ class Download(WorkerProcess):
         self._start(state, afterwards, [sys.executable, "-P", str(WORKER)], request, environment)
 
 
-current: Download | None = None  # the one that the preferences show
-
-
-def is_running() -> bool:
-    return current is not None and current.is_running
-
-
-def forget() -> None:
-    """End what runs and go back to the beginning."""
-    global current
-    if current:
-        current.cancel()
-    current = None
-
-
-def begin(target: Path, token: str, transformers: tuple[str, ...] = TRANSFORMERS) -> Download:
-    """Ask for the sizes; the result is `current`."""
-    global current
-    forget()
-    current = Download(target, token, transformers)
-    return current
+current = CurrentProcess(Download)

@@ -28,7 +28,7 @@ class NoWheel(Exception):
 
 @dataclass(frozen=True)
 class Wheel:
-    name: str                # normalised, as distributions.normalised does
+    name: str                # normalised, as distributions.normalise does
     version: str
     sha256: tuple[str, ...]  # of all files that fit, or empty when unknown: on PyTorch's own index
     download: int            # bytes
@@ -42,7 +42,7 @@ def pins() -> dict:
     return json.loads(PINS.read_text())
 
 
-def torch_of(build: str) -> str:
+def torch_distribution(build: str) -> str:
     """The name in PINS of a build of PyTorch on this system."""
     if sys.platform == "linux" and build == "CPU":
         return CPU_TORCH
@@ -51,23 +51,23 @@ def torch_of(build: str) -> str:
 
 def has_builds() -> bool:
     """Whether this system has two builds of PyTorch to choose from."""
-    return torch_of("CPU") != torch_of("CUDA")
+    return torch_distribution("CPU") != torch_distribution("CUDA")
 
 
-def release_of(address: str) -> str:
-    """The release of CUDA that a package index of PyTorch's is for, as its address ends: "cu132"."""
+def parse_cuda_release(address: str) -> str:
+    """The release of CUDA that a package index of PyTorch's is for, the end of its address: "cu132"."""
     return address.rstrip("/").rpartition("/")[2]
 
 
-def public(version: str) -> str:
-    """Without what tells builds apart."""
+def public_version(version: str) -> str:
+    """A version without its build: "2.15.0" of "2.15.0+cpu"."""
     return version.partition("+")[0]
 
 
-def needed(distribution: str, build: str = "CUDA", cuda: str = CUDA) -> list[Wheel]:
-    """The distribution and all that it needs, but numpy; cuda: as of release_of, for Windows. Raises NoWheel."""
+def find_wheels(distribution: str, build: str = "CUDA", cuda: str = CUDA) -> list[Wheel]:
+    """The distribution and all that it needs, but numpy; cuda: the release for Windows ("cu132"). Raises NoWheel."""
     if distribution == "torch":
-        distribution = torch_of(build)
+        distribution = torch_distribution(build)
     wheels = [_wheel(name) for name in pins()["needs"][distribution]]
     wheels = [replace(wheel, version=f"{wheel.version}+{cuda}") if wheel and distribution == CUDA_TORCH
               and wheel.name == "torch" else wheel for wheel in wheels]
@@ -96,7 +96,7 @@ def _wheel(name: str) -> Wheel | None:
 
 
 def fits(tag: str) -> bool:
-    """Whether a wheel with this tag is for this Python and system; pip knows better, but is not asked for sizes."""
+    """Whether a wheel with this tag is for this Python and system. pip would know, but does not list sizes."""
     python, abi, system = tag.split("-")
     if not (python == abi == f"cp3{sys.version_info.minor}" or abi == "none"
             or abi == "abi3" and int(python.removeprefix("cp3")) <= sys.version_info.minor):
@@ -111,9 +111,9 @@ def fits(tag: str) -> bool:
     return system.startswith("manylinux") and system.endswith(machine)
 
 
-def space_needed(wanted: list[Wheel]) -> int:
-    """Bytes of free disk to install these: one at a time lies there packed and unpacked."""
-    return sum(wheel.unpacked for wheel in wanted) + max((wheel.download for wheel in wanted), default=0)
+def space_needed(wheels: list[Wheel]) -> int:
+    """Bytes of free disk needed to install these: one at a time is there both packed and unpacked."""
+    return sum(wheel.unpacked for wheel in wheels) + max((wheel.download for wheel in wheels), default=0)
 
 
 def has_nvidia_driver() -> bool:
@@ -122,8 +122,8 @@ def has_nvidia_driver() -> bool:
             or sys.platform == "win32" and library.exists())
 
 
-def build(choice: str) -> str:
-    """The build of PyTorch that AUTO, CUDA or CPU means here; systems other than Linux and Windows have but one."""
+def choose_build(choice: str) -> str:
+    """The build of PyTorch that AUTO, CUDA or CPU means here; only Linux and Windows have both."""
     if choice == "AUTO":
         return "CUDA" if not has_builds() or has_nvidia_driver() else "CPU"
     return choice

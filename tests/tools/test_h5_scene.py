@@ -49,7 +49,7 @@ def test_a_blend_file_becomes_an_h5_scene_with_its_camera(tmp_path):
     bundle = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
     command = [sys.executable, "-m", "tools.render", tmp_path / "scene.blend", "--weights", bundle,
                "--export-h5", tmp_path / "scene.h5"]
-    root = Path(render.__file__).parent.parent
+    root = Path(render.__file__).parents[2]
     done = subprocess.run(list(map(str, command)), cwd=root, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     scene, said = read_h5(tmp_path / "scene.h5"), json.loads(done.stdout)

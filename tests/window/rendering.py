@@ -13,7 +13,8 @@ driver, stages, lines = Driver(FOLDER), [], []
 
 def watch() -> None:
     """Note the stages that begin, and the lines that are shown while Cycles runs."""
-    from bl_ext.user_default.renderformer_v2.rf2_engine.progress import plan, status_line
+    from bl_ext.user_default.renderformer_v2.rf2_engine.progress import plan
+    from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status_line import status_line
 
     def enter(of, stage, real=plan.Plan.enter):
         stages.append(stage.text)

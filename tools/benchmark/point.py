@@ -24,8 +24,8 @@ def main() -> None:
     silence_blender()
     measure = {"cycles": cycles, "rf2_small": rf2_small, "rf2_200m": rf2_200m}[point["subject"]]
     result = measure(point)
-    from renderformer_v2.rf2_engine.progress.memory import MEBI, held
-    result["peak_bytes"] = round(held()[1] * MEBI)
+    from renderformer_v2.rf2_engine.progress import memory
+    result["peak_bytes"] = round(memory.measure()[1] * memory.MEBI)
     print(json.dumps(result))
     extension.leave(0)
 

@@ -21,7 +21,7 @@ from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.network.inputs import view_inputs
 from renderformer_v2.model.network.renderformer import to_radiance
 from renderformer_v2.model.weights.presets import rf2_200m
-from renderformer_v2.rf2_engine.progress.memory import MEBI, held
+from renderformer_v2.rf2_engine.progress import memory
 from tools.benchmark import ring
 from tools.benchmark.point import random_inputs
 from tools.common.arguments import whole_number
@@ -61,7 +61,8 @@ def measure(config: ModelConfig, options: argparse.Namespace) -> dict:
             "tokens_per_second": round(sum(tokens(config, count, options.resolution)) / step),
             "tflop": round(flops / 1e12, 3), "flop_per_second": round(flops / step),
             "threads": torch.get_num_threads() if device.type == "cpu" else None,
-            "memory_mib": round(held()[1] if device.type == "cpu" else torch.cuda.max_memory_allocated() / MEBI)}
+            "memory_mib": round(memory.measure()[1] if device.type == "cpu" else
+                                torch.cuda.max_memory_allocated() / memory.MEBI)}
 
 
 def main() -> int:

@@ -224,7 +224,7 @@ def test_who_switches_a_growing_reference_off_is_not_shown_it_again(settings, tw
 
 
 def test_a_reference_that_is_not_there_is_neither_compared_nor_exported(settings, two_slots, monkeypatch):
-    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0].endswith("Cycles Reference"))
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._displayed[0].endswith("Cycles Reference"))
     render_with_reference(two_slots)
     settings.a.kind = settings.b.kind = "SHOWN"
     settings.b.pass_name = "Cycles Reference"

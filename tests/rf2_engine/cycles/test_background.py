@@ -95,7 +95,7 @@ def test_a_lens_is_looked_through_as_inside(lit, tmp_path, without_cycles, start
 
 def test_esc_ends_the_background_blender(lit, tmp_path, monkeypatch, without_cycles, started):
     folder = without_cycles()
-    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0].startswith("Starting a background"))
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._displayed[0].startswith("Starting a background"))
     press_f12(lit, tmp_path)
     assert last_render.last_frame[0].cancelled
     assert len(started) == 1 and started[0].returncode != 0 and not list(folder.iterdir())

@@ -45,7 +45,7 @@ def test_the_device_and_its_number_format_are_said_everywhere(lit, tmp_path, mon
     press_f12(lit, tmp_path)
     (layer,) = last_render.last_frame
     assert layer.device.startswith("CPU") and layer.device.endswith("Float32")
-    assert layer.device in layer.lines[0] and frame_lines.of_layer(layer)["device"] == layer.device
+    assert layer.device in layer.lines[0] and frame_lines.describe_layer(layer)["device"] == layer.device
     assert any(line.startswith("approximated Device: GeForce GTX 1080 (compute capability 6.1) is not used")
                for line in layer.report)
     with OpenEXR.File(str(tmp_path / "picture.exr")) as file:

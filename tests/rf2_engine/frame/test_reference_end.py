@@ -49,7 +49,7 @@ def test_our_picture_is_on_screen_before_cycles_starts(lit, tmp_path, monkeypatc
     shown = []
 
     def look(status):
-        if status._shown[0].endswith("Cycles Reference") and not shown:
+        if status._displayed[0].endswith("Cycles Reference") and not shown:
             read = cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]])
             shown.append(read[""]["combined"])
         return False
@@ -138,7 +138,7 @@ def test_a_reference_of_two_views_has_both_or_is_none(lit):
 
 def test_esc_before_cycles_starts_keeps_our_picture(lit, tmp_path, monkeypatch):
     whole = press_f12(lit, tmp_path)["ViewLayer.Combined"]
-    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0].endswith("Cycles Reference"))
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._displayed[0].endswith("Cycles Reference"))
     np.testing.assert_array_equal(press_f12(lit, tmp_path)["ViewLayer.Combined"], whole)
     assert any("stopped" in line for line in last_render.last_frame[0].report)
 

@@ -194,7 +194,7 @@ def test_while_the_network_works_the_frame_shows_unlit_colours(scene, tmp_path, 
     seen = []
 
     def look(status):
-        if status._shown[0] == "Network" and not seen:
+        if status._displayed[0] == "Network" and not seen:
             layer = status.engine.get_result().layers["ViewLayer"]
             pixels = np.array(next(p for p in layer.passes if p.name == "Combined").rect)
             seen.append(pixels.reshape(37, 50, 4)[15:22, 20:30, :3].mean(axis=(0, 1)))
@@ -215,7 +215,7 @@ def test_esc_leaves_what_was_traced_and_the_other_passes(scene, tmp_path, monkey
     cube(scene, of=shining)
     tick(scene.view_layers[0], {"normal", "emission", "environment"})
     finished = press_f12(scene, tmp_path)
-    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._shown[0] == stage)
+    monkeypatch.setattr(Status, "esc_pressed", lambda status: status._displayed[0] == stage)
     cancelled = press_f12(scene, tmp_path)
     assert last_render.last_frame[-1].cancelled and not last_render.last_frame[-1].triangles
     traced = cancelled["ViewLayer.Combined"]

@@ -10,7 +10,7 @@ from safetensors.torch import save_file
 
 from bl_ext.user_default.renderformer_v2.model.material.autoencoder import MaterialAutoencoder
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import material as material_panel
-from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.panorama import write_panorama
+from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.files import write_panorama
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from tests.rf2_engine import f12

@@ -26,9 +26,9 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.vdb import openvdb_module
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
-from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.exporting import export_frame
-from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.importing import import_frame
-from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.panorama import write_panorama
+from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.files import write_panorama
+from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.frame_export import export_frame
+from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.frame_import import import_frame
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from mathutils import Matrix
 

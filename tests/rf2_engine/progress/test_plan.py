@@ -63,7 +63,7 @@ def test_what_need_not_be_done_is_not_waited_for(plan):
 
 
 def test_fewer_triangles_than_the_budget_take_less_time(plan):
-    plan.has_triangles(1024)
+    plan.set_triangles(1024)
     assert estimate.frame.expected[ENCODE] == pytest.approx(0.25)
     with plan.enter(ENCODE):
         pass

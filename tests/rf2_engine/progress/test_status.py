@@ -8,9 +8,10 @@ from functools import partialmethod
 import bpy
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.progress import cycles_text, estimate, memory, status_line
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import cycles_text, estimate, memory
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.stages import FIRST_HITS, REFERENCE
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status_line import status_line
 
 from tests.rf2_engine.f12 import cube, press_f12
 
@@ -67,17 +68,17 @@ def test_a_stage_at_one_pace_is_judged_by_it_whatever_it_took_before():
     frame.begin_layer(1, {REFERENCE: 1000.0})
     frame.begin_stage(REFERENCE)
     frame.stage_begin -= 5
-    assert frame.remaining(0.25, even=True) == pytest.approx(15, rel=0.1)
+    assert frame.remaining(0.25, is_steady=True) == pytest.approx(15, rel=0.1)
     frame.stage_begin -= 5
-    assert frame.remaining(0.25, even=True) == pytest.approx(10, rel=0.1)  # nothing was heard since
+    assert frame.remaining(0.25, is_steady=True) == pytest.approx(10, rel=0.1)  # nothing was heard since
     assert frame.remaining(0.25) > 500
 
 
 def test_memory_counts_what_python_packages_hold():
-    before, _ = memory.held()
+    before, _ = memory.measure()
     block = bytearray(200 << 20)
     block[::4096] = b"x" * len(block[::4096])
-    now, most = memory.held()
+    now, most = memory.measure()
     assert now - before > 150 and most >= now
 
 

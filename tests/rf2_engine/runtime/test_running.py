@@ -33,7 +33,7 @@ def disable(*_):
             package.unregister()
 
 def disable_in_stage(status):
-    if status._shown[0] == "Network":
+    if status._displayed[0] == "Network":
         disable()
     return False
 

@@ -21,7 +21,7 @@ def index(monkeypatch):
     pins = server.pins()
     monkeypatch.setattr(wheels, "pins", lambda: pins)
     yield server
-    package_install.forget()
+    package_install.current.forget()
     server.stop()
 
 
@@ -36,10 +36,10 @@ def target(scene, index, monkeypatch, tmp_path):
     addon_utils.enable(PACKAGE, default_set=True)
     bpy.context.preferences.system.use_online_access = True
     packages.preferences().package_index = index.address
-    packages.look_again()
+    packages.refresh()
     yield tmp_path / "runtime"
-    package_install.forget()
-    packages.look_again()
+    package_install.current.forget()
+    packages.refresh()
     packages.preferences().package_index = ""
     bpy.context.preferences.system.use_online_access = False
     for name in NAMES:

@@ -17,7 +17,6 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
     distributions,
     packages,
     published_weights,
-    shared_folders,
 )
 
 from tests.rf2_engine.setup.index import NAMES
@@ -55,10 +54,10 @@ def bundle(tmp_path):
 def test_what_is_missing_is_installed_into_a_shared_folder(said, real_folder, index, target, monkeypatch, tmp_path):
     shared = tmp_path / "for all machines"
     monkeypatch.setattr(packages, "folder", real_folder)
-    monkeypatch.setenv(shared_folders.PACKAGES, str(shared))
+    monkeypatch.setenv(packages.PACKAGES_VARIABLE, str(shared))
     code, _, errors = said("install")
     assert code == 0, errors
-    assert distributions.intact(shared) == {"tiny-one": "1.0", "tiny-two": "2.0"} and not target.exists()
+    assert distributions.find_intact(shared) == {"tiny-one": "1.0", "tiny-two": "2.0"} and not target.exists()
     assert not packages.missing(NAMES) and packages.elsewhere("tiny_one") is None
 
 
@@ -69,7 +68,7 @@ def test_the_build_is_kept_for_later(said, index, target):
         assert kept.torch_build == "CUDA"
     finally:
         kept.torch_build = "AUTO"
-    assert distributions.intact(target) == {"tiny-one": "1.0", "tiny-two": "2.0"}
+    assert distributions.find_intact(target) == {"tiny-one": "1.0", "tiny-two": "2.0"}
 
 
 def test_installing_again_downloads_nothing(said, index, target):
@@ -145,7 +144,7 @@ def test_status_names_packages_that_are_missing(said, scene, monkeypatch):
 
 @pytest.mark.parametrize("named", ["itself", "the folder that holds it"])
 def test_shared_weights_come_before_own_ones_and_are_never_removed(scene, bundle, monkeypatch, named):
-    monkeypatch.setenv(shared_folders.WEIGHTS, str(bundle if named == "itself" else bundle.parent))
+    monkeypatch.setenv(packages.WEIGHTS_VARIABLE, str(bundle if named == "itself" else bundle.parent))
     assert published_weights.require() == bundle
     assert published_weights.download_folder() == bundle.parent
     assert not bpy.ops.renderformer_v2.remove_weights.poll()
@@ -156,27 +155,28 @@ def test_a_variable_that_names_no_weights_is_said_with_its_name(said, scene, mon
     folder = tmp_path / "weights" / "renderformer-v2"
     if named == "empty":
         folder.mkdir(parents=True)
-    monkeypatch.setenv(shared_folders.WEIGHTS, str(folder.parent))
+    monkeypatch.setenv(packages.WEIGHTS_VARIABLE, str(folder.parent))
     code, output, _ = said("status", "--weights", "published")
     (problem,) = json.loads(output)["problems"]
     assert code == 1 and str(folder) in problem and "Preferences" not in problem
-    assert f"{shared_folders.WEIGHTS} says where: correct it" in problem and "install --download" in problem
+    assert f"{packages.WEIGHTS_VARIABLE} says where: correct it" in problem and "install --download" in problem
 
 
 def test_a_variable_that_names_no_packages_is_said_with_its_name(said, scene, monkeypatch, tmp_path):
-    monkeypatch.setenv(shared_folders.PACKAGES, str(tmp_path / "shared"))
+    monkeypatch.setenv(packages.PACKAGES_VARIABLE, str(tmp_path / "shared"))
     monkeypatch.setattr(packages, "is_elsewhere", lambda name: name != "torch")
     code, output, _ = said("status")
     (problem,) = json.loads(output)["problems"]
     assert code == 1 and f"incomplete in {tmp_path / 'shared'}: torch." in problem
-    assert f"{shared_folders.PACKAGES} names this folder: correct it" in problem and "Render Properties" not in problem
+    assert f"{packages.PACKAGES_VARIABLE} names this folder: correct it" in problem
+    assert "Render Properties" not in problem
 
 
 def test_a_variable_that_names_a_file_is_said_and_nothing_is_downloaded(said, real_folder, index, target, monkeypatch,
                                                                         tmp_path):
     (tmp_path / "file").write_bytes(b"")
     monkeypatch.setattr(packages, "folder", real_folder)
-    monkeypatch.setenv(shared_folders.PACKAGES, str(tmp_path / "file"))
+    monkeypatch.setenv(packages.PACKAGES_VARIABLE, str(tmp_path / "file"))
     code, _, errors = said("install")
     assert code == 1 and f"{tmp_path / 'file'} cannot be used: a file is where a folder should be" in errors
     assert not [path for path in index.requests if path.startswith("/files/")]

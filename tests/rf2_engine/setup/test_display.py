@@ -3,7 +3,7 @@
 import blf
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup.display import wrapped
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup.display import wrap
 
 TEXT = ("Slot 1 has no pass 'Cycles Reference'. Choose one of: Combined, Depth, Diffuse Color, iiiii, WWWWWWWWWW, "
         "/a/folder/with/a/name/that/no/panel/is/wide/enough/for/ (WWWWW)")
@@ -12,11 +12,11 @@ TEXT = ("Slot 1 has no pass 'Cycles Reference'. Choose one of: Combined, Depth, 
 @pytest.mark.parametrize("width", [60, 210, 2000])
 def test_every_line_fits_and_no_letter_is_lost(width):
     blf.size(0, 11)
-    lines = wrapped(TEXT, width)
+    lines = wrap(TEXT, width)
     assert max(blf.dimensions(0, line)[0] for line in lines) <= width
     assert "".join(lines).replace(" ", "") == TEXT.replace(" ", "")
     assert width < 2000 or lines == [TEXT]
 
 
 def test_a_panel_of_no_width_has_a_letter_to_a_line():
-    assert wrapped("ab c", 0) == list("abc")
+    assert wrap("ab c", 0) == list("abc")

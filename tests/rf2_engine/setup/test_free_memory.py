@@ -13,7 +13,7 @@ def test_the_memory_of_the_network_cannot_be_freed_while_it_renders(lit, tmp_pat
     allowed = {}
 
     def look(status):
-        allowed[status._shown[0]] = bpy.ops.renderformer_v2.free_model.poll()
+        allowed[status._displayed[0]] = bpy.ops.renderformer_v2.free_model.poll()
         return False
     monkeypatch.setattr(Status, "esc_pressed", look)
     press_f12(lit, tmp_path)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import importing, packages, shared_folders
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import importing, packages
 
 BROKEN = """
 import sys
@@ -57,10 +57,10 @@ def test_a_package_that_is_too_old_is_named_with_what_to_do(tmp_path, name, vers
 def test_a_shared_folder_for_another_python_is_not_to_be_repaired_from_here(monkeypatch, tmp_path):
     error = ModuleNotFoundError("No module named 'torch._C'")
     monkeypatch.setattr(packages, "is_elsewhere", lambda name: False)
-    assert "Repair Packages" in importing._explained("torch", error)
-    monkeypatch.setenv(shared_folders.PACKAGES, str(tmp_path))
-    said = importing._explained("torch", error)
-    assert "Repair" not in said and f"{shared_folders.PACKAGES} names {tmp_path}: it has to be filled on" in said
+    assert "Repair Packages" in importing._explain("torch", error)
+    monkeypatch.setenv(packages.PACKAGES_VARIABLE, str(tmp_path))
+    said = importing._explain("torch", error)
+    assert "Repair" not in said and f"{packages.PACKAGES_VARIABLE} names {tmp_path}: it has to be filled on" in said
 
 
 def test_a_package_that_is_new_enough_or_says_no_version_is_used(tmp_path, monkeypatch):

@@ -26,7 +26,7 @@ SETUP = os.path.dirname(package_install.__file__)
 
 
 def wanted() -> list[wheels.Wheel]:
-    return [found for name in NAMES.values() for found in wheels.needed(name)]
+    return [found for name in NAMES.values() for found in wheels.find_wheels(name)]
 
 
 def installation(index, folder, **options) -> package_install.Installation:
@@ -36,7 +36,7 @@ def installation(index, folder, **options) -> package_install.Installation:
 def stalled(index, folder, name="tiny-two") -> package_install.Installation:
     """An installation in the middle of a file, for which no more data come."""
     index.stalling = name
-    begun = package_install.begin(folder, wanted(), index=index.address)
+    begun = package_install.current.begin(folder, wanted(), index=index.address)
     assert index.stalled.wait(600)
     return begun
 
@@ -62,7 +62,7 @@ def test_what_is_missing_is_installed_and_found_without_numpy(index, target):
     assert missing() == list(NAMES)
     assert bpy.ops.renderformer_v2.install_packages() == {"FINISHED"}
     assert not missing() and importlib.import_module("tiny_two").value == "tiny-two 2.0"
-    assert distributions.intact(target, by_content=True) == {"tiny-one": "1.0", "tiny-two": "2.0"}
+    assert distributions.find_intact(target, by_content=True) == {"tiny-one": "1.0", "tiny-two": "2.0"}
     assert sorted(path.name for path in (target / "shared_space").iterdir()) == ["tiny_one.py", "tiny_two.py"]
     assert tidied(target) and not any("numpy" in path for path in index.requests)
     with pytest.raises(RuntimeError, match="poll"):
@@ -78,7 +78,7 @@ def test_what_is_missing_is_installed_and_found_without_numpy(index, target):
 def test_a_half_copied_package_is_missing_and_installed_again(index, target, damage):
     bpy.ops.renderformer_v2.install_packages()
     damage(target)
-    packages.look_again()
+    packages.refresh()
     assert missing() == ["tiny_one"]
     index.requests.clear()
     assert bpy.ops.renderformer_v2.install_packages() == {"FINISHED"}
@@ -94,7 +94,7 @@ def test_a_folder_without_a_list_of_its_files_is_no_package(index, target):
 def test_repair_finds_damage_that_only_the_content_shows(index, target):
     bpy.ops.renderformer_v2.install_packages()
     (target / "tiny_two" / "data.bin").write_text("y" * 200_000)
-    packages.look_again()
+    packages.refresh()
     index.requests.clear()
     assert not missing() and bpy.ops.renderformer_v2.repair_packages() == {"FINISHED"}
     assert index.downloads() == ["tiny_two"]
@@ -119,7 +119,7 @@ def test_cancelling_tidies_up_and_keeps_what_is_complete(index, target):
     assert bpy.ops.renderformer_v2.cancel_packages() == {"FINISHED"}
     begun.wait(600)
     assert begun.state == "cancelled" and not (target / distributions.STAGING).exists()
-    packages.look_again()
+    packages.refresh()
     assert missing() == ["tiny_two"]
     index.stalling = ""
     index.requests.clear()
@@ -166,7 +166,7 @@ def test_the_end_of_blender_ends_it_and_tidies_up(index, target):
             "from renderformer_v2.rf2_engine.setup import package_install, wheels;"
             f"wheels.pins = lambda: {wheels.pins()!r};"
             f"package_install.Installation(Path({str(target)!r}), [w for n in {list(NAMES.values())!r} for w in"
-            f" wheels.needed(n)], index={index.address!r}); sys.stdin.read(1); os._exit(1)")
+            f" wheels.find_wheels(n)], index={index.address!r}); sys.stdin.read(1); os._exit(1)")
     blender = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE)
     assert index.stalled.wait(600) and (target / distributions.STAGING).exists()
     blender.communicate(b"x")
@@ -184,7 +184,7 @@ def test_the_next_start_removes_what_a_killed_process_left(index, target):
 
 def test_the_panels_find_what_has_arrived(index, target):
     assert missing() == list(NAMES)
-    begun = package_install.begin(target, wanted(), index=index.address)
+    begun = package_install.current.begin(target, wanted(), index=index.address)
     assert missing() == list(NAMES)
     finished(begun)
     assert redraw.redraw() is None and not missing()
@@ -207,8 +207,8 @@ def test_an_index_that_is_not_there_is_said_in_one_line(index, target, capfd):
 def test_a_full_disk_promises_what_is_kept():
     code = ("import errno, sys; sys.path.append(sys.argv[1]); import package_worker as worker, pip_download;"
             "from wheels import Wheel; wheel = Wheel('tiny', '1', (), 1, 1);"
-            "print(worker.unusable('/x', OSError(errno.ENOSPC, ''), worker.KEPT));"
-            "print(pip_download.reason(wheel, 'ERROR: No space left'))")
+            "print(worker.explain_disk('/x', OSError(errno.ENOSPC, ''), worker.KEPT));"
+            "print(pip_download.explain_failure(wheel, 'ERROR: No space left'))")
     done = subprocess.run([sys.executable, "-c", code, SETUP], capture_output=True, text=True, check=True)
     for line in done.stdout.splitlines():
         assert "disk is full (packages that are complete are kept" in line
@@ -277,7 +277,7 @@ def test_pytorch_for_the_cpu_comes_from_its_own_index(target, monkeypatch):
     pins["wheels"][wheels.CPU_TORCH] = {"version": "1.0+cpu", "files": cpu}
     monkeypatch.setattr(wheels, "pins", lambda: pins)
     monkeypatch.setattr(sys, "platform", "linux")
-    begun = finished(package_install.Installation(target, wheels.needed("torch", "CPU"), index=own.address,
+    begun = finished(package_install.Installation(target, wheels.find_wheels("torch", "CPU"), index=own.address,
                                                   torch_index=other.address))
     own.stop()
     other.stop()

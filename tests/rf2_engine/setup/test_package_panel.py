@@ -41,9 +41,9 @@ def test_a_greyed_button_has_its_reason_below(missing, monkeypatch):
 def test_a_python_that_packages_are_not_made_for_is_told_what_to_do_and_has_no_button(missing, monkeypatch):
     missing("embreex")
 
-    def wanted(names):
+    def refuse(names):
         raise wheels.NoWheel("embreex is not made for Python 3.14: use Blender from blender.org")
-    monkeypatch.setattr(packages, "wanted", wanted)
+    monkeypatch.setattr(packages, "required_wheels", refuse)
     assert drawn() == ("Missing Python packages: embreex "
                        "embreex is not made for Python 3.14: use Blender from blender.org", 0)
 

@@ -30,7 +30,7 @@ def hub(monkeypatch):
     monkeypatch.setenv("HF_HUB_DOWNLOAD_TIMEOUT", "1")
     monkeypatch.setenv("NO_PROXY", "*")
     yield server
-    weights_download.forget()
+    weights_download.current.forget()
     server.stop()
 
 
@@ -91,7 +91,7 @@ def test_sizes_come_first_then_a_complete_bundle_that_a_scene_can_choose(hub, on
         settings.weights()
 
     assert bpy.ops.renderformer_v2.download_weights() == {"FINISHED"}
-    folder, total = published_weights.download_folder(), weights_download.current.total
+    folder, total = published_weights.download_folder(), weights_download.current.process.total
     assert not files(folder) and not any("/resolve/" in path for path, _, _ in hub.requests)
 
     assert bpy.ops.renderformer_v2.fetch_weights() == {"FINISHED"}
@@ -302,7 +302,8 @@ def test_the_way_to_a_repository_that_is_not_open_is_shown_step_by_step(hub, onl
     assert pages == [f"{hub.endpoint}/{page}" for page in ("login", BUNDLE, "settings/tokens")]
     assert "access_token" in drawn.shown and any(text.startswith("4. Paste it") for text in drawn.texts)
     bpy.context.preferences.addons[PACKAGE].preferences.access_token = "hf_secret"
-    assert bpy.ops.renderformer_v2.download_weights() == {"FINISHED"} and weights_download.current.state == "ready"
+    assert bpy.ops.renderformer_v2.download_weights() == {"FINISHED"}
+    assert weights_download.current.process.state == "ready"
     bpy.context.preferences.addons[PACKAGE].preferences.access_token = ""
 
 
@@ -331,13 +332,13 @@ def test_without_online_access_nothing_is_asked(hub, online):
         bpy.ops.renderformer_v2.download_weights()
     with pytest.raises(RuntimeError, match="Allow Online Access"):
         bpy.ops.renderformer_v2.install_packages()
-    assert not hub.requests and weights_download.current is None
+    assert not hub.requests and weights_download.current.process is None
 
 
 def test_the_token_is_not_stored_in_the_preferences(online):
     kept = bpy.context.preferences.addons[PACKAGE].preferences
     kept.access_token = " hf_sec\nret "
-    assert preferences.token() == "hf_secret"
+    assert preferences.session.token == "hf_secret"
     stored = kept.bl_system_properties_get() if bpy.app.version >= (5, 0, 0) else kept
     assert "access_token" not in (stored.keys() if stored else ())
     kept.access_token = ""

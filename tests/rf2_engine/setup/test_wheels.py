@@ -36,21 +36,21 @@ def test_everything_is_there_with_hashes_for_this_system(on, system, machine, mi
     assert known.keys() - offered == ({"embreex"} if (system, machine) == WITHOUT_EMBREE else set())
     for distribution in (known[name] for name in offered):
         index_build = "CPU" if system == "win32" else "CUDA"  # the other is PyTorch's own index's
-        found = {wheel.name: wheel for wheel in wheels.needed(distribution, index_build)}
+        found = {wheel.name: wheel for wheel in wheels.find_wheels(distribution, index_build)}
         assert distribution in found and all(re.fullmatch("[0-9a-f]{64}", value) for wheel in found.values()
                                              for value in wheel.sha256 or [""])
         assert "numpy" not in found
-    torch = {wheel.name for wheel in wheels.needed("torch")}
+    torch = {wheel.name for wheel in wheels.find_wheels("torch")}
     assert ("nvidia-cudnn-cu13" in torch) == (system == "linux") and "jinja2" in torch
 
 
 @pytest.mark.parametrize("system, machine", SYSTEMS)
 def test_linux_and_windows_have_two_builds_of_pytorch(on, system, machine):
     on(system, machine, 11)
-    cuda, cpu = wheels.needed("torch"), wheels.needed("torch", "CPU")
+    cuda, cpu = wheels.find_wheels("torch"), wheels.find_wheels("torch", "CPU")
     assert (cuda != cpu) == wheels.has_builds() == (system in ("linux", "win32"))
     if system == "win32":  # that of the package index knows no CUDA
-        (own,) = [wheel for wheel in wheels.needed("torch", "CUDA", "cu126") if wheel.name == "torch"]
+        (own,) = [wheel for wheel in wheels.find_wheels("torch", "CUDA", "cu126") if wheel.name == "torch"]
         assert own.version.endswith("+cu126") and not own.sha256 and all(wheel.sha256 for wheel in cpu)
         assert not any(wheel.name.startswith("nvidia") for wheel in cuda)
     if system == "linux":
@@ -64,13 +64,13 @@ def test_where_a_useful_package_is_not_made_the_others_are_installed(on, monkeyp
     monkeypatch.setattr(packages, "folder", lambda create=False: tmp_path)
     names = packages.missing()
     assert names == ["torch", "safetensors", "fast_simplification"]
-    assert {"torch", "fast-simplification"} <= {wheel.name for wheel in packages.lacking(packages.PACKAGES)}
+    assert {"torch", "fast-simplification"} <= {wheel.name for wheel in packages.missing_wheels(packages.PACKAGES)}
 
 
 def test_a_system_without_a_wheel_is_named(on):
     on("darwin", "x86_64", 11)
     with pytest.raises(wheels.NoWheel, match="torch .* is not made for Python 3.11 on"):
-        wheels.needed("torch")
+        wheels.find_wheels("torch")
 
 
 def drawn(monkeypatch, tmp_path, missing=lambda name: True) -> Layout:
@@ -112,8 +112,8 @@ def test_without_the_simplifier_alone_small_scenes_render(on, monkeypatch, tmp_p
 def test_automatic_is_cuda_where_a_driver_is_found(on, monkeypatch, system, driver, expected):
     on(system, "AMD64" if system == "win32" else "x86_64", 11)
     monkeypatch.setattr(wheels, "has_nvidia_driver", lambda: driver)
-    assert wheels.build("AUTO") == expected
-    assert wheels.build("CUDA") == "CUDA" and wheels.build("CPU") == "CPU"
+    assert wheels.choose_build("AUTO") == expected
+    assert wheels.choose_build("CUDA") == "CUDA" and wheels.choose_build("CPU") == "CPU"
 
 
 @pytest.mark.parametrize("text, expected", [
@@ -131,7 +131,8 @@ def test_the_build_that_is_installed_is_read_from_its_files(monkeypatch, tmp_pat
 
 def test_the_address_of_pytorchs_index_names_the_release_of_cuda(scene):
     default = preferences.RenderFormerPreferences.bl_rna.properties["torch_cuda_index"].default
-    assert wheels.release_of(default) == wheels.CUDA and wheels.release_of("https://a.b/whl/cu126/") == "cu126"
+    assert wheels.parse_cuda_release(default) == wheels.CUDA
+    assert wheels.parse_cuda_release("https://a.b/whl/cu126/") == "cu126"
 
 
 def test_the_versions_are_those_that_the_tests_run_with():

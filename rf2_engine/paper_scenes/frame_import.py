@@ -26,14 +26,14 @@ from ...model.weights.files import lfs_remedy
 from ..engine import RenderFormerEngine
 from . import material_nodes
 
-SMOOTH = math.radians(30)  # between faces, where the file has no normals
+SMOOTH = math.radians(30)  # largest angle between smooth faces, where the file has no normals
 RESOLUTION = 512
 
 
 def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.types.Scene:
-    """A new scene beside those of the open file, whose F12 shows the frame: square, `resolution` pixels on each side.
+    """Make a new scene beside those of the open file, whose F12 shows the frame in `resolution` x `resolution` pixels.
 
-    What is missing or cannot be used is in the report (convert/report.py), and left out.
+    What is missing or cannot be used is left out and in the report.
     Raises SceneError for a folder that is no frame, and for one that shows nothing.
     """
     folder = Path(folder).resolve()
@@ -42,58 +42,58 @@ def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.type
         report.skipped(frame.name, f"{name} is not in {folder}: put it there and import again")
     for name in pointers(frame, folder):
         report.skipped(frame.name, f"{name} {lfs_remedy(folder)}, and import again")
-    meshes = {key: _read(folder / it.mesh, report) for key, it in frame.objects.items()}
+    meshes = {key: _read_mesh(folder / obj.mesh, report) for key, obj in frame.objects.items()}
     if not frame.cameras:
         raise SceneError(f"{folder} has no camera: add one to its scene_config.json")
     scene = bpy.data.scenes.new(frame.name)
     try:
-        for key, it in frame.objects.items():
+        for key, obj in frame.objects.items():
             if meshes[key] is not None:
-                _add_object(scene, key, it, meshes[key], folder, report)
+                _add_object(scene, key, obj, meshes[key], folder, report)
         for i, volume in enumerate(frame.volumes):
             _add_volume(scene, f"Volume {i + 1}", volume, folder)
-        scene.world = world(frame.name, folder, frame.environment)
+        scene.world = create_world(frame.name, folder, frame.environment)
         add_cameras(scene, frame.cameras)
-        settle(scene, resolution, sum(int((it.sizes - 2).sum()) for it in meshes.values() if it))
+        set_up_render(scene, resolution, sum(int((mesh.sizes - 2).sum()) for mesh in meshes.values() if mesh))
     except BaseException:
         bpy.data.scenes.remove(scene)
         raise
     return scene
 
 
-def settle(scene: bpy.types.Scene, resolution: int, triangles: int) -> None:
-    """Square pictures without background, by our engine; all triangles as they are, and light and scale too."""
+def set_up_render(scene: bpy.types.Scene, resolution: int, triangles: int) -> None:
+    """Square pictures without background by our engine, with triangles, light and scale unchanged."""
     scene.render.engine = RenderFormerEngine.bl_idname
     scene.render.resolution_x = scene.render.resolution_y = resolution
     scene.render.resolution_percentage = 100
     scene.render.film_transparent = True
     scene.view_settings.view_transform = "Standard"
-    ours = scene.renderformer_v2
-    ours.as_is, ours.max_edge, ours.token_budget = True, 1, max(triangles, 256)
+    settings = scene.renderformer_v2
+    settings.as_is, settings.max_edge, settings.token_budget = True, 1, max(triangles, 256)
 
 
-def _read(file: Path, report) -> ObjMesh | None:
+def _read_mesh(file: Path, report) -> ObjMesh | None:
     if not file.is_file():
-        return None  # it is reported already
+        return None  # reported already
     try:
-        found = read_obj(file)
+        mesh = read_obj(file)
     except SceneError as error:
         report.refused(file.name, str(error))
         return None
-    if not len(found.sizes):
+    if not len(mesh.sizes):
         report.skipped(file.name, f"{file} has no face that has an area")
-    return found
+    return mesh
 
 
-def _add_object(scene, key: str, it: FrameObject, mesh: ObjMesh, folder: Path, report) -> None:
-    made = mesh_of(key, mesh, it.material)
-    made.materials.append(material_nodes.build(key, it.material, folder, report))
-    added = bpy.data.objects.new(key, made)
-    added.visible_camera = not any(it.material.emission)  # no picture of the training shows a lamp
-    scene.collection.objects.link(added)
+def _add_object(scene, key: str, source: FrameObject, obj_mesh: ObjMesh, folder: Path, report) -> None:
+    mesh = create_mesh(key, obj_mesh, source.material)
+    mesh.materials.append(material_nodes.create_material(key, source.material, folder, report))
+    obj = bpy.data.objects.new(key, mesh)
+    obj.visible_camera = not any(source.material.emission)  # no picture of the training shows a lamp
+    scene.collection.objects.link(obj)
 
 
-def mesh_of(name: str, obj: ObjMesh, material: FrameMaterial) -> bpy.types.Mesh:
+def create_mesh(name: str, obj: ObjMesh, material: FrameMaterial) -> bpy.types.Mesh:
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(obj.vertices))
     mesh.vertices.foreach_set("co", obj.vertices.ravel())
@@ -114,53 +114,54 @@ def mesh_of(name: str, obj: ObjMesh, material: FrameMaterial) -> bpy.types.Mesh:
     return mesh
 
 
-def _add_volume(scene, name: str, it: FrameVolume, folder: Path) -> None:
-    if not (folder / it.grid).is_file():
+def _add_volume(scene, name: str, source: FrameVolume, folder: Path) -> None:
+    if not (folder / source.grid).is_file():
         return
     volume = bpy.data.volumes.new(name)
-    volume.filepath = str(folder / it.grid)
-    volume.materials.append(material_nodes.medium(name, it.scattering, it.absorption))
-    added = bpy.data.objects.new(name, volume)
-    added.location, added.scale = it.translation, it.scale
-    added.rotation_euler = np.radians(it.rotation)
-    scene.collection.objects.link(added)
+    volume.filepath = str(folder / source.grid)
+    volume.materials.append(material_nodes.create_medium(name, source.scattering, source.absorption))
+    obj = bpy.data.objects.new(name, volume)
+    obj.location, obj.scale = source.translation, source.scale
+    obj.rotation_euler = np.radians(source.rotation)
+    scene.collection.objects.link(obj)
 
 
-def world(name: str, folder: Path, environment: FrameEnvironment | None) -> bpy.types.World:
-    """Black where there is no panorama."""
-    made = bpy.data.worlds.new(name)
-    made.use_nodes = True
-    nodes, links = made.node_tree.nodes, made.node_tree.links
+def create_world(name: str, folder: Path, environment: FrameEnvironment | None) -> bpy.types.World:
+    """A world with the panorama; black without one."""
+    world = bpy.data.worlds.new(name)
+    world.use_nodes = True
+    nodes, links = world.node_tree.nodes, world.node_tree.links
     nodes.clear()
     output, background = nodes.new("ShaderNodeOutputWorld"), nodes.new("ShaderNodeBackground")
     links.new(background.outputs[0], output.inputs["Surface"])
     background.inputs["Color"].default_value = (0, 0, 0, 1)
     if environment is None or not (folder / environment.image).is_file():
         background.inputs["Strength"].default_value = 0
-        return made
-    place, turn, image = map(nodes.new, ("ShaderNodeTexCoord", "ShaderNodeMapping", "ShaderNodeTexEnvironment"))
-    turn.inputs["Rotation"].default_value = np.radians(environment.rotation)
-    image.image = bpy.data.images.load(str(folder / environment.image), check_existing=True)
+        return world
+    coordinates, mapping, texture = map(nodes.new, (
+        "ShaderNodeTexCoord", "ShaderNodeMapping", "ShaderNodeTexEnvironment"))
+    mapping.inputs["Rotation"].default_value = np.radians(environment.rotation)
+    texture.image = bpy.data.images.load(str(folder / environment.image), check_existing=True)
     background.inputs["Strength"].default_value = environment.strength
-    links.new(place.outputs["Generated"], turn.inputs["Vector"])
-    links.new(turn.outputs[0], image.inputs["Vector"])
-    links.new(image.outputs[0], background.inputs["Color"])
-    return made
+    links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
+    links.new(mapping.outputs[0], texture.inputs["Vector"])
+    links.new(texture.outputs[0], background.inputs["Color"])
+    return world
 
 
 def add_cameras(scene: bpy.types.Scene, cameras: list[FrameCamera]) -> None:
-    for it in cameras:
-        add_camera(scene, look_at(it), it.fov)
+    for camera in cameras:
+        add_camera(scene, look_at(camera), camera.fov)
     bind_cameras(scene)
 
 
 def bind_cameras(scene: bpy.types.Scene) -> None:
-    """The first is active; of several each has a frame of the animation."""
-    several = [obj for obj in scene.collection.objects if obj.type == "CAMERA"]
-    if len(several) > 1:
-        for i, camera in enumerate(several):
+    """Give each of several cameras a frame of the animation."""
+    cameras = [obj for obj in scene.collection.objects if obj.type == "CAMERA"]
+    if len(cameras) > 1:
+        for i, camera in enumerate(cameras):
             scene.timeline_markers.new(camera.name, frame=1 + i).camera = camera
-        scene.frame_start, scene.frame_end, scene.frame_current = 1, len(several), 1
+        scene.frame_start, scene.frame_end, scene.frame_current = 1, len(cameras), 1
 
 
 def add_camera(scene: bpy.types.Scene, camera_to_world: Matrix, degrees: float) -> None:
@@ -172,14 +173,14 @@ def add_camera(scene: bpy.types.Scene, camera_to_world: Matrix, degrees: float) 
     scene.camera = scene.camera or camera
 
 
-def look_at(it: FrameCamera) -> Matrix:
-    """Raises SceneError for a camera that looks nowhere."""
-    back = Vector(it.position) - Vector(it.look_at)
-    right = Vector(it.up).cross(back)
+def look_at(camera: FrameCamera) -> Matrix:
+    """Camera to world. Raises SceneError for a camera that looks nowhere."""
+    back = Vector(camera.position) - Vector(camera.look_at)
+    right = Vector(camera.up).cross(back)
     if back.length < 1e-9 or right.length < 1e-9 * max(1.0, back.length):
-        raise SceneError(f"the camera at {it.position} looks nowhere: its look_at must be another point, and its up "
-                         "must not point there")
+        raise SceneError(f"the camera at {camera.position} looks nowhere: its look_at must be another point, and its "
+                         "up must not point there")
     back.normalize()
     right.normalize()
-    columns = [(*right, 0), (*back.cross(right), 0), (*back, 0), (*it.position, 1)]
+    columns = [(*right, 0), (*back.cross(right), 0), (*back, 0), (*camera.position, 1)]
     return Matrix(columns).transposed()

@@ -39,10 +39,8 @@ from ..cycles.world import CyclesWorld
 from ..progress.status import Status
 from ..render_size import frame_size
 from .depsgraph import in_render
-from .material_maps import LAMP, Described, describe
-from .panorama import write_panorama
-from .png import write_png
-from .vdb import write_density
+from .files import write_density, write_panorama, write_png
+from .material_maps import LAMP, DescribedMaterial, describe
 
 MOST_LAMP_TRIANGLES = 4096
 ENVIRONMENT, EXTERNAL = "env_map.exr", "volumes"
@@ -51,8 +49,8 @@ ENVIRONMENT, EXTERNAL = "env_map.exr", "volumes"
 def export_frame(scene: bpy.types.Scene, folder: Path, report) -> PreparedFrame:
     """Write what F12 would show of the scene into a folder that is new or empty: all of it or nothing.
 
-    What the research code cannot show is in the report. Raises SceneError for a scene without surfaces or with a camera
-    that has no place there, and for a folder that holds something; OSError as the disk does.
+    The report names what the research code cannot show. Raises SceneError for a scene without surfaces, for a camera
+    that it does not have, and for a folder that is not empty; OSError as the disk does.
     """
     folder = Path(folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -73,7 +71,7 @@ class _Export:
     def __init__(self, folder: Path, report, depsgraph):
         self.folder, self.report, self.depsgraph = folder, report, depsgraph
         self.frame = PreparedFrame("", {}, [])
-        self._described: dict[tuple, Described] = {}
+        self._materials: dict[tuple, DescribedMaterial] = {}
 
     def run(self, name: str, by_cycles: CyclesWorld) -> PreparedFrame:
         self.frame.name, self.frame.cameras = name, self._cameras()
@@ -100,68 +98,68 @@ class _Export:
         return self.frame
 
     def _cameras(self) -> list[FrameCamera]:
-        """That of the scene, then others that markers switch to."""
+        """The camera of the scene, then others that markers switch to."""
         scene = self.depsgraph.scene_eval
         width, height = frame_size(scene.render)
         view = convert_camera(self.depsgraph, width, height, None, self.report)
         if width != height:
             self.report.approximated("Camera", "the research code renders squares: the picture is extended to one")
-        found = [_camera(view.camera_to_world, square_fov(view))]
-        bound = {marker.camera: marker.frame for marker in sorted(scene.timeline_markers, key=lambda it: it.frame)
-                 if marker.camera and marker.camera.type == "CAMERA"}
+        cameras = [_frame_camera(view.camera_to_world, square_fov(view))]
+        markers = sorted(scene.timeline_markers, key=lambda marker: marker.frame)
+        bound = dict.fromkeys(marker.camera for marker in markers if marker.camera and marker.camera.type == "CAMERA")
         active = scene.camera.original
         for camera in bound:
             if camera.original != active and camera.data.type == "PERSP":
-                it = camera.evaluated_get(self.depsgraph)
-                place = np.array(it.matrix_world.normalized(), np.float64)
-                found.append(_camera(place, float(np.degrees(it.data.angle))))
-        return found
+                evaluated = camera.evaluated_get(self.depsgraph)
+                matrix = np.array(evaluated.matrix_world.normalized(), np.float64)
+                cameras.append(_frame_camera(matrix, float(np.degrees(evaluated.data.angle))))
+        return cameras
 
     def _add_part(self, part: Part, place: Place) -> None:
         for slot in np.unique(part.mesh.slot):
             mesh = part.mesh.take(part.mesh.slot == slot)
-            described = self._of(part.materials[slot], mesh, place)
+            described = self._describe_material(part.materials[slot], mesh, place)
             corners, normals = meshes.transform(mesh, place.matrix)
-            solid = meshes.within_reach(corners) & meshes.has_area(corners)
-            if solid.any():
+            usable = meshes.within_reach(corners) & meshes.has_area(corners)
+            if usable.any():
                 uv = mesh.uv.get(mesh.active_uv)
-                self._add(place.name or part.name, corners[solid], normals[solid], None if uv is None else uv[solid],
+                self._add(place.name or part.name, corners[usable], normals[usable], None if uv is None else uv[usable],
                           described)
 
-    def _of(self, material, mesh, place: Place) -> Described:
-        """Of a material of which nothing depends on the place or the mesh, once."""
+    def _describe_material(self, material, mesh, place: Place) -> DescribedMaterial:
+        """The description of a material; computed once if nothing in it depends on the mesh or the instance."""
         key = material, mesh.active_uv
-        if key not in self._described:
+        if key not in self._materials:
             before = len(self.report.entries)
-            found = describe(material, mesh, place, self.report)
-            if len(self.report.entries) > before:  # perhaps it is another elsewhere
-                return found
-            self._described[key] = found
-        return self._described[key]
+            described = describe(material, mesh, place, self.report)
+            if len(self.report.entries) > before:  # it may be another one elsewhere
+                return described
+            self._materials[key] = described
+        return self._materials[key]
 
-    def _add(self, name: str, corners, normals, uv, described: Described) -> None:
-        key = self._key(name)
+    def _add(self, name: str, corners, normals, uv, described: DescribedMaterial) -> None:
+        key = self._new_key(name)
         write_obj(self.folder / MESHES / f"{key}.obj", corners, normals, uv)
-        material, place = described.material, f"{MESHES}/{key}"
+        material, files = described.material, f"{MESHES}/{key}"
         if described.maps or described.latent is not None:
-            (self.folder / place).mkdir()
+            (self.folder / files).mkdir()
         for map_name, pixels in described.maps.items():
-            write_png(self.folder / place / f"{map_name}.png", pixels)
+            write_png(self.folder / files / f"{map_name}.png", pixels)
         if described.latent is not None:
-            np.save(self.folder / place / "latent.npy", described.latent)
-            material = replace(material, latent=f"{place}/latent.npy")
+            np.save(self.folder / files / "latent.npy", described.latent)
+            material = replace(material, latent=f"{files}/latent.npy")
         flat = (np.ptp(normals, axis=1) < 1e-4).all(axis=1)
-        material = replace(material, folder=place if described.maps else None, is_smooth=bool(flat.mean() < 0.5))
+        material = replace(material, folder=files if described.maps else None, is_smooth=bool(flat.mean() < 0.5))
         self.frame.objects[key] = FrameObject(f"{MESHES}/{key}.obj", material, is_light=any(material.emission))
 
     def _add_lamp(self, lamp: RenderScene) -> None:
-        lit = lamp.is_light
-        if lamp.beam_axis[lit].any():
+        emits = lamp.is_light
+        if lamp.beam_axis[emits].any():
             self.report.approximated("Lamps", "lamps that shine to one side alone shine to all sides")
-        for radiance in np.unique(lamp.emission[lit], axis=0):
+        for radiance in np.unique(lamp.emission[emits], axis=0):
             rows = (lamp.emission == radiance).all(axis=1)
             material = FrameMaterial("homo_diffuse_specular", LAMP, emission=tuple(radiance.tolist()))
-            self._add("Lamp", lamp.triangles[rows], lamp.normals[rows], None, Described(material))
+            self._add("Lamp", lamp.triangles[rows], lamp.normals[rows], None, DescribedMaterial(material))
 
     def _add_media(self, collected: Collected) -> None:
         for i, medium in enumerate(collected.media):
@@ -173,22 +171,22 @@ class _Export:
             elif peak:
                 size = medium.box.size
                 unit = peak * np.sqrt(np.mean(np.square(size)))
-                # The research code puts voxels half a voxel too high, and knows where it did (5.3).
-                middle = medium.box.center - medium.box.rotation @ (size / 64)
+                # The research code puts voxels half a voxel too high, which it expects of the file (5.3).
+                center = medium.box.center - medium.box.rotation @ (size / 64)
                 self.frame.volumes.append(FrameVolume(
-                    file, tuple(middle.tolist()), tuple(np.degrees(euler_angles(medium.box.rotation)).tolist()),
+                    file, tuple(center.tolist()), tuple(np.degrees(euler_angles(medium.box.rotation)).tolist()),
                     tuple(size.tolist()), tuple((medium.scattering * unit).tolist()),
                     tuple((medium.absorption * unit).tolist())))
 
-    def _key(self, name: str) -> str:
-        """A name for files and for Blender's objects, which the research code finds by it."""
+    def _new_key(self, name: str) -> str:
+        """A new name for files and for Blender's objects, by which the research code finds them."""
         stem = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:50] or "Object"
         key, count = stem, 0
-        while key.lower() in (known.lower() for known in self.frame.objects):  # Windows' names have no case
+        while key.lower() in (other.lower() for other in self.frame.objects):  # names on Windows have no case
             key, count = f"{stem}_{count + 1:03d}", count + 1
         return key
 
 
-def _camera(camera_to_world: np.ndarray, degrees: float) -> FrameCamera:
+def _frame_camera(camera_to_world: np.ndarray, degrees: float) -> FrameCamera:
     right, up, back, position = camera_to_world[:3].astype(np.float64).T
     return FrameCamera(tuple(position.tolist()), tuple((position - back).tolist()), tuple(up.tolist()), degrees)
