@@ -11,7 +11,7 @@ from .scene import View
 ROWS = 64  # computed at once in float64
 
 
-def padded_view(view: View, granularity: int) -> View:
+def pad_view(view: View, granularity: int) -> View:
     """The rectangle extended to the whole picture's grid of so many pixels: its windows are those of the picture.
 
     Where its sides are neighbours it goes on beyond either by so many pixels at least.
@@ -24,13 +24,13 @@ def padded_view(view: View, granularity: int) -> View:
                    width=width + -width % granularity, height=height + -height % granularity)
 
 
-def place_in(larger: View, view: View) -> tuple[slice, slice]:
+def find_window(larger: View, view: View) -> tuple[slice, slice]:
     """Rows and columns of `larger`, another rectangle of the same picture, that are `view`."""
     left, above = (a - b for a, b in zip(view.corner, larger.corner))
     return slice(above, above + view.height), slice(left, left + view.width)
 
 
-def beyond_sides(picture: np.ndarray, left: int, right: int, wraps: bool) -> np.ndarray:
+def extend_sides(picture: np.ndarray, left: int, right: int, wraps: bool) -> np.ndarray:
     """(H, W, ...) with so many columns more: those of the other side if the picture `wraps`, or the outermost again."""
     margins = [(0, 0), (left, right)] + [(0, 0)] * (picture.ndim - 2)
     return np.pad(picture, margins, mode="wrap" if wraps else "edge")
@@ -60,15 +60,15 @@ def view_rays_at(view: View, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, 
     return c2w[:3, 3].astype(np.float32), directions.astype(np.float32)
 
 
-def sees(view: View) -> np.ndarray:
+def visible_pixels(view: View) -> np.ndarray:
     """(H, W) bool: pixels in whose centre the camera sees anything; a fisheye's picture is a circle."""
     if view.panorama is None:
         return np.ones((view.height, view.width), bool)
     (x, y), (columns, rows) = view.corner, (np.arange(view.width) + 0.5, np.arange(view.height)[:, None] + 0.5)
-    return view.panorama.seen(x + columns, y + rows)
+    return view.panorama.visible(x + columns, y + rows)
 
 
-def through_lens(view: View, offset: np.ndarray, distance: float) -> View:
+def shift_in_lens(view: View, offset: np.ndarray, distance: float) -> View:
     """The pinhole moved by `offset` (3,), world, within the plane of its picture; what is `distance` world units ahead
     along the axis stays where it is in the picture: one point of a lens that is focused there.
     """

@@ -7,7 +7,7 @@ import numpy as np
 NEGLIGIBLE = 1e-12  # share of the whole variance that is not worth a split
 
 
-def clusters(points: np.ndarray, weights: np.ndarray, groups: list[np.ndarray], most: int) -> list[np.ndarray]:
+def split_clusters(points: np.ndarray, weights: np.ndarray, groups: list[np.ndarray], most: int) -> list[np.ndarray]:
     """`groups` (rows of the (N, K) points) split until there are `most`, or none that varies.
 
     weights: (N,) >= 0; a group is split at its weighted mean across the coordinate in which it varies most.

@@ -91,7 +91,7 @@ def layouts(group) -> dict[str, Layout]:
     return {f.name: f.metadata["layout"] for f in fields(group) if "layout" in f.metadata}
 
 
-def mapped(group, changes: dict[Behaviour, Callable]):
+def map_arrays(group, changes: dict[Behaviour, Callable]):
     """A copy in which changes[behaviour] was applied to all that behaves so, nested groups included.
 
     Each function is given the array with the axis in question last, and returns the same shape, or its very argument
@@ -101,14 +101,14 @@ def mapped(group, changes: dict[Behaviour, Callable]):
     for f in fields(group):
         value, layout = getattr(group, f.name), f.metadata.get("layout")
         if is_dataclass(value):
-            values[f.name] = mapped(value, changes)
+            values[f.name] = map_arrays(value, changes)
         elif value is not None and layout is not None:
             values[f.name] = _changed(value, layout, changes)
     return replace(group, **values)
 
 
-def mapped_channels(value, channels: Channels, changes: dict[Behaviour, Callable]):
-    """As `mapped` does it with a field that has these channels."""
+def map_channels(value, channels: Channels, changes: dict[Behaviour, Callable]):
+    """As `map_arrays` does it with a field that has these channels."""
     results = []
     for part, behaviour in channels.parts.values():
         if behaviour in changes:
@@ -127,7 +127,7 @@ def _changed(value, layout: Layout, changes: dict[Behaviour, Callable]):
     for behaviour, axis in layout.behaves.items():
         if behaviour in changes:
             value = _along(axis, value, changes[behaviour])
-    return value if layout.channels is None else mapped_channels(value, layout.channels, changes)
+    return value if layout.channels is None else map_channels(value, layout.channels, changes)
 
 
 def _along(axis: int, value, function: Callable):
@@ -139,7 +139,7 @@ def _along(axis: int, value, function: Callable):
     return value if result is last else move(result, -1, axis)
 
 
-def check(group, name: str = "") -> None:
+def check_arrays(group, name: str = "") -> None:
     """Shapes, dtypes and finiteness of all array fields; the same letter stands for the same count.
 
     Raises ValueError naming the array.

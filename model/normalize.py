@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .fields import DISPLACEMENT, LENGTH, POINT, RADIANCE, mapped
+from .fields import DISPLACEMENT, LENGTH, POINT, RADIANCE, map_arrays
 from .geometry import area_vectors
 from .scene import Guides, RenderScene, View
 
@@ -40,7 +40,7 @@ class Normalization:
     def scene(self, scene: RenderScene) -> RenderScene:
         """The same scene in network units, displacement heights included."""
         scale, exposure = np.float32(self.scale), np.float32(self.exposure)
-        return mapped(scene, {POINT: self.points, LENGTH: lambda x: x * scale, RADIANCE: lambda x: x * exposure,
+        return map_arrays(scene, {POINT: self.points, LENGTH: lambda x: x * scale, RADIANCE: lambda x: x * exposure,
                               DISPLACEMENT: lambda x: (x * scale).clip(-1, 1) if x.any() else x})
 
     def view(self, view: View) -> View:

@@ -31,7 +31,7 @@ class Panorama:
         directions = np.stack([right, up, -forward], axis=-1)
         return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
-    def seen(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def visible(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(...) bool: whether the camera sees anything there."""
         return self._project(x, y)[1]
 
@@ -47,7 +47,7 @@ class Panorama:
         x, y = np.meshgrid(*((np.arange(RASTER) + 0.5) / RASTER * side for side in (self.width, self.height)))
         with np.errstate(all="ignore"):
             return bool(np.isfinite(self.pixels_per_radian) and np.isfinite(self.directions(x, y)).all()
-                        and self.seen(x, y).any())
+                        and self.visible(x, y).any())
 
     @property
     def wraps(self) -> bool:
@@ -58,8 +58,8 @@ class Panorama:
     def _project(self, x: np.ndarray, y: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
         x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
         u, v = x / self.width + self.shift[0], 1 - y / self.height + self.shift[1]
-        (right, up, forward), seen = PROJECTIONS[self.kind](u, v, *self.numbers)
-        return np.broadcast_arrays(right, up, forward), np.broadcast_to(seen, x.shape)
+        (right, up, forward), is_visible = PROJECTIONS[self.kind](u, v, *self.numbers)
+        return np.broadcast_arrays(right, up, forward), np.broadcast_to(is_visible, x.shape)
 
 
 def equirectangular(u, v, west: float, east: float, south: float, north: float):
@@ -86,7 +86,7 @@ def mirror_ball(u, v):
 def fisheye_equidistant(u, v, field_of_view: float):
     x, y = 2 * u - 1, 2 * v - 1
     radius = np.hypot(x, y)
-    return _around_axis(x, y, radius * field_of_view / 2), radius <= 1
+    return _turn_from_axis(x, y, radius * field_of_view / 2), radius <= 1
 
 
 def fisheye_equisolid(u, v, lens: float, field_of_view: float, width: float, height: float):
@@ -94,17 +94,17 @@ def fisheye_equisolid(u, v, lens: float, field_of_view: float, width: float, hei
     x, y = (u - 0.5) * width, (v - 0.5) * height
     radius = np.hypot(x, y)
     angle = 2 * np.arcsin((radius / (2 * lens)).clip(max=1))
-    return _around_axis(x, y, angle), radius <= 2 * lens * np.sin(field_of_view / 4)
+    return _turn_from_axis(x, y, angle), radius <= 2 * lens * np.sin(field_of_view / 4)
 
 
 def fisheye_polynomial(u, v, field_of_view: float, width: float, height: float, *coefficients: float):
     """coefficients: of the powers of the distance from the middle of the sensor, mm, from 0 on."""
     x, y = (u - 0.5) * width, (v - 0.5) * height
     angle = -np.polynomial.polynomial.polyval(np.hypot(x, y), coefficients)
-    return _around_axis(x, y, angle), np.abs(angle) <= field_of_view / 2
+    return _turn_from_axis(x, y, angle), np.abs(angle) <= field_of_view / 2
 
 
-def _around_axis(x, y, angle) -> tuple[np.ndarray, ...]:
+def _turn_from_axis(x, y, angle) -> tuple[np.ndarray, ...]:
     """A direction so many radians from the axis, on the side of x, y."""
     radius = np.hypot(x, y)
     share = np.sin(angle) / np.where(radius > 0, radius, 1)

@@ -39,7 +39,7 @@ def fresnel(cosine: np.ndarray, ior: np.ndarray) -> np.ndarray:
     return np.where(g2 > 0, across**2 / 2 * (1 + along**2), 1)
 
 
-def visible_facets(normal: np.ndarray, ray: np.ndarray, alpha: np.ndarray, chance: np.ndarray) -> np.ndarray:
+def visible_facets(normal: np.ndarray, ray: np.ndarray, alpha: np.ndarray, random: np.ndarray) -> np.ndarray:
     """(N, 3) f32 unit normals of the facets that unit rays (N, 3) meet on surfaces, as often as they meet these.
 
     normal: (N, 3), unit, facing the rays; alpha: (N,), of GGX; chance: (N, 2) in [0, 1).
@@ -48,10 +48,10 @@ def visible_facets(normal: np.ndarray, ray: np.ndarray, alpha: np.ndarray, chanc
     aside = unit(np.cross(normal, np.where(np.abs(normal[:, :1]) < 0.7, [[1, 0, 0]], [[0, 1, 0]])))
     axes = np.stack([aside, np.cross(normal, aside), normal], axis=1)
     stretch = np.stack([alpha, alpha, np.ones_like(alpha)], axis=1)
-    seen = unit(stretch * -np.einsum("nkc,nc->nk", axes, ray))
-    z = (1 - chance[:, 0]) * (1 + seen[:, 2]) - seen[:, 2]
-    sine, phi = np.sqrt((1 - z**2).clip(0)), 2 * np.pi * chance[:, 1]
-    facet = unit(stretch * (seen + np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=1)))
+    view = unit(stretch * -np.einsum("nkc,nc->nk", axes, ray))
+    z = (1 - random[:, 0]) * (1 + view[:, 2]) - view[:, 2]
+    sine, phi = np.sqrt((1 - z**2).clip(0)), 2 * np.pi * random[:, 1]
+    facet = unit(stretch * (view + np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=1)))
     return np.einsum("nkc,nk->nc", axes, facet).astype(np.float32)
 
 

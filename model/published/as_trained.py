@@ -17,7 +17,7 @@ GLOW = 0.5            # radiance in network exposure; a white surface in the mid
 GLOW_TOGETHER = 0.1   # of all the light in the middle of the scene, that what only glows may bring
 
 
-def emitters(scene: RenderScene) -> np.ndarray:
+def find_emitters(scene: RenderScene) -> np.ndarray:
     """(N,) bool: the triangles that are lights for the network.
 
     A light is white and black to the camera there, so its own reflection is lost: right for lamps, wrong for a wall
@@ -36,16 +36,16 @@ def emitters(scene: RenderScene) -> np.ndarray:
 
 
 def as_trained(scene: RenderScene, emits: np.ndarray) -> RenderScene:
-    """The scene's tokens. emits: as of `emitters`.
+    """The scene's tokens. emits: as of `find_emitters`.
 
     The network draws every token but lights: the black plates and shades that hold the light of lamps together, which
     no camera sees, are left out.
     """
-    kept = scene.is_seen | emits
+    retained = scene.is_seen | emits
     shining = replace(scene, emission=scene.emission * emits[:, None])
-    if kept.all():
+    if retained.all():
         return shining
-    return replace(shining, **{name: getattr(shining, name)[kept] for name, layout in layouts(scene).items()
+    return replace(shining, **{name: getattr(shining, name)[retained] for name, layout in layouts(scene).items()
                                if layout.shape[0] == "N" and getattr(shining, name) is not None})
 
 
@@ -58,29 +58,29 @@ WELL_KNOWN = 16384             # triangles of stages 5 and 6 of the training, th
 THINNEST = 0.5 / CELLS         # side of a volume cell, network units
 
 
-def remarks(scene: RenderScene) -> list[str]:
+def describe_untrained(scene: RenderScene) -> list[str]:
     """A sentence each; scene: normalised, and as the network is told it (as_trained.py)."""
     lights = scene.is_light
     corners, radiance = scene.triangles[lights], scene.emission[lights].max(axis=1)
     area = np.linalg.norm(area_vectors(corners), axis=1)
     inside = (np.abs(corners.mean(axis=1)) < HALF_EXTENT).all(axis=1)
-    found = []
+    result = []
     if len(corners) > LIGHTS:
-        found.append(f"{len(corners)} triangles are lights, training scenes had 1 to {LIGHTS}")
+        result.append(f"{len(corners)} triangles are lights, training scenes had 1 to {LIGHTS}")
     if not len(corners):
-        found.append("no triangle is a light, every training scene had 1 or more")
-    found += _range("as large", area, LIGHT_AREA) + _range("as bright", radiance, LIGHT_RADIANCE)
+        result.append("no triangle is a light, every training scene had 1 or more")
+    result += _range("as large", area, LIGHT_AREA) + _range("as bright", radiance, LIGHT_RADIANCE)
     if inside.any():
-        found.append(f"{inside.sum()} of {len(corners)} light triangles are inside the scene, where training scenes "
+        result.append(f"{inside.sum()} of {len(corners)} light triangles are inside the scene, where training scenes "
                      "had none: theirs were 2.1 to 2.7 times its longest side away")
     if len(scene) > TRIANGLES:
-        found.append(f"{len(scene)} triangles, training scenes had up to {TRIANGLES}: lower Max Triangles")
+        result.append(f"{len(scene)} triangles, training scenes had up to {TRIANGLES}: lower Max Triangles")
     if scene.volumes is not None and len(scene.volumes):
         side = scene.volumes.scale.min(axis=1) / CELLS
         if (thin := int((side < 0.99 * THINNEST).sum())):
-            found.append(f"{thin} of {len(side)} volume cells are thinner than those of training scenes, by up to "
+            result.append(f"{thin} of {len(side)} volume cells are thinner than those of training scenes, by up to "
                          f"{THINNEST / side.min():.1f} times")
-    return found
+    return result
 
 
 def _range(how: str, values: np.ndarray, trained: tuple[float, float]) -> list[str]:

@@ -29,12 +29,12 @@ CLASS = "AutoencoderKLQwenImage"
 @checkpoint_errors()
 def find_vae(bundle: Path) -> Path:
     """`vae` inside the bundle, or in a folder `Qwen-Image` beside it. Raises CheckpointError when there is neither."""
-    places = [bundle / "vae", bundle.absolute().parent / "Qwen-Image" / "vae"]
-    for folder in places:
+    folders = [bundle / "vae", bundle.absolute().parent / "Qwen-Image" / "vae"]
+    for folder in folders:
         if folder.is_dir():
             return folder
-    raise CheckpointError(f"the published weights need the VAE of Qwen/Qwen-Image: copy its folder vae to {places[0]}, "
-                          f"or to {places[1]}")
+    raise CheckpointError(f"the published weights need the VAE of Qwen/Qwen-Image: copy its folder vae to "
+                          f"{folders[0]}, or to {folders[1]}")
 
 
 class ImageEncoder:
@@ -62,8 +62,8 @@ class ImageEncoder:
         half = dtype == torch.bfloat16 and self.device.type == "cpu"
         self.dtype = torch.bfloat16 if half else torch.float32
         self._network: OneFrameEncoder | None = None
-        self._known: dict[bytes, torch.Tensor] = {}
-        self._bytes = 0
+        self._latents: dict[bytes, torch.Tensor] = {}
+        self._latent_bytes = 0
 
     @property
     @checkpoint_errors()
@@ -81,14 +81,14 @@ class ImageEncoder:
         """(B, 3, H, W) of any float type, on the CPU -> (B, 16, H/8, W/8) float32 on the CPU."""
         keys = [hashlib.blake2b(image.numpy().tobytes() + repr(image.shape).encode(), digest_size=16).digest()
                 for image in images.contiguous()]
-        new = {key: i for i, key in enumerate(keys) if key not in self._known}
+        new = {key: i for i, key in enumerate(keys) if key not in self._latents}
         if new:
             latents = self._encode(images[list(new.values())])
-            self._known.update(zip(new, latents))
-            self._bytes += latents.nbytes
-        result = torch.stack([self._known[key] for key in keys])
-        if self._bytes > CACHE_BYTES:
-            self._known, self._bytes = {}, 0
+            self._latents.update(zip(new, latents))
+            self._latent_bytes += latents.nbytes
+        result = torch.stack([self._latents[key] for key in keys])
+        if self._latent_bytes > CACHE_BYTES:
+            self._latents, self._latent_bytes = {}, 0
         return result
 
     def _encode(self, images: torch.Tensor) -> torch.Tensor:

@@ -31,14 +31,14 @@ class LatentStore:
 
     def get(self, keys: Iterable[bytes]) -> dict[bytes, bytes]:
         """Those values that are there."""
-        found, wanted, day = {}, list(dict.fromkeys(keys)), today()
-        for i in range(0, len(wanted) if self._connection else 0, AT_ONCE):
-            some = wanted[i:i + AT_ONCE]
-            among = f"WHERE key IN ({','.join('?' * len(some))})"
+        values, requested, day = {}, list(dict.fromkeys(keys)), today()
+        for i in range(0, len(requested) if self._connection else 0, AT_ONCE):
+            batch = requested[i:i + AT_ONCE]
+            among = f"WHERE key IN ({','.join('?' * len(batch))})"
             with suppress(self._error), self._connection:
-                found |= dict(self._connection.execute(f"SELECT key, value FROM latents {among}", some))
-                self._connection.execute(f"UPDATE latents SET day = ? {among} AND day < ?", [day, *some, day])
-        return found
+                values |= dict(self._connection.execute(f"SELECT key, value FROM latents {among}", batch))
+                self._connection.execute(f"UPDATE latents SET day = ? {among} AND day < ?", [day, *batch, day])
+        return values
 
     def put(self, values: dict[bytes, bytes]) -> None:
         """Keep them, and forget the oldest for them."""

@@ -23,6 +23,6 @@ def sample_tiles(maps: np.ndarray, uv: np.ndarray) -> np.ndarray:
     UVs outside [0, 1] take the border's value, as the official sampler does.
     """
     cells = torch.from_numpy(tile_uv(uv))
-    places = torch.stack([2 * cells[..., 0] - 1, 1 - 2 * cells[..., 1]], dim=-1).flatten(0, 1)
-    samples = sample_bilinear(maps, places).reshape(*cells.shape[:3], -1)
+    coordinates = torch.stack([2 * cells[..., 0] - 1, 1 - 2 * cells[..., 1]], dim=-1).flatten(0, 1)
+    samples = sample_bilinear(maps, coordinates).reshape(*cells.shape[:3], -1)
     return np.ascontiguousarray(samples.transpose(0, 3, 1, 2))

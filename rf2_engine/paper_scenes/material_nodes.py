@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ...model.published.prepared_frame import HEIGHT, MAPS, MEASURED, FrameMaterial, map_file, maps
+from ...model.published.prepared_frame import HEIGHT, MAPS, MEASURED, FrameMaterial, list_maps, map_file
 from ..convert.shading.material import HEIGHT_UNIT
 from ..material_settings import read_latent, set_latent
 
@@ -124,7 +124,7 @@ def _numbers(file: Path) -> bpy.types.Image:
 
 def _add_maps(made, shader, output, material: FrameMaterial, folder: Path) -> None:
     nodes, links = made.node_tree.nodes, made.node_tree.links
-    for row, name in enumerate(maps(material)):
+    for row, name in enumerate(list_maps(material)):
         file = map_file(folder, material, name)
         if not file.is_file():
             if name in INPUTS:

@@ -80,7 +80,7 @@ def test_flip_can_be_cancelled():
 
 def test_closeness_is_that_of_srgb_encoded_pictures():
     a, b = _picture(0), _picture(1)
-    close = metrics.closeness(color.srgb_to_linear(a), color.srgb_to_linear(b) + np.where(b == 1, 9, 0))
+    close = metrics.compare(color.srgb_to_linear(a), color.srgb_to_linear(b) + np.where(b == 1, 9, 0))
     assert close.psnr == pytest.approx(metrics.psnr(a, b), abs=1e-3)
     assert close.ssim == pytest.approx(metrics.ssim(a, b), abs=1e-4)
     assert close.flip == pytest.approx(flip.flip_map(b, a).mean(), rel=1e-3)
@@ -100,7 +100,7 @@ def test_lpips_is_its_packages_where_that_is_there(tmp_path, monkeypatch):
 
 def test_pictures_of_different_sizes_are_refused():
     with pytest.raises(ValueError, match="20 x 9 and 30 x 8"):
-        metrics.closeness(np.zeros((9, 20, 3)), np.zeros((8, 30, 3)))
+        metrics.compare(np.zeros((9, 20, 3)), np.zeros((8, 30, 3)))
 
 
 def test_magma_is_matplotlibs():

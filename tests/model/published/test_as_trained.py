@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.normalize import Normalization
-from renderformer_v2.model.published.as_trained import GLOW, as_trained, emitters
+from renderformer_v2.model.published.as_trained import GLOW, as_trained, find_emitters
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.scene import RenderScene, constant_tile
 from tests.model.samples import flat, floor_scene, floor_view
@@ -26,7 +26,7 @@ def glowing(share: float, triangles: slice = slice(0, 2)) -> RenderScene:
 
 
 def of_network(scene: RenderScene) -> np.ndarray:
-    return emitters(Normalization.of(scene).scene(scene))
+    return find_emitters(Normalization.of(scene).scene(scene))
 
 
 def test_a_surface_that_glows_weakly_is_no_light_and_a_bright_one_is():
@@ -65,7 +65,7 @@ def test_what_no_camera_sees_is_no_token(renderer):
     plate = flat(scene.triangles[-1:] + np.float32((0, 0, 0.01)), (0, 0, 0))
     plate.seen = np.zeros(1, bool)
     backed = scene.appended(plate)
-    emits = emitters(backed)
+    emits = find_emitters(backed)
     told = as_trained(backed, emits)
     assert len(told) == len(scene) and told.is_seen.all() and emits.tolist() == [*[False] * 128, True, False]
     view, guides = floor_view()

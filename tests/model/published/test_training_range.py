@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from renderformer_v2.model.published.as_trained import remarks
+from renderformer_v2.model.published.as_trained import describe_untrained
 from renderformer_v2.model.scene import RenderScene, Volumes
 from tests.model.samples import floor_scene
 
@@ -26,7 +26,7 @@ def fog(side: float) -> Volumes:
 def test_nothing_is_said_of_a_scene_as_in_training():
     scene = as_in_training()
     scene.volumes = fog(0.5)
-    assert remarks(scene) == []
+    assert describe_untrained(scene) == []
 
 
 def many(scene):
@@ -61,4 +61,4 @@ def thin(scene):
 def test_what_is_unlike_training_is_said(change, message):
     scene = as_in_training()
     change(scene)
-    assert any(re.search(message, line) for line in remarks(scene)), remarks(scene)
+    assert any(re.search(message, line) for line in describe_untrained(scene)), describe_untrained(scene)
