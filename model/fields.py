@@ -19,11 +19,11 @@ import numpy as np
 class Behaviour(Enum):
     """What one axis of an array holds (the last one if not said otherwise), or what every element is."""
 
-    POINT = auto()      # x, y, z of a place
+    POINT = auto()      # x, y, z of a position
     DIRECTION = auto()  # x, y, z of a unit vector in the world
     EULER = auto()      # XYZ angles in radians
     LENGTH = auto()     # world units, in every element
-    DISPLACEMENT = auto()  # likewise, but ends at -1 and 1
+    DISPLACEMENT = auto()  # likewise, clipped to -1 and 1
     COLOR = auto()      # R, G, B, or several such triples
     RADIANCE = auto()   # R, G, B that exposure scales
     PANORAMA = auto()   # columns of a latitude-longitude map, or of a stack of them
@@ -53,14 +53,14 @@ class Channels:
         return Channels(self.axis, **{key: part for key, part in self._sizes().items() if key != name})
 
     def joined(self, **parts: int | tuple[int, Behaviour]) -> Channels:
-        """These parts and more behind them."""
+        """These parts, and more after them."""
         return Channels(self.axis, **self._sizes(), **parts)
 
     def _sizes(self) -> dict[str, tuple[int, Behaviour]]:
         return {name: (part.stop - part.start, behaviour) for name, (part, behaviour) in self.parts.items()}
 
     def index(self, name: str) -> int:
-        """Place of a part that is one channel."""
+        """Index of a part that is one channel."""
         return self[name].start
 
 
@@ -76,7 +76,7 @@ class Layout:
 
 def array(*shape: int | str, dtype=np.float32, behaves: Behaviour | dict[Behaviour, int] | None = None,
           channels: Channels | None = None, default: str = ""):
-    """A dataclass field; `default` "empty" (of no rows) or "none", else a value must be given."""
+    """A dataclass field for an array; `default`: "empty" (no rows), "none", or "" for no default."""
     behaves = behaves if isinstance(behaves, dict) else {} if behaves is None else {behaves: -1}
     empty = tuple(0 if isinstance(size, str) else size for size in shape)
     defaults = {"": {}, "none": {"default": None}, "empty": {"default_factory": lambda: np.zeros(empty, dtype)}}
@@ -87,15 +87,15 @@ rows = partial(array, default="empty")
 
 
 def layouts(group) -> dict[str, Layout]:
-    """Layouts of the fields of a dataclass or an instance that were made by `array`."""
+    """Layouts of those fields of a dataclass, or of an instance, that `array` made."""
     return {f.name: f.metadata["layout"] for f in fields(group) if "layout" in f.metadata}
 
 
 def map_arrays(group, changes: dict[Behaviour, Callable]):
-    """A copy in which changes[behaviour] was applied to all that behaves so, nested groups included.
+    """A copy in which changes[behaviour] is applied to all arrays of that behaviour, nested groups included.
 
-    Each function is given the array with the axis in question last, and returns the same shape, or its very argument
-    for no change. A field with several behaviours is changed by each of them.
+    A function takes the array with the axis in question last, and returns the same shape, or its very argument for no
+    change. A field with several behaviours is changed by each of them.
     """
     values = {}
     for f in fields(group):
@@ -108,7 +108,7 @@ def map_arrays(group, changes: dict[Behaviour, Callable]):
 
 
 def map_channels(value, channels: Channels, changes: dict[Behaviour, Callable]):
-    """As `map_arrays` does it with a field that has these channels."""
+    """`map_arrays` for one array that has these channels."""
     results = []
     for part, behaviour in channels.parts.values():
         if behaviour in changes:

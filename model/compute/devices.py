@@ -36,9 +36,9 @@ def choose_device(name: str = "auto") -> torch.device:
 
 
 def explain_unused_card(has_driver: bool = False) -> str:
-    """Why an NVIDIA card that is there would not be used by `auto`, and what to do; "" where it is, or none is there.
+    """Why `auto` would not use an NVIDIA card, and what to do; "" where it would, or there is none.
 
-    has_driver: whether the system has a driver of NVIDIA's, for a PyTorch that cannot tell.
+    has_driver: whether the system has a driver of NVIDIA's, for a PyTorch that cannot say so.
     """
     if torch.version.cuda is None:
         if not has_driver or torch.version.hip:
@@ -57,7 +57,7 @@ def explain_unused_card(has_driver: bool = False) -> str:
 
 
 def driver_version() -> tuple[int, int] | None:
-    """The newest CUDA that the driver knows; None without a driver."""
+    """The newest CUDA that the driver supports; None without a driver."""
     version = torch._C._cuda_getDriverVersion() if hasattr(torch._C, "_cuda_getDriverVersion") else 0
     return (version // 1000, version % 1000 // 10) if version > 0 else None
 
@@ -100,9 +100,9 @@ def device_name(device: torch.device) -> str:
 
 
 def free_memory(device: torch.device, with_ours: bool = False) -> int | None:
-    """Bytes that a card can still give, those that PyTorch keeps for itself included; None where nothing tells.
+    """Free bytes of a card, including those that PyTorch has reserved; None for other devices.
 
-    with_ours: also those that tensors of this process have.
+    with_ours: count those that tensors of this process occupy as free.
     """
     if device.type != "cuda":
         return None

@@ -10,13 +10,13 @@ from torch.nn import functional as F
 
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
 NAMES = {torch.float32: "Float32", torch.bfloat16: "BFloat16", torch.float16: "Float16"}  # as the settings call them
-TRIED = 64  # width of what is tried: the least that matrix units take whole
+TRIED = 64  # width of the tensors that `find_failure` tries: the least that fills matrix units
 
 
 def choose_precision(name: str, device: torch.device) -> torch.dtype:
-    """`auto` takes half precision where the device has it, by what it says of itself: always the same on a machine.
+    """`auto` takes half precision where the device says that it has it, so that a machine always takes the same.
 
-    Raises ValueError for one that the device does not have.
+    Raises ValueError for a format that the device does not have.
     """
     if name != "auto":
         if name == "fp16" and device.type == "cpu":
@@ -43,7 +43,7 @@ def cuda_precision(capability: tuple[int, int]) -> torch.dtype:
 def find_failure(dtype: torch.dtype, device: torch.device) -> str:
     """Why the operators that the network needs in this format fail on a device that should have it; "" if they work.
 
-    Builds of PyTorch differ, and so does what they load beside it.
+    Builds of PyTorch differ, and so do the libraries that they load.
     """
     x = torch.ones(1, TRIED, TRIED, device=device, dtype=dtype)
     try:
@@ -57,13 +57,13 @@ def find_failure(dtype: torch.dtype, device: torch.device) -> str:
 
 
 def has_tensor_float_32(device: torch.device) -> bool:
-    """Whether it multiplies float32 at the speed of half precision, with 10 bits behind the point: from Ampere on."""
+    """Whether the device multiplies float32 in TensorFloat-32, fast and with 10 bits of mantissa: from Ampere on."""
     return device.type == "cuda" and not torch.version.hip and torch.cuda.get_device_capability(device) >= (8, 0)
 
 
 @contextmanager
 def tensor_float_32(device: torch.device) -> Iterator[None]:
-    """Inside, a device that has it multiplies float32 in that way."""
+    """Inside, a device that has TensorFloat-32 multiplies matrices of float32 in it."""
     if not has_tensor_float_32(device):
         yield
         return

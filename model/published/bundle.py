@@ -32,7 +32,7 @@ STANDALONE = FORMAT | {"format_version": 1}  # what the authors' code writes, wi
 
 @dataclass
 class Bundle:
-    """The folder of renderformer-v2; its parts are read when they are asked for."""
+    """The folder of renderformer-v2, whose parts are read when they are needed."""
 
     folder: Path
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import CheckpointError
 from ..weights.files import checkpoint_errors, described, listing, weights_file
 
-INDEX = "model_index.json"  # of the whole; nothing is read from it
+INDEX = "model_index.json"  # of the bundle; nothing is read from it
 MODEL_CONFIG = "model_config.json"  # of a transformer that was saved by itself; it counts before the others
 CONFIG = ("config.json",)
 TRANSFORMER = (MODEL_CONFIG, "config.yaml", "config.yml")
@@ -21,7 +21,7 @@ AUTOMATIC = "auto"
 
 
 def is_bundle(folder: str | Path) -> bool:
-    """Whether the folder is a published bundle, what a partial download left of it, or one transformer of it.
+    """Whether the folder is a published bundle, a partial download of one, or one transformer of it.
 
     Raises OSError.
     """

@@ -19,10 +19,10 @@ from ..weights.checkpoint import load_weights
 from ..weights.files import checkpoint_errors, read_json, require
 
 BATCH = 256
-BATCH_CPU = 64         # with fewer, the layers of 4x4 places are slower; the batch does not change the result
-CACHE_BYTES = 1 << 28  # of latents kept for the next scene
-SAMPLES = 256          # of 4 kB of the weights, by which they are known again
-SMALLEST = 1e-24       # square of what diffusers divides by at least
+BATCH_CPU = 64         # with fewer, the layers of 4x4 pixels are slower; the batch does not change the result
+CACHE_BYTES = 1 << 28  # of latents cached for the next scene
+SAMPLES = 256          # of 4 kB each of the weights, whose hash identifies them
+SMALLEST = 1e-24       # square of the least norm by which diffusers divides
 CLASS = "AutoencoderKLQwenImage"
 
 
@@ -68,7 +68,7 @@ class ImageEncoder:
     @property
     @checkpoint_errors()
     def identity(self) -> bytes:
-        """Another one for other weights or another precision; most of the file need not be read for it."""
+        """A hash of weights and precision; reads a small part of the file."""
         digest = hashlib.blake2b(f"{sorted(self.config.items())}{self.dtype}".encode(), digest_size=16)
         with self.file.open("rb") as stream:
             size = stream.seek(0, os.SEEK_END)
@@ -156,7 +156,7 @@ class LastTap(nn.Module):
 
 
 class ChannelNorm(nn.Module):
-    """The VAE's norm of the channels of (B, C, ...) at each place; other than a norm in general it knows no eps."""
+    """The VAE's norm of the channels of (B, C, ...) at each place; unlike other norms it has no eps."""
 
     def __init__(self, norm: nn.Module):
         super().__init__()

@@ -12,7 +12,7 @@ from ..errors import SceneError
 
 @dataclass
 class ObjMesh:
-    """F polygons of C corners together; corners that stand at the same place share a vertex."""
+    """F polygons with C corners in all; corners at the same position share a vertex."""
 
     vertices: np.ndarray        # (V, 3) f32
     corner_vertex: np.ndarray   # (C,) i32
@@ -45,7 +45,7 @@ def read_obj(path: Path) -> ObjMesh:
 
 
 def _corner(word: str, lists: dict[str, list]) -> tuple[int, int, int]:
-    """Places in the lists, -1 for none; the file counts from 1, or back from the latest."""
+    """Indices into the lists, -1 for none; the file counts from 1, or backwards from the latest."""
     indices = []
     for text, rows in zip((word + "//").split("/"), lists.values()):
         index = int(text) if text else 0

@@ -67,7 +67,7 @@ class PublishedPipeline(Pipeline):
         return choose_transformer(self.bundle.folder, picture_size, self.chosen)
 
     def prepare(self, scene: RenderScene) -> None:
-        """The part of `encode` that can be kept for other renders: textures and environment."""
+        """Cache the latents of textures and environment, which later renders share."""
         self.encoder.encode(as_trained(scene, find_emitters(scene)))
 
     def encode(self, scene: RenderScene, variant: str) -> PublishedContext:
@@ -141,7 +141,7 @@ class PublishedPipeline(Pipeline):
 
 
 def displayed_pixels(guides: Guides, emitters: np.ndarray) -> np.ndarray:
-    """(H, W) bool, where the network's picture is taken; emitters: (N,) bool, which triangles of the scene are lights.
+    """(H, W) bool: pixels that show the network's picture; emitters: (N,) bool, triangles that are lights.
 
     Training pictures have a transparent film, so partly covered pixels are premultiplied by the network itself: the
     guides' coverage only clears pixels that show nothing. Lights were invisible to the camera: where one is seen, the

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...clusters import split_clusters
 from ...geometry import area_vectors
-from ...split_clusters import split_clusters
 
 FACING, COLOR, BEAM = 0.3, 0.1, 0.3  # how much differences in these count beside a distance of the scene's radius
 
