@@ -13,6 +13,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from ..compute.inference import is_inference
 from ..compute.precision import exact_float_32
 
 
@@ -139,7 +140,8 @@ class SwiGLU(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         x = x.to(self.w1.weight.dtype)
-        return self.w2(F.silu(self.w1(x)) * self.w3(x))
+        gate = F.silu(self.w1(x), inplace=is_inference())
+        return self.w2(gate * self.w3(x))
 
 
 def store_in_precision(model: nn.Module, dtype: torch.dtype, exact: Iterable[nn.Module] = ()) -> nn.Module:
