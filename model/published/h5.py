@@ -13,7 +13,7 @@ from ..environment import rotate_environment
 from ..errors import SceneError
 from ..geometry import area_vectors
 from ..scene import Volumes
-from .h5_datasets import Datasets, load_h5py, opened
+from .h5_datasets import Datasets, load_h5py, open_datasets
 from .processed_scene import RAW_CHANNELS, ProcessedScene
 
 VOLUMES = {"density": "volume_density", "position": "volume_position", "rotation": "volume_rotation",
@@ -62,7 +62,7 @@ def read_h5(path: str | Path) -> ProcessedScene:
 
     Raises SceneError naming the dataset that is missing, damaged or wrong.
     """
-    with opened(Path(path)) as data:
+    with open_datasets(Path(path)) as data:
         return _scene(data)
 
 

@@ -87,7 +87,7 @@ def _fits(shape: tuple[int, ...], layout: tuple[int | str, ...]) -> bool:
 
 
 @contextmanager
-def opened(path: Path):
+def open_datasets(path: Path):
     """The Datasets of a file. Raises SceneError for one that is not there or no H5 file, and without h5py."""
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")
