@@ -11,27 +11,28 @@ from .scene import View
 ROWS = 64  # computed at once in float64
 
 
-def padded_view(view: View, granularity: int) -> View:
-    """The rectangle extended to the whole picture's grid of so many pixels: its windows are those of the picture.
+def pad_view(view: View, granularity: int) -> View:
+    """A rectangle extended to a grid of `granularity` pixels from the corner of the full picture, so that the network's
+    windows are the same for every rectangle.
 
-    Where its sides are neighbours it goes on beyond either by so many pixels at least.
+    Where the sides of the picture are neighbours (`View.wraps`), either side gets at least `granularity` more columns.
     """
     x, y = view.corner
-    beyond = granularity if view.wraps else 0
-    left, above = x % granularity + beyond, y % granularity
-    width, height = left + view.width + beyond, above + view.height
+    margin = granularity if view.wraps else 0
+    left, above = x % granularity + margin, y % granularity
+    width, height = left + view.width + margin, above + view.height
     return replace(view, principal=view.principal + np.float32((left, above)), corner=(x - left, y - above),
                    width=width + -width % granularity, height=height + -height % granularity)
 
 
-def place_in(larger: View, view: View) -> tuple[slice, slice]:
-    """Rows and columns of `larger`, another rectangle of the same picture, that are `view`."""
+def find_window(larger: View, view: View) -> tuple[slice, slice]:
+    """The rows and columns of `larger` that show `view`, both being rectangles of one picture."""
     left, above = (a - b for a, b in zip(view.corner, larger.corner))
     return slice(above, above + view.height), slice(left, left + view.width)
 
 
-def beyond_sides(picture: np.ndarray, left: int, right: int, wraps: bool) -> np.ndarray:
-    """(H, W, ...) with so many columns more: those of the other side if the picture `wraps`, or the outermost again."""
+def extend_sides(picture: np.ndarray, left: int, right: int, wraps: bool) -> np.ndarray:
+    """(H, W, ...) with `left` and `right` more columns: of the other side if the picture wraps, else the outermost."""
     margins = [(0, 0), (left, right)] + [(0, 0)] * (picture.ndim - 2)
     return np.pad(picture, margins, mode="wrap" if wraps else "edge")
 
@@ -60,17 +61,18 @@ def view_rays_at(view: View, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, 
     return c2w[:3, 3].astype(np.float32), directions.astype(np.float32)
 
 
-def sees(view: View) -> np.ndarray:
-    """(H, W) bool: pixels in whose centre the camera sees anything; a fisheye's picture is a circle."""
+def visible_pixels(view: View) -> np.ndarray:
+    """(H, W) bool: pixels whose centres show anything: the picture of a fisheye lens is a circle."""
     if view.panorama is None:
         return np.ones((view.height, view.width), bool)
     (x, y), (columns, rows) = view.corner, (np.arange(view.width) + 0.5, np.arange(view.height)[:, None] + 0.5)
-    return view.panorama.seen(x + columns, y + rows)
+    return view.panorama.visible(x + columns, y + rows)
 
 
-def through_lens(view: View, offset: np.ndarray, distance: float) -> View:
-    """The pinhole moved by `offset` (3,), world, within the plane of its picture; what is `distance` world units ahead
-    along the axis stays where it is in the picture: one point of a lens that is focused there.
+def shift_in_lens(view: View, offset: np.ndarray, distance: float) -> View:
+    """The pinhole of a lens point: moved by `offset` (3,) in the world, parallel to the picture.
+
+    Points `distance` world units ahead along the axis, where the lens is focused, keep their position in the picture.
     """
     moved = np.asarray(view.camera_to_world, np.float64).copy()
     right, up, _ = moved[:3, :3].T @ offset
@@ -83,7 +85,7 @@ def square_view(camera_to_world: np.ndarray, fov_degrees: float, resolution: int
                 crop: tuple[int, int, int, int] | None = None) -> View:
     """A square image of `resolution` pixels with full field of view `fov_degrees`, as in the paper's data.
 
-    crop: (y0, x0, height, width) in pixels of that square; the whole square when not given.
+    crop: (y0, x0, height, width) in pixels of that square; the full square when not given.
     """
     y0, x0, height, width = crop or (0, 0, resolution, resolution)
     focal = resolution / 2 / np.tan(np.radians(float(fov_degrees)) / 2)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Divide weighted points into few groups by splitting the most varied group (Wan, Wong and Prusinkiewicz 1988)."""
+"""Cluster weighted points by splitting the group with the largest variance (Wan, Wong and Prusinkiewicz 1988)."""
 from __future__ import annotations
 
 import numpy as np
 
-NEGLIGIBLE = 1e-12  # share of the whole variance that is not worth a split
+NEGLIGIBLE = 1e-12  # share of the total variance below which a group is not split
 
 
-def clusters(points: np.ndarray, weights: np.ndarray, groups: list[np.ndarray], most: int) -> list[np.ndarray]:
-    """`groups` (rows of the (N, K) points) split until there are `most`, or none that varies.
+def split_clusters(points: np.ndarray, weights: np.ndarray, groups: list[np.ndarray], most: int) -> list[np.ndarray]:
+    """`groups` (rows of the (N, K) points) split until there are `most`, or none has any variance.
 
-    weights: (N,) >= 0; a group is split at its weighted mean across the coordinate in which it varies most.
+    weights: (N,) >= 0; a group is split at its weighted mean of the coordinate with the largest variance.
     """
     groups = list(groups)
     spread = [_variance(points[rows], weights[rows]) for rows in groups]

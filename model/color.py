@@ -19,6 +19,6 @@ def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
 
 
-def half(x: np.ndarray) -> np.ndarray:
+def to_half(x: np.ndarray) -> np.ndarray:
     """As f16, clipped to what that can hold."""
     return np.clip(x, -HALF_MAX, HALF_MAX).astype(np.float16)

@@ -60,11 +60,11 @@ def sample_panorama(image: np.ndarray, directions: Tensor) -> np.ndarray:
     return sample_bilinear(image, torch.stack([2 * u - 1, 2 * v - 1], dim=-1))
 
 
-def sample_bilinear(image: np.ndarray, places: Tensor) -> np.ndarray:
-    """(H, W, C) image at places (h, w, 2), x and y from -1 to 1 between its edges, else clamped -> (h, w, C) f32."""
+def sample_bilinear(image: np.ndarray, coordinates: Tensor) -> np.ndarray:
+    """(H, W, C) image at coordinates (h, w, 2), x and y from -1 to 1 between its edges, clamped -> (h, w, C) f32."""
     pixels = torch.tensor(np.asarray(image, np.float32)).permute(2, 0, 1)
-    found = F.grid_sample(pixels[None], places[None], padding_mode="border", align_corners=False)[0]
-    return found.permute(1, 2, 0).numpy()
+    samples = F.grid_sample(pixels[None], coordinates[None], padding_mode="border", align_corners=False)[0]
+    return samples.permute(1, 2, 0).numpy()
 
 
 def rotate_environment(image: np.ndarray, degrees: np.ndarray, strength: float) -> np.ndarray:

@@ -19,11 +19,11 @@ import numpy as np
 class Behaviour(Enum):
     """What one axis of an array holds (the last one if not said otherwise), or what every element is."""
 
-    POINT = auto()      # x, y, z of a place
+    POINT = auto()      # x, y, z of a position
     DIRECTION = auto()  # x, y, z of a unit vector in the world
     EULER = auto()      # XYZ angles in radians
     LENGTH = auto()     # world units, in every element
-    DISPLACEMENT = auto()  # likewise, but ends at -1 and 1
+    DISPLACEMENT = auto()  # likewise, clipped to -1 and 1
     COLOR = auto()      # R, G, B, or several such triples
     RADIANCE = auto()   # R, G, B that exposure scales
     PANORAMA = auto()   # columns of a latitude-longitude map, or of a stack of them
@@ -53,14 +53,14 @@ class Channels:
         return Channels(self.axis, **{key: part for key, part in self._sizes().items() if key != name})
 
     def joined(self, **parts: int | tuple[int, Behaviour]) -> Channels:
-        """These parts and more behind them."""
+        """These parts, and more after them."""
         return Channels(self.axis, **self._sizes(), **parts)
 
     def _sizes(self) -> dict[str, tuple[int, Behaviour]]:
         return {name: (part.stop - part.start, behaviour) for name, (part, behaviour) in self.parts.items()}
 
     def index(self, name: str) -> int:
-        """Place of a part that is one channel."""
+        """Index of a part that is one channel."""
         return self[name].start
 
 
@@ -76,7 +76,7 @@ class Layout:
 
 def array(*shape: int | str, dtype=np.float32, behaves: Behaviour | dict[Behaviour, int] | None = None,
           channels: Channels | None = None, default: str = ""):
-    """A dataclass field; `default` "empty" (of no rows) or "none", else a value must be given."""
+    """A dataclass field for an array; `default`: "empty" (no rows), "none", or "" for no default."""
     behaves = behaves if isinstance(behaves, dict) else {} if behaves is None else {behaves: -1}
     empty = tuple(0 if isinstance(size, str) else size for size in shape)
     defaults = {"": {}, "none": {"default": None}, "empty": {"default_factory": lambda: np.zeros(empty, dtype)}}
@@ -87,28 +87,28 @@ rows = partial(array, default="empty")
 
 
 def layouts(group) -> dict[str, Layout]:
-    """Layouts of the fields of a dataclass or an instance that were made by `array`."""
+    """Layouts of those fields of a dataclass, or of an instance, that `array` made."""
     return {f.name: f.metadata["layout"] for f in fields(group) if "layout" in f.metadata}
 
 
-def mapped(group, changes: dict[Behaviour, Callable]):
-    """A copy in which changes[behaviour] was applied to all that behaves so, nested groups included.
+def map_arrays(group, changes: dict[Behaviour, Callable]):
+    """A copy in which changes[behaviour] is applied to all arrays of that behaviour, nested groups included.
 
-    Each function is given the array with the axis in question last, and returns the same shape, or its very argument
-    for no change. A field with several behaviours is changed by each of them.
+    A function takes the array with the axis in question last, and returns the same shape, or its very argument for no
+    change. A field with several behaviours is changed by each of them.
     """
     values = {}
     for f in fields(group):
         value, layout = getattr(group, f.name), f.metadata.get("layout")
         if is_dataclass(value):
-            values[f.name] = mapped(value, changes)
+            values[f.name] = map_arrays(value, changes)
         elif value is not None and layout is not None:
             values[f.name] = _changed(value, layout, changes)
     return replace(group, **values)
 
 
-def mapped_channels(value, channels: Channels, changes: dict[Behaviour, Callable]):
-    """As `mapped` does it with a field that has these channels."""
+def map_channels(value, channels: Channels, changes: dict[Behaviour, Callable]):
+    """`map_arrays` for one array that has these channels."""
     results = []
     for part, behaviour in channels.parts.values():
         if behaviour in changes:
@@ -127,7 +127,7 @@ def _changed(value, layout: Layout, changes: dict[Behaviour, Callable]):
     for behaviour, axis in layout.behaves.items():
         if behaviour in changes:
             value = _along(axis, value, changes[behaviour])
-    return value if layout.channels is None else mapped_channels(value, layout.channels, changes)
+    return value if layout.channels is None else map_channels(value, layout.channels, changes)
 
 
 def _along(axis: int, value, function: Callable):
@@ -139,7 +139,7 @@ def _along(axis: int, value, function: Callable):
     return value if result is last else move(result, -1, axis)
 
 
-def check(group, name: str = "") -> None:
+def check_arrays(group, name: str = "") -> None:
     """Shapes, dtypes and finiteness of all array fields; the same letter stands for the same count.
 
     Raises ValueError naming the array.

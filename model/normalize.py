@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .fields import DISPLACEMENT, LENGTH, POINT, RADIANCE, mapped
+from .fields import DISPLACEMENT, LENGTH, POINT, RADIANCE, map_arrays
 from .geometry import area_vectors
 from .scene import Guides, RenderScene, View
 
 HALF_EXTENT = 0.5          # of the scene's box, in network units
 CENTRAL_IRRADIANCE = 4.0   # W/m^2 that all lights and the environment together bring to the scene's centre
-DARK = 1e-12               # W/m^2 that are as good as no light
+DARK = 1e-12               # W/m^2 that count as no light
 NEAREST_LIGHT = 0.5        # network units; an emitter inside the scene must not decide the exposure alone
 
 
@@ -40,7 +40,7 @@ class Normalization:
     def scene(self, scene: RenderScene) -> RenderScene:
         """The same scene in network units, displacement heights included."""
         scale, exposure = np.float32(self.scale), np.float32(self.exposure)
-        return mapped(scene, {POINT: self.points, LENGTH: lambda x: x * scale, RADIANCE: lambda x: x * exposure,
+        return map_arrays(scene, {POINT: self.points, LENGTH: lambda x: x * scale, RADIANCE: lambda x: x * exposure,
                               DISPLACEMENT: lambda x: (x * scale).clip(-1, 1) if x.any() else x})
 
     def view(self, view: View) -> View:
@@ -88,18 +88,18 @@ def _exposure(scene: RenderScene, center: np.ndarray, scale: float) -> float:
 
 
 def central_irradiance(scene: RenderScene, center: np.ndarray, scale: float) -> np.ndarray:
-    """(L,) W/m^2 that each of the scene's lights brings to `center`, in network units of length."""
+    """(L,) irradiance in W/m^2 at `center` from each of the scene's lights, lengths being in network units."""
     lights = scene.is_light
     to_center = (center - scene.triangles[lights].mean(axis=1)) * scale
     distance = np.linalg.norm(to_center, axis=1).clip(1e-9)
-    # Half the area is what a triangle shows to a random direction: stable when a lamp turns.
+    # On average over directions half of the area is projected: stable when a lamp turns.
     projected = np.linalg.norm(area_vectors(scene.triangles[lights]), axis=1) * scale**2 / 2
     beam = _beam(scene.beam_axis[lights], scene.beam_cosine[lights], to_center / distance[:, None])
     return scene.emission[lights].mean(axis=1) * beam * projected / distance.clip(NEAREST_LIGHT) ** 2
 
 
 def _beam(axis: np.ndarray, cosine: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(L,) share of its radiance that a light sends along unit directions (L, 3), or over its front if that is more."""
+    """(L,) share of its radiance that a light emits along unit directions (L, 3); at least its front's mean."""
     outer, inner = cosine[:, 0], np.maximum(cosine[:, 1], cosine[:, 0] + 1e-4)
     t = (((direction * axis).sum(axis=1) - outer) / (inner - outer)).clip(0, 1)
     share = (1 - (outer + inner) / 2).clip(0, 1)

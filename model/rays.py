@@ -2,7 +2,7 @@
 """Rays against triangles, by Embree (Wald et al. 2014, "Embree"). See `Rays`.
 
 All visibility in this project is computed here. If Embree cannot be imported, another caster with the same two
-functions takes its place (`stand_in`), such as Blender's own BVH.
+functions takes its place (`Rays.fallback`), such as Blender's own BVH.
 """
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from .compute.threads import spread
 
-CHUNK = 1 << 16  # rays between two looks at the Esc key: about 0.02 s
+CHUNK = 1 << 16  # rays between two progress reports: about 0.02 s
 
 
 class Hits(NamedTuple):
@@ -34,13 +34,15 @@ class Caster(Protocol):
 
 
 class Rays:
-    """Rays against triangles (T, 3, 3), in whatever units and frame these are.
+    """Rays against triangles (T, 3, 3), in the units and the frame of the triangles.
 
-    Triangles have no front: they are met from both sides. A ray that starts on a triangle may meet it.
+    Triangles have no front: rays hit them from both sides. A ray that starts on a triangle may hit it.
     """
 
+    fallback: Callable[[np.ndarray], Caster] | None = None  # makes the caster of triangles where Embree is absent
+
     def __init__(self, triangles: np.ndarray):
-        self._caster = _made(np.ascontiguousarray(triangles, np.float32)) if len(triangles) else None
+        self._caster = _make_caster(np.ascontiguousarray(triangles, np.float32)) if len(triangles) else None
 
     def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
         """The first hits from points (P, 3), or from one point, along directions (P, 3)."""
@@ -58,7 +60,7 @@ class Rays:
         return np.concatenate(spread(self._caster.blocked, _chunks(origin, direction, distance)))
 
 
-class _Embree:
+class EmbreeCaster:
     def __init__(self, triangles: np.ndarray):
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
@@ -67,23 +69,14 @@ class _Embree:
         self.closest(*np.zeros((2, 1, 3), np.float32))  # builds its tree, which several threads must not do at once
 
     def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
-        met = self._scene.run(origin, direction, query="INTERSECT", output=True)
-        nothing = met["primID"] < 0
-        weights = np.stack([1 - met["u"] - met["v"], met["u"]], axis=1)
-        weights[nothing] = 0
-        return Hits(met["primID"], np.where(nothing, np.float32(np.inf), met["tfar"]), weights)
+        hits = self._scene.run(origin, direction, query="INTERSECT", output=True)
+        missed = hits["primID"] < 0
+        weights = np.stack([1 - hits["u"] - hits["v"], hits["u"]], axis=1)
+        weights[missed] = 0
+        return Hits(hits["primID"], np.where(missed, np.float32(np.inf), hits["tfar"]), weights)
 
     def blocked(self, origin: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
         return self._scene.run(origin, direction, dists=distance, query="OCCLUDED") >= 0
-
-
-_stand_in: Callable[[np.ndarray], Caster] | None = None
-
-
-def stand_in(caster: Callable[[np.ndarray], Caster] | None) -> None:
-    """From now on this makes the caster of triangles (T, 3, 3) where Embree is absent; None takes it back."""
-    global _stand_in
-    _stand_in = caster
 
 
 @functools.cache
@@ -96,18 +89,18 @@ def has_embree() -> bool:
     return True
 
 
-def _made(triangles: np.ndarray) -> Caster:
+def _make_caster(triangles: np.ndarray) -> Caster:
     if has_embree():
-        return _Embree(triangles)
-    if _stand_in is None:
+        return EmbreeCaster(triangles)
+    if Rays.fallback is None:
         raise ModuleNotFoundError("the Python package embreex is missing: pip install embreex")
-    return _stand_in(triangles)
+    return Rays.fallback(triangles)
 
 
 def _chunks(*arrays: np.ndarray | float) -> list[tuple[np.ndarray, ...]]:
     """Rows of arrays that broadcast against the second, CHUNK at a time, as the casters want them."""
     direction = arrays[1]
     shapes = [direction.shape if i < 2 else direction.shape[:1] for i in range(len(arrays))]
-    whole = [np.broadcast_to(np.asarray(a, np.float32), shape) for a, shape in zip(arrays, shapes, strict=True)]
-    return [tuple(np.require(a[first:first + CHUNK], requirements="CW") for a in whole)
+    full = [np.broadcast_to(np.asarray(a, np.float32), shape) for a, shape in zip(arrays, shapes, strict=True)]
+    return [tuple(np.require(a[first:first + CHUNK], requirements="CW") for a in full)
             for first in range(0, len(direction), CHUNK)]

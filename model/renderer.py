@@ -23,10 +23,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .camera import beyond_sides, padded_view, place_in
-from .compute.devices import choose_device, name_of
+from .camera import extend_sides, find_window, pad_view
+from .compute.devices import choose_device, device_name
 from .compute.inference import Pieces, inference
-from .compute.precision import NAMES, choose_precision, failure
+from .compute.precision import NAMES, choose_precision, find_failure
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
 from .light.effort import FULL, Effort
@@ -56,7 +56,7 @@ class Renderer:
         self.pieces = Pieces()
         self.device = choose_device(device)
         self.dtype, self.remark = choose_precision(precision, self.device), ""
-        if precision == "auto" and self.dtype != torch.float32 and (problem := failure(self.dtype, self.device)):
+        if precision == "auto" and self.dtype != torch.float32 and (problem := find_failure(self.dtype, self.device)):
             self.remark = f"{NAMES[self.dtype]} does not work in this PyTorch ({problem}): Float32 is used"
             self.dtype = torch.float32
         with checkpoint_errors():
@@ -67,7 +67,7 @@ class Renderer:
     @property
     def computed_on(self) -> str:
         """The device and the number format, as in "CPU (AMD EPYC), BFloat16"."""
-        return f"{name_of(self.device)}, {NAMES[self.dtype]}"
+        return f"{device_name(self.device)}, {NAMES[self.dtype]}"
 
     def fitted(self, compute: Callable[[], T]) -> T:
         """compute(), again in smaller pieces where a card's memory is too small for it; `remark` says so then.
@@ -160,7 +160,7 @@ class EncodedScene:
         if wanted != self.variant:
             raise ValueError(f"the scene was encoded for {self.variant}, this view needs {wanted}")
         larger, guides = padded(view, guides, pipeline.granularity)
-        place = (..., *place_in(larger, view))
+        place = (..., *find_window(larger, view))
         with inference(self.renderer.pieces):
             given = self.normalization.view(larger), self.normalization.guides(guides)
             found = self.renderer.fitted(lambda: run(self.encoded, *given))
@@ -183,10 +183,10 @@ def padded(view: View, guides: Guides, granularity: int) -> tuple[View, Guides]:
     A picture goes on beyond its edge, and the network's windows look there: an empty margin would darken the edge, and
     sides that are neighbours would not meet.
     """
-    larger = padded_view(view, granularity)
+    larger = pad_view(view, granularity)
     if (larger.width, larger.height) == (view.width, view.height):
         return view, guides
-    rows, columns = place_in(larger, view)
+    rows, columns = find_window(larger, view)
     margins = [(rows.start, larger.height - rows.stop), (columns.start, larger.width - columns.stop)]
-    return larger, Guides(**{name: beyond_sides(np.pad(array, margins[:1] + [(0, 0)] * (array.ndim - 1), mode="edge"),
+    return larger, Guides(**{name: extend_sides(np.pad(array, margins[:1] + [(0, 0)] * (array.ndim - 1), mode="edge"),
                                                 *margins[1], view.wraps) for name, array in guides.arrays().items()})

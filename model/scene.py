@@ -22,7 +22,7 @@ from .fields import (
     RADIANCE,
     Channels,
     array,
-    check,
+    check_arrays,
     layouts,
     rows,
 )
@@ -210,9 +210,9 @@ class RenderScene:
 
         Raises ValueError naming the array that breaks the contract above.
         """
-        check(self)
+        check_arrays(self)
         if self.volumes is not None:
-            check(self.volumes, "volumes.")
+            check_arrays(self.volumes, "volumes.")
         if len(self) and (self.tile_index.min() < 0 or self.tile_index.max() >= len(self.tiles)):
             raise ValueError(f"tile_index reaches outside the {len(self.tiles)} tiles")
 

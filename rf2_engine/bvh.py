@@ -60,7 +60,7 @@ class BlenderRays:
         return np.fromiter((find(start, ray, reach)[2] is not None for start, ray, reach in rows), bool, len(far))
 
 
-rays.stand_in(BlenderRays)
+rays.Rays.fallback = BlenderRays
 
 
 def _tuples(rows: np.ndarray) -> list[tuple]:

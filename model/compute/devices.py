@@ -25,20 +25,20 @@ def choose_device(name: str = "auto") -> torch.device:
         cards = range(torch.cuda.device_count())
         if number and int(number) not in cards:
             raise ValueError(f"there is no card {int(number) + 1}, only {len(cards)}: choose another Card, or 0")
-        if fitting := [i for i in ([int(number)] if number else cards) if not too_old(i)]:
+        if fitting := [i for i in ([int(number)] if number else cards) if not explain_too_old(i)]:
             return torch.device("cuda", max(fitting, key=lambda i: torch.cuda.get_device_properties(i).total_memory))
     if kind == "cuda":
-        reason = unused_card() or "no CUDA device is available to PyTorch"
+        reason = explain_unused_card() or "no CUDA device is available to PyTorch"
         raise ValueError(f"{reason}. Or choose the device Automatic or CPU")
     if kind == "mps" and not torch.backends.mps.is_available():
         raise ValueError("no Metal (MPS) device is available to PyTorch: choose the device Automatic or CPU")
     return torch.device("mps" if torch.backends.mps.is_available() else "cpu")
 
 
-def unused_card(has_driver: bool = False) -> str:
-    """Why an NVIDIA card that is there would not be used by `auto`, and what to do; "" where it is, or none is there.
+def explain_unused_card(has_driver: bool = False) -> str:
+    """Why `auto` would not use an NVIDIA card, and what to do; "" where it would, or there is none.
 
-    has_driver: whether the system has a driver of NVIDIA's, for a PyTorch that cannot tell.
+    has_driver: whether the system has a driver of NVIDIA's, for a PyTorch that cannot say so.
     """
     if torch.version.cuda is None:
         if not has_driver or torch.version.hip:
@@ -46,23 +46,23 @@ def unused_card(has_driver: bool = False) -> str:
         return ("the NVIDIA card is not used, because this PyTorch is a build for the CPU: choose the CUDA build in "
                 "Preferences > Add-ons > RenderFormer-V2")
     if torch.cuda.is_available():
-        reasons = [too_old(i) for i in range(torch.cuda.device_count())]
+        reasons = [explain_too_old(i) for i in range(torch.cuda.device_count())]
         return reasons[0] if all(reasons) else ""
-    known, needed = driver_version(), tuple(map(int, torch.version.cuda.split(".")))
-    if known and known[0] < needed[0]:
-        return (f"the NVIDIA card is not used, because its driver is too old: it knows CUDA {known[0]}.{known[1]}, and "
-                f"this PyTorch needs {needed[0]}.0. Update the driver")
+    supported, needed = driver_version(), tuple(map(int, torch.version.cuda.split(".")))
+    if supported and supported[0] < needed[0]:
+        return (f"the NVIDIA card is not used, because its driver is too old: it knows CUDA "
+                f"{supported[0]}.{supported[1]}, and this PyTorch needs {needed[0]}.0. Update the driver")
     return ("the NVIDIA card is not used, because PyTorch finds none although there is a driver: start Blender again, "
-            "or update the driver") if known or has_driver else ""
+            "or update the driver") if supported or has_driver else ""
 
 
 def driver_version() -> tuple[int, int] | None:
-    """The newest CUDA that the driver knows; None without a driver."""
+    """The newest CUDA that the driver supports; None without a driver."""
     version = torch._C._cuda_getDriverVersion() if hasattr(torch._C, "_cuda_getDriverVersion") else 0
     return (version // 1000, version % 1000 // 10) if version > 0 else None
 
 
-def too_old(card: int) -> str:
+def explain_too_old(card: int) -> str:
     """Why a card has no programs in this build of PyTorch, and what to do; or ""."""
     capability, builds = torch.cuda.get_device_capability(card), torch.cuda.get_arch_list()
     if is_built_for(capability, builds):
@@ -75,10 +75,10 @@ def too_old(card: int) -> str:
 def is_built_for(capability: tuple[int, int], builds: list[str]) -> bool:
     """builds: as of torch.cuda.get_arch_list(). Programs run on later cards of the same major number, and compute_* are
     translated for all that are later. Names that are not NVIDIA's are AMD's, whose drivers tell by themselves."""
-    found = [BUILT_FOR.match(build) for build in builds]
-    if not all(found) or not found:
+    matches = [BUILT_FOR.match(build) for build in builds]
+    if not all(matches) or not matches:
         return True
-    for kind, *number in (match.groups() for match in found):
+    for kind, *number in (match.groups() for match in matches):
         built = tuple(map(int, number))
         if built <= capability and (kind == "compute" or built[0] == capability[0]):
             return True
@@ -86,7 +86,7 @@ def is_built_for(capability: tuple[int, int], builds: list[str]) -> bool:
 
 
 @cache
-def name_of(device: torch.device) -> str:
+def device_name(device: torch.device) -> str:
     """"NVIDIA GeForce RTX 4090 (CUDA)", "Apple GPU (Metal)", or "CPU (AMD EPYC)"."""
     if device.type == "cuda":
         index = device.index or 0
@@ -100,9 +100,9 @@ def name_of(device: torch.device) -> str:
 
 
 def free_memory(device: torch.device, with_ours: bool = False) -> int | None:
-    """Bytes that a card can still give, those that PyTorch keeps for itself included; None where nothing tells.
+    """Free bytes of a card, including those that PyTorch has reserved; None for other devices.
 
-    with_ours: also those that tensors of this process have.
+    with_ours: count those that tensors of this process occupy as free.
     """
     if device.type != "cuda":
         return None

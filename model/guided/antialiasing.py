@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from ..camera import beyond_sides
+from ..camera import extend_sides
 from ..fields import COLOR, DIRECTION, Channels
 from ..network.layers import Float32Conv2d
 from ..pictures import bands
@@ -105,7 +105,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], rad
     samples: of a pixel in the first hits and in the traced light. wraps: whether the sides are neighbours.
     """
     if wraps:
-        wide = lambda picture: beyond_sides(picture, REACH, REACH, wraps)  # noqa: E731
+        wide = lambda picture: extend_sides(picture, REACH, REACH, wraps)  # noqa: E731
         done = antialiased(predictor, {key: wide(picture) for key, picture in pictures.items()}, wide(radiance),
                            Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}), samples)
         return {key: picture[:, REACH:-REACH] for key, picture in done.items()}

@@ -21,9 +21,9 @@ from ..network.inputs import (
     NetworkInputs,
     ViewInputs,
     VolumeInputs,
+    bring_lights_near,
     encode_light,
     material_tiles,
-    nearer_lights,
     view_inputs,
     volume_inputs,
 )
@@ -67,7 +67,7 @@ def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None) -> Guide
 def _nearer(scene: RenderScene) -> np.ndarray:
     """(N, 3, 3) corners in a space without far places: a large ground or a sky dome is like nothing in training."""
     lights = scene.is_light[:, None, None]
-    return np.where(lights, nearer_lights(scene), contracted(scene.triangles)).astype(np.float32)
+    return np.where(lights, bring_lights_near(scene), contracted(scene.triangles)).astype(np.float32)
 
 
 def _volumes(volumes: Volumes | None) -> VolumeInputs | None:

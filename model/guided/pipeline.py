@@ -13,7 +13,7 @@ from ..light.bounce.radiosity import Radiosity
 from ..light.direct.direct_light import LightPrior
 from ..light.effort import DRAFT, FULL, Effort
 from ..material.mappers import load_material_mapper
-from ..network.layers import in_precision
+from ..network.layers import store_in_precision
 from ..network.renderformer import SceneContext
 from ..progress import part
 from ..scene import Guides, RenderScene, View
@@ -39,7 +39,7 @@ class GuidedPipeline:
     """One network for every resolution (see model/renderer.py for what a pipeline is)."""
 
     def __init__(self, weights: str | Path, device: torch.device, dtype: torch.dtype):
-        self.network = in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
+        self.network = store_in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
         self.device, self.mapper = device, load_material_mapper()
         self.granularity, self.is_idle = self.network.config.granularity, self.network.is_idle
 

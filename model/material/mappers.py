@@ -17,6 +17,7 @@ from ..weights.presets import WEIGHTS
 
 LATENT_DIM = 9
 MATERIAL_MAPPER = WEIGHTS / "material" / "metallic_transmission_mapper"  # of the bundled weights
+PAPER_IOR = 1.5  # at Specular IOR Level 1: what the metallic mapper and its training renders mean by "not metal"
 
 
 class Mapper(nn.Module):
@@ -63,21 +64,13 @@ MAPPERS = {"diffspec_mapper": DiffuseSpecularMapper, "metallic_mapper": Metallic
            "metallic_transmission_mapper": MetallicTransmissionMapper}
 
 
-def load_material_mapper(folder: Path = MATERIAL_MAPPER) -> Mapper:
-    """The bundled mapper from Principled parameters to the 9-D latent. Raises CheckpointError."""
-    return load_component(MetallicTransmissionMapper, folder)
-
-
-PAPER_IOR = 1.5  # at Specular IOR Level 1: what the metallic mapper and its training renders mean by "not metal"
-
-
 class Appearance:
     """Chooses for every texel the mapper that was trained on its kind of material.
 
-    - Opaque without specular reflection (not metallic, effective IOR 1), which is also what emitters are: diffspec with
-      no specular; roughness 1, because that of a lobe that is not there must not matter.
+    - Opaque without specular reflection (not metallic, effective IOR 1), as emitters are: diffspec without specular and
+      with roughness 1, because the roughness of an absent lobe must not matter.
     - Opaque metal, or a dielectric of IOR 1.5: the metallic mapper, as in the training scenes.
-    - All else: the transmission mapper, which knows the index of refraction.
+    - All others: the transmission mapper, which takes the index of refraction.
     """
 
     def __init__(self, diffuse_specular: Mapper, metallic: Mapper, transmission: Mapper):
@@ -105,3 +98,8 @@ class Appearance:
 
     def _paper(self, p: torch.Tensor) -> torch.Tensor:
         return self.metallic(p[:, : ROUGHNESS + 1])
+
+
+def load_material_mapper(folder: Path = MATERIAL_MAPPER) -> Mapper:
+    """The bundled mapper from Principled parameters to the 9-D latent. Raises CheckpointError."""
+    return load_component(MetallicTransmissionMapper, folder)

@@ -155,11 +155,10 @@ def hdr_flip_map(reference: np.ndarray, test: np.ndarray, pixels_per_degree: flo
     Progress is reported, and may cancel.
     """
     reference, test = (np.clip(np.nan_to_num(picture, posinf=HALF_MAX), 0, HALF_MAX) for picture in (reference, test))
-    largest, steps = np.zeros(reference.shape[:2], np.float32), choose_exposures(reference)
-    for i, exposure in enumerate(steps):
-        with progress.part(i / len(steps), (i + 1) / len(steps)):
-            displayed = (_tone_map(picture * np.float32(2.0 ** exposure)) for picture in (reference, test))
-            largest = np.maximum(largest, linear_flip_map(*displayed, pixels_per_degree))
+    largest = np.zeros(reference.shape[:2], np.float32)
+    for exposure in progress.steps(choose_exposures(reference)):
+        displayed = (_tone_map(picture * np.float32(2.0 ** exposure)) for picture in (reference, test))
+        largest = np.maximum(largest, linear_flip_map(*displayed, pixels_per_degree))
     return largest
 
 

@@ -78,7 +78,7 @@ class Closeness:
     flip_map: np.ndarray  # (H, W) f32 in [0, 1], row 0 on top
 
 
-def closeness(a: np.ndarray, b: np.ndarray) -> Closeness:
+def compare(a: np.ndarray, b: np.ndarray) -> Closeness:
     """Metrics of two scene-linear pictures (H, W, 3), b being the reference, after sRGB encoding and clipping but for
     HDR-FLIP.
 

@@ -59,7 +59,7 @@ class Rows:
 Map = torch.Tensor | Rows
 
 
-def rows_of(x: torch.Tensor) -> Rows:
+def as_rows(x: torch.Tensor) -> Rows:
     """A map that is in memory."""
     return Rows(size(x), lambda begin, end: x[:, :, begin:end])
 

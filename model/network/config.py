@@ -31,8 +31,8 @@ FITS = {  # by the annotation of a field
 
 def require_kind(name: str, value, annotation: str) -> None:
     """Raises CheckpointError unless the value is what the annotation says."""
-    wanted = annotation.removesuffix(" | None")
-    if not (FITS[wanted](value) or value is None and wanted != annotation):
+    expected = annotation.removesuffix(" | None")
+    if not (FITS[expected](value) or value is None and expected != annotation):
         raise CheckpointError(f"{name} = {value!r} is not of the kind {annotation}")
 
 

@@ -7,7 +7,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from ..compute.inference import current_pieces, is_inference
-from .banded import Map, add_update, combine, convolve, enlarge, resize, rows_of, size
+from .banded import Map, add_update, as_rows, combine, convolve, enlarge, resize, size
 from .config import ModelConfig
 from .layers import Conv2d, Float32Conv2d
 
@@ -75,7 +75,7 @@ class DPTDecoder(nn.Module):
         rows = max(current_pieces().limit(BAND_PIXELS) // (width * len(features[0])), self.patch_size)
         if not is_inference() or rows >= height:
             return self._decode(features, (height, width), extra)
-        picture = self._decode([rows_of(feature) for feature in features], (height, width), extra)
+        picture = self._decode([as_rows(feature) for feature in features], (height, width), extra)
         return picture.tensor(rows)
 
     def _decode(self, features: list[Map], target: tuple[int, int], extra: torch.Tensor | None) -> Map:
@@ -89,7 +89,7 @@ class DPTDecoder(nn.Module):
         x = scratch.refinenet1(levels[0], x, (2 * height, 2 * width))
         x = resize(convolve(scratch.output_conv1, x), target)
         if extra is not None:
-            extra = extra if isinstance(x, torch.Tensor) else rows_of(extra)
+            extra = extra if isinstance(x, torch.Tensor) else as_rows(extra)
             x = combine(lambda x, extra: torch.cat([x, extra.to(x.dtype)], dim=1), x, extra)
         return convolve(scratch.output_conv2[2], convolve(scratch.output_conv2[0], x), F.silu)
 

@@ -71,7 +71,7 @@ def encode_light(radiance: torch.Tensor) -> torch.Tensor:
 FARTHEST_LIGHT = 3.0  # network units; training lights are 2.1 to 2.7 away (docs/scene-input.md 1.2)
 
 
-def nearer_lights(scene: RenderScene) -> np.ndarray:
+def bring_lights_near(scene: RenderScene) -> np.ndarray:
     """(N, 3, 3) corners with far lights brought near: shrunk towards the centre, where they look the same as before."""
     distance = np.linalg.norm(scene.triangles.mean(axis=1), axis=1)
     shrink = np.where(scene.is_light, np.minimum(1, FARTHEST_LIGHT / np.maximum(distance, 1e-6)), 1)

@@ -13,6 +13,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from ..compute.inference import is_inference
 from ..compute.precision import exact_float_32
 
 
@@ -52,8 +53,8 @@ class Conv2d(nn.Conv2d):
 
 
 class Float32Conv2d(Conv2d):
-    """Conv2d that stays in float32 when `in_precision` stores the others in half precision, with all its bits: cards
-    compute other convolutions of float32 in TensorFloat-32."""
+    """Conv2d that `store_in_precision` leaves in float32, and that uses all its bits: cards compute other convolutions
+    of float32 in TensorFloat-32."""
 
     def forward(self, x: torch.Tensor, padding: tuple[int, int] | None = None) -> torch.Tensor:
         with exact_float_32():
@@ -139,10 +140,11 @@ class SwiGLU(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         x = x.to(self.w1.weight.dtype)
-        return self.w2(F.silu(self.w1(x)) * self.w3(x))
+        gate = F.silu(self.w1(x), inplace=is_inference())
+        return self.w2(gate * self.w3(x))
 
 
-def in_precision(model: nn.Module, dtype: torch.dtype, exact: Iterable[nn.Module] = ()) -> nn.Module:
+def store_in_precision(model: nn.Module, dtype: torch.dtype, exact: Iterable[nn.Module] = ()) -> nn.Module:
     """Store the weights of matrix products and convolutions in `dtype`; norms, tokens and last layer stay float32.
 
     exact: parts of the model that stay as they are.

@@ -14,7 +14,7 @@ from .block_attention import KeysValues
 from .config import ModelConfig
 from .embedding import SceneEmbedding
 from .inputs import NetworkInputs, ViewInputs
-from .layers import in_precision
+from .layers import store_in_precision
 from .sequence import Tokens, centroids, pack, scene_centre
 from .view_dependent import ViewTransformer
 from .view_independent import ViewIndependentTransformer
@@ -128,9 +128,9 @@ def to_radiance(log_image: torch.Tensor) -> torch.Tensor:
     return torch.pow(10.0, log_image.float()) - 1
 
 
-def as_released(network: RenderFormer, dtype: torch.dtype, device: torch.device) -> RenderFormer:
+def store_as_released(network: RenderFormer, dtype: torch.dtype, device: torch.device) -> RenderFormer:
     """In the precision of the authors' `release` profile (docs/network.md 11): stage 2 without its decoder stays in
     float32 where the device has TensorFloat-32, all else is in `dtype`."""
     stage2 = network.view_transformer
     exact = (stage2.ray_map_encoder, stage2.transformer) if has_tensor_float_32(device) else ()
-    return in_precision(network, dtype, exact)
+    return store_in_precision(network, dtype, exact)

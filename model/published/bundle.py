@@ -20,7 +20,7 @@ from ..weights.files import (
     version_one,
     weights_file,
 )
-from .bundle_files import AUTOMATIC, MODEL_CONFIG, TRANSFORMER, require_parts, transformer_for
+from .bundle_files import AUTOMATIC, MODEL_CONFIG, TRANSFORMER, choose_transformer, require_parts
 from .model_config import model_config
 
 SECTIONS = {"model_config", "dataset_config", "trainer_config"}
@@ -32,7 +32,7 @@ STANDALONE = FORMAT | {"format_version": 1}  # what the authors' code writes, wi
 
 @dataclass
 class Bundle:
-    """The folder of renderformer-v2; its parts are read when they are asked for."""
+    """The folder of renderformer-v2, whose parts are read when they are needed."""
 
     folder: Path
 
@@ -51,7 +51,7 @@ class Bundle:
 
     def transformer(self, resolution: int, chosen: str = AUTOMATIC) -> RenderFormer:
         """The network for pictures whose longer side is `resolution` pixels; chosen: as of transformer_for."""
-        return load_transformer(self.folder / transformer_for(self.folder, resolution, chosen))
+        return load_transformer(self.folder / choose_transformer(self.folder, resolution, chosen))
 
     def mapper(self, name: str) -> Mapper:
         """"diffspec_mapper", "metallic_mapper" or "metallic_transmission_mapper"."""
@@ -78,11 +78,11 @@ def load_transformer(folder: Path) -> RenderFormer:
         return build_network(RenderFormer, config, weights_file(folder))
     file = folder / MODEL_CONFIG
     description = read_json(file)
-    found = {key: description.get(key) for key in FORMAT}
-    if found == FORMAT:
+    stated = {key: description.get(key) for key in FORMAT}
+    if stated == FORMAT:
         return read_network(RenderFormer, folder, MODEL_CONFIG)
-    if found != STANDALONE:
-        raise CheckpointError(f"{file} is of an unknown format: expected {STANDALONE}, found {found}")
+    if stated != STANDALONE:
+        raise CheckpointError(f"{file} is of an unknown format: expected {STANDALONE}, found {stated}")
     return build_network(RenderFormer, _config(description, file), weights_file(folder))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import CheckpointError
 from ..weights.files import checkpoint_errors, described, listing, weights_file
 
-INDEX = "model_index.json"  # of the whole; nothing is read from it
+INDEX = "model_index.json"  # of the bundle; nothing is read from it
 MODEL_CONFIG = "model_config.json"  # of a transformer that was saved by itself; it counts before the others
 CONFIG = ("config.json",)
 TRANSFORMER = (MODEL_CONFIG, "config.yaml", "config.yml")
@@ -21,7 +21,7 @@ AUTOMATIC = "auto"
 
 
 def is_bundle(folder: str | Path) -> bool:
-    """Whether the folder is a published bundle, what a partial download left of it, or one transformer of it.
+    """Whether the folder is a published bundle, a partial download of one, or one transformer of it.
 
     Raises OSError.
     """
@@ -38,7 +38,7 @@ def bundle_and_transformer(folder: Path, chosen: str = AUTOMATIC) -> tuple[Path,
     return (folder.absolute().parent, folder.absolute().name) if is_transformer(folder) else (folder, chosen)
 
 
-def transformer_for(bundle: Path, picture_size: int, chosen: str = AUTOMATIC) -> str:
+def choose_transformer(bundle: Path, picture_size: int, chosen: str = AUTOMATIC) -> str:
     """The folder of the network for pictures whose longer side has so many pixels: the chosen one, of TRANSFORMERS or
     beside them.
 
@@ -46,11 +46,11 @@ def transformer_for(bundle: Path, picture_size: int, chosen: str = AUTOMATIC) ->
     """
     if chosen != AUTOMATIC:
         return chosen
-    wanted, other = (LARGE, SMALL) if picture_size >= LARGE_RESOLUTION else (SMALL, LARGE)
-    return other if isdir(bundle / other) and not isdir(bundle / wanted) else wanted
+    preferred, other = (LARGE, SMALL) if picture_size >= LARGE_RESOLUTION else (SMALL, LARGE)
+    return other if isdir(bundle / other) and not isdir(bundle / preferred) else preferred
 
 
-def missing_parts(bundle: Path, chosen: str = AUTOMATIC) -> list[str]:
+def find_missing_parts(bundle: Path, chosen: str = AUTOMATIC) -> list[str]:
     """What a render would not find: one transformer, or the chosen one, and all mappers are needed, the VAE is
     elsewhere.
 
@@ -60,15 +60,15 @@ def missing_parts(bundle: Path, chosen: str = AUTOMATIC) -> list[str]:
         return isfile(bundle / name / "model.safetensors") and any(
             isfile(bundle / name / config) for config in COMPONENTS.get(name, TRANSFORMER))
 
-    wanted = TRANSFORMERS if chosen == AUTOMATIC else (chosen,)
-    parts = [] if any(map(complete, wanted)) else [" or ".join(wanted)]
+    transformers = TRANSFORMERS if chosen == AUTOMATIC else (chosen,)
+    parts = [] if any(map(complete, transformers)) else [" or ".join(transformers)]
     return parts + [name for name in MAPPERS if not complete(name)]
 
 
 @checkpoint_errors()
 def require_parts(bundle: Path, chosen: str = AUTOMATIC) -> None:
     """Raises CheckpointError unless the bundle holds what a render with the chosen transformer needs."""
-    parts = missing_parts(bundle, chosen)
+    parts = find_missing_parts(bundle, chosen)
     if parts and chosen not in (AUTOMATIC, *parts):
         raise CheckpointError(f"A render with the transformer {bundle / chosen} also needs {', '.join(parts)} beside "
                               f"it, but {bundle} holds {listing(bundle)}: download or copy the folder renderformer-v2 "

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..camera import view_rays
-from ..progress import part
+from ..progress import steps
 from ..scene import View
 
 OVERLAP = math.radians(5)  # beyond the edge of a face, and within it where its share begins to fall
@@ -25,34 +25,33 @@ TURNS = tuple(np.float64(axes).T for axes in (  # right, up, backward of the fac
 
 
 def cube_faces(view: View, granularity: int) -> list[View]:
-    """Square views as fine as a panorama, of sides that are multiples of `granularity`, of all faces."""
+    """Square views of all faces, as fine as the panorama; their sides are multiples of `granularity`."""
     focal = view.longer_side / 2
     side = math.ceil(2 * focal * math.tan(math.pi / 4 + OVERLAP) / granularity) * granularity
-    found = []
+    faces = []
     for turn in TURNS:
         pose = view.camera_to_world.astype(np.float64)
         pose[:3, :3] = pose[:3, :3] @ turn
-        found.append(View(pose.astype(np.float32), np.float32([focal, focal]), np.float32([side, side]) / 2, side, side,
+        faces.append(View(pose.astype(np.float32), np.float32([focal, focal]), np.float32([side, side]) / 2, side, side,
                           view.longer_side))
-    return found
+    return faces
 
 
-def joined(view: View, faces: list[View], render: Callable[[View], Tensor]) -> Tensor:
-    """(3, H, W): a panorama of what `render` gives (3, h, w) of those faces that are seen in it."""
+def join_faces(view: View, faces: list[View], render: Callable[[View], Tensor]) -> Tensor:
+    """(3, H, W): the panorama from the pictures (3, h, w) that `render` returns of the faces visible in it."""
     rays, total, weights = view_rays(view)[1], 0.0, 0.0
-    places = [_places(face, rays) for face in faces]
-    seen = [(face, place) for face, place in zip(faces, places, strict=True) if place[1].any()]
-    for i, (face, (grid, weight)) in enumerate(seen):
-        with part(i / len(seen), (i + 1) / len(seen)):
-            picture = render(face)
-            grid, weight = (torch.from_numpy(array).to(picture.device) for array in (grid, weight))
-            sampled = F.grid_sample(picture[None].float(), grid[None], align_corners=False, padding_mode="border")[0]
-            total, weights = total + sampled * weight, weights + weight
+    samples = [_sample_face(face, rays) for face in faces]
+    visible = [(face, sample) for face, sample in zip(faces, samples, strict=True) if sample[1].any()]
+    for face, (grid, weight) in steps(visible):
+        picture = render(face)
+        grid, weight = (torch.from_numpy(array).to(picture.device) for array in (grid, weight))
+        sampled = F.grid_sample(picture[None].float(), grid[None], align_corners=False, padding_mode="border")[0]
+        total, weights = total + sampled * weight, weights + weight
     return total / weights
 
 
-def _places(face: View, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W, 2) f32 from -1 to 1 where rays (H, W, 3) are in a face, and (H, W) f32 how much it has to say there."""
+def _sample_face(face: View, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, 2) f32 coordinates from -1 to 1 of rays (H, W, 3) in a face, and (H, W) f32 weights of the face there."""
     right, up, backward = np.moveaxis(rays @ face.camera_to_world[:3, :3], -1, 0)
     forward = (-backward).clip(1e-6)
     x, y = right / forward, -up / forward

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..color import half
+from ..color import to_half
 from ..environment import rotate_environment
 from ..errors import SceneError
 from ..geometry import area_vectors
 from ..scene import Volumes
-from .h5_datasets import Datasets, load_h5py, opened
+from .h5_datasets import Datasets, load_h5py, open_datasets
 from .processed_scene import RAW_CHANNELS, ProcessedScene
 
 VOLUMES = {"density": "volume_density", "position": "volume_position", "rotation": "volume_rotation",
@@ -32,7 +32,7 @@ def write_h5(path: str | Path, scene: ProcessedScene) -> None:
             raise SceneError(f"{path}: an H5 scene needs {what}")
     arrays = {
         "triangles": np.float32(scene.triangles), "vn": np.float32(scene.normals),
-        "texture": half(scene.texture)[scene.texture_index], "light_strength": half(scene.light_strength),
+        "texture": to_half(scene.texture)[scene.texture_index], "light_strength": to_half(scene.light_strength),
         "c2w": np.float32(scene.camera_to_world), "fov": np.float32(scene.fov),
         "mvp": np.zeros((len(scene.fov), 4, 4), np.float32)}
     if scene.environment is not None:
@@ -40,7 +40,7 @@ def write_h5(path: str | Path, scene: ProcessedScene) -> None:
     if scene.volumes is not None and len(scene.volumes):
         arrays |= {key: np.float32(getattr(scene.volumes, name)) for name, key in VOLUMES.items()}
     if scene.image is not None:
-        arrays["img"] = half(scene.image)
+        arrays["img"] = to_half(scene.image)
     features = [name for name, present in (("env_map", "env_map" in arrays), ("volume", VOLUMES["density"] in arrays))
                 if present]
     metadata = {"format": "v2", "schema_version": 2, "scene_name": Path(path).stem, "texture_export_mode": "raw_only",
@@ -62,7 +62,7 @@ def read_h5(path: str | Path) -> ProcessedScene:
 
     Raises SceneError naming the dataset that is missing, damaged or wrong.
     """
-    with opened(Path(path)) as data:
+    with open_datasets(Path(path)) as data:
         return _scene(data)
 
 

@@ -55,12 +55,12 @@ class Datasets:
         try:
             with self._reading(key):
                 text = self._file.attrs.get(key, "{}")
-            found = json.loads(text)
+            content = json.loads(text)
         except (TypeError, ValueError) as error:
             raise self.error(key, f"is not JSON text ({error})", "correct the attribute or remove it") from error
-        if not isinstance(found, dict):
+        if not isinstance(content, dict):
             raise self.error(key, f"is JSON, but not an object: {text!r}", "correct the attribute or remove it")
-        return found
+        return content
 
     def error(self, key: str, what: str, advice: str) -> SceneError:
         return SceneError(f"{self._path}: {key} {what}: {advice}")
@@ -87,7 +87,7 @@ def _fits(shape: tuple[int, ...], layout: tuple[int | str, ...]) -> bool:
 
 
 @contextmanager
-def opened(path: Path):
+def open_datasets(path: Path):
     """The Datasets of a file. Raises SceneError for one that is not there or no H5 file, and without h5py."""
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")

@@ -19,22 +19,22 @@ from ..weights.checkpoint import load_weights
 from ..weights.files import checkpoint_errors, read_json, require
 
 BATCH = 256
-BATCH_CPU = 64         # with fewer, the layers of 4x4 places are slower; the batch does not change the result
-CACHE_BYTES = 1 << 28  # of latents kept for the next scene
-SAMPLES = 256          # of 4 kB of the weights, by which they are known again
-SMALLEST = 1e-24       # square of what diffusers divides by at least
+BATCH_CPU = 64         # with fewer, the layers of 4x4 pixels are slower; the batch does not change the result
+CACHE_BYTES = 1 << 28  # of latents cached for the next scene
+SAMPLES = 256          # of 4 kB each of the weights, whose hash identifies them
+SMALLEST = 1e-24       # square of the least norm by which diffusers divides
 CLASS = "AutoencoderKLQwenImage"
 
 
 @checkpoint_errors()
 def find_vae(bundle: Path) -> Path:
     """`vae` inside the bundle, or in a folder `Qwen-Image` beside it. Raises CheckpointError when there is neither."""
-    places = [bundle / "vae", bundle.absolute().parent / "Qwen-Image" / "vae"]
-    for folder in places:
+    folders = [bundle / "vae", bundle.absolute().parent / "Qwen-Image" / "vae"]
+    for folder in folders:
         if folder.is_dir():
             return folder
-    raise CheckpointError(f"the published weights need the VAE of Qwen/Qwen-Image: copy its folder vae to {places[0]}, "
-                          f"or to {places[1]}")
+    raise CheckpointError(f"the published weights need the VAE of Qwen/Qwen-Image: copy its folder vae to "
+                          f"{folders[0]}, or to {folders[1]}")
 
 
 class ImageEncoder:
@@ -62,13 +62,13 @@ class ImageEncoder:
         half = dtype == torch.bfloat16 and self.device.type == "cpu"
         self.dtype = torch.bfloat16 if half else torch.float32
         self._network: OneFrameEncoder | None = None
-        self._known: dict[bytes, torch.Tensor] = {}
-        self._bytes = 0
+        self._latents: dict[bytes, torch.Tensor] = {}
+        self._latent_bytes = 0
 
     @property
     @checkpoint_errors()
     def identity(self) -> bytes:
-        """Another one for other weights or another precision; most of the file need not be read for it."""
+        """A hash of weights and precision; reads a small part of the file."""
         digest = hashlib.blake2b(f"{sorted(self.config.items())}{self.dtype}".encode(), digest_size=16)
         with self.file.open("rb") as stream:
             size = stream.seek(0, os.SEEK_END)
@@ -81,14 +81,14 @@ class ImageEncoder:
         """(B, 3, H, W) of any float type, on the CPU -> (B, 16, H/8, W/8) float32 on the CPU."""
         keys = [hashlib.blake2b(image.numpy().tobytes() + repr(image.shape).encode(), digest_size=16).digest()
                 for image in images.contiguous()]
-        new = {key: i for i, key in enumerate(keys) if key not in self._known}
+        new = {key: i for i, key in enumerate(keys) if key not in self._latents}
         if new:
             latents = self._encode(images[list(new.values())])
-            self._known.update(zip(new, latents))
-            self._bytes += latents.nbytes
-        result = torch.stack([self._known[key] for key in keys])
-        if self._bytes > CACHE_BYTES:
-            self._known, self._bytes = {}, 0
+            self._latents.update(zip(new, latents))
+            self._latent_bytes += latents.nbytes
+        result = torch.stack([self._latents[key] for key in keys])
+        if self._latent_bytes > CACHE_BYTES:
+            self._latents, self._latent_bytes = {}, 0
         return result
 
     def _encode(self, images: torch.Tensor) -> torch.Tensor:
@@ -156,7 +156,7 @@ class LastTap(nn.Module):
 
 
 class ChannelNorm(nn.Module):
-    """The VAE's norm of the channels of (B, C, ...) at each place; other than a norm in general it knows no eps."""
+    """The VAE's norm of the channels of (B, C, ...) at each place; unlike other norms it has no eps."""
 
     def __init__(self, norm: nn.Module):
         super().__init__()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Latents that were computed once, by a hash of what they were computed from: in memory, or in a file for later."""
+"""A cache of latents by a hash of their inputs: in memory, or in a file for later renders."""
 from __future__ import annotations
 
 import time
@@ -8,40 +8,41 @@ from contextlib import suppress
 from pathlib import Path
 
 LIMIT = 1 << 28  # bytes; 100,000 tiles
-KEPT = 0.75      # of them, when it is full
-AT_ONCE = 500    # keys in a question; SQLite takes 999
+REMAINING = 0.75  # share that remains when it was full
+BATCH = 500      # keys in a query; SQLite takes 999
 DAY = 86400
 SCHEMA = ("CREATE TABLE IF NOT EXISTS latents (key BLOB PRIMARY KEY, day INTEGER NOT NULL, value BLOB NOT NULL)",
           "CREATE INDEX IF NOT EXISTS days ON latents (day)")
 
 
 class LatentStore:
-    """What has not been asked for longest goes first when it is full.
+    """When it is full, the least recently used latents are removed.
 
-    It never stops a render: what cannot be read or written is computed again. Several processes may share a file.
+    It never stops a render: latents that cannot be read or written are computed again. Several processes may share a
+    file.
     """
 
     def __init__(self, file: Path | None = None, limit: int = LIMIT):
-        """file: made with its folder when it is not there; None: in memory."""
+        """file: created with its folder when it is missing; None: in memory."""
         self.limit, self._connection = limit, None
         with suppress(ImportError):  # some Pythons are built without it
             import sqlite3
             self._error = sqlite3.Error
-            self._connection = _opened(sqlite3, file) or _opened(sqlite3, None)
+            self._connection = _open(sqlite3, file) or _open(sqlite3, None)
 
     def get(self, keys: Iterable[bytes]) -> dict[bytes, bytes]:
-        """Those values that are there."""
-        found, wanted, day = {}, list(dict.fromkeys(keys)), today()
-        for i in range(0, len(wanted) if self._connection else 0, AT_ONCE):
-            some = wanted[i:i + AT_ONCE]
-            among = f"WHERE key IN ({','.join('?' * len(some))})"
+        """The stored values of those keys that have one."""
+        values, requested, day = {}, list(dict.fromkeys(keys)), today()
+        for i in range(0, len(requested) if self._connection else 0, BATCH):
+            batch = requested[i:i + BATCH]
+            among = f"WHERE key IN ({','.join('?' * len(batch))})"
             with suppress(self._error), self._connection:
-                found |= dict(self._connection.execute(f"SELECT key, value FROM latents {among}", some))
-                self._connection.execute(f"UPDATE latents SET day = ? {among} AND day < ?", [day, *some, day])
-        return found
+                values |= dict(self._connection.execute(f"SELECT key, value FROM latents {among}", batch))
+                self._connection.execute(f"UPDATE latents SET day = ? {among} AND day < ?", [day, *batch, day])
+        return values
 
     def put(self, values: dict[bytes, bytes]) -> None:
-        """Keep them, and forget the oldest for them."""
+        """Store values, and remove the oldest ones if it is full."""
         if not self._connection:
             return
         day = today()
@@ -51,7 +52,7 @@ class LatentStore:
             self._shrink()
 
     def bytes(self) -> int:
-        """In use."""
+        """Size of the stored latents."""
         pages, free, size = (self._connection.execute(f"PRAGMA {name}").fetchone()[0]
                              for name in ("page_count", "freelist_count", "page_size"))
         return (pages - free) * size
@@ -60,7 +61,7 @@ class LatentStore:
         used = self.bytes()
         if used > self.limit:
             (count,) = self._connection.execute("SELECT COUNT(*) FROM latents").fetchone()
-            surplus = max(1, round(count * (1 - KEPT * self.limit / used)))
+            surplus = max(1, round(count * (1 - REMAINING * self.limit / used)))
             self._connection.execute("DELETE FROM latents WHERE key IN "
                                      "(SELECT key FROM latents ORDER BY day, rowid LIMIT ?)", [surplus])
 
@@ -74,8 +75,8 @@ def today() -> int:
     return int(time.time()) // DAY
 
 
-def _opened(sqlite3, file: Path | None):
-    """A connection, or None; a file that is damaged is made anew."""
+def _open(sqlite3, file: Path | None):
+    """A connection, or None; a damaged file is created anew."""
     for _ in range(2):
         try:
             if file is not None:

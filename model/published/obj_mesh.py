@@ -12,7 +12,7 @@ from ..errors import SceneError
 
 @dataclass
 class ObjMesh:
-    """F polygons of C corners together; corners that stand at the same place share a vertex."""
+    """F polygons with C corners in all; corners at the same position share a vertex."""
 
     vertices: np.ndarray        # (V, 3) f32
     corner_vertex: np.ndarray   # (C,) i32
@@ -45,14 +45,14 @@ def read_obj(path: Path) -> ObjMesh:
 
 
 def _corner(word: str, lists: dict[str, list]) -> tuple[int, int, int]:
-    """Places in the lists, -1 for none; the file counts from 1, or back from the latest."""
-    found = []
+    """Indices into the lists, -1 for none; the file counts from 1, or backwards from the latest."""
+    indices = []
     for text, rows in zip((word + "//").split("/"), lists.values()):
         index = int(text) if text else 0
-        found.append(index - 1 if index > 0 else len(rows) + index if index < 0 else -1)
-    if found[0] < 0:
+        indices.append(index - 1 if index > 0 else len(rows) + index if index < 0 else -1)
+    if indices[0] < 0:
         raise ValueError("a corner without vertex")
-    return tuple(found)
+    return tuple(indices)
 
 
 def _mesh(lists: dict[str, list], corners: np.ndarray, sizes: np.ndarray) -> ObjMesh:
@@ -61,14 +61,14 @@ def _mesh(lists: dict[str, list], corners: np.ndarray, sizes: np.ndarray) -> Obj
     vertex = same.reshape(-1)[corners[:, 0]].astype(np.int32)
     face = np.repeat(np.arange(len(sizes)), sizes)
     # A face that meets itself in a vertex has no area there.
-    twice = np.unique(np.stack([face, vertex], 1), axis=0, return_counts=True)
-    kept = np.ones(len(sizes), bool)
-    kept[twice[0][twice[1] > 1, 0]] = False
-    kept &= sizes > 2
-    at = kept[face]
+    pairs = np.unique(np.stack([face, vertex], 1), axis=0, return_counts=True)
+    is_valid = np.ones(len(sizes), bool)
+    is_valid[pairs[0][pairs[1] > 1, 0]] = False
+    is_valid &= sizes > 2
+    at = is_valid[face]
     uv = np.array(lists["vt"], np.float32).reshape(-1, 2)[corners[at, 1]] if (corners[:, 1] >= 0).all() else None
     normals = np.array(lists["vn"], np.float32).reshape(-1, 3)[corners[at, 2]] if (corners[:, 2] >= 0).all() else None
-    return ObjMesh(vertices, vertex[at], sizes[kept], uv if len(lists["vt"]) else None,
+    return ObjMesh(vertices, vertex[at], sizes[is_valid], uv if len(lists["vt"]) else None,
                    normals if len(lists["vn"]) else None)
 
 

@@ -8,24 +8,24 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ..camera import padded_view, square_view
+from ..camera import pad_view, square_view
 from ..compute.inference import inference
 from ..compute.precision import tensor_float_32
 from ..errors import CheckpointError
 from ..light.effort import FULL, Effort
 from ..material.mappers import Appearance
 from ..network.inputs import NetworkInputs, view_inputs
-from ..network.renderformer import RenderFormer, SceneContext, as_released, to_radiance
+from ..network.renderformer import RenderFormer, SceneContext, store_as_released, to_radiance
 from ..normalize import Normalization
 from ..pipeline import Pipeline
-from ..progress import part, report
+from ..progress import part, report, steps
 from ..scene import Guides, RenderScene, View
 from ..weights.files import checkpoint_errors
 from ..weights.presets import rf2_200m
-from .as_trained import as_trained, emitters
+from .as_trained import as_trained, find_emitters
 from .bundle import Bundle, load_transformer
-from .bundle_files import AUTOMATIC, MAPPERS, bundle_and_transformer, transformer_for
-from .cube_faces import cube_faces, joined
+from .bundle_files import AUTOMATIC, MAPPERS, bundle_and_transformer, choose_transformer
+from .cube_faces import cube_faces, join_faces
 from .image_encoder import ImageEncoder, find_vae
 from .latent_store import LatentStore
 from .processed_scene import ProcessedScene, square_fov
@@ -36,7 +36,7 @@ from .scene_encoder import SceneEncoder
 class PublishedContext:
     """A scene after stage 1, and the network that made it."""
 
-    emitters: np.ndarray  # (N,) bool, of the scene that was given
+    emitters: np.ndarray  # (N,) bool: which triangles of the whole scene are lights for the network
     network: RenderFormer
     context: SceneContext
 
@@ -64,14 +64,14 @@ class PublishedPipeline(Pipeline):
         self._network: tuple[str, RenderFormer] | None = None
 
     def variant(self, picture_size: int) -> str:
-        return transformer_for(self.bundle.folder, picture_size, self.chosen)
+        return choose_transformer(self.bundle.folder, picture_size, self.chosen)
 
     def prepare(self, scene: RenderScene) -> None:
-        """The part of `encode` that can be kept for other renders: textures and environment."""
-        self.encoder.encode(as_trained(scene, emitters(scene)))
+        """Cache the latents of textures and environment, which later renders share."""
+        self.encoder.encode(as_trained(scene, find_emitters(scene)))
 
     def encode(self, scene: RenderScene, variant: str) -> PublishedContext:
-        emits = emitters(scene)
+        emits = find_emitters(scene)
         with part(0.0, 0.4):
             inputs = self.encoder.inputs(self.encoder.process(as_trained(scene, emits)))
         with part(0.4, 1.0):
@@ -80,8 +80,8 @@ class PublishedPipeline(Pipeline):
 
     def image(self, encoded: PublishedContext, view: View, guides: Guides, effort: Effort = FULL) -> torch.Tensor:
         rendered = (self._view(encoded, view) if view.panorama is None
-                    else joined(view, cube_faces(view, self.granularity), lambda face: self._view(encoded, face)))
-        return rendered * torch.from_numpy(shown(guides, encoded.emitters)).to(self.device)
+                    else join_faces(view, cube_faces(view, self.granularity), lambda face: self._view(encoded, face)))
+        return rendered * torch.from_numpy(displayed_pixels(guides, encoded.emitters)).to(self.device)
 
     def process(self, scene: RenderScene, views: list[View]) -> ProcessedScene:
         """A scene and its views (world frame) ready for h5.py: normalised, because the research code does not.
@@ -93,7 +93,7 @@ class PublishedPipeline(Pipeline):
         fov = np.float32([square_fov(view) for view in views])
         with inference():
             normalized = normalization.scene(scene)
-            processed = self.encoder.process(as_trained(normalized, emitters(normalized)))
+            processed = self.encoder.process(as_trained(normalized, find_emitters(normalized)))
         cameras = np.stack([normalization.view(view).camera_to_world for view in views])
         return replace(processed, camera_to_world=cameras, fov=fov,
                        metadata={"normalization": {"center": normalization.center.tolist(),
@@ -107,16 +107,14 @@ class PublishedPipeline(Pipeline):
         Raises SceneError for latents of another encoder.
         """
         views = [square_view(c2w, fov, resolution) for c2w, fov in zip(scene.camera_to_world, scene.fov)]
-        images = []
         with inference():
             with part(0.0, 0.3):
                 inputs = self.encoder.inputs(scene)
             with part(0.3, 0.6):
                 network, context = self._stage1(inputs, self.variant(resolution))
             encoded = PublishedContext(inputs.is_light.numpy(), network, context)
-            for i, view in enumerate(views):
-                with part(0.6 + 0.4 * i / len(views), 0.6 + 0.4 * (i + 1) / len(views)):
-                    images.append(self._view(encoded, padded_view(view, self.granularity)))
+            with part(0.6, 1.0):
+                images = [self._view(encoded, pad_view(view, self.granularity)) for view in steps(views)]
         return np.stack([image[:, :resolution, :resolution].permute(1, 2, 0).cpu().numpy() for image in images])
 
     def load(self, variant: str) -> RenderFormer:
@@ -131,7 +129,8 @@ class PublishedPipeline(Pipeline):
         report(0.0, f"Loading {variant}")
         if self._network is None or self._network[0] != variant:
             self._network = None
-            self._network = variant, as_released(self.load(variant), self.dtype, self.device).to(self.device).eval()
+            network = store_as_released(self.load(variant), self.dtype, self.device).to(self.device).eval()
+            self._network = variant, network
         network = self._network[1]
         return network, network.encode_scene(inputs.to(self.device))
 
@@ -141,8 +140,8 @@ class PublishedPipeline(Pipeline):
         return to_radiance(log_image)[0].clamp(min=0)
 
 
-def shown(guides: Guides, emitters: np.ndarray) -> np.ndarray:
-    """(H, W) bool, where the network's picture is taken; emitters: (N,) bool, which triangles of the scene are lights.
+def displayed_pixels(guides: Guides, emitters: np.ndarray) -> np.ndarray:
+    """(H, W) bool: pixels that show the network's picture; emitters: (N,) bool, triangles that are lights.
 
     Training pictures have a transparent film, so partly covered pixels are premultiplied by the network itself: the
     guides' coverage only clears pixels that show nothing. Lights were invisible to the camera: where one is seen, the

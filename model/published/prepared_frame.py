@@ -12,7 +12,7 @@ from ..weights.files import is_lfs_pointer
 
 CONFIG, MESHES = "scene_config.json", "split"
 VERSION = "2.0.0"
-# By material type: where its numbers stand, and how many there are of each.
+# By material type: the entry that holds its numbers, and how many each of them has.
 NUMBERS = {
     "homo_diffuse_specular": ("diffuse_specular_params", {"diffuse": 3, "specular": 3, "roughness": 1}),
     "homo_metallic_roughness": ("metallic_roughness_params", {"base_color": 3, "metallic": 1, "roughness": 1}),
@@ -81,7 +81,7 @@ class PreparedFrame:
 
 
 def read_frame(folder: Path) -> PreparedFrame:
-    """The description of a frame; whether what it names is there is left to `missing`.
+    """The description of a frame; whether what it names is there is left to `find_missing_files`.
 
     Raises SceneError naming the file, the entry in it, and what was expected.
     """
@@ -96,62 +96,63 @@ def read_frame(folder: Path) -> PreparedFrame:
     return _Entry(content, str(file)).frame()
 
 
-def named(frame: PreparedFrame, folder: Path) -> list[str]:
+def list_files(frame: PreparedFrame, folder: Path) -> list[str]:
     """All files that the frame consists of, by their names in its folder."""
-    wanted = [it.mesh for it in frame.objects.values()]
-    for it in frame.objects.values():
-        wanted += [] if it.material.latent is None else [it.material.latent]
-        wanted += [map_file(folder, it.material, name).relative_to(folder).as_posix() for name in maps(it.material)]
-    wanted += [frame.environment.image] if frame.environment else []
-    wanted += [volume.grid for volume in frame.volumes]
-    return list(dict.fromkeys(wanted))
+    names = [item.mesh for item in frame.objects.values()]
+    for item in frame.objects.values():
+        names += [] if item.material.latent is None else [item.material.latent]
+        maps = (map_file(folder, item.material, name) for name in list_maps(item.material))
+        names += [file.relative_to(folder).as_posix() for file in maps]
+    names += [frame.environment.image] if frame.environment else []
+    names += [volume.grid for volume in frame.volumes]
+    return list(dict.fromkeys(names))
 
 
-def missing(frame: PreparedFrame, folder: Path) -> list[str]:
-    """Those that are not there."""
-    return [name for name in named(frame, folder) if not (Path(folder) / name).is_file()]
+def find_missing_files(frame: PreparedFrame, folder: Path) -> list[str]:
+    """Those of its files that are missing."""
+    return [name for name in list_files(frame, folder) if not (Path(folder) / name).is_file()]
 
 
-def pointers(frame: PreparedFrame, folder: Path) -> list[str]:
-    """Those that a clone without Git LFS has in place of the files themselves. Raises OSError."""
-    there = set(named(frame, folder)) - set(missing(frame, folder))
-    return sorted(name for name in there if is_lfs_pointer(Path(folder) / name))
+def find_lfs_pointers(frame: PreparedFrame, folder: Path) -> list[str]:
+    """Those of its files that are texts of Git LFS in place of the real ones. Raises OSError."""
+    present = set(list_files(frame, folder)) - set(find_missing_files(frame, folder))
+    return sorted(name for name in present if is_lfs_pointer(Path(folder) / name))
 
 
-def maps(material: FrameMaterial) -> tuple[str, ...]:
+def list_maps(material: FrameMaterial) -> tuple[str, ...]:
     """Names of the maps that the material has."""
     return MAPS.get(material.kind, ()) + (HEIGHT,) * material.has_height
 
 
 def map_file(folder: Path, material: FrameMaterial, name: str) -> Path:
-    found = Path(folder) / material.folder / f"{name}.png"
-    other = found.with_stem(ALSO.get(name, name))
-    return other if other.is_file() and not found.is_file() else found
+    file = Path(folder) / material.folder / f"{name}.png"
+    other = file.with_stem(ALSO.get(name, name))
+    return other if other.is_file() and not file.is_file() else file
 
 
 def write_frame(frame: PreparedFrame, folder: Path) -> None:
     """The description alone. Raises OSError as the disk does."""
-    volumes = [{"vdb_path": it.grid, "transform": _transform(it.translation, it.rotation, it.scale),
-                "scattering_scale": list(it.scattering), "absorption_scale": list(it.absorption), "seed": it.seed,
-                "transpose_written": it.is_transposed} for it in frame.volumes]
+    volumes = [{"vdb_path": item.grid, "transform": _transform(item.translation, item.rotation, item.scale),
+                "scattering_scale": list(item.scattering), "absorption_scale": list(item.absorption), "seed": item.seed,
+                "transpose_written": item.is_transposed} for item in frame.volumes]
     environment = frame.environment and {"env_map_path": frame.environment.image} | {
         f"rotation_{axis}": angle for axis, angle in zip("xyz", frame.environment.rotation)} | {
         "strength": frame.environment.strength}
     content = {
         "scene_name": frame.name, "version": VERSION,
-        "objects": {key: {"mesh_path": it.mesh, "transform": _transform(), "is_background": it.is_background,
-                          "is_lighting": it.is_light, "material": _material(it.material)}
-                    for key, it in frame.objects.items()},
-        "cameras": [{"position": list(it.position), "look_at": list(it.look_at), "up": list(it.up), "fov": it.fov}
-                    for it in frame.cameras],
+        "objects": {key: {"mesh_path": item.mesh, "transform": _transform(), "is_background": item.is_background,
+                          "is_lighting": item.is_light, "material": _material(item.material)}
+                    for key, item in frame.objects.items()},
+        "cameras": [{"position": list(camera.position), "look_at": list(camera.look_at), "up": list(camera.up),
+                     "fov": camera.fov} for camera in frame.cameras],
         "lighting": [], "env_map": environment, "volumes": volumes or None, "wall_holes": None}
     (Path(folder) / CONFIG).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 def _transform(translation=(0.0,) * 3, rotation=(0.0,) * 3, scale=(1.0,) * 3) -> dict:
-    named = {"translation": translation, "rotation": rotation, "scale": scale}
-    return {f"{what}_{axis}": float(value) for what, values in named.items() for axis, value in zip("xyz", values)} | {
-        "normalize": False}
+    vectors = {"translation": translation, "rotation": rotation, "scale": scale}
+    return {f"{name}_{axis}": float(value) for name, values in vectors.items()
+            for axis, value in zip("xyz", values)} | {"normalize": False}
 
 
 def _material(material: FrameMaterial) -> dict:
@@ -174,9 +175,9 @@ class _Entry:
         return PreparedFrame(
             self["scene_name"].text(default="RenderFormer Scene"),
             {key: _Entry(value, f"{self.where}: {key}").object() for key, value in self["objects"].mapping().items()},
-            [it.camera() for it in self["cameras"].items()],
+            [entry.camera() for entry in self["cameras"].items()],
             None if environment.value is None else environment.environment(),
-            [] if volumes.value is None else [it.volume() for it in volumes.items()])
+            [] if volumes.value is None else [entry.volume() for entry in volumes.items()])
 
     def object(self) -> FrameObject:
         if "transform" in self.mapping() and self["transform"].transform() != _IDENTITY:
@@ -185,30 +186,30 @@ class _Entry:
                            self["is_lighting"].flag())
 
     def material(self) -> FrameMaterial:
-        kind, found = self["material_type"].text(), FrameMaterial("")
+        kind, material = self["material_type"].text(), FrameMaterial("")
         if kind in NUMBERS:
             key, counts = NUMBERS[kind]
-            found.numbers = {name: self[key][name].numbers(count) for name, count in counts.items()}
+            material.numbers = {name: self[key][name].numbers(count) for name, count in counts.items()}
         elif kind in MAPS:
-            found.folder = self["texture_map_path"].path()
+            material.folder = self["texture_map_path"].path()
         elif kind == MEASURED:
-            found.latent = self["measured_brdf_npy_path"].path()
+            material.latent = self["measured_brdf_npy_path"].path()
         else:
             raise self["material_type"].wrong(" or ".join((*NUMBERS, *MAPS, MEASURED)))
-        found.kind, found.has_height = kind, self["use_heightmap"].flag() and kind in MAPS
+        material.kind, material.has_height = kind, self["use_heightmap"].flag() and kind in MAPS
         if self["emissive"].value is not None:
-            found.emission = tuple(self["emissive"].numbers(3))
-            if min(found.emission) < 0:
+            material.emission = tuple(self["emissive"].numbers(3))
+            if min(material.emission) < 0:
                 raise self["emissive"].wrong("3 numbers that are not negative")
-        found.is_smooth = self["smooth_shading"].flag(True)
-        return found
+        material.is_smooth = self["smooth_shading"].flag(True)
+        return material
 
     def camera(self) -> FrameCamera:
-        found = FrameCamera(*(tuple(self[name].numbers(3)) for name in ("position", "look_at", "up")),
+        camera = FrameCamera(*(tuple(self[name].numbers(3)) for name in ("position", "look_at", "up")),
                             self["fov"].numbers(1))
-        if not 0 < found.fov < 180:
+        if not 0 < camera.fov < 180:
             raise self["fov"].wrong("degrees between 0 and 180")
-        return found
+        return camera
 
     def environment(self) -> FrameEnvironment:
         return FrameEnvironment(self["env_map_path"].path(), tuple(self[f"rotation_{axis}"].numbers(1, 0.0)
@@ -266,12 +267,12 @@ class _Entry:
         values = self.value if count > 1 else [self.value]
         if not isinstance(values, list) or len(values) != count or not all(map(_is_number, values)):
             raise self.wrong("a number" if count == 1 else f"{count} numbers")
-        found = [float(value) for value in values]
-        return found if count > 1 else found[0]
+        numbers = [float(value) for value in values]
+        return numbers if count > 1 else numbers[0]
 
     def wrong(self, expected: str) -> SceneError:
-        found = "nothing" if self.value is None else json.dumps(self.value)[:60]
-        return SceneError(f"{self.where}: expected {expected}, found {found}")
+        actual = "nothing" if self.value is None else json.dumps(self.value)[:60]
+        return SceneError(f"{self.where}: expected {expected}, found {actual}")
 
 
 def _is_number(value) -> bool:

@@ -14,9 +14,9 @@ from ..material.mappers import LATENT_DIM, Appearance
 from ..network.inputs import (
     EnvironmentInputs,
     NetworkInputs,
+    bring_lights_near,
     encode_light,
     material_tiles,
-    nearer_lights,
     volume_inputs,
 )
 from ..progress import part, report
@@ -26,12 +26,12 @@ from .latent_store import LatentStore
 from .processed_scene import ProcessedScene
 
 CHUNK = 64       # tiles whose texels go through the mappers at once
-PREPARATION = 1  # rises when the same tile or environment begins to be prepared otherwise: what is stored is then old
+PREPARATION = 1  # to be raised when tiles or environments are prepared in another way: what is stored is old then
 LIGHT_TILE = constant_tile((1, 1, 1), roughness=1, ior=1)  # what every emitter was in training
 
 
 class SceneEncoder:
-    """Mappers and image encoder in line; latents that it has seen, or the store, are not computed again."""
+    """Mappers and image encoder in line; latents that are in the store, or were computed before, are reused."""
 
     def __init__(self, appearance: Appearance, images: ImageEncoder, store: LatentStore | None = None):
         self.appearance, self.images, self.store = appearance, images, store or LatentStore()
@@ -47,11 +47,12 @@ class SceneEncoder:
         """A normalised scene, without views."""
         tiles = np.concatenate([scene.tiles, LIGHT_TILE[None]])
         used, index = np.unique(np.where(scene.is_light, len(scene.tiles), scene.tile_index), return_inverse=True)
-        given = np.concatenate([scene.tile_latents, np.zeros((1, LATENT_DIM), np.float32)])
+        own_latents = np.concatenate([scene.tile_latents, np.zeros((1, LATENT_DIM), np.float32)])
         lobes = None if scene.two_lobes is None else np.concatenate([
             scene.two_lobes, np.zeros((1, *scene.two_lobes.shape[1:]), np.float16)])[used]
-        return ProcessedScene(nearer_lights(scene), scene.normals, self._tile_latents(tiles[used], given[used], lobes),
-                              index.reshape(-1), scene.emission, scene.environment, scene.volumes)
+        texture = self._tile_latents(tiles[used], own_latents[used], lobes)
+        return ProcessedScene(bring_lights_near(scene), scene.normals, texture, index.reshape(-1), scene.emission,
+                              scene.environment, scene.volumes)
 
     def inputs(self, scene: ProcessedScene) -> NetworkInputs:
         """Tensors on the CPU; a raw texture is encoded, and no environment is a black one (m = 0)."""
@@ -73,28 +74,28 @@ class SceneEncoder:
             radiance = np.zeros(ENVIRONMENT_SHAPE, np.float32)
         ldr, hdr, strength = environment_images(radiance)
         key, shape = digest(self._identity, b"environment", radiance), (2, self.images.channels, 32, 64)
-        known = self.store.get([key]).get(key)
-        if known is None:
+        stored = self.store.get([key]).get(key)
+        if stored is None:
             with part(1.0, 1.0, "Encoding the environment"):
-                known = self.images(torch.from_numpy(np.stack([ldr, hdr]))).numpy().tobytes()
-            self.store.put({key: known})
-        latents = torch.from_numpy(np.frombuffer(known, np.float32).reshape(shape).copy())
+                stored = self.images(torch.from_numpy(np.stack([ldr, hdr]))).numpy().tobytes()
+            self.store.put({key: stored})
+        latents = torch.from_numpy(np.frombuffer(stored, np.float32).reshape(shape).copy())
         return EnvironmentInputs(latents[0], latents[1], torch.tensor([strength]))
 
-    def _tile_latents(self, tiles: np.ndarray, given: np.ndarray, lobes: np.ndarray | None) -> np.ndarray:
-        """given: (T, 9) appearance in place of the parameters, 0 where there is none; lobes: as in RenderScene."""
+    def _tile_latents(self, tiles: np.ndarray, own_latents: np.ndarray, lobes: np.ndarray | None) -> np.ndarray:
+        """own_latents: (T, 9) appearance in place of the parameters, or 0; lobes: as in RenderScene."""
         def raw(rows: list[int]) -> torch.Tensor:
             parts = material_tiles(torch.from_numpy(tiles[rows]).float().to(self.images.device), self.appearance)
-            if lobes is not None and (two := lobes[rows].any(axis=(1, 2, 3))).any():
-                parts[torch.from_numpy(two), :LATENT_DIM] = self._of_lobes(lobes[rows][two]).to(parts)
-            own = torch.from_numpy(given[rows]).to(parts)[..., None, None]
-            parts[:, :LATENT_DIM] = torch.where(own.any(1, keepdim=True), own, parts[:, :LATENT_DIM])
+            if lobes is not None and (layered := lobes[rows].any(axis=(1, 2, 3))).any():
+                parts[torch.from_numpy(layered), :LATENT_DIM] = self._of_lobes(lobes[rows][layered]).to(parts)
+            latent = torch.from_numpy(own_latents[rows]).to(parts)[..., None, None]
+            parts[:, :LATENT_DIM] = torch.where(latent.any(1, keepdim=True), latent, parts[:, :LATENT_DIM])
             emission = parts.new_zeros(len(parts), 3, *parts.shape[2:])  # never encoded
             return torch.cat([parts[:, :12], emission, parts[:, 12:]], 1).half().cpu()  # as files store it
 
-        keys = [digest(self._identity, b"material", tile, *([own] if own.any() else ()),
+        keys = [digest(self._identity, b"material", tile, *([latent] if latent.any() else ()),
                        *([lobes[i]] if lobes is not None and lobes[i].any() else ()))
-                for i, (tile, own) in enumerate(zip(tiles, given, strict=True))]
+                for i, (tile, latent) in enumerate(zip(tiles, own_latents, strict=True))]
         return self._latents(keys, raw).numpy()
 
     def _of_lobes(self, lobes: np.ndarray) -> torch.Tensor:
@@ -103,17 +104,17 @@ class SceneEncoder:
         return self.appearance.diffuse_specular(parameters).movedim(-1, 1)
 
     def _latents(self, keys: list[bytes], raw: Callable[[list[int]], torch.Tensor]) -> torch.Tensor:
-        """(T, 80, 4, 4) f16 of tiles by their keys; raw: given their numbers, as docs/scene-input.md 4.1; each once."""
+        """(T, 80, 4, 4) f16 of tiles by their keys; raw(rows): tiles as in docs/scene-input.md 4.1, each made once."""
         latents = self.store.get(keys)
         new = [i for key, i in {key: i for i, key in enumerate(keys)}.items() if key not in latents]
         for begin in range(0, len(new), CHUNK):
             with part(begin / len(new), min(begin + CHUNK, len(new)) / len(new),
                       f"Encoding textures, {begin} of {len(new)}"):
                 report()
-                some = new[begin:begin + CHUNK]
-                images = self.images(image_groups(raw(some)).flatten(0, 1))
-                made = images.unflatten(0, (-1, 5)).flatten(1, 2).half().numpy()
-            fresh = {keys[i]: tile.tobytes() for i, tile in zip(some, made, strict=True)}
+                rows = new[begin:begin + CHUNK]
+                images = self.images(image_groups(raw(rows)).flatten(0, 1))
+                encoded = images.unflatten(0, (-1, 5)).flatten(1, 2).half().numpy()
+            fresh = {keys[i]: tile.tobytes() for i, tile in zip(rows, encoded, strict=True)}
             self.store.put(fresh)
             latents |= fresh
         shape = (len(keys), 5 * self.images.channels, 4, 4)
@@ -122,13 +123,13 @@ class SceneEncoder:
 
 def digest(*parts: bytes | np.ndarray) -> bytes:
     """Of contents, shapes and dtypes."""
-    found = hashlib.blake2b(digest_size=16)
-    for each in parts:
-        if isinstance(each, np.ndarray):
-            found.update(f"{each.shape}{each.dtype}".encode())
-            each = np.ascontiguousarray(each)
-        found.update(each)
-    return found.digest()
+    result = hashlib.blake2b(digest_size=16)
+    for content in parts:
+        if isinstance(content, np.ndarray):
+            result.update(f"{content.shape}{content.dtype}".encode())
+            content = np.ascontiguousarray(content)
+        result.update(content)
+    return result.digest()
 
 
 def image_groups(raw: torch.Tensor) -> torch.Tensor:

@@ -72,27 +72,27 @@ def load_weights(module: nn.Module, file: Path) -> nn.Module:
     from safetensors import SafetensorError, safe_open
 
     file.open("rb").close()  # safetensors would call a file that may not be read a missing one
-    wanted = {key: tuple(value.shape) for key, value in module.state_dict().items()}
+    expected = {key: tuple(value.shape) for key, value in module.state_dict().items()}
     try:
         with safe_open(file, framework="pt") as stored:
             slices = {key: stored.get_slice(key) for key in stored.keys()}
-            _compare(wanted, {key: tuple(part.get_shape()) for key, part in slices.items()}, file)
+            _compare(expected, {key: tuple(part.get_shape()) for key, part in slices.items()}, file)
             for key, part in slices.items():
                 if part.get_dtype() not in FLOATS:
                     raise CheckpointError(f"{file}: {key} is stored as {part.get_dtype()}, not as one of {FLOATS}")
-            state = {key: stored.get_tensor(key).float() for key in wanted}
+            state = {key: stored.get_tensor(key).float() for key in expected}
     except SafetensorError as error:
         raise CheckpointError(f"{file} is damaged or incomplete ({error}): download or copy it again") from error
     module.load_state_dict(state, strict=True, assign=True)
     return module.requires_grad_(False).eval()
 
 
-def _compare(wanted: dict[str, tuple], found: dict[str, tuple], file: Path) -> None:
-    missing, unexpected = sorted(set(wanted) - set(found)), sorted(set(found) - set(wanted))
+def _compare(expected: dict[str, tuple], stored: dict[str, tuple], file: Path) -> None:
+    missing, unexpected = sorted(set(expected) - set(stored)), sorted(set(stored) - set(expected))
     if missing or unexpected:
         parts = [f"{len(keys)} {kind} (first: {keys[0]})"
                  for kind, keys in (("missing", missing), ("unexpected", unexpected)) if keys]
         raise CheckpointError(f"{file} does not hold the weights of this configuration: {', '.join(parts)}")
-    for key, shape in wanted.items():
-        if found[key] != shape:
-            raise CheckpointError(f"{file}: {key} has shape {found[key]}, the configuration asks for {shape}")
+    for key, shape in expected.items():
+        if stored[key] != shape:
+            raise CheckpointError(f"{file}: {key} has shape {stored[key]}, the configuration asks for {shape}")

@@ -33,11 +33,11 @@ def described(folder: Path, name: str = "config.json") -> dict:
                               "transformer_2048, and the mappers), or that of a network you trained (with "
                               f"{name}); it holds {listing(folder)}")
     description = read_json(require(folder, name))
-    found = {key: description.get(key) for key in FORMAT}
+    stated = {key: description.get(key) for key in FORMAT}
     if "format" not in description:
         raise version_one(folder / name)
-    if found != FORMAT:
-        raise CheckpointError(f"{folder / name} is of an unknown format: expected {FORMAT}, found {found}")
+    if stated != FORMAT:
+        raise CheckpointError(f"{folder / name} is of an unknown format: expected {FORMAT}, found {stated}")
     model_config = description.get("model_config", {})
     if not isinstance(model_config, dict):
         raise CheckpointError(f"{folder / name}: model_config is not a JSON object: download or copy it again")

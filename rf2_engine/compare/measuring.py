@@ -79,7 +79,7 @@ class Measurement:
         """Measure in the calling thread."""
         try:
             with progress.reporting(self._listen):
-                closeness = scores.closeness(*(pixels[..., :3] for pixels in self._pixels))
+                closeness = scores.compare(*(pixels[..., :3] for pixels in self._pixels))
                 self.notes = (self._compositing_notes + _note_pixels(*self._pixels, self.box)
                               + _note_noise(*self._pixels, closeness.psnr))
                 self.closeness = closeness

@@ -50,18 +50,18 @@ def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int]
 
 def _needed(settings: FrameSettings, device, tokens: int, pixels: int) -> int:
     from ...model.compute.precision import choose_precision, has_tensor_float_32
-    from ...model.network.memory_estimate import card_bytes
+    from ...model.network.memory_estimate import estimate_card_bytes
     from ...model.network.renderformer import KEYS_VALUES_BYTES
     item = choose_precision(settings.precision, device).itemsize
     if settings.network is Network.PUBLISHED:
         view_item = 4 if has_tensor_float_32(device) else item
-        return IMAGE_ENCODER + card_bytes(presets.rf2_200m(), PUBLISHED_PARAMETERS, tokens, pixels, (item, view_item),
+        return IMAGE_ENCODER + estimate_card_bytes(presets.rf2_200m(), PUBLISHED_PARAMETERS, tokens, pixels, (item, view_item),
                                           KEYS_VALUES_BYTES)
     needed = GUIDED_WEIGHTS + GUIDED_BAND + GUIDED_TOKEN * tokens + GUIDED_PIXEL * pixels
     config = ModelConfig.from_dict(described(presets.weights_folder(settings.weights)))
     if config.guidance and not config.guidance.transformer:
         return needed
-    return needed + card_bytes(config, GUIDED_PARAMETERS, tokens, pixels, (item, item), KEYS_VALUES_BYTES)
+    return needed + estimate_card_bytes(config, GUIDED_PARAMETERS, tokens, pixels, (item, item), KEYS_VALUES_BYTES)
 
 
 def warn(settings: FrameSettings, scene: RenderScene, pixels: int, report: Report) -> None:

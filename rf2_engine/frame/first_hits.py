@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model import progress
-from ...model.camera import sees
+from ...model.camera import visible_pixels
 from ...model.first_hits import denoise_media
 from ...model.first_hits.from_passes import clear_outside, guides_from_passes, guides_without_triangles
 from ...model.light.reflections import with_ends
@@ -126,7 +126,7 @@ def _make_guides(layer: Layer, passes: Passes, scene: RenderScene, view: View) -
 
 
 def _outside(view: View) -> np.ndarray | None:
-    return None if view.panorama is None else ~sees(view)
+    return None if view.panorama is None else ~visible_pixels(view)
 
 
 def _remaining_share(begin: float, number: int, count: int) -> tuple[float, float]:

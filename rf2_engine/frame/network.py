@@ -61,7 +61,7 @@ class LayerNetwork:
                 self._renderer = model_cache.renderer(settings.weights, settings.device, settings.precision,
                                                       settings.transformer)
             self._report_remark()
-            if unused := model_cache.unused_card(self._renderer) if settings.device == "auto" else "":
+            if unused := model_cache.explain_unused_card(self._renderer) if settings.device == "auto" else "":
                 self._layer.report.approximated("Device", unused)
 
     def _report_remark(self) -> None:

@@ -18,8 +18,8 @@ from ...model.published.prepared_frame import (
     FrameMaterial,
     FrameObject,
     FrameVolume,
-    missing,
-    pointers,
+    find_lfs_pointers,
+    find_missing_files,
     read_frame,
 )
 from ...model.weights.files import lfs_remedy
@@ -38,9 +38,9 @@ def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.type
     """
     folder = Path(folder).resolve()
     frame = read_frame(folder)
-    for name in missing(frame, folder):
+    for name in find_missing_files(frame, folder):
         report.skipped(frame.name, f"{name} is not in {folder}: put it there and import again")
-    for name in pointers(frame, folder):
+    for name in find_lfs_pointers(frame, folder):
         report.skipped(frame.name, f"{name} {lfs_remedy(folder)}, and import again")
     meshes = {key: _read_mesh(folder / obj.mesh, report) for key, obj in frame.objects.items()}
     if not frame.cameras:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from ...model.published.prepared_frame import HEIGHT, MAPS, MEASURED, FrameMaterial, map_file, maps
+from ...model.published.prepared_frame import HEIGHT, MAPS, MEASURED, FrameMaterial, map_file, list_maps
 from ..convert.shading.material import HEIGHT_UNIT
 from ..material_settings import read_latent, set_latent
 
@@ -125,7 +125,7 @@ def _load_numbers(file: Path) -> bpy.types.Image:
 
 def _add_maps(blender_material, shader, output, material: FrameMaterial, folder: Path) -> None:
     nodes, links = blender_material.node_tree.nodes, blender_material.node_tree.links
-    for row, name in enumerate(maps(material)):
+    for row, name in enumerate(list_maps(material)):
         file = map_file(folder, material, name)
         if not file.is_file():
             if name in INPUTS:

@@ -93,12 +93,12 @@ def free() -> None:
         torch.mps.empty_cache()
 
 
-def unused_card(network) -> str:
+def explain_unused_card(network) -> str:
     """Why that renderer does not use an NVIDIA card that is there, and what to do; "" where there is none."""
     if network.device.type == "cuda":
         return ""
-    from ...model.compute.devices import unused_card
-    return unused_card(wheels.has_nvidia_driver())
+    from ...model.compute.devices import explain_unused_card
+    return explain_unused_card(wheels.has_nvidia_driver())
 
 
 def leave_gpu() -> None:

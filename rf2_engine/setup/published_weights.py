@@ -63,7 +63,7 @@ def bundle_folder() -> Path | None:
 def missing_parts(bundle: Path) -> list[str]:
     """The parts that a render needs and that are missing, the VAE included."""
     bundle, chosen = bundle_files.bundle_and_transformer(bundle)
-    parts = bundle_files.missing_parts(bundle, chosen)
+    parts = bundle_files.find_missing_parts(bundle, chosen)
     # The folders in which find_vae of the image encoder looks, which cannot be imported without torch.
     vae = bundle / "vae" if isdir(bundle / "vae") else bundle.parent / VAE / "vae"
     if not all(isfile(vae / name) for name in ("config.json", "diffusion_pytorch_model.safetensors")):

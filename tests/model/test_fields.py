@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.fields import COLOR, LENGTH, POINT, RADIANCE, Channels, array, check, mapped, rows
+from renderformer_v2.model.fields import COLOR, LENGTH, POINT, RADIANCE, Channels, array, check_arrays, map_arrays, rows
 from renderformer_v2.model.scene import RenderScene, Volumes
 from tests.model.samples import floor_scene
 
@@ -43,7 +43,7 @@ def swap(x):
 @pytest.mark.parametrize("kind", ["numpy", "torch"])
 def test_each_behaviour_is_changed_on_its_axis_and_nothing_else(kind):
     before = group(kind)
-    after = mapped(before, {POINT: lambda x: x + 100, COLOR: swap, LENGTH: lambda x: x * 2})
+    after = map_arrays(before, {POINT: lambda x: x + 100, COLOR: swap, LENGTH: lambda x: x * 2})
     assert after.place.tolist() == [[100, 101, 102], [110, 111, 112]]
     assert after.light.tolist() == [[1, 11], [0, 10], [2, 12]]
     assert after.parts.tolist()[0] == [100, 101, 102, 3, 5, 4, 6, 8, 7, 9]
@@ -53,14 +53,14 @@ def test_each_behaviour_is_changed_on_its_axis_and_nothing_else(kind):
 
 def test_what_does_not_change_is_not_copied():
     before = group("numpy")
-    after = mapped(before, {POINT: lambda x: x, RADIANCE: lambda x: x * 3})
+    after = map_arrays(before, {POINT: lambda x: x, RADIANCE: lambda x: x * 3})
     assert after.parts is before.parts and after.place is before.place
     assert (after.light == 3 * before.light).all()
 
 
 def test_checks_name_the_array_and_what_is_wrong():
     good = group("numpy")
-    check(good.inner)
+    check_arrays(good.inner)
     for name, value, message in (("place", np.zeros((2, 4), np.float32), r"place is float32\(2, 4\)"),
                                  ("place", np.zeros((2, 3)), "place is float64"),
                                  ("parts", np.zeros((5, 10), np.float32), r"parts .*expected float32\(2, 10\)"),
@@ -68,7 +68,7 @@ def test_checks_name_the_array_and_what_is_wrong():
         bad = group("numpy")
         setattr(bad, name, value)
         with pytest.raises(ValueError, match=message):
-            check(bad)
+            check_arrays(bad)
 
 
 def test_a_scene_says_which_array_breaks_its_contract():

@@ -100,12 +100,12 @@ def test_pieces_and_threads_change_nothing(monkeypatch):
         np.testing.assert_array_equal(a, b)
 
 
-def test_without_embree_its_stand_in_is_asked_or_the_package_named(monkeypatch):
+def test_without_embree_its_fallback_is_asked_or_the_package_named(monkeypatch):
     monkeypatch.setattr(rays, "has_embree", lambda: False)
-    monkeypatch.setattr(rays, "_stand_in", None)
+    monkeypatch.setattr(Rays, "fallback", None)
     with pytest.raises(ModuleNotFoundError, match="pip install embreex"):
         Rays(SQUARE)
     made = []
-    rays.stand_in(lambda triangles: made.append(triangles))
+    Rays.fallback = lambda triangles: made.append(triangles)
     Rays(SQUARE)
     np.testing.assert_array_equal(made[0], SQUARE)

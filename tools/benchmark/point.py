@@ -64,12 +64,12 @@ def rf2_200m(point: dict) -> dict:
     from renderformer_v2.model.compute.inference import inference
     from renderformer_v2.model.compute.precision import choose_precision
     from renderformer_v2.model.network.inputs import view_inputs
-    from renderformer_v2.model.network.layers import in_precision
+    from renderformer_v2.model.network.layers import store_in_precision
     from renderformer_v2.model.network.renderformer import RenderFormer
     from renderformer_v2.model.weights.presets import rf2_200m as preset
     device = choose_device()
     torch.manual_seed(SEED)
-    model = in_precision(RenderFormer(preset()), choose_precision(point["precision"], device)).to(device).eval()
+    model = store_in_precision(RenderFormer(preset()), choose_precision(point["precision"], device)).to(device).eval()
 
     def view(resolution: int):
         return view_inputs(square_view(ring.camera_to_world(), ring.FIELD_OF_VIEW, resolution)).to(device)

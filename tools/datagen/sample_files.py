@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from renderformer_v2.model.color import half
+from renderformer_v2.model.color import to_half
 from renderformer_v2.model.scene import TILE_SIZE, Guides, RenderScene, View, Volumes
 
 STORED_TILE = 8
@@ -82,7 +82,7 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
     arrays |= _pack_tiles(scene, tile_size)
     arrays["scene.normals"] = scene.normals.astype(np.float16)
     if scene.environment is not None:
-        arrays["scene.environment"] = half(scene.environment)
+        arrays["scene.environment"] = to_half(scene.environment)
     if scene.volumes is not None:
         arrays |= {f"volumes.{f.name}": getattr(scene.volumes, f.name) for f in fields(Volumes)}
     for f in fields(View):
@@ -95,7 +95,7 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
         arrays[f"guides.{name}"] = np.stack([_pack_guide(name, g.arrays().get(name, black)) for g in guides])
     arrays["hint_samples"] = np.int32(hints)
     for name in passes[0]:
-        arrays[f"passes.{name}"] = np.stack([half(p[name]) for p in passes])
+        arrays[f"passes.{name}"] = np.stack([to_half(p[name]) for p in passes])
     save_arrays(path, arrays)
 
 
@@ -178,7 +178,7 @@ def _pack_guide(name: str, array: np.ndarray) -> np.ndarray:
         return array
     if name == "hit_barycentric":
         return (array * 255 + 0.5).astype(np.uint8)
-    return half(array)
+    return to_half(array)
 
 
 def _unpack_guide(name: str, array: np.ndarray) -> np.ndarray:

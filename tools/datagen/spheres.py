@@ -19,7 +19,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from renderformer_v2.model.color import half
+from renderformer_v2.model.color import to_half
 from tools.extension import run
 
 from ..common.console import silence_blender
@@ -103,7 +103,7 @@ def render(path: str) -> np.ndarray:
     image.pixels.foreach_get(pixels)
     bpy.data.images.remove(image)
     pixels = pixels.reshape(SIZE, SIZE, 4)[::-1]
-    return half((pixels[..., :3] * pixels[..., 3:]).clip(0.0))
+    return to_half((pixels[..., :3] * pixels[..., 3:]).clip(0.0))
 
 
 def main() -> int:

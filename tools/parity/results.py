@@ -11,17 +11,16 @@ from renderformer_v2.model.camera import square_view, view_rays
 from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.environment import direction_map, environment_images, rotate_environment, rotation_matrix
 from renderformer_v2.model.material.autoencoder import MaterialAutoencoder, log10_1p
-from renderformer_v2.model.material.latents import dequantise, quantise
 from renderformer_v2.model.material.mappers import MAPPERS
 from renderformer_v2.model.network.inputs import NetworkInputs, ViewInputs, VolumeInputs
-from renderformer_v2.model.network.layers import in_precision, nerf_encode
+from renderformer_v2.model.network.layers import nerf_encode, store_in_precision
 from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
 from renderformer_v2.model.network.sequence import centroids, hilbert_codes, hilbert_grid, hilbert_order
 from renderformer_v2.model.published.model_config import model_config
-from renderformer_v2.model.published.texture_tiles import sample_tiles
 from renderformer_v2.model.scene import barycentric_grid
 
 from .cases import VOLUME_FIELDS, Case, Recorder, network_inputs, recipe_network, view_inputs, with_recipe_weights
+from .texture_tiles import dequantise, quantise, sample_tiles
 
 
 @torch.no_grad()
@@ -84,7 +83,7 @@ def precision_psnr(case: Case, dtype: torch.dtype) -> float:
     """dB between the log images with weights and products in `dtype` and in float32, with the latter's peak."""
     network, *call = recorded_call(case)
     exact = network(*call)
-    error = in_precision(network, dtype)(*call) - exact
+    error = store_in_precision(network, dtype)(*call) - exact
     return (20 * exact.abs().max().log10() - 10 * error.square().mean().log10()).item()
 
 

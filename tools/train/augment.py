@@ -13,7 +13,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, mapped, mapped_channels
+from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, map_arrays, map_channels
 from renderformer_v2.model.scene import TILE
 
 from .samples import TrainingSample
@@ -38,8 +38,8 @@ def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> Tra
     # Column c of a panorama looks along phi = pi - 2 pi c / columns: a turn by +angle moves it to the left.
     changes = {POINT: turn, DIRECTION: turn, EULER: add_turn, PANORAMA: lambda x: x.roll(-shift, -1),
                COLOR: recolored(order)}
-    changed = mapped(sample, changes)
-    tiles = mapped_channels(sample.inputs.texture, TILE, changes)
+    changed = map_arrays(sample, changes)
+    tiles = map_channels(sample.inputs.texture, TILE, changes)
     return replace(changed, inputs=replace(changed.inputs, texture=tiles))
 
 

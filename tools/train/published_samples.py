@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from renderformer_v2.model.camera import place_in
+from renderformer_v2.model.camera import find_window
 from renderformer_v2.model.network.inputs import (
     EnvironmentInputs,
     NetworkInputs,
@@ -20,8 +20,8 @@ from renderformer_v2.model.network.inputs import (
     view_inputs,
 )
 from renderformer_v2.model.normalize import Normalization
-from renderformer_v2.model.published.as_trained import as_trained, emitters
-from renderformer_v2.model.published.pipeline import PublishedPipeline, shown
+from renderformer_v2.model.published.as_trained import as_trained, find_emitters
+from renderformer_v2.model.published.pipeline import PublishedPipeline, displayed_pixels
 from renderformer_v2.model.renderer import padded
 from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.tensor_group import stacked
@@ -99,7 +99,7 @@ def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
     scene, views, guides, passes = load_sample(path)
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
-    emits = emitters(normalized)
+    emits = find_emitters(normalized)
     with torch.no_grad():
         inputs = pipeline.encoder.inputs(pipeline.encoder.process(as_trained(normalized, emits)))
     rays, pictures, masks = [], [], []
@@ -117,7 +117,7 @@ def compared(view: View, guides: Guides, picture: np.ndarray, emitters: np.ndarr
              granularity: int) -> tuple[View, np.ndarray, np.ndarray]:
     """The view that the network renders, its picture (H, W, 3) f32, and where that is known (H, W)."""
     larger, _ = padded(view, guides, granularity)
-    place, mask = place_in(larger, view), shown(guides, emitters)
+    place, mask = find_window(larger, view), displayed_pixels(guides, emitters)
     wide = np.zeros((larger.height, larger.width, 3), np.float32)
     known = np.zeros(wide.shape[:2], bool)
     wide[place], known[place] = picture * mask[..., None], mask

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...clusters import clusters
+from ...clusters import split_clusters
 from ...geometry import area_vectors
 
 FACING, COLOR, BEAM = 0.3, 0.1, 0.3  # how much differences in these count beside a distance of the scene's radius
@@ -47,7 +47,7 @@ def merged(emitters: Emitters, most: int, center: np.ndarray, radius: float) -> 
     power = np.maximum(size * emitters.radiance.mean(axis=1), 1e-30)
     kinds = [rows for rows in np.split(np.arange(len(emitters)), [count]) if len(rows)]
     polygons, spheres = [], []
-    for rows in clusters(_features(emitters, vectors, center, radius), power, kinds, most):
+    for rows in split_clusters(_features(emitters, vectors, center, radius), power, kinds, most):
         if rows[0] >= count:
             spheres.append(_one_sphere(emitters, rows - count, power[rows]))
         else:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mathutils import Matrix
 
-from ....model.camera import through_lens
+from ....model.camera import shift_in_lens
 from ....model.scene import View
 from .eyes import Eye
 
@@ -57,7 +57,7 @@ class Lens:
         if self.camera.data.type == "ORTHO":  # its stand-in is farther away, and moves farther for rays to lean as much
             focus += (pinhole.camera_to_world[:3, 3] - self.axes[3]) @ pinhole.camera_to_world[:3, 2]
             offset = offset * focus / self.focus
-        return through_lens(pinhole, offset, focus)
+        return shift_in_lens(pinhole, offset, focus)
 
     def look_from(self, point: np.ndarray, override) -> None:
         """Move Cycles' camera to a point (2,) of the lens; `override` is the function of cycles_run.overrides.

@@ -35,7 +35,7 @@ class ApparentSize:
             rays = view_rays_at(view, np.float64([0, view.width]), np.float64([0, view.height]))[1]
         else:
             x, y = np.meshgrid(np.linspace(0, view.width, RASTER), np.linspace(0, view.height, RASTER))
-            rays = view_rays_at(view, x, y)[1][view.panorama.seen(x + view.corner[0], y + view.corner[1])]
+            rays = view_rays_at(view, x, y)[1][view.panorama.visible(x + view.corner[0], y + view.corner[1])]
         middle = rays.mean(axis=0, dtype=np.float64)
         is_around = np.linalg.norm(middle) < AROUND
         self.axis = -view.camera_to_world[:3, 2] if is_around else middle / np.linalg.norm(middle)

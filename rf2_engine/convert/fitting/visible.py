@@ -70,7 +70,7 @@ def _cast(collected: Collected, view: View, clip_start: float, shown: set[int]) 
         eye, rays = view_rays_at(view, x.ravel(), y.ravel())
         starts = rays * clip_start / -(rays @ view.camera_to_world[:3, 2:3])
     else:
-        inside = view.panorama.seen(x + view.corner[0], y + view.corner[1])
+        inside = view.panorama.visible(x + view.corner[0], y + view.corner[1])
         eye, rays = view_rays_at(view, x[inside], y[inside])
         starts = rays * clip_start
     met = Rays(triangles - eye).closest(starts, rays)

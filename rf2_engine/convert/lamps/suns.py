@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ....model.clusters import clusters
+from ....model.clusters import split_clusters
 from ....model.geometry import latlong_directions
 from ..data.copied import Sun
 
@@ -63,7 +63,7 @@ def fewer_suns(suns: list[Sun], most: int) -> list[Sun]:
     light = np.array([sun.irradiance for sun in suns])
     power = light.mean(axis=1)
     merged = []
-    for rows in clusters(toward, power, [np.arange(len(suns))], most):
+    for rows in split_clusters(toward, power, [np.arange(len(suns))], most):
         middle = _unit(power[rows] @ toward[rows])
         merged.append(Sun(middle, (toward[rows] @ middle) @ light[rows], max(suns[i].angle for i in rows)))
     return merged

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.compute import devices, precision
-from renderformer_v2.model.compute.devices import choose_device, is_built_for, unused_card
+from renderformer_v2.model.compute.devices import choose_device, explain_unused_card, is_built_for
 from renderformer_v2.model.renderer import Renderer
 from tests.described_cards import CUDA_13, describe
 
@@ -42,29 +42,29 @@ def test_the_card_with_the_most_memory_is_taken_and_another_by_its_number(cards)
 def test_a_card_that_is_too_old_for_the_build_is_named(cards):
     cards(("GeForce GTX 1080", (6, 1), 8))
     assert choose_device().type != "cuda"
-    assert "GTX 1080 (compute capability 6.1)" in unused_card() and "CUDA 12.6" in unused_card()
+    assert "GTX 1080 (compute capability 6.1)" in explain_unused_card() and "CUDA 12.6" in explain_unused_card()
     with pytest.raises(ValueError, match="GTX 1080.*Automatic or CPU"):
         choose_device("cuda")
 
 
 def test_a_driver_that_is_too_old_is_said(cards):
     cards(driver=12040)
-    assert "knows CUDA 12.4, and this PyTorch needs 13.0" in unused_card()
+    assert "knows CUDA 12.4, and this PyTorch needs 13.0" in explain_unused_card()
 
 
 @pytest.mark.parametrize("has_driver", [True, False])
 def test_a_build_without_cuda_is_said_where_there_is_a_driver(cards, has_driver):
     cards(cuda=None, builds=[])
-    assert ("build for the CPU" in unused_card(has_driver)) == has_driver
+    assert ("build for the CPU" in explain_unused_card(has_driver)) == has_driver
 
 
 def test_nothing_is_said_of_a_machine_without_card(cards):
     cards(driver=0)
-    assert unused_card() == ""
+    assert explain_unused_card() == ""
 
 
 def test_a_format_that_fails_is_replaced_and_said(monkeypatch):
-    monkeypatch.setattr(precision, "of_processor", lambda _: torch.bfloat16)
+    monkeypatch.setattr(precision, "processor_precision", lambda _: torch.bfloat16)
 
     def linear(*arguments):
         raise RuntimeError("unknown parameter type\nmore")
@@ -76,6 +76,6 @@ def test_a_format_that_fails_is_replaced_and_said(monkeypatch):
 
 
 def test_formats_that_work_are_kept():
-    assert precision.failure(torch.float32, torch.device("cpu")) == ""
-    assert precision.failure(torch.bfloat16, torch.device("cpu")) == ""
-    assert devices.name_of(torch.device("cpu")).startswith("CPU")
+    assert precision.find_failure(torch.float32, torch.device("cpu")) == ""
+    assert precision.find_failure(torch.bfloat16, torch.device("cpu")) == ""
+    assert devices.device_name(torch.device("cpu")).startswith("CPU")

@@ -6,9 +6,9 @@ from torch.utils._python_dispatch import TorchDispatchMode
 
 from renderformer_v2.model.compute.precision import (
     choose_precision,
+    cuda_precision,
     has_tensor_float_32,
-    of_cuda,
-    of_processor,
+    processor_precision,
     tensor_float_32,
 )
 
@@ -21,14 +21,14 @@ from renderformer_v2.model.compute.precision import (
     ({"architecture": "aarch64", "neon": True, "bf16": True}, torch.float32)],
     ids=["Zen 3", "Ice Lake", "Zen 5", "Sapphire Rapids", "Apple M2"])
 def test_processors_that_multiply_bfloat16_themselves_take_it(capabilities, expected):
-    assert of_processor(capabilities) == expected
+    assert processor_precision(capabilities) == expected
 
 
 @pytest.mark.parametrize("capability, expected", [
     ((6, 1), torch.float32), ((7, 0), torch.float16), ((7, 5), torch.float16), ((8, 0), torch.bfloat16),
     ((12, 0), torch.bfloat16)], ids=["Pascal", "Volta", "Turing", "Ampere", "Blackwell"])
 def test_gpus_take_what_their_matrix_units_multiply(capability, expected):
-    assert of_cuda(capability) == expected
+    assert cuda_precision(capability) == expected
 
 
 def test_apple_gpus_take_float16():
@@ -42,7 +42,7 @@ def test_the_processor_is_asked_and_not_measured():
 
     with Refused():
         chosen = choose_precision("auto", torch.device("cpu"))
-    assert chosen == of_processor(torch.cpu.get_capabilities())
+    assert chosen == processor_precision(torch.cpu.get_capabilities())
 
 
 @pytest.mark.parametrize("capability, expected", [((7, 5), False), ((8, 0), True), ((8, 6), True), ((12, 0), True)])

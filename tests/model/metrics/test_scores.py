@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Our PSNR, SSIM and FLIP give the libraries' numbers."""
+"""Our PSNR, SSIM and FLIP give the libraries' numbers; noise of a reference is told from a wrong picture of it."""
 import flip_evaluator
 import matplotlib
 import numpy as np
@@ -10,7 +10,7 @@ from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 from renderformer_v2.model import color, progress
 from renderformer_v2.model.metrics import flip
 from renderformer_v2.model.metrics import scores as metrics
-from renderformer_v2.model.metrics.scores import lpips
+from renderformer_v2.model.metrics.scores import excess_noise, lpips
 
 
 def _picture(seed: int, height=90, width=130) -> np.ndarray:
@@ -80,7 +80,7 @@ def test_flip_can_be_cancelled():
 
 def test_closeness_is_that_of_srgb_encoded_pictures():
     a, b = _picture(0), _picture(1)
-    close = metrics.closeness(color.srgb_to_linear(a), color.srgb_to_linear(b) + np.where(b == 1, 9, 0))
+    close = metrics.compare(color.srgb_to_linear(a), color.srgb_to_linear(b) + np.where(b == 1, 9, 0))
     assert close.psnr == pytest.approx(metrics.psnr(a, b), abs=1e-3)
     assert close.ssim == pytest.approx(metrics.ssim(a, b), abs=1e-4)
     assert close.flip == pytest.approx(flip.flip_map(b, a).mean(), rel=1e-3)
@@ -100,9 +100,49 @@ def test_lpips_is_its_packages_where_that_is_there(tmp_path, monkeypatch):
 
 def test_pictures_of_different_sizes_are_refused():
     with pytest.raises(ValueError, match="20 x 9 and 30 x 8"):
-        metrics.closeness(np.zeros((9, 20, 3)), np.zeros((8, 30, 3)))
+        metrics.compare(np.zeros((9, 20, 3)), np.zeros((8, 30, 3)))
 
 
 def test_magma_is_matplotlibs():
     values = np.linspace(0, 1, 256)
     np.testing.assert_allclose(flip.magma(values), matplotlib.colormaps["magma"](values)[:, :3], atol=2.5 / 255)
+
+
+SIGMA = 0.05
+
+
+@pytest.fixture
+def scene():
+    """(96, 128, 3): a gradient with a checkerboard texture in one half and an edge."""
+    y, x = np.mgrid[:96, :128] / 96
+    picture = 0.3 + 0.3 * x + 0.1 * np.sin(3 * y)
+    picture[:, 64:] += 0.1 * ((np.indices((96, 64)) // 3).sum(0) % 2)
+    picture[40:70, 20:50] -= 0.25
+    return np.repeat(picture[..., None], 3, -1).astype(np.float32)
+
+
+def noisy(picture, sigma=SIGMA):
+    return picture + np.random.default_rng(3).normal(0, sigma, picture.shape).astype(np.float32)
+
+
+def smoothed(picture):
+    return (np.roll(picture, 1, 1) + 2 * picture + np.roll(picture, -1, 1)) / 4
+
+
+def test_noise_of_the_reference_is_measured_whatever_else_is_wrong(scene):
+    brighter = scene * 1.1
+    assert excess_noise(brighter, noisy(scene)) == pytest.approx(SIGMA ** 2, rel=0.25)
+
+
+def test_only_what_the_reference_has_more_counts(scene):
+    assert excess_noise(noisy(scene), scene) == 0
+    assert excess_noise(noisy(scene), noisy(scene)) == 0
+
+
+def test_a_smoothed_edge_is_no_noise_of_the_other_picture(scene):
+    plain = scene[:, :64]
+    assert excess_noise(smoothed(plain), plain) < 0.02 * np.mean((smoothed(plain) - plain) ** 2)
+
+
+def test_a_picture_that_is_too_small_tells_nothing(scene):
+    assert excess_noise(scene[:20, :20], noisy(scene)[:20, :20]) == 0

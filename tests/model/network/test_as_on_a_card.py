@@ -13,8 +13,8 @@ from renderformer_v2.model.compute.inference import current_pieces, inference
 from renderformer_v2.model.network import block_attention, renderformer
 from renderformer_v2.model.network.block_attention import Window
 from renderformer_v2.model.network.inputs import ViewInputs
-from renderformer_v2.model.network.memory_estimate import card_bytes, view_parameters
-from renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer, SceneContext, as_released
+from renderformer_v2.model.network.memory_estimate import count_view_parameters, estimate_card_bytes
+from renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer, SceneContext, store_as_released
 from renderformer_v2.model.published.image_encoder import OneFrameEncoder
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import rf2_200m
@@ -132,7 +132,7 @@ def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side
     monkeypatch.setattr(inference_module, "CHUNK", inference_module.GPU_CHUNK)
     config = replace(rf2_200m(), num_layers=1)  # all layers of stage 1 use the same memory
     with torch.device("meta"):
-        network = as_released(RenderFormer(config), torch.bfloat16, torch.device("cpu"))
+        network = store_as_released(RenderFormer(config), torch.bfloat16, torch.device("cpu"))
         given, positions = torch.empty(tokens, config.latent_dim), torch.empty(tokens, 3)
         rays = ViewInputs(torch.empty(1, 3), torch.empty(1, side, side, 3))
         triangle = torch.empty(tokens, dtype=torch.long)
@@ -141,6 +141,6 @@ def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side
     with Held() as stage2:
         network.render_view(SceneContext(done, positions, triangle, 100, caches=True), rays)
     held = max(stage1.most, stage2.most)
-    asked = card_bytes(config, 0, tokens, side * side, (2, 4 if exact else 2), KEYS_VALUES_BYTES)
-    asked -= 2 * view_parameters(config) * exact
+    asked = estimate_card_bytes(config, 0, tokens, side * side, (2, 4 if exact else 2), KEYS_VALUES_BYTES)
+    asked -= 2 * count_view_parameters(config) * exact
     assert held < asked < 2.5 * held

@@ -7,7 +7,7 @@ from renderformer_v2.model import progress
 from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.network import banded, decoder
 from renderformer_v2.model.network.decoder import DPTDecoder
-from renderformer_v2.model.network.layers import in_precision
+from renderformer_v2.model.network.layers import store_in_precision
 from tools.parity.cases import with_recipe_weights
 
 
@@ -37,7 +37,7 @@ def test_bands_equal_the_whole_picture(tiny_config, monkeypatch, views, grid, ro
 
 @inference()
 def test_bands_agree_in_bfloat16(tiny_config, monkeypatch):
-    network, (levels, extra) = in_precision(built(tiny_config), torch.bfloat16), features(1, (16, 8))
+    network, (levels, extra) = store_in_precision(built(tiny_config), torch.bfloat16), features(1, (16, 8))
     expected = network(levels, extra)
     assert expected.dtype == torch.float32 and (expected.bfloat16() != expected).any()
     monkeypatch.setattr(decoder, "BAND_PIXELS", 16 * 64)

@@ -6,8 +6,8 @@ from torch.nn import functional as F
 
 from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.network import decoder, renderformer
-from renderformer_v2.model.network.memory_estimate import view_parameters
-from renderformer_v2.model.network.renderformer import RenderFormer, as_released
+from renderformer_v2.model.network.memory_estimate import count_view_parameters
+from renderformer_v2.model.network.renderformer import RenderFormer, store_as_released
 from renderformer_v2.model.weights.presets import rf2_200m
 from tools.parity.cases import recipe_network
 
@@ -18,7 +18,7 @@ def test_stage_2_is_as_exact_as_in_the_authors_release(tiny_config, tiny_inputs,
 
     def features(exact: bool, dtype: torch.dtype):
         monkeypatch.setattr(renderformer, "has_tensor_float_32", lambda device: exact)
-        network, seen = as_released(recipe_network(tiny_config), dtype, torch.device("cpu")).eval(), []
+        network, seen = store_as_released(recipe_network(tiny_config), dtype, torch.device("cpu")).eval(), []
         network.view_transformer.out_dpt.register_forward_pre_hook(lambda module, given: seen.extend(given[0]))
         assert network.render_view(context, rays).isfinite().all()
         return torch.stack(seen), {name: weight.dtype for name, weight in network.named_parameters()}
@@ -35,7 +35,7 @@ def test_the_weights_of_stage_2_are_counted():
     with torch.device("meta"):
         layers = RenderFormer(rf2_200m()).view_transformer.transformer.layers
     counted = sum(p.numel() for p in layers.parameters() if p.ndim == 2)
-    assert view_parameters(rf2_200m()) == counted
+    assert count_view_parameters(rf2_200m()) == counted
 
 
 @pytest.mark.parametrize("bands", [False, True])

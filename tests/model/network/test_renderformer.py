@@ -11,7 +11,7 @@ from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.network import attention, decoder, renderformer
 from renderformer_v2.model.network.inputs import ViewInputs
-from renderformer_v2.model.network.layers import in_precision
+from renderformer_v2.model.network.layers import store_in_precision
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.weights.presets import rf2_200m, rf2_small
 
@@ -122,7 +122,7 @@ def test_odd_sizes_are_refused_with_the_numbers(tiny_network, tiny_inputs):
 def test_bfloat16_weights_give_nearly_the_same_picture(tiny_config, tiny_network, tiny_inputs, rays):
     half = RenderFormer(tiny_config)
     half.load_state_dict(tiny_network.state_dict())
-    half = in_precision(half, torch.bfloat16).eval()
+    half = store_in_precision(half, torch.bfloat16).eval()
     assert half.transformer.rope_emb.freqs.dtype == torch.float32
     expected = tiny_network(tiny_inputs, rays)
     error = (half(tiny_inputs, rays) - expected).pow(2).mean().sqrt() / expected.abs().max()

@@ -8,7 +8,7 @@ from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.errors import SceneError
 from renderformer_v2.model.geometry import rotation_matrix
 from renderformer_v2.model.panorama import Panorama
-from renderformer_v2.model.published.cube_faces import cube_faces, joined
+from renderformer_v2.model.published.cube_faces import cube_faces, join_faces
 from renderformer_v2.model.published.processed_scene import square_fov
 from renderformer_v2.model.scene import View
 
@@ -35,7 +35,7 @@ def of_faces(view, paint):
     def render(face):
         rendered.append(face)
         return torch.from_numpy(np.float32(paint(face))).movedim(-1, 0)
-    return joined(view, cube_faces(view, 64), render).movedim(0, -1).numpy(), rendered
+    return join_faces(view, cube_faces(view, 64), render).movedim(0, -1).numpy(), rendered
 
 
 @pytest.mark.parametrize("kind, numbers", [WHOLE, ("MIRRORBALL", ()), ("FISHEYE_EQUIDISTANT", (6.0,)),

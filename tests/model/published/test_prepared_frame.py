@@ -8,7 +8,12 @@ import pytest
 
 from renderformer_v2.model.errors import SceneError
 from renderformer_v2.model.published.obj_mesh import read_obj, write_obj
-from renderformer_v2.model.published.prepared_frame import missing, pointers, read_frame, write_frame
+from renderformer_v2.model.published.prepared_frame import (
+    find_lfs_pointers,
+    find_missing_files,
+    read_frame,
+    write_frame,
+)
 from tests.model.published import frames
 
 
@@ -33,7 +38,8 @@ def test_a_frame_is_read_as_it_was_written(tmp_path):
 def test_files_that_are_not_there_are_named(tmp_path):
     folder = frames.write(tmp_path / "frame", environment=True, volume=True)
     (folder / "split" / "rust" / "metallic.png").unlink()
-    assert missing(read_frame(folder), folder) == ["split/rust/metallic.png", "external/sky.exr", "external/smoke.vdb"]
+    assert find_missing_files(read_frame(folder), folder) == [
+        "split/rust/metallic.png", "external/sky.exr", "external/smoke.vdb"]
 
 
 @pytest.mark.parametrize("path, value, message", [
@@ -71,11 +77,11 @@ def test_a_mark_of_the_byte_order_is_no_damage(tmp_path):
 def test_pointers_of_a_clone_without_lfs_are_found(tmp_path):
     folder = frames.write(tmp_path / "frame")
     frame = read_frame(folder)
-    assert pointers(frame, folder) == []
+    assert find_lfs_pointers(frame, folder) == []
     for name in ("split/metal.obj", "split/rust/normal.png"):
         (folder / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 7\n")
     (folder / "split/glass.obj").unlink()
-    assert pointers(frame, folder) == ["split/metal.obj", "split/rust/normal.png"]
+    assert find_lfs_pointers(frame, folder) == ["split/metal.obj", "split/rust/normal.png"]
 
 
 @pytest.mark.parametrize("text", [None, "{", "[]", "[" * 100000], ids=["none", "half", "list", "deep"])

@@ -10,8 +10,8 @@ import torch
 
 from bl_ext.user_default.renderformer_v2.model import renderer
 from bl_ext.user_default.renderformer_v2.model.compute.devices import free_memory
-from bl_ext.user_default.renderformer_v2.model.network.layers import in_precision
-from bl_ext.user_default.renderformer_v2.model.network.memory_estimate import card_bytes
+from bl_ext.user_default.renderformer_v2.model.network.layers import store_in_precision
+from bl_ext.user_default.renderformer_v2.model.network.memory_estimate import estimate_card_bytes
 from bl_ext.user_default.renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer
 from bl_ext.user_default.renderformer_v2.model.published.image_encoder import OneFrameEncoder, vae_class
 from bl_ext.user_default.renderformer_v2.model.weights.presets import rf2_200m
@@ -101,9 +101,9 @@ def test_the_published_weights_are_counted_in_the_precision_that_a_card_holds_th
     settings = replace(FrameSettings.read(lit), network=Network.PUBLISHED, precision=chosen)
     needed, _ = card.memory(settings, 1000, 64 * 64)
     config = rf2_200m()
-    weights = needed - card_bytes(config, 0, 1000, 64 * 64, (dtype.itemsize, 4), KEYS_VALUES_BYTES)
+    weights = needed - estimate_card_bytes(config, 0, 1000, 64 * 64, (dtype.itemsize, 4), KEYS_VALUES_BYTES)
     with torch.device("meta"):
-        network = in_precision(RenderFormer(config), dtype)
+        network = store_in_precision(RenderFormer(config), dtype)
         held = sum(p.nbytes for part in (network, OneFrameEncoder(vae_class()())) for p in part.parameters())
     assert held < weights < 1.01 * held
 

@@ -9,7 +9,7 @@ import pytest
 import addon_utils
 
 from examples import effects
-from renderformer_v2.model.metrics.scores import closeness
+from renderformer_v2.model.metrics.scores import compare
 from tests.rf2_engine.f12 import press_f12
 from tests.rf2_engine.installed import PACKAGE
 
@@ -65,7 +65,7 @@ def rendered(name: str, tmp_path) -> tuple[np.ndarray, np.ndarray]:
 def test_an_effect_is_there_as_in_cycles(name, tmp_path):
     ours, cycles = rendered(name, tmp_path)
     there, not_there, least, tolerance = EFFECTS[name]
-    assert closeness(ours[..., :3], cycles[..., :3]).psnr >= least
+    assert compare(ours[..., :3], cycles[..., :3]).psnr >= least
     contrast = [there.mean(picture) / np.maximum(not_there.mean(picture), 0.02) for picture in (ours, cycles)]
     assert np.abs(np.log(contrast[1])).max() > 0.25, "an effect worth the name"
     np.testing.assert_allclose(contrast[0], contrast[1], rtol=tolerance)

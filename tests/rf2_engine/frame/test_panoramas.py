@@ -125,9 +125,9 @@ def test_a_border_and_motion_blur_are_those_of_cycles_and_there_is_no_depth_of_f
 def test_published_weights_render_the_faces_of_a_cube(room, tmp_path, monkeypatch):
     rendered = []
 
-    def joined(view, faces, render, real=pipeline.joined):
+    def joined(view, faces, render, real=pipeline.join_faces):
         return real(view, faces, lambda face: rendered.append(face) or render(face))
-    monkeypatch.setattr(pipeline, "joined", joined)
+    monkeypatch.setattr(pipeline, "join_faces", joined)
     settings = room.renderformer_v2
     settings.weights_source, settings.max_edge = "FOLDER", 1
     settings.weights_folder = str(write_bundle(tmp_path / "bundle", tiny_published_config()))

@@ -11,7 +11,7 @@ from bl_ext.user_default.renderformer_v2.model.environment import rotate_environ
 from bl_ext.user_default.renderformer_v2.model.errors import SceneError
 from bl_ext.user_default.renderformer_v2.model.normalize import Normalization
 from bl_ext.user_default.renderformer_v2.model.published.obj_mesh import read_obj
-from bl_ext.user_default.renderformer_v2.model.published.prepared_frame import missing, read_frame
+from bl_ext.user_default.renderformer_v2.model.published.prepared_frame import find_missing_files, read_frame
 from bl_ext.user_default.renderformer_v2.model.scene import (
     BASE_COLOR,
     HEIGHT,
@@ -217,7 +217,7 @@ def test_a_frame_goes_round(frame, report, tmp_path):
     export_frame(imported, out, report)
     assert not any("replaced by one" in line for line in report.lines())
     before, after = read_frame(frame), read_frame(out)
-    assert missing(after, out) == [] and imported.render.engine == "RENDERFORMER_V2"
+    assert find_missing_files(after, out) == [] and imported.render.engine == "RENDERFORMER_V2"
     assert set(after.objects) == set(before.objects) and after.name == before.name
     for key, it in before.objects.items():
         found = after.objects[key].material
@@ -259,7 +259,7 @@ def test_a_scene_made_in_blender_becomes_a_frame(scene, report, tmp_path):
     scene.render.resolution_x = scene.render.resolution_y = 64
     export_frame(scene, tmp_path / "out", report)
     frame = read_frame(tmp_path / "out")
-    assert missing(frame, tmp_path / "out") == []
+    assert find_missing_files(frame, tmp_path / "out") == []
     red = frame.objects["Cube"].material
     assert red.kind == "homo_metallic_roughness_transmission"
     np.testing.assert_allclose([red.numbers["ior"], red.numbers["transmission_weight"]], [1.32943, 0], atol=2e-3)

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.camera import sees, view_rays
+from bl_ext.user_default.renderformer_v2.model.camera import view_rays, visible_pixels
 from bl_ext.user_default.renderformer_v2.model.errors import SceneError
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.apparent_size import apparent_size
@@ -41,7 +41,7 @@ def apart(scene, tmp_path):
     hit = away.any(axis=-1)
     away -= view.camera_to_world[:3, 3]
     off = np.linalg.norm(view_rays(view)[1] - away / np.linalg.norm(away, axis=-1, keepdims=True), axis=-1)
-    return np.where(hit & sees(view), off * view.longer_side / 2, 0), hit != sees(view)
+    return np.where(hit & visible_pixels(view), off * view.longer_side / 2, 0), hit != visible_pixels(view)
 
 
 @pytest.mark.parametrize("settings", [
