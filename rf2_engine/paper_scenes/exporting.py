@@ -75,9 +75,9 @@ class _Export:
         self.frame = PreparedFrame("", {}, [])
         self._described: dict[tuple, Described] = {}
 
-    def run(self, name: str, by_cycles: CyclesWorld) -> PreparedFrame:
+    def run(self, name: str, cycles_world: CyclesWorld) -> PreparedFrame:
         self.frame.name, self.frame.cameras = name, self._cameras()
-        copied = copy(self.depsgraph, self.report, by_cycles)
+        copied = copy(self.depsgraph, self.report, cycles_world)
         environment, suns = world_light(copied.world, copied.drawn, self.report, whole=True)
         collected = collect(copied, self.report)
         if not collected.parts:

@@ -14,10 +14,10 @@ from .kept import Kept
 from .visibility import hidden_in_renders
 
 
-def copy(depsgraph, report, by_cycles=None, baker=None, kept=None, hides=None) -> Copied:
+def copy(depsgraph, report, cycles_world=None, baker=None, kept=None, hides=None) -> Copied:
     """What a render depsgraph shows; nothing of it refers to Blender's data, which may change or go away afterwards.
 
-    by_cycles: as drawn_by has it. baker: is made ready where nodes will have to be baked. kept: what was read for
+    cycles_world: as in `drawn_by`. baker: is made ready where nodes will have to be baked. kept: what was read for
     copies before (`Kept`). hides: says of an original object that it is not shown, in a picture that is no render.
     """
     if (space := compat.working_space()) != REC709:
@@ -28,7 +28,7 @@ def copy(depsgraph, report, by_cycles=None, baker=None, kept=None, hides=None) -
     with progress.part(0.0, 0.1, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
         shown = shown_world(depsgraph)
         world = kept.world_of(shown, frame, lambda: Blocks(frame, depsgraph, kept.images).of(shown))
-        copied = Copied(world, drawn_by(by_cycles, world))
+        copied = Copied(world, drawn_by(cycles_world, world))
     with progress.part(0.1, 0.9):
         blocks = Blocks(frame, depsgraph, kept.images)
         add_instances(copied, depsgraph, blocks, report, kept, hides or hidden_in_renders(depsgraph).__contains__)

@@ -14,8 +14,8 @@ import numpy as np
 
 from ....model import progress
 from ....model.geometry import area_vectors
+from ..data.cache import ConversionCache, mesh_digest
 from ..data.collected import Collected, Part
-from ..data.memo import Memo, content
 from ..data.mesh import TriangleMesh
 from ..meshes import reduce
 from ..meshes.reduce import COARSEST, KEPT_WHOLE
@@ -41,8 +41,8 @@ class Simplification:
     nearest: list[np.ndarray]         # (4, 4) object to world, of the instance that shows most
     apparent: ApparentSize | None
 
-    def apply(self, report, memo: Memo | None = None) -> None:
-        """Simplify what is too fine; memo: of conversions before."""
+    def apply(self, report, cache: ConversionCache | None = None) -> None:
+        """Simplify what is too fine; cache: of earlier conversions."""
         before: dict[str, list[int]] = {}
         for i, (part, target, matrix) in enumerate(zip(self.parts, self.targets, self.nearest, strict=True)):
             if target >= len(part.mesh):
@@ -52,11 +52,11 @@ class Simplification:
             with progress.part(i / len(self.parts), (i + 1) / len(self.parts),
                                f"Simplifying meshes, {i + 1} of {len(self.parts)}"):
                 simplified = partial(reduce.simplify, part.mesh, int(target), lens)
-                if memo is None:
+                if cache is None:
                     part.mesh = simplified()
                 else:
-                    key = content(part.mesh), int(target), matrix.tobytes(), self.apparent
-                    part.mesh = memo.of(key, lambda _, work=simplified: work(), report)
+                    key = mesh_digest(part.mesh), int(target), matrix.tobytes(), self.apparent
+                    part.mesh = cache.get(key, lambda _, work=simplified: work(), report)
             part.flux_gain *= area / part.mesh.area
             before.setdefault(part.name, [count]).append(len(part.mesh))
         for name, (count, *after) in before.items():

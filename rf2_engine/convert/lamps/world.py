@@ -24,12 +24,12 @@ BAND_ROWS = 16        # texel rows evaluated at once
 SKY, FEW = "ShaderNodeTexSky", (0, 8, 16)  # first row, rows and columns of directions that show what nodes say
 
 
-def drawn_by(by_cycles, world: World | None) -> tuple[np.ndarray | None, list[Sun]] | None:
+def drawn_by(cycles_world, world: World | None) -> tuple[np.ndarray | None, list[Sun]] | None:
     """A world's panorama without its suns, and these, from a CyclesWorld (cycles/world.py) or None, which is asked
     where a node cannot be evaluated as it is; None where it need not or cannot draw it."""
-    if world is None or by_cycles is None or _is_exact(world):
+    if world is None or cycles_world is None or _is_exact(world):
         return None
-    drawn = by_cycles.light(_rough_suns(world))
+    drawn = cycles_world.light(_rough_suns(world))
     return drawn and (_none_if_black(drawn[0]), drawn[1])
 
 
