@@ -47,7 +47,7 @@ _known: dict[str, tuple[np.ndarray, list[Sun]]] = {}  # by world and what it is 
 
 @dataclass
 class CyclesWorld:
-    """What convert/world.py asks where it cannot evaluate a world as it is."""
+    """What convert/lamps/world.py asks where it cannot evaluate a world as it is."""
 
     engine: bpy.types.RenderEngine
     depsgraph: bpy.types.Depsgraph

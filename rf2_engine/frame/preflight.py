@@ -17,7 +17,7 @@ from ...model.errors import CheckpointError, RenderCancelled, SceneError
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
 from ..convert.camera.eyes import count_views
-from ..convert.data.report import SOME, Remark, Report
+from ..convert.data.report import SOME, Remark, Report, grouped
 from ..convert.scene import convert
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible
@@ -101,7 +101,7 @@ def state_of(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple:
 
 def as_text(scene: bpy.types.Scene) -> str:
     latest = last.get(scene.name)
-    return "" if latest is None else "\n".join([*latest.lines, *map(str, latest.remarks)])
+    return "" if latest is None else "\n".join([*latest.lines, *map(str, grouped(latest.remarks))])
 
 
 def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Preflight:

@@ -33,7 +33,7 @@ RESOLUTION = 512
 def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.types.Scene:
     """A new scene beside those of the open file, whose F12 shows the frame: square, `resolution` pixels on each side.
 
-    What is missing or cannot be used is in the report (convert/report.py), and left out.
+    What is missing or cannot be used is in the report (convert/data/report.py), and left out.
     Raises SceneError for a folder that is no frame, and for one that shows nothing.
     """
     folder = Path(folder).resolve()

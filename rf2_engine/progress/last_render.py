@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import bpy
 from bpy.app.handlers import persistent
 
-from ..convert.data.report import Remark
+from ..convert.data.report import Remark, grouped
 from ..registering import handlers
 from ..runtime.running import ENGINE
 from ..setup import redraw
@@ -42,8 +42,8 @@ class LayerStatistics:
 
     @property
     def report(self) -> list[str]:
-        """The remarks, a sentence each."""
-        return [str(remark) for remark in self.remarks]
+        """The remarks, a sentence for each group."""
+        return [str(group) for group in grouped(self.remarks)]
 
     @property
     def lines(self) -> list[str]:

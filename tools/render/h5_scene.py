@@ -51,12 +51,12 @@ def export(scene, weights: str | None, path: Path) -> dict:
 
     Raises CheckpointError, ValueError or RuntimeError with a message for the user, and OSError as the disk does.
     """
-    from renderformer_v2.rf2_engine.convert.data.report import Report
+    from renderformer_v2.rf2_engine.convert.data.report import Report, grouped
     from renderformer_v2.rf2_engine.paper_scenes.h5_export import export_h5
     report, begin = Report(), time.perf_counter()
     converted = export_h5(scene, weights, path, report)
     return {"scene": scene.name, "seconds": {"total": round(time.perf_counter() - begin, 3)},
-            "triangles": len(converted), "report": report.lines(), "output": [str(path)]}
+            "triangles": len(converted), "report": list(map(str, grouped(report.entries))), "output": [str(path)]}
 
 
 def _require_bundle(weights: str | None) -> None:
