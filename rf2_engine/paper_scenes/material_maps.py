@@ -12,7 +12,7 @@ from ..convert.data.blocks import Material
 from ..convert.data.instance import Place
 from ..convert.data.mesh import TriangleMesh
 from ..convert.data.report import Report
-from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, points_of, triangle_mean
+from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, texel_points, triangle_mean
 from ..convert.shading.normal_map import UP
 from ..convert.shading.two_lobes import two_lobes
 
@@ -38,7 +38,7 @@ def describe(material: Material | None, mesh: TriangleMesh, place: Place, report
     """The material as these triangles of one slot wear it, at this place. What is lost is in the report."""
     if material is None:
         return Described(BARE)
-    own = _Values(material, points_of(_some(mesh), place), report)
+    own = _Values(material, texel_points(_some(mesh), place), report)
     emission = triangle_mean(own["emission"]).reshape(-1, 3)
     if emission.max() >= EMITTER_RADIANCE:
         if np.ptp(emission, axis=0).max() > 0.01 * emission.max():
@@ -51,8 +51,8 @@ def describe(material: Material | None, mesh: TriangleMesh, place: Place, report
         return Described(FrameMaterial(MEASURED), latent=np.float32(material.latent))
     if not own.varies:
         return Described(_homogeneous(own.numbers()))
-    sheet = _Values(material, points_of(_sheet(mesh), place), Report())
-    moved = _Values(material, points_of(_elsewhere(_sheet(mesh)), place), Report())
+    sheet = _Values(material, texel_points(_sheet(mesh), place), Report())
+    moved = _Values(material, texel_points(_elsewhere(_sheet(mesh)), place), Report())
     if not mesh.uv or not sheet.same_as(moved):
         report.approximated(material.name, "it varies by more than UVs: its mean is used; bake it to images first")
         return Described(_homogeneous(own.numbers()))

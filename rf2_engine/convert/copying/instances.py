@@ -17,9 +17,8 @@ from . import strands
 from .attributes import MESH, Asked
 from .blocks import Blocks
 from .kept import Kept
-from .light_linking import dark_emitters
 from .meshes import material_slots
-from .visibility import gas_domain, is_shown
+from .visibility import dark_emitters, gas_domain, is_shown
 from .volumes import gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.

@@ -8,8 +8,7 @@ import bpy
 import numpy as np
 
 from ... import compat
-from ..data.conventions import Conventions
-from ..data.nodes import Curve, Curves, Frame, Node, Socket, Tree
+from ..data.blocks import Conventions, Curve, Curves, Frame, Node, Socket, Tree
 from ..shading import ies
 from .images import Images
 

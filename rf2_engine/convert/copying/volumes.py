@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Volume objects and simulated gas, copied out of Blender."""
+"""Volume objects, simulated smoke and fire, copied out of Blender at the frame that is evaluated."""
 from __future__ import annotations
 
 from dataclasses import replace
@@ -11,9 +11,10 @@ from ..data.copied import Grid, Gridded
 from ..data.instance import Place
 from ..media.volumes import DEFAULT_GRID
 from ..shading.volume import grid_names, has_volume
-from .gas import gas_grids
 from .vdb import openvdb_module, read_grids
 from .visibility import gas_domain
+
+CHANNELS = {"density": 1, "flame": 1, "heat": 1, "temperature": 1, "color": 4}
 
 
 def gridded(obj, material: Material | None, place: Place, known: dict[tuple, dict[str, Grid]],
@@ -41,3 +42,33 @@ def gridded(obj, material: Material | None, place: Place, known: dict[tuple, dic
     report.skipped(obj.name, f"it has no grid {' or '.join(names)}, which its shader uses" if names
                    else "its shader uses no grid, so it is invisible, as in Cycles")
     return None
+
+
+def gas_grids(domain, obj, names: list[str]) -> dict[str, Grid]:
+    """Those of FluidDomainSettings that have one of these names; none where nothing was simulated.
+
+    obj: the evaluated domain, as large as its grids at this frame.
+    """
+    low, high = np.array(obj.bound_box, np.float64)[[0, 6]]
+    found = {}
+    for name in names:
+        values = _values(getattr(domain, f"{name}_grid"), domain, CHANNELS[name]) if name in CHANNELS else None
+        if values is not None:
+            to_object = np.diag([*((high - low) / values.shape[:3]), 1.0])
+            to_object[:3, 3] = low
+            found[name] = Grid(values, to_object)
+    return found
+
+
+def _values(grid, domain, channels: int) -> np.ndarray | None:
+    """(x, y, z, 1 or 3) f32; noise makes grids several times as fine."""
+    flat = np.empty(len(grid), np.float32)
+    grid.foreach_get(flat)
+    shape = np.array(domain.domain_resolution)
+    fine = round((len(flat) / channels / max(shape.prod(), 1)) ** (1 / 3))
+    if not flat.any() or not fine or len(flat) != channels * (shape * fine).prod():
+        return None
+    values = np.maximum(np.nan_to_num(flat), 0).reshape(*(shape * fine)[::-1], channels).transpose(2, 1, 0, 3)
+    if channels == 1:
+        return values
+    return values[..., :3] / np.where(values[..., 3:] > 0, values[..., 3:], 1)

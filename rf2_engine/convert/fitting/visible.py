@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find what the camera sees, and where, by a coarse raster of rays."""
+"""Find what the camera sees, and where, by a coarse raster of rays that looks through panes close to the camera."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....model.camera import view_rays_at
+from ....model.geometry import area_vectors
 from ....model.rays import Rays
 from ....model.scene import View
-from ..data.collected import Collected
+from ..data.collected import Collected, Part
+from ..data.report import Report
 from ..meshes.sampling import keep_some
-from .panes import is_pane
+from ..shading.material import MaterialTiles
 
 GRID = 64                 # rays along either side of the picture
 FEW = GRID * GRID // 144  # that hit something else than light
@@ -21,6 +23,10 @@ TRIANGLES = 40_000        # of stand-ins, about as many as a BVH of a tenth of a
 LEAST = 12                # of a mesh
 BOX = np.array([(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
                 (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)])  # corners of a box's triangles
+FLAT = 0.9     # length of the mean of the unit normals, either side up, of a pane: curved ones too, but no vessel
+CLEAR = 0.5    # of the light that goes through a pane
+SMOOTH = 0.3   # roughness up to which glass shows what is behind it
+SAMPLE = 64    # triangles that tell
 
 
 @dataclass
@@ -105,3 +111,17 @@ def _stand_ins(collected: Collected, eye: np.ndarray, visible: set[int]) -> tupl
     if not placed:
         return np.zeros((0, 3, 3)), np.zeros(0, np.int64)
     return np.concatenate(placed), np.concatenate(owner)
+
+
+def is_pane(part: Part) -> bool:
+    """Whether a part is about flat, and what is behind it shows."""
+    some = part.mesh.take(np.linspace(0, len(part.mesh) - 1, min(SAMPLE, len(part.mesh))).astype(int))
+    normals = area_vectors(some.corners.astype(np.float64))
+    largest = normals[np.square(normals).sum(axis=1).argmax()]
+    aligned = normals * np.where(normals @ largest < 0, -1, 1)[:, None]
+    if np.linalg.norm(aligned.sum(axis=0)) < FLAT * np.linalg.norm(normals, axis=1).sum():
+        return False
+    tiles = MaterialTiles(Report())
+    shares = [tiles.shows_through(part.materials[slot], some.take(some.slot == slot), part.places[0], SMOOTH)
+              for slot in np.unique(some.slot)]
+    return bool(np.mean(np.concatenate(shares)) > CLEAR)

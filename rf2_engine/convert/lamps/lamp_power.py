@@ -12,7 +12,7 @@ from ..shading.evaluate import Evaluator, Points
 from ..shading.lamp_nodes import LampPoints
 from ..shading.node_call import NodeCall
 from ..shading.surface import closure_at
-from .cones import sphere
+from .beams import sphere
 
 PLACES = 16  # across the surface of an area lamp
 

@@ -12,12 +12,11 @@ import numpy as np
 from ....model.geometry import area_vectors
 from ....model.scene import RenderScene
 from ..data.copied import Sun
-from . import proxies
-from .beam import HALF_SPACE, spot_beam, spread_beam
-from .cones import Cone
-from .flat_light import DARK, black, shining
+from . import shapes
+from .beams import HALF_SPACE, Cone, spot_beam, spread_beam
 from .lamp_power import ball_power, lamp_light, normalized
 from .placed_lamp import Detail, PlacedLamp, beams, half_angle_of, rotation
+from .shapes import DARK, black, shining
 
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
 SUN_ANGLE = math.radians(0.5)  # least diameter of a sun
@@ -70,10 +69,10 @@ def _area(lamp: PlacedLamp) -> RenderScene:
         lamp.report.skipped(lamp.name, "an area lamp of size 0 gives no light")
         return DARK
     if light.shape in ("DISK", "ELLIPSE"):
-        front = back = proxies.disk(*size, lamp.detail.disk_corners)
+        front = back = shapes.disk(*size, lamp.detail.disk_corners)
     else:
         cells = np.clip(np.ceil(size / (CELL * lamp.scene_radius)), 1, lamp.detail.most_cells).astype(int)
-        front, back = proxies.rectangle(*size, *cells), proxies.rectangle(*size)
+        front, back = shapes.rectangle(*size, *cells), shapes.rectangle(*size)
     spread = max(light.spread, LEAST_SPREAD)
     if light.spread < LEAST_SPREAD:
         was, now = math.degrees(light.spread), math.degrees(LEAST_SPREAD)
@@ -82,7 +81,7 @@ def _area(lamp: PlacedLamp) -> RenderScene:
         lamp.approximated(f"with a spread of {math.degrees(spread):.0f} degrees its light falls off slightly "
                           "differently")
     gain, border = spread_beam(spread)
-    per_watt = 1 / (math.pi * (proxies.area(front) if normalized(light) else 1))
+    per_watt = 1 / (math.pi * (shapes.area(front) if normalized(light) else 1))
     scene = black(lamp.placed(back[:, ::-1] + [0, 0, 0.01 * size.min()]))
     for strength, axis, cosines in beams(lamp, Cone(gain * lamp.strength, DOWN, border), facing=True):
         radiance = per_watt * strength * _textured(front, size, lamp.given.places)
@@ -119,16 +118,16 @@ def _spot(lamp: PlacedLamp) -> RenderScene:
 def _ball(lamp: PlacedLamp, kept: list[Cone], half_angle: float) -> RenderScene:
     """A ball for each beam, and a black shade that makes the cone for a network that does not know beams."""
     size = _ball_radius(lamp)
-    triangles = proxies.ball(size, lamp.detail.ball_faces)
+    triangles = shapes.ball(size, lamp.detail.ball_faces)
     scene = DARK
     for strength, axis, cosines in kept:
-        radiance = _softened(lamp) * ball_power(lamp.light, strength) / (math.pi * proxies.area(triangles))
+        radiance = _softened(lamp) * ball_power(lamp.light, strength) / (math.pi * shapes.area(triangles))
         scene = scene.appended(shining(lamp.placed(triangles), radiance, lamp.frame @ axis, cosines))
     if lamp.given.directions is not None:
         half_angle = min(half_angle, half_angle_of(lamp.given.directions))
     if half_angle > WIDEST_SHADE and lamp.light.type != "SPOT":
         return scene
-    return scene.appended(black(lamp.placed(proxies.shade(half_angle, size, lamp.detail.shade_sides))))
+    return scene.appended(black(lamp.placed(shapes.shade(half_angle, size, lamp.detail.shade_sides))))
 
 
 def _softened(lamp: PlacedLamp) -> float:
@@ -163,7 +162,7 @@ def convert_sun(sun: Sun, center: np.ndarray, radius: float, detail: Detail = FI
     frame, angle = rotation(pose), np.clip(sun.angle, SUN_ANGLE, math.radians(170))
     distance = SUN_DISTANCE * max(radius, 1e-6)
     size = 2 * distance * math.tan(angle / 2)
-    triangles = proxies.disk(size, size, detail.disk_corners) @ frame.T + np.asarray(center, np.float64)
+    triangles = shapes.disk(size, size, detail.disk_corners) @ frame.T + np.asarray(center, np.float64)
     triangles += distance * frame[:, 2]
     return shining(triangles, sun.irradiance / (math.pi * math.sin(angle / 2) ** 2), -frame[:, 2], HALF_SPACE)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..data.blocks import Lamp
-from .cones import Cone, cones, smoothstep, sphere
+from .beams import Cone, cones, smoothstep, sphere
 from .lamp_power import LampLight
 
 MOST_LIT = 0.95  # of a lamp's light is within its half angle

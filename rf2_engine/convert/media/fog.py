@@ -11,7 +11,7 @@ from ..data.copied import Sun
 from ..data.instance import Place
 from ..data.medium import Box
 from ..shading.volume import has_volume, volume_coefficients, volume_points
-from .shaded import shaded_medium
+from .volumes import shaded_medium
 
 MARGIN = 0.01   # of the box's longest side, around it
 NOWHERE = np.zeros((2, 3), np.float32)

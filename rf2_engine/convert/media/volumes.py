@@ -2,18 +2,68 @@
 """Volume objects, simulated gas, and meshes with a volume shader, as media."""
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from ..data.copied import Gridded
+from ....model.scene import CELLS
+from ..data.copied import Grid, Gridded
 from ..data.instance import Place
-from ..data.medium import Medium, box_around
+from ..data.medium import Box, Medium, box_around, voxel_centres
 from ..shading.volume import volume_coefficients, volume_points
-from .grids import grid_medium
+from .grids import in_box
 from .inside import filling
-from .shaded import shaded_medium
 
+EVEN = 4          # cells per axis of a box that is the same everywhere
+SAME_TINT = 0.05  # most difference in colour that is not worth a remark
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
 DEFAULT_GRID, DEFAULT_COEFFICIENT = "density", 0.5
+
+
+def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: Callable | None = None) -> Medium:
+    """coefficients: world places (r, r, r, 3) of all voxels of the box -> scattering and absorption, (3,) or (r, r, r,
+    3), per world unit; filling: r -> (r, r, r) share of each voxel that is filled, None = all of it.
+
+    Tokens of a box know one colour, so its colour is the mean one, and its extinction that of all colours together.
+    """
+    full = filling or (lambda resolution: np.ones((resolution,) * 3, np.float32))
+    scattering, absorption = coefficients(voxel_centres(box, CELLS))
+    if scattering.ndim == absorption.ndim == 1:
+        return Medium(name, box, scattering, absorption, full, EVEN if filling is None else CELLS)
+    scattering, absorption = (np.broadcast_to(c, (CELLS, CELLS, CELLS, 3)) for c in (scattering, absorption))
+    each = scattering + absorption
+    extinction = each.mean(axis=-1)
+    thick = extinction.ravel() > 0
+    tints = np.concatenate([scattering, each], axis=-1).reshape(-1, 6)[thick] / extinction.ravel()[thick, None]
+    if len(tints) and np.ptp(tints, axis=0).max() > SAME_TINT:
+        report.approximated(name, "the color of its volume varies: the mean is used")
+    total = max(float(extinction.sum()), 1e-12)
+
+    def density(resolution: int) -> np.ndarray:
+        both = coefficients(voxel_centres(box, resolution))
+        return full(resolution) * sum(np.float32(c).mean(axis=-1) for c in both)
+
+    return Medium(name, box, scattering.sum(axis=(0, 1, 2)) / total, absorption.sum(axis=(0, 1, 2)) / total, density)
+
+
+def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report) -> Medium:
+    """All of some grids of an object, at least one, along the axes of the first.
+
+    matrix: (4, 4) object to world; coefficients: scattering and absorption per world unit, (3,) or (..., 3), at places
+    (..., 3) of the object, given a function of the name of a grid that returns its values (..., c) there, or None.
+    """
+    grids = {key: grid.moved(matrix) for key, grid in grids.items()}
+    first = next(iter(grids.values())).to_space
+    corners = [grid.corners() @ grid.to_space[:3, :3].T + grid.to_space[:3, 3] for grid in grids.values()]
+    box = box_around(first, (np.concatenate(corners) - first[:3, 3]) @ np.linalg.pinv(first[:3, :3]).T)
+    to_object = np.linalg.pinv(matrix)
+
+    def at(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def values(wanted: str) -> np.ndarray | None:
+            return in_box(grids[wanted], box, len(points)) if wanted in grids else None
+        return coefficients(points @ to_object[:3, :3].T + to_object[:3, 3], values)
+
+    return shaded_medium(name, box, at, report)
 
 
 def gridded(it: Gridded, report) -> Medium:

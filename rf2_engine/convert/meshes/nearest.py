@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find the triangle of a mesh that is nearest to a point."""
+"""Find the triangle of a mesh that is nearest to a point; divide meshes into blocks, between which Esc is looked at."""
 from __future__ import annotations
 
 import numpy as np
@@ -7,21 +7,43 @@ import numpy as np
 from ....model import progress
 from ...bvh import tree_of, uncollected
 from ..data import mesh as meshes
-from .blocks import blocks, points_of
 
+LARGEST = 60_000  # triangles of a block: a tenth of a second or two
 BATCH = 20_000  # points that are looked up before somebody asks about Esc
 
 
-class Surface:
+def divide(middles: np.ndarray, largest: int = LARGEST) -> list[np.ndarray]:
+    """Indices of (n, 3) points, halved along the longest side of their box until at most `largest` are together."""
+    columns = np.ascontiguousarray(middles.T)
+    waiting, done = [np.arange(len(middles))], []
+    while waiting:
+        rows = waiting.pop()
+        if len(rows) <= largest:
+            done.append(rows)
+            continue
+        here = columns.take(rows, axis=1)
+        order = np.argpartition(here[np.ptp(here, axis=1).argmax()], len(rows) // 2)
+        waiting += [rows[order[len(rows) // 2:]], rows[order[:len(rows) // 2]]]
+    return done
+
+
+def submesh(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The points (k, 3) that some faces (n, 3) have, and those faces by these points, i32."""
+    own = np.zeros(len(points), bool)
+    own[faces] = True
+    return points[own], (np.cumsum(own, dtype=np.int32) - 1)[faces]
+
+
+class NearestTriangles:
     """Triangles, found by places near them."""
 
     def __init__(self, points: np.ndarray, faces: np.ndarray):
         """points: (v, 3) f64; faces: (n, 3) i32."""
-        self.blocks = blocks(meshes.middles(points[faces]))
+        self.blocks = divide(meshes.middles(points[faces]))
         self.trees, self.boxes = [], []
         for i, rows in enumerate(self.blocks):
             progress.report(i / len(self.blocks))
-            corners, shape = points_of(points, faces[rows])
+            corners, shape = submesh(points, faces[rows])
             self.boxes.append((corners.min(axis=0), corners.max(axis=0)))
             self.trees.append(tree_of(corners, shape))
 

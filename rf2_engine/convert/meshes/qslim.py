@@ -6,7 +6,7 @@ import numpy as np
 
 from ....model import progress
 from ..data import mesh as meshes
-from .blocks import blocks, points_of
+from .nearest import divide, submesh
 
 MANY = 64               # a mesh this many times too fine is first made coarser by cubes of 1 / FINE of the new edges,
 FINE, COARSE = 64, 8    # and one that QSlim leaves STUCK times too fine, of 1 / COARSE
@@ -49,10 +49,10 @@ def _roughly(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.nda
         return points, faces
     pieces, before = [], 0
     progress.report(0.1)
-    parts = blocks(meshes.middles(points[faces]))
+    parts = divide(meshes.middles(points[faces]))
     for i, rows in enumerate(parts):
         progress.report(0.2 + 0.6 * i / len(parts))
-        kept, shape = fast_simplification.simplify(*points_of(points, faces[rows]), preserve_border=True,
+        kept, shape = fast_simplification.simplify(*submesh(points, faces[rows]), preserve_border=True,
                                                    target_count=max(int(share * len(rows)), 1))
         pieces.append((kept, shape + before))
         before += len(kept)

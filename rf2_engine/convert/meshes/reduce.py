@@ -11,9 +11,9 @@ from ....model.errors import SceneError
 from ....model.geometry import barycentric
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
-from .nearest import Surface
-from .pieces import thinned
+from .nearest import NearestTriangles
 from .qslim import reduced
+from .sampling import thinned
 
 COARSEST = 8            # no mesh is simplified further, unless it has fewer triangles to begin with
 KEPT_WHOLE = 64         # a mesh this small keeps all its triangles as long as the budget allows
@@ -44,7 +44,7 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     with progress.part(0.05, 0.15):
         points, faces, owner = _with_fins(*welded, mesh)
     with progress.part(0.15, 0.3):
-        surface = Surface(points, faces)
+        surface = NearestTriangles(points, faces)
     progress.report(0.3)
     as_seen = points if lens is None else lens.enter(points)
     with progress.part(0.35, 0.6):
@@ -135,7 +135,7 @@ def _with_uv(key: np.ndarray, layer: np.ndarray, turned: np.ndarray) -> np.ndarr
     return key * 0x2545F4914F6CDD1D + ends @ (0x1D8E4E27C47D124F, 0x369DEA0F31A53F85)
 
 
-def _nearest(corners: np.ndarray, surface: Surface) -> np.ndarray:
+def _nearest(corners: np.ndarray, surface: NearestTriangles) -> np.ndarray:
     """(m, 4) i64: the triangle of `surface` nearest to the three corners and the centre of each of (m, 3, 3)."""
     centre = corners.mean(axis=1, keepdims=True)
     # Corners are looked up a little inside their triangle: at a crease or seam they belong to its side.

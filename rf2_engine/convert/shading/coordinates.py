@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..data.arrays import joined, unit
-from ..data.nodes import Frame
+from ..data.blocks import Frame
 from . import lamp_nodes
 from .node_call import DependsOnView, NodeCall, Unknown
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ....model.scene import barycentric_grid
 from ..data.arrays import unit
-from ..data.conventions import Conventions
+from ..data.blocks import Conventions
 from ..data.instance import Place
 from ..data.mesh import face_normals
 from . import graph

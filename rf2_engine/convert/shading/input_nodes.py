@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Input nodes: constants, light paths, Fresnel and attributes."""
+"""Input nodes: constants, light paths, Fresnel, attributes, properties of objects, instances and particles."""
 from __future__ import annotations
 
 import numpy as np
 
 from ..data.arrays import joined
 from .node_call import NodeCall
-from .object_info import property_of
+from .noise.hashing import LARGEST, jenkins
 
 LIT = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0, "Ray Length": 1.0}
 
@@ -79,8 +79,43 @@ def volume_info(n: NodeCall):
     return np.zeros(1, np.float32) if grid is None else _part(n, grid)
 
 
+def object_info(n: NodeCall):
+    place, name = n.placed(), n.output.name
+    if name == "Material Index":
+        return _values(n.evaluator.material_index)
+    return _values({"Location": place.matrix[:3, 3], "Color": place.color[:3], "Alpha": place.color[3],
+                    "Object Index": place.index, "Random": place.random}[name])
+
+
+def particle_info(n: NodeCall):
+    particle = n.placed().particle
+    if n.output.name == "Random":
+        return _values(jenkins(particle.index, 0) / LARGEST)
+    return _values(getattr(particle, n.output.name.lower().replace(" ", "_")))
+
+
+def of_strands(n: NodeCall):
+    """Curves Info and Point Info: all 0 on meshes."""
+    return np.zeros(3 if n.output.type == "VECTOR" else 1, np.float32)
+
+
+def property_of(n: NodeCall, name: str, kind: str) -> np.ndarray | None:
+    """(4,) a property of the object, of what instances it, or of the view layer."""
+    place = n.placed()
+    found = {"OBJECT": place.properties, "INSTANCER": place.of_instancer}.get(kind, place.of_view_layer).get(name)
+    if found is None:
+        return None
+    return np.float32({1: (*found * 3, 1), 2: (*found, 0, 1), 3: (*found, 1)}.get(len(found), found))
+
+
+def _values(of) -> np.ndarray:
+    return np.atleast_1d(np.float32(of))
+
+
 FUNCTIONS = {
     "ShaderNodeRGB": rgb, "ShaderNodeValue": value, "ShaderNodeLightPath": light_path, "ShaderNodeFresnel": fresnel,
     "ShaderNodeLayerWeight": fresnel, "ShaderNodeAmbientOcclusion": passed_through,
     "ShaderNodeAttribute": attribute, "ShaderNodeVertexColor": attribute, "ShaderNodeVolumeInfo": volume_info,
+    "ShaderNodeObjectInfo": object_info, "ShaderNodeParticleInfo": particle_info,
+    "ShaderNodeHairInfo": of_strands, "ShaderNodePointInfo": of_strands,
 }

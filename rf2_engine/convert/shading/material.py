@@ -100,7 +100,7 @@ class MaterialTiles:
             part = slice(start, min(start + chunk, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
-                points = points_of(mesh.take(part), place or Place())
+                points = texel_points(mesh.take(part), place or Place())
                 surface, height = self.evaluate(material, points)
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", triangle_mean(surface.emission))
@@ -133,7 +133,7 @@ class MaterialTiles:
         """(n,) share of light that goes straight, or through glass of at most the roughness `smooth`, at triangles."""
         if material is None:
             return np.zeros(len(mesh))
-        surface, _ = self.evaluate(material, points_of(mesh, place))
+        surface, _ = self.evaluate(material, texel_points(mesh, place))
         through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
         return np.broadcast_to(triangle_mean(through)[..., 0], len(mesh))
 
@@ -257,7 +257,7 @@ def lobe_arrays(lobes: dict[str, np.ndarray], count: int) -> np.ndarray:
     return found
 
 
-def points_of(mesh: TriangleMesh, place: Place) -> Points:
+def texel_points(mesh: TriangleMesh, place: Place) -> Points:
     """The texels of the tiles of a mesh."""
     uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
     attributes = {name: interpolated(layer) for name, layer in mesh.attributes.items()}

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Approximate light that differs by direction with a few cones, the only beams that tokens have.
+"""Beams of lamps: cosines (outer, inner) between which radiance rises smoothly (model/scene.py, `beam_cosine`).
 
-Cones are chosen one after the other, each where most is missing (matching pursuit, Mallat and Zhang 1993).
+Light that differs by direction is approximated with a few cones, chosen one after the other, each where most is missing
+(matching pursuit, Mallat and Zhang 1993).
 """
 from __future__ import annotations
 
@@ -11,12 +12,47 @@ from typing import NamedTuple
 
 import numpy as np
 
+EDGE = 1e-3                         # least width, in cosines, of a beam's border
+HALF_SPACE = (0.0, EDGE)            # everything in front of a flat lamp
 MOST = 4
 WIDTHS = np.radians([8, 14, 22, 32, 45, 60, 75, 90, 120, 150])   # from the axis to the border
 SOFTNESS = 0.1, 0.5, 1.0, 1.5                                    # of the border, over the way to the axis
 AXES = 10                                                        # on which cones are tried, and two for what is missing
 ENOUGH = 0.03                                                    # of the light in the wrong direction
 ROUNDS = 100                                                     # in which strengths settle
+
+
+def spread_beam(spread: float) -> tuple[float, tuple[float, float]]:
+    """Gain on the radiance and beam cosines (outer, inner) that come nearest to an area lamp's spread angle.
+
+    Cycles lets radiance fall linearly in the tangent, (tan H - tan a) / (tan H - H) with H half the spread. The beam
+    here is smooth in the cosine: it keeps the flux, `inner` is the least-squares fit (above 1 for a peaked beam).
+    """
+    half = min(spread / 2, math.pi / 2 - 1e-3)
+    if spread > math.pi - 0.01:
+        return 1.0, HALF_SPACE
+    angle = np.linspace(0, half, 200)
+    flux = np.cos(angle) * np.sin(angle) / len(angle)
+    exact = (math.tan(half) - np.tan(angle)) / max(math.tan(half) - half, 1e-12)
+    outer = math.cos(half)
+    inner = (outer + (1 - outer) * np.linspace(0.05, 1.5, 150))[:, None]
+    t = np.clip((np.cos(angle) - outer) / (inner - outer), 0, 1)
+    beam = t * t * (3 - 2 * t)
+    gain = (exact * flux).sum() / (beam * flux).sum(axis=1, keepdims=True)
+    best = int(((gain * beam - exact) ** 2 * flux).sum(axis=1).argmin())
+    return float(gain[best, 0]), (outer, float(inner[best, 0]))
+
+
+def spot_beam(light, stretch: float) -> tuple[float, float]:
+    """Cosines of a spot, `stretch` times as wide in the tangent as its angle says because its object is scaled.
+
+    Cycles lets intensity rise with a smoothstep in the cosine from the border of the cone over `blend` of the way.
+    """
+    outer = math.cos(light.spot_size / 2)
+    inner = outer + (1 - outer) * light.spot_blend
+    angles = (math.acos(outer), math.acos(min(inner, 1)))
+    outer, inner = (math.cos(math.atan2(stretch * math.sin(a), math.cos(a))) for a in angles)
+    return outer, max(inner, outer + min(EDGE, (1 - outer) / 2))
 
 
 class Cone(NamedTuple):
