@@ -30,10 +30,10 @@ from ..convert.camera.camera import convert_camera
 from ..convert.collect import collect
 from ..convert.copying.scene import copy
 from ..convert.data import mesh as meshes
-from ..convert.data.collected import Collected, Part
-from ..convert.data.instance import Place
+from ..convert.data.collected import CollectedScene, Part
+from ..convert.data.instance import Instance
 from ..convert.lamps.lamps import convert_lamps
-from ..convert.lamps.world import world_light
+from ..convert.lamps.world import convert_world_light
 from ..convert.media.fog import add_fog
 from ..cycles.world import CyclesWorld
 from ..progress.status import Status
@@ -78,7 +78,7 @@ class _Export:
     def run(self, name: str, cycles_world: CyclesWorld) -> PreparedFrame:
         self.frame.name, self.frame.cameras = name, self._cameras()
         copied = copy(self.depsgraph, self.report, cycles_world)
-        environment, suns = world_light(copied.world, copied.drawn, self.report, whole=True)
+        environment, suns = convert_world_light(copied.world, copied.world_panorama, self.report, keep_suns=True)
         collected = collect(copied, self.report)
         if not collected.parts:
             raise SceneError(f'Scene "{name}" shows no surface: a frame needs at least one mesh')
@@ -88,7 +88,7 @@ class _Export:
                               float(np.linalg.norm(high - low)) / 2, clear, self.report)
         (self.folder / MESHES).mkdir(parents=True, exist_ok=True)
         for part in collected.parts:
-            for place in part.places:
+            for place in part.instances:
                 self._add_part(part, place)
         for lamp in lamps:
             self._add_lamp(lamp)
@@ -117,7 +117,7 @@ class _Export:
                 found.append(_camera(place, float(np.degrees(it.data.angle))))
         return found
 
-    def _add_part(self, part: Part, place: Place) -> None:
+    def _add_part(self, part: Part, place: Instance) -> None:
         for slot in np.unique(part.mesh.slot):
             mesh = part.mesh.take(part.mesh.slot == slot)
             described = self._of(part.materials[slot], mesh, place)
@@ -128,7 +128,7 @@ class _Export:
                 self._add(place.name or part.name, corners[solid], normals[solid], None if uv is None else uv[solid],
                           described)
 
-    def _of(self, material, mesh, place: Place) -> Described:
+    def _of(self, material, mesh, place: Instance) -> Described:
         """Of a material of which nothing depends on the place or the mesh, once."""
         key = material, mesh.active_uv
         if key not in self._described:
@@ -163,7 +163,7 @@ class _Export:
             material = FrameMaterial("homo_diffuse_specular", LAMP, emission=tuple(radiance.tolist()))
             self._add("Lamp", lamp.triangles[rows], lamp.normals[rows], None, Described(material))
 
-    def _add_media(self, collected: Collected) -> None:
+    def _add_media(self, collected: CollectedScene) -> None:
         for i, medium in enumerate(collected.media):
             file = f"{EXTERNAL}/volume_{i}.vdb"
             (self.folder / EXTERNAL).mkdir(exist_ok=True)

@@ -9,10 +9,10 @@ import numpy as np
 from ...model.published.prepared_frame import HEIGHT, MEASURED, FrameMaterial
 from ...model.scene import TILE_SIZE
 from ..convert.data.blocks import Material
-from ..convert.data.instance import Place
+from ..convert.data.instance import Instance
 from ..convert.data.mesh import TriangleMesh
 from ..convert.data.report import Report
-from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, texel_points, triangle_mean
+from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, mean_over_triangle, texel_points
 from ..convert.shading.normal_map import UP
 from ..convert.shading.two_lobes import two_lobes
 
@@ -34,12 +34,12 @@ class Described:
     latent: np.ndarray | None = None                           # (9,) f32
 
 
-def describe(material: Material | None, mesh: TriangleMesh, place: Place, report: Report) -> Described:
+def describe(material: Material | None, mesh: TriangleMesh, place: Instance, report: Report) -> Described:
     """The material as these triangles of one slot wear it, at this place. What is lost is in the report."""
     if material is None:
         return Described(BARE)
     own = _Values(material, texel_points(_some(mesh), place), report)
-    emission = triangle_mean(own["emission"]).reshape(-1, 3)
+    emission = mean_over_triangle(own["emission"]).reshape(-1, 3)
     if emission.max() >= EMITTER_RADIANCE:
         if np.ptp(emission, axis=0).max() > 0.01 * emission.max():
             report.approximated(material.name, "all of it shines with the mean of its light")
@@ -80,7 +80,8 @@ class _Values(dict):
         return all(np.allclose(value, other[key], atol=1e-4) for key, value in self.items() if key != "normal")
 
     def numbers(self) -> dict[str, list[float] | float]:
-        means = {key: triangle_mean(value).reshape(-1, value.shape[-1]).mean(axis=0) for key, value in self.items()}
+        means = {key: mean_over_triangle(value).reshape(-1, value.shape[-1]).mean(axis=0)
+                 for key, value in self.items()}
         return {key: mean.tolist() if len(mean) > 1 else float(mean[0]) for key, mean in means.items()}
 
 

@@ -16,7 +16,7 @@ from ...model.rays import Rays
 from ...model.scene import RenderScene, View
 from ..convert.compute import compute
 from ..convert.data.cache import ConversionCache
-from ..convert.data.copied import Copied
+from ..convert.data.copied import CopiedScene
 from ..convert.data.report import Report
 from ..convert.fitting.framing import Framing
 from ..convert.fitting.scene_box import fit_box
@@ -79,8 +79,8 @@ class PreparedScene:
         return self.scene.triangles[self.scene.is_seen].reshape(-1, 3)
 
 
-def prepare_scene(copied: Copied, state: State, view: View, settings: ViewportSettings, before: PreparedScene | None,
-                  report: Report, cache: ConversionCache) -> PreparedScene:
+def prepare_scene(copied: CopiedScene, state: State, view: View, settings: ViewportSettings,
+                  before: PreparedScene | None, report: Report, cache: ConversionCache) -> PreparedScene:
     """Convert and encode a copy of a scene, for this view and those like it, as a draft where the network has drafts.
 
     before: the scene that was shown until now, whose box and shares of triangles stay as long as they fit.

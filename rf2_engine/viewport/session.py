@@ -12,7 +12,7 @@ from ...model import progress
 from ...model.compute import threads
 from ...model.errors import RenderCancelled
 from ..convert.data.cache import ConversionCache
-from ..convert.data.copied import Copied
+from ..convert.data.copied import CopiedScene
 from ..convert.data.report import Report
 from ..runtime import failure, model_cache
 from ..runtime.worker import Stopped
@@ -32,7 +32,7 @@ PATIENCE = 2.0    # seconds that a piece of work for an older request may still 
 class Request:
     """What a viewport is to show."""
 
-    copied: Copied
+    copied: CopiedScene
     state: State  # of the source that was copied
     view: RegionView
     settings: ViewportSettings

@@ -79,10 +79,10 @@ class Lens:
 def _focus_distance(dof, axes: np.ndarray) -> float:
     if dof.focus_object is None:
         return dof.focus_distance
-    place, bone = dof.focus_object.matrix_world, dof.focus_subtarget
+    matrix, bone = dof.focus_object.matrix_world, dof.focus_subtarget
     if dof.focus_object.type == "ARMATURE" and bone in dof.focus_object.pose.bones:
-        place = place @ dof.focus_object.pose.bones[bone].matrix
-    return abs(float(axes[2] @ (axes[3] - np.array(place.translation))))
+        matrix = matrix @ dof.focus_object.pose.bones[bone].matrix
+    return abs(float(axes[2] @ (axes[3] - np.array(matrix.translation))))
 
 
 def _circle(angle: np.ndarray) -> np.ndarray:

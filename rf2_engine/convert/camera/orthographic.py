@@ -11,7 +11,7 @@ SEEN = {"MESH", "VOLUME", "CURVES", "POINTCLOUD"}
 FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # of a Blender bound_box
 
 
-def as_perspective(projection: np.ndarray, camera_to_world: np.ndarray, depsgraph) -> np.ndarray:
+def to_perspective(projection: np.ndarray, camera_to_world: np.ndarray, depsgraph) -> np.ndarray:
     """The matrix (4, 4) in place of an orthographic `projection`; the framing in the middle of what is seen stays.
 
     Moves `camera_to_world` (4, 4) back in place, behind everything that is in the picture.
@@ -29,15 +29,15 @@ def as_perspective(projection: np.ndarray, camera_to_world: np.ndarray, depsgrap
 
 def _heights_seen(to_clip: np.ndarray, depsgraph) -> np.ndarray:
     """(2,) normalised depths, -1 to 1 between the clip distances, that hold the boxes of all that is in the picture."""
-    found = [[]]
+    depths = [[]]
     for instance in depsgraph.object_instances:
         obj = instance.object
         if obj.type in SEEN and instance.show_self and obj.visible_camera:
-            placed = to_clip @ np.array(instance.matrix_world)
-            box = np.array(obj.bound_box) @ placed[:3, :3].T + placed[:3, 3]
-            found.append(_heights_inside(box) if np.isfinite(box).all() else [])
-    found = np.concatenate(found)
-    return np.array([found.min(), found.max()] if len(found) else [-1.0, -1.0])
+            to_picture = to_clip @ np.array(instance.matrix_world)
+            box = np.array(obj.bound_box) @ to_picture[:3, :3].T + to_picture[:3, 3]
+            depths.append(_heights_inside(box) if np.isfinite(box).all() else [])
+    depths = np.concatenate(depths)
+    return np.array([depths.min(), depths.max()] if len(depths) else [-1.0, -1.0])
 
 
 def _heights_inside(box: np.ndarray) -> np.ndarray:
@@ -46,13 +46,13 @@ def _heights_inside(box: np.ndarray) -> np.ndarray:
         return box[:, 2]
     if (box > 1).all(axis=0).any() or (box < -1).all(axis=0).any():
         return np.zeros(0)
-    found = []
+    depths = []
     for face in FACES:
         polygon = box[list(face)]
         for axis, side in np.ndindex(3, 2):
             polygon = _cut(polygon, 1 - (2 * side - 1) * polygon[:, axis])
-        found.append(polygon[:, 2])
-    return np.concatenate(found)
+        depths.append(polygon[:, 2])
+    return np.concatenate(depths)
 
 
 def _cut(polygon: np.ndarray, inside: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from ....model.errors import SceneError
 from ....model.panorama import PROJECTIONS, Panorama
 
 
-def panorama_of(camera: bpy.types.Object, shift_x: float, width: int, height: int,
+def read_panorama(camera: bpy.types.Object, shift_x: float, width: int, height: int,
                 settings: bpy.types.RenderSettings) -> Panorama:
     """For a picture of `width` x `height` pixels. Raises SceneError for what sees nothing, or is not known."""
     data = camera.data

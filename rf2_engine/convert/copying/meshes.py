@@ -13,7 +13,7 @@ from . import attributes
 ROUNDING = 1e-6  # of the length of unit vectors
 
 
-def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
+def read_mesh(mesh, name: str, report, requested=()) -> TriangleMesh:
     """Copy an evaluated `bpy.types.Mesh`; `name` is the object that the report mentions.
 
     asked: names of attributes that materials ask for, besides colours.
@@ -36,7 +36,7 @@ def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
     normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)
     uv = {layer.name: _read(layer.uv, "vector", 2 * len(mesh.loops)).reshape(-1, 2)[loop] for layer in mesh.uv_layers}
     active = next((layer.name for layer in mesh.uv_layers if layer.active_render), None)
-    named = attributes.of_mesh(mesh, asked, loop, vertex, polygon)
+    named = attributes.read_attributes(mesh, requested, loop, vertex, polygon)
     progress.report()
     space = np.float32([mesh.texspace_location, mesh.texspace_size])
     triangles = TriangleMesh(position[vertex], normal[loop], uv, active, named, _render_color(mesh), slot, space)

@@ -28,14 +28,14 @@ def hidden_in_renders(depsgraph) -> set:
     """Original objects that a viewport's depsgraph holds although renders hide them; empty for that of a render."""
     if depsgraph.mode == "RENDER":
         return set()
-    layer, shown = depsgraph.view_layer, set()
+    layer, visible = depsgraph.view_layer, set()
     waiting = [layer.layer_collection]
     while waiting:
-        found = waiting.pop()
-        if not found.exclude and not found.collection.hide_render:
-            shown.update(obj for obj in found.collection.objects if not obj.hide_render)
-            waiting += found.children
-    return set(layer.objects) - shown
+        collection = waiting.pop()
+        if not collection.exclude and not collection.collection.hide_render:
+            visible.update(obj for obj in collection.collection.objects if not obj.hide_render)
+            waiting += collection.children
+    return set(layer.objects) - visible
 
 
 def has_holdouts(depsgraph) -> bool:
@@ -69,7 +69,7 @@ def gas_domain(obj):
                  and modifier.domain_settings.domain_type == "GAS"), None)
 
 
-def dark_emitters(depsgraph, report) -> set:
+def find_dark_emitters(depsgraph, report) -> set:
     """Original objects that shine on nothing that is shown; what else linking loses is reported."""
     linked = [obj for obj in depsgraph.objects if obj.light_linking.receiver_collection]
     for obj in depsgraph.objects:
@@ -77,23 +77,23 @@ def dark_emitters(depsgraph, report) -> set:
             report.approximated(obj.name, "shadow linking is ignored: everything casts shadows in its light")
     if not linked:
         return set()
-    shown = {instance.object.original for instance in depsgraph.object_instances
+    visible = {instance.object.original for instance in depsgraph.object_instances
              if instance.object.type in RECEIVERS and instance.show_self}
     dark = set()
     for obj in linked:
-        lit = _lit(obj.light_linking.receiver_collection, shown - {obj.original})
-        if not lit:
+        receivers = _lit(obj.light_linking.receiver_collection, visible - {obj.original})
+        if not receivers:
             dark.add(obj.original)
-        elif lit != shown - {obj.original}:
+        elif receivers != visible - {obj.original}:
             report.approximated(obj.name, "light linking is ignored: it lights everything")
     return dark
 
 
-def _lit(collection, shown: set) -> set:
+def _lit(collection, visible: set) -> set:
     """Those of `shown` that a receiver collection lets light reach: all but the excluded where it includes none."""
     links = {"INCLUDE": set(), "EXCLUDE": set()}
     for child, entry in zip(collection.objects, collection.collection_objects, strict=True):
         links[entry.light_linking.link_state].add(child.original)
     for child, entry in zip(collection.children, collection.collection_children, strict=True):
         links[entry.light_linking.link_state].update(obj.original for obj in child.all_objects)
-    return shown & (links["INCLUDE"] or shown) - links["EXCLUDE"]
+    return visible & (links["INCLUDE"] or visible) - links["EXCLUDE"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .copied import LampInstance
-from .instance import Place
+from .instance import Instance
 from .medium import Medium
 from .mesh import TriangleMesh
 
@@ -21,18 +21,18 @@ class Part:
     materials: list
     emits: bool
     is_shown: bool                                             # to the camera
-    places: list[Place] = field(default_factory=list)
+    instances: list[Instance] = field(default_factory=list)
     is_textured: bool = False                                  # materials vary across triangles
     flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
 
     @property
     def matrices(self) -> list[np.ndarray]:
         """(4, 4) f64 each, object to world."""
-        return [place.matrix for place in self.places]
+        return [instance.matrix for instance in self.instances]
 
 
 @dataclass
-class Collected:
+class CollectedScene:
     parts: list[Part] = field(default_factory=list)
     lamps: list[LampInstance] = field(default_factory=list)
     media: list[Medium] = field(default_factory=list)

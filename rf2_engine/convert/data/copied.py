@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .blocks import Lamp, Material, World
-from .instance import Place
+from .instance import Instance
 from .mesh import TriangleMesh
 
 
 @dataclass(eq=False)
-class Surface:
+class CopiedMesh:
     """An evaluated mesh with its materials, or hair or points as a mesh; what is alike wherever it stands."""
 
     source: int                   # what the mesh was read from
@@ -41,12 +41,12 @@ class Grid:
 
 
 @dataclass(frozen=True)
-class Gridded:
+class CopiedVolume:
     """A Volume object or simulated gas in its place."""
 
     name: str
     material: Material | None
-    place: Place
+    instance: Instance
     box: np.ndarray                # (8, 3) f32 corners, in the frame of the object
     grids: dict[str, Grid] | None  # None: they could not be read
     apart: bool                    # coefficients are per world unit; else in the frame of the object
@@ -71,9 +71,9 @@ class Sun:
 
 
 @dataclass
-class Copied:
+class CopiedScene:
     world: World | None
-    drawn: tuple[np.ndarray | None, list[Sun]] | None  # the world's panorama and suns, where Cycles had to draw them
-    things: list[tuple[Surface, Place] | Gridded] = field(default_factory=list)  # in the order of the instances
+    world_panorama: tuple[np.ndarray | None, list[Sun]] | None  # and suns, of a world that Cycles had to render
+    objects: list[tuple[CopiedMesh, Instance] | CopiedVolume] = field(default_factory=list)  # in their order
     lamps: list[LampInstance] = field(default_factory=list)
     clip_start: float = 0.0  # of the camera, world units along its axis

@@ -21,7 +21,7 @@ class Particle:
 
 
 @dataclass(frozen=True)
-class Place:
+class Instance:
     """One instance of an object."""
 
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # (4, 4) f64, object to world
@@ -33,5 +33,5 @@ class Place:
     uv: tuple = (0.0, 0.0)
     particle: Particle = Particle()
     properties: dict = field(default_factory=dict)  # numbers and vectors that materials ask for, by name
-    of_instancer: dict = field(default_factory=dict)
-    of_view_layer: dict = field(default_factory=dict)
+    instancer_properties: dict = field(default_factory=dict)
+    view_layer_properties: dict = field(default_factory=dict)

@@ -97,7 +97,7 @@ class ApparentSize:
         return 1 - (1 - ASIDE) * t * t * (3 - 2 * t)
 
 
-class Lens:
+class ApparentSpace:
     """From the frame of an object to a space where lengths are as they look from the camera, and back."""
 
     def __init__(self, matrix: np.ndarray, apparent: ApparentSize):
@@ -118,7 +118,7 @@ class Lens:
         return (self.apparent.drawn_out(points) - self.matrix[:3, 3]) @ np.linalg.inv(self.matrix[:3, :3]).T
 
 
-def apparent_size(view: View, hits: Hits) -> ApparentSize:
+def measure_apparent_size(view: View, hits: Hits) -> ApparentSize:
     """The sight of a view that has seen these `hits`."""
     distance = np.linalg.norm(hits.points - view.camera_to_world[:3, 3], axis=1)
     return ApparentSize(view, max(float(np.percentile(distance, NEAR)), 1e-6) / 2 if len(hits) else 1.0)

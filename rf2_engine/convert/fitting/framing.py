@@ -20,7 +20,7 @@ class Framing:
     apparent: ApparentSize | None  # what triangles are allotted by; None: everything is seen alike
     shares: dict[tuple, int] | None = None  # by mesh, its triangles in the key frame; None until that is known
 
-    def steadied(self, keys: list[tuple], shares: np.ndarray, counts: np.ndarray, copies: np.ndarray,
+    def stabilize(self, keys: list[tuple], shares: np.ndarray, counts: np.ndarray, copies: np.ndarray,
                  budget: int) -> np.ndarray:
         """(k,) int shares of meshes as they are in the key frame, where that is about right and fits.
 
@@ -32,16 +32,16 @@ class Framing:
             return shares
         before = np.array([self.shares.get(key, 0) for key in keys], np.int64)
         about_right = (before <= STEADY * shares) & (shares <= STEADY * before)
-        kept = np.where(about_right, before, np.where(shares < counts, _stepped(shares, shares), shares))
-        less = _stepped(shares / ROOM, shares)
-        for i in np.argsort((shares - kept) * copies, kind="stable"):
-            if kept @ copies <= budget or kept[i] <= shares[i]:
+        stable = np.where(about_right, before, np.where(shares < counts, _round_down(shares, shares), shares))
+        less = _round_down(shares / ROOM, shares)
+        for i in np.argsort((shares - stable) * copies, kind="stable"):
+            if stable @ copies <= budget or stable[i] <= shares[i]:
                 break
-            kept[i] = less[i]
-        return kept
+            stable[i] = less[i]
+        return stable
 
 
-def _stepped(wanted: np.ndarray, most: np.ndarray) -> np.ndarray:
+def _round_down(targets: np.ndarray, most: np.ndarray) -> np.ndarray:
     """(k,) powers of STEP up to what is wanted, but no less than COARSEST or, where that is less, `most`."""
-    powers = STEP ** np.floor(np.log(np.maximum(wanted, 1)) / np.log(STEP) + 1e-9)
+    powers = STEP ** np.floor(np.log(np.maximum(targets, 1)) / np.log(STEP) + 1e-9)
     return np.maximum(powers.astype(np.int64), np.minimum(most, COARSEST))

@@ -10,14 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from ....model.scene import View
-from ..data.collected import Collected
+from ..data.collected import CollectedScene
 from .visible import Hits
 
 NEAR, FAR = 10, 30  # what is so many times as far as this percentile of the distances is background
 REACH = 1.5         # half of the box, in halves of the picture's longer side at the usual distance
 
 
-def find_box(collected: Collected, view: View, hits: Hits) -> np.ndarray:
+def find_box(collected: CollectedScene, view: View, hits: Hits) -> np.ndarray:
     """(2, 3) f32 lowest and highest corner, world; those of all surfaces and media where the view shows none."""
     return fit_box(collected.bounds(), hits.points, view)
 

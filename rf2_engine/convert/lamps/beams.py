@@ -22,7 +22,7 @@ ENOUGH = 0.03                                                    # of the light 
 ROUNDS = 100                                                     # in which strengths settle
 
 
-def spread_beam(spread: float) -> tuple[float, tuple[float, float]]:
+def fit_spread_beam(spread: float) -> tuple[float, tuple[float, float]]:
     """Gain on the radiance and beam cosines (outer, inner) that come nearest to an area lamp's spread angle.
 
     Cycles lets radiance fall linearly in the tangent, (tan H - tan a) / (tan H - H) with H half the spread. The beam
@@ -43,7 +43,7 @@ def spread_beam(spread: float) -> tuple[float, tuple[float, float]]:
     return float(gain[best, 0]), (outer, float(inner[best, 0]))
 
 
-def spot_beam(light, stretch: float) -> tuple[float, float]:
+def find_spot_beam(light, stretch: float) -> tuple[float, float]:
     """Cosines of a spot, `stretch` times as wide in the tangent as its angle says because its object is scaled.
 
     Cycles lets intensity rise with a smoothstep in the cosine from the border of the cone over `blend` of the way.
@@ -81,8 +81,8 @@ def cones(light: np.ndarray, weight: np.ndarray) -> tuple[list[Cone], float]:
 
     weight: (n,) of each direction; for each colour the weighted sum of the light stays what it is.
     """
-    found, wrong = _cones(np.float64(light).tobytes(), np.float64(weight).tobytes())
-    return list(found), wrong
+    fitted, misplaced = _cones(np.float64(light).tobytes(), np.float64(weight).tobytes())
+    return list(fitted), misplaced
 
 
 @functools.lru_cache(maxsize=16)
@@ -90,8 +90,8 @@ def _cones(light: bytes, weight: bytes) -> tuple[tuple[Cone, ...], float]:
     """Once for all lamps of a kind."""
     light, weight = np.frombuffer(light).reshape(-1, 3), np.frombuffer(weight)
     total = (light * weight[:, None]).sum(axis=0)
-    chosen, beams, strength, fit, wrong = [], np.zeros((len(light), 0)), np.zeros((0, 3)), np.zeros_like(light), 1.0
-    while len(chosen) < MOST and wrong > ENOUGH:
+    chosen, beams, strength, fit, misplaced = [], np.zeros((len(light), 0)), np.zeros((0, 3)), np.zeros_like(light), 1.0
+    while len(chosen) < MOST and misplaced > ENOUGH:
         missing = (light - fit) * weight[:, None]
         candidates, sent = _candidates(missing.mean(axis=1), chosen)
         gain = np.linalg.norm(np.maximum(sent.T @ missing, 0), axis=1) / np.sqrt(weight @ sent ** 2 + 1e-12)
@@ -101,8 +101,8 @@ def _cones(light: bytes, weight: bytes) -> tuple[tuple[Cone, ...], float]:
         fit = beams @ strength
         scale = total / np.maximum((fit * weight[:, None]).sum(axis=0), 1e-30)
         fit, strength = fit * scale, strength * scale
-        wrong = float((np.abs(light - fit).mean(axis=1) * weight).sum() / max(total.mean(), 1e-30) / 2)
-    return tuple(Cone(s, *cone) for s, cone in zip(strength, chosen, strict=True) if s.any()), wrong
+        misplaced = float((np.abs(light - fit).mean(axis=1) * weight).sum() / max(total.mean(), 1e-30) / 2)
+    return tuple(Cone(s, *cone) for s, cone in zip(strength, chosen, strict=True) if s.any()), misplaced
 
 
 def _candidates(missing: np.ndarray, chosen: list):
@@ -110,21 +110,21 @@ def _candidates(missing: np.ndarray, chosen: list):
     directions, light = sphere(len(missing)), np.maximum(missing, 0)
     axes = [light @ directions, directions[light.argmax()], *directions[::len(directions) // AXES]]
     axes = [axis / max(np.linalg.norm(axis), 1e-30) for axis in axes] + [axis for axis, _ in chosen if axis.any()]
-    found, sent = [(np.zeros(3), (0.0, 0.0))], [np.ones(len(directions))]
+    candidates, sent = [(np.zeros(3), (0.0, 0.0))], [np.ones(len(directions))]
     for axis in axes:
         cosine = directions @ axis
         for outer in np.cos(WIDTHS):
             for soft in SOFTNESS:
-                found.append((axis, (float(outer), float(outer + (1 - outer) * soft))))
-                sent.append(smoothstep(*found[-1][1], cosine))
-    return found, np.stack(sent, axis=1)
+                candidates.append((axis, (float(outer), float(outer + (1 - outer) * soft))))
+                sent.append(smoothstep(*candidates[-1][1], cosine))
+    return candidates, np.stack(sent, axis=1)
 
 
 def _strengths(beams: np.ndarray, light: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """(k, 3) >= 0 of least squares (multiplicative updates, Lee and Seung 2001)."""
     weighted = beams * weight[:, None]
-    wanted, gram = weighted.T @ light, weighted.T @ beams
+    target, gram = weighted.T @ light, weighted.T @ beams
     strength = np.ones((beams.shape[1], 3)) * light.mean(axis=0)
     for _ in range(ROUNDS):
-        strength *= wanted / np.maximum(gram @ strength, 1e-30)
+        strength *= target / np.maximum(gram @ strength, 1e-30)
     return strength

@@ -23,11 +23,11 @@ class LampLight:
 
     strength: np.ndarray                  # (3,) mean over the surface, and over all directions if they are alike
     directions: np.ndarray | None = None  # (n, 3) strength in the directions of `sphere(n)`, in the lamp's frame
-    places: np.ndarray | None = None      # (PLACES, PLACES, 3) [y, x] of an area lamp: mean 1, or 0
+    texture: np.ndarray | None = None      # (PLACES, PLACES, 3) [y, x] of an area lamp: mean 1, or 0
 
 
-def lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> LampLight | None:
-    """What a Lamp (shading/blocks.py) gives; None when it gives no light.
+def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> LampLight | None:
+    """What a Lamp (data/blocks.py) gives; None when it gives no light.
 
     frame: (3, 3) rotation of the lamp; distance: from it to the middle of what is looked at, for lamps that do not fall
     off with its square.
@@ -73,13 +73,13 @@ def _places() -> np.ndarray:
 def _parts(strength: np.ndarray) -> LampLight:
     if strength.ndim == 1:
         return LampLight(strength)
-    count, places = strength.shape[:2]
+    count, points = strength.shape[:2]
     facing = np.maximum(-sphere(count)[:, 2], 0) if count > 1 else None
     surface = np.average(strength, axis=0, weights=facing)
     mean = surface.mean(axis=0)
     share = np.divide(surface, mean, out=np.zeros_like(surface), where=mean > 0)
     return LampLight(mean, strength.mean(axis=1) if count > 1 else None,
-                     share.reshape(PLACES, PLACES, 3) if places > 1 else None)
+                     share.reshape(PLACES, PLACES, 3) if points > 1 else None)
 
 
 def normalized(light) -> bool:

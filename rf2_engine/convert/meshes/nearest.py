@@ -51,16 +51,16 @@ class NearestTriangles:
         """(q,) i64: the triangle nearest to each of (q, 3) points."""
         away = np.stack([meshes.lengths(points - points.clip(low, high)) for low, high in self.boxes])
         home = away.argmin(axis=0)
-        found, distance = np.zeros(len(points), np.int64), np.full(len(points), np.inf)
+        nearest, distance = np.zeros(len(points), np.int64), np.full(len(points), np.inf)
         rounds = [(block, np.flatnonzero(home == block)) for block in range(len(self.trees))]
-        self._ask(rounds, points, found, distance, 0.0, 0.8)
+        self._search(rounds, points, nearest, distance, 0.0, 0.8)
         rounds = [(block, np.flatnonzero((home != block) & (away[block] < distance)))
                   for block in range(len(self.trees))]
-        self._ask(rounds, points, found, distance, 0.8, 1.0)
-        return found
+        self._search(rounds, points, nearest, distance, 0.8, 1.0)
+        return nearest
 
     @uncollected()
-    def _ask(self, rounds, points, found, distance, start: float, end: float) -> None:
+    def _search(self, rounds, points, nearest, distance, start: float, end: float) -> None:
         """Improve `found` and `distance` in place, by the tree of each block for some rows."""
         done, total = 0, sum(len(rows) for _, rows in rounds)
         for block, rows in rounds:
@@ -70,4 +70,4 @@ class NearestTriangles:
                 answers = [self.trees[block].find_nearest(point)[2:] for point in points[batch].tolist()]
                 index, near = (np.array(column) for column in zip(*answers, strict=True))
                 better = near < distance[batch]
-                found[batch[better]], distance[batch[better]] = self.blocks[block][index[better]], near[better]
+                nearest[batch[better]], distance[batch[better]] = self.blocks[block][index[better]], near[better]

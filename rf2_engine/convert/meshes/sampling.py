@@ -22,7 +22,7 @@ SHARE = 0.8     # of the triangles wanted at most are planned for these; what is
 MISSED = 0.2    # of the area is what leaves are worth: fewer, such as the screws of a machine, are not enlarged
 
 
-def keep_some(area: np.ndarray, budget: float, *, cost: np.ndarray | None = None, places: np.ndarray | None = None,
+def keep_sample(area: np.ndarray, budget: float, *, cost: np.ndarray | None = None, positions: np.ndarray | None = None,
               sizes: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Which of p things of these areas (p,) to keep, (p,) bool, so that their costs (p,), 1 each unless given, sum up
     to about the budget, and how many times as long and wide (p,) these become to have the area of all.
@@ -32,15 +32,15 @@ def keep_some(area: np.ndarray, budget: float, *, cost: np.ndarray | None = None
     """
     cost = np.ones(len(area)) if cost is None else cost
     chance = _chances(area, cost, budget)
-    order = slice(None) if places is None else _along_a_curve(places)
+    order = slice(None) if positions is None else _along_a_curve(positions)
     along = np.cumsum(chance[order])
-    kept = np.zeros(len(cost), bool)
-    kept[order] = np.floor(along + 0.5) > np.floor(along - chance[order] + 0.5)
+    is_kept = np.zeros(len(cost), bool)
+    is_kept[order] = np.floor(along + 0.5) > np.floor(along - chance[order] + 0.5)
     growth = 1 / np.sqrt(chance.clip(1e-12))
     if sizes is not None and len(sizes):
-        most = LARGEST * np.ptp(places, axis=0).max() / np.maximum(sizes, 1e-300)
+        most = LARGEST * np.ptp(positions, axis=0).max() / np.maximum(sizes, 1e-300)
         growth = np.minimum(growth, most.clip(1))
-    return kept, growth
+    return is_kept, growth
 
 
 def _chances(area: np.ndarray, cost: np.ndarray, budget: float) -> np.ndarray:
@@ -54,21 +54,21 @@ def _chances(area: np.ndarray, cost: np.ndarray, budget: float) -> np.ndarray:
     return (area / high).clip(max=1)
 
 
-def _along_a_curve(places: np.ndarray) -> np.ndarray:
+def _along_a_curve(positions: np.ndarray) -> np.ndarray:
     """Indices of (p, 3) places in Morton's order, in which neighbours are close to each other."""
-    if not len(places):
+    if not len(positions):
         return np.zeros(0, int)
-    places = places.astype(np.float64)
-    low, extent = places.min(axis=0), max(float(np.ptp(places, axis=0).max()), 1e-300)
-    cell = ((places - low) * ((CELLS - 1) / extent)).astype(np.int64)
-    code = np.zeros(len(places), np.int64)
+    positions = positions.astype(np.float64)
+    low, extent = positions.min(axis=0), max(float(np.ptp(positions, axis=0).max()), 1e-300)
+    cell = ((positions - low) * ((CELLS - 1) / extent)).astype(np.int64)
+    code = np.zeros(len(positions), np.int64)
     for bit in range(CELLS.bit_length() - 1):
         for axis in range(3):
             code |= (cell[:, axis] >> bit & 1) << 3 * bit + axis
     return np.argsort(code, kind="stable")
 
 
-def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, lens) -> TriangleMesh:
+def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, lens) -> TriangleMesh:
     """`mesh`, or if much of it is pieces that do not fit into `target` triangles, some of them that stand for all.
 
     points (v, 3), faces (n, 3): of the mesh, where pieces are connected. lens: as for reduce.simplify.
@@ -87,10 +87,10 @@ def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: i
     low, high = _boxes(piece, corners)
     area = np.bincount(piece, meshes.areas(as_seen))
     middle = (low + high) / 2
-    kept, growth = keep_some(area, SHARE * target, cost=cost, places=middle, sizes=(high - low).max(axis=1))
-    if area[~kept].sum() < MISSED * area.sum():
+    is_kept, growth = keep_sample(area, SHARE * target, cost=cost, positions=middle, sizes=(high - low).max(axis=1))
+    if area[~is_kept].sum() < MISSED * area.sum():
         return mesh
-    rows = np.flatnonzero(kept[piece])
+    rows = np.flatnonzero(is_kept[piece])
     own = piece[rows]
     around = middle[own, None]
     larger = around + (corners[rows] - around) * growth[own, None, None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import divided, joined, mixed
+from ..data.arrays import divide_safely, join, mix_values
 from ..data.blocks import Curve
 from .node_call import NodeCall
 
@@ -20,7 +20,7 @@ def _hue(rgb, high, chroma):
 def rgb_to_hsv(rgb: np.ndarray) -> np.ndarray:
     high = rgb.max(axis=-1)
     chroma = high - rgb.min(axis=-1)
-    return np.stack([_hue(rgb, high, chroma), divided(chroma, high), high], axis=-1)
+    return np.stack([_hue(rgb, high, chroma), divide_safely(chroma, high), high], axis=-1)
 
 
 def hsv_to_rgb(hsv: np.ndarray) -> np.ndarray:
@@ -39,7 +39,7 @@ def hsv_to_rgb(hsv: np.ndarray) -> np.ndarray:
 def rgb_to_hsl(rgb: np.ndarray) -> np.ndarray:
     high, low = rgb.max(axis=-1), rgb.min(axis=-1)
     chroma, lightness = high - low, np.minimum((high + low) / 2, 1)
-    saturation = divided(chroma, np.where(lightness > 0.5, 2 - high - low, high + low))
+    saturation = divide_safely(chroma, np.where(lightness > 0.5, 2 - high - low, high + low))
     return np.stack([_hue(rgb, high, chroma), saturation, lightness], axis=-1)
 
 
@@ -71,8 +71,8 @@ def brightness_contrast(n: NodeCall):
 def hue_saturation(n: NodeCall):
     factor, color = n["Fac", "Factor"], n["Color"]
     h, s, v = np.split(rgb_to_hsv(color), 3, axis=-1)
-    shifted = joined((h + n["Hue"] + 0.5) % 1, np.clip(s * n["Saturation"], 0, 1), v * n["Value"])
-    return np.maximum(mixed(color, hsv_to_rgb(shifted), factor), 0)
+    shifted = join((h + n["Hue"] + 0.5) % 1, np.clip(s * n["Saturation"], 0, 1), v * n["Value"])
+    return np.maximum(mix_values(color, hsv_to_rgb(shifted), factor), 0)
 
 
 def separate_color(n: NodeCall):
@@ -81,7 +81,7 @@ def separate_color(n: NodeCall):
 
 
 def combine_color(n: NodeCall):
-    return TO_RGB[_mode(n)](joined(*n.values()))
+    return TO_RGB[_mode(n)](join(*n.values()))
 
 
 def _mode(n: NodeCall) -> str:
@@ -108,7 +108,7 @@ def curves(n: NodeCall):
     if common is not None:
         channels = [_through(common, mapping.extend, channel) for channel in channels]
     result = [_through(curve, mapping.extend, channel) for curve, channel in zip(own, channels, strict=True)]
-    return mixed(value, np.stack(result, axis=-1), factor)
+    return mix_values(value, np.stack(result, axis=-1), factor)
 
 
 def _through(curve: Curve, extend: str, x: np.ndarray) -> np.ndarray:

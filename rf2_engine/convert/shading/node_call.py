@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..data.arrays import joined
+from ..data.arrays import join
 from . import graph
 
 OF_A_NODE = 'node "'  # how a remark about a node begins
@@ -25,7 +25,7 @@ class NodeCall:
     """One evaluation of a node. Values are arrays (..., 1) or (..., 3) as in evaluate.py."""
 
     evaluator: object      # Evaluator
-    node: object           # Node (nodes.py)
+    node: object           # Node (data/blocks.py)
     output: object = None  # Socket whose value is asked for; None for a shader
     frames: tuple = ()     # group nodes that lead to the node (graph.py)
 
@@ -83,17 +83,17 @@ class NodeCall:
         if dimensions == "1D":
             return self["W"]
         space = self.coordinates()[..., :2 if dimensions == "2D" else 3]
-        return joined(space, self["W"]) if dimensions == "4D" else space
+        return join(space, self["W"]) if dimensions == "4D" else space
 
-    def placed(self):
-        """The Place of the surface, which makes the value one of this instance alone."""
-        self.evaluator.depends_on_place = True
-        return self.points.place
+    def instance(self):
+        """The Instance of the surface, which makes the value one of this instance alone."""
+        self.evaluator.depends_on_instance = True
+        return self.points.instance
 
-    def scaled(self) -> np.ndarray:
+    def linear_matrix(self) -> np.ndarray:
         """(3, 3) matrix of the surface, for what does not depend on how it is turned."""
         self.evaluator.depends_on_scale = True
-        return self.points.place.matrix[:3, :3]
+        return self.points.instance.matrix[:3, :3]
 
     def source(self, key) -> NodeCall | None:
         """The node that feeds an input, None if there is none."""

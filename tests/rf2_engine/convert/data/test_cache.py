@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert import compute
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.kept import Kept
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.cache import CopyCache
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import copy
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.cache import ConversionCache
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
@@ -25,11 +25,11 @@ def work(scene, monkeypatch):
         done.append(len(mesh))
         return real(mesh, *rest)
 
-    def world_light(*given, real=compute.world_light, **named):
+    def world_light(*given, real=compute.convert_world_light, **named):
         done.append("world")
         return real(*given, **named)
     monkeypatch.setattr(reduce, "simplify", simplify)
-    monkeypatch.setattr(compute, "world_light", world_light)
+    monkeypatch.setattr(compute, "convert_world_light", world_light)
     for name, x, levels in (("A", -1.5, 4), ("B", 1.5, 5)):
         cube(scene, name, (x, 0, 0)).modifiers.new("Finer", "SUBSURF").levels = levels
     sun(scene)
@@ -40,7 +40,7 @@ class Conversions:
     """One after the other, of the same view and fitted alike."""
 
     def __init__(self):
-        self.cache, self.kept, self.framing = ConversionCache(), Kept(), None
+        self.cache, self.kept, self.framing = ConversionCache(), CopyCache(), None
 
     def convert(self, cache=True):
         depsgraph, report = bpy.context.evaluated_depsgraph_get(), Report()
@@ -48,7 +48,7 @@ class Conversions:
         def choose_framing(own):
             self.framing = self.framing or own
             return self.framing
-        scene = compute.compute(copy(depsgraph, report, kept=self.kept), convert_camera(depsgraph, 50, 37, None),
+        scene = compute.compute(copy(depsgraph, report, cache=self.kept), convert_camera(depsgraph, 50, 37, None),
                                 ConversionOptions(512, 1), report, choose_framing=choose_framing,
                                 cache=self.cache if cache else None)
         return scene, report.lines()

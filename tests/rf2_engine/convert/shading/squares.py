@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from bl_ext.user_default.renderformer_v2.model.scene import TILE_SIZE
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.attributes import MESH, Asked
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.attributes import MESH, RequestedAttributes
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.instances import read_instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
@@ -117,7 +117,7 @@ def compare(cases: list[Case]) -> list[tuple[np.ndarray, np.ndarray, list[str]]]
     _camera(scene, columns, rows)
     picture, found = rendered(scene), []
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    asked = Asked(depsgraph)
+    asked = RequestedAttributes(depsgraph)
     places = {instance.object.name: read_instance(instance, scene.frame_current, asked)
               for instance in depsgraph.object_instances}
     for i, case in enumerate(cases):

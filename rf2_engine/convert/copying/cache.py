@@ -18,51 +18,51 @@ class _Mesh:
     remarks: list[Remark]
 
 
-class Meshes:
+class MeshCache:
     """Evaluated meshes by the objects that wear them."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple, _Mesh] = {}
+        self._entries: dict[tuple, _Mesh] = {}
         self._used: set[tuple] = set()
 
-    def of(self, obj, asked: set[str], report) -> TriangleMesh:
+    def of(self, obj, requested: set[str], report) -> TriangleMesh:
         """The mesh of an evaluated object, read unless that was done before; asked, report: as read_mesh has them."""
         mesh, owner = obj.data, obj.original.session_uid
-        key = owner, mesh.as_pointer(), len(mesh.vertices), len(mesh.loops), obj.name, *sorted(asked)
+        key = owner, mesh.as_pointer(), len(mesh.vertices), len(mesh.loops), obj.name, *sorted(requested)
         self._used.add(key)
-        if key not in self._known or mesh.is_editmode:  # the lengths above are 0 then
+        if key not in self._entries or mesh.is_editmode:  # the lengths above are 0 then
             own = Report()
-            self._known[key] = _Mesh(owner, _read(obj, own, asked), own.entries)
-        report.add(self._known[key].remarks)
-        return self._known[key].triangles
+            self._entries[key] = _Mesh(owner, _read(obj, own, requested), own.entries)
+        report.add(self._entries[key].remarks)
+        return self._entries[key].triangles
 
     def drop(self, owners: set[int]) -> None:
         """Those of objects with these session_uids, which have changed."""
-        self._known = {key: mesh for key, mesh in self._known.items() if mesh.owner not in owners}
+        self._entries = {key: mesh for key, mesh in self._entries.items() if mesh.owner not in owners}
 
     def drop_unused(self) -> None:
         """Those that nobody has asked for since this was called last."""
-        self._known = {key: mesh for key, mesh in self._known.items() if key in self._used}
+        self._entries = {key: mesh for key, mesh in self._entries.items() if key in self._used}
         self._used = set()
 
     def __len__(self) -> int:
-        return len(self._known)
+        return len(self._entries)
 
 
-def _read(obj, report, asked: set[str]) -> TriangleMesh:
+def _read(obj, report, requested: set[str]) -> TriangleMesh:
     """The mesh of an evaluated object. In Edit Mode nothing is in it before Blender is asked for one."""
     if not obj.data.is_editmode:
-        return read_mesh(obj.data, obj.name, report, asked)
+        return read_mesh(obj.data, obj.name, report, requested)
     try:
-        return read_mesh(obj.to_mesh(), obj.name, report, asked)
+        return read_mesh(obj.to_mesh(), obj.name, report, requested)
     finally:
         obj.to_mesh_clear()
 
 
 @dataclass
-class Kept:
-    meshes: Meshes = field(default_factory=Meshes)
-    images: dict[tuple, tuple] = field(default_factory=dict)  # as Images knows them
+class CopyCache:
+    meshes: MeshCache = field(default_factory=MeshCache)
+    images: dict[tuple, tuple] = field(default_factory=dict)  # as in Images
     world: tuple[tuple, World] | None = None                  # and what it is known by
 
     def __len__(self) -> int:
