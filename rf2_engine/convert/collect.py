@@ -23,7 +23,7 @@ UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.
 
 
 def collect(copied: CopiedScene, report) -> CollectedScene:
-    """Each mesh displaced and divided once for all its instances that look alike."""
+    """Each mesh is displaced and divided once for all its instances that look alike."""
     return _Collection(report).of(copied)
 
 
@@ -65,7 +65,7 @@ class _Collection:
             self.collected.media += [volume.at(instance) for volume in filled]
 
     def _filled(self, surface: CopiedMesh, mesh: TriangleMesh, name: str) -> list[MeshVolume]:
-        """Of each volume material of a mesh what it fills."""
+        """The volume that each volume material of a mesh fills."""
         filled = []
         for index, material in enumerate(surface.slots):
             corners = mesh.corners[_slot(mesh, surface) == index] if shading.has_volume(material) else ()
@@ -74,7 +74,7 @@ class _Collection:
         return filled
 
     def _add_strands(self, surface: CopiedMesh, instance: Instance) -> None:
-        """Hair or points, which wear one material."""
+        """Hair or points, which have one material."""
         if (surface,) not in self._parts:
             mesh, material = surface.mesh, surface.slots[surface.strands_slot]
             emits, textured = self._probe(material, surface.source, mesh, instance) if len(mesh) else (False, False)
@@ -94,7 +94,7 @@ class _Collection:
         for kind in (False, True):
             chosen = (shows & (emits == kind))[slot]
             if chosen.any():
-                part = replace(mesh) if chosen.all() else mesh.take(chosen)  # mostly none shines: no second copy
+                part = replace(mesh) if chosen.all() else mesh.take(chosen)  # mostly none emits: no second copy
                 part.slot = slot[chosen]
                 parts.append(Part(name, part.mirrored() if surface.mirrored else part, surface.slots, kind,
                                   surface.is_shown, is_textured=bool(textured[slot[chosen]].any()),
@@ -126,7 +126,7 @@ class _Collection:
         return appearance
 
     def _mesh(self, surface: CopiedMesh, instance: Instance) -> TriangleMesh:
-        """Displaced as it is where it stands first."""
+        """Displaced as in its first instance."""
         key = surface.source, *surface.slots
         if key not in self._displaced:
             self._displaced[key] = displace(surface.mesh, surface.slots, instance, surface.is_diced, self.report)

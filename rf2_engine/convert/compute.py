@@ -18,8 +18,7 @@ from .data.options import ConversionOptions
 from .data.report import Report
 from .fitting.apparent_size import measure_apparent_size
 from .fitting.budget import Simplification, allot_triangles
-from .fitting.framing import Framing
-from .fitting.scene_box import find_box
+from .fitting.framing import Framing, find_box
 from .fitting.sizes import Sizes
 from .fitting.visible import find_visible
 from .lamps.lamps import convert_lamps

@@ -18,8 +18,7 @@ from ..convert.compute import compute
 from ..convert.data.cache import ConversionCache
 from ..convert.data.copied import CopiedScene
 from ..convert.data.report import Report
-from ..convert.fitting.framing import Framing
-from ..convert.fitting.scene_box import fit_box
+from ..convert.fitting.framing import Framing, fit_box
 from ..frame import output
 from ..frame.shot import has_left
 from ..runtime import model_cache

@@ -42,7 +42,7 @@ def eyes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> list
         if engine.use_spherical_stereo(camera):
             raise SceneError(no_spherical_stereo(camera))
         result.append(Eye(camera, np.array(engine.camera_model_matrix(camera), np.float64),
-                         engine.camera_shift_x(camera), view))
+                          engine.camera_shift_x(camera), view))
     return result
 
 

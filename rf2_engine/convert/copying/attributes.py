@@ -20,7 +20,7 @@ EDGES = {"BOOLEAN": np.ceil, "INT": _rounded, "INT8": _rounded}  # what becomes 
 
 
 class RequestedAttributes:
-    """The names in the Attribute nodes of what is evaluated, by kind, and values of the view layer that is rendered."""
+    """The names in all Attribute nodes, by kind, and their values of the rendered view layer."""
 
     def __init__(self, depsgraph):
         self.names: dict[str, set[str]] = {kind: set() for kind in (MESH, OBJECT, INSTANCER, VIEW_LAYER)}
@@ -30,7 +30,7 @@ class RequestedAttributes:
                     self.names[node.attribute_type].add(node.attribute_name)
         scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
         self.view_layer_properties = _first(self.names[VIEW_LAYER], layer, scene, scene.world)
-        self.instances: dict[int, _Instances] = {}  # by pointer of what instances them
+        self.instances: dict[int, _Instances] = {}  # by pointer of the instancer
 
     def read_object(self, obj) -> dict[str, tuple]:
         return _first(self.names[OBJECT], obj, obj.data)
@@ -41,7 +41,7 @@ class RequestedAttributes:
             return {}
         system = instance.particle_system if instance.is_instance else None
         properties = _first(self.names[INSTANCER], system and system.settings, instance.parent, instance.object,
-                       instance.object.data)
+                            instance.object.data)
         return properties | (self._read_geometry_nodes(instance) if instance.is_instance and instance.parent else {})
 
     def _read_geometry_nodes(self, instance) -> dict[str, tuple]:
@@ -116,7 +116,7 @@ class _Instances:
         self._last = -1
 
     def index(self, instance) -> int:
-        """Which of them a DepsgraphObjectInstance is, or belongs to: those of an object come in their order."""
+        """Index of a DepsgraphObjectInstance, or of the one that it belongs to; those of an object come in order."""
         number = [part for part in instance.persistent_id if part != UNUSED][-1]
         if number not in self._indices:  # Blender gives those with the number of another one of their own
             own = np.array(instance.parent.matrix_world.inverted_safe() @ instance.matrix_world)

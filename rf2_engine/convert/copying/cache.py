@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was read from Blender and holds until it is edited, for whoever copies a scene again and again."""
+"""What was read from Blender and is valid until it is edited, for scenes that are copied again and again."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -19,14 +19,14 @@ class _Mesh:
 
 
 class MeshCache:
-    """Evaluated meshes by the objects that wear them."""
+    """Evaluated meshes by their objects."""
 
     def __init__(self) -> None:
         self._entries: dict[tuple, _Mesh] = {}
         self._used: set[tuple] = set()
 
     def of(self, obj, requested: set[str], report) -> TriangleMesh:
-        """The mesh of an evaluated object, read unless that was done before; asked, report: as read_mesh has them."""
+        """The mesh of an evaluated object, read unless it is in the cache; arguments as of read_mesh."""
         mesh, owner = obj.data, obj.original.session_uid
         key = owner, mesh.as_pointer(), len(mesh.vertices), len(mesh.loops), obj.name, *sorted(requested)
         self._used.add(key)
@@ -37,11 +37,11 @@ class MeshCache:
         return self._entries[key].triangles
 
     def drop(self, owners: set[int]) -> None:
-        """Those of objects with these session_uids, which have changed."""
+        """Forget the meshes of objects with these session_uids, which have changed."""
         self._entries = {key: mesh for key, mesh in self._entries.items() if mesh.owner not in owners}
 
     def drop_unused(self) -> None:
-        """Those that nobody has asked for since this was called last."""
+        """Forget meshes that were not used since the last call."""
         self._entries = {key: mesh for key, mesh in self._entries.items() if key in self._used}
         self._used = set()
 
@@ -50,7 +50,7 @@ class MeshCache:
 
 
 def _read(obj, report, requested: set[str]) -> TriangleMesh:
-    """The mesh of an evaluated object. In Edit Mode nothing is in it before Blender is asked for one."""
+    """The mesh of an evaluated object. In Edit Mode it is empty before Blender makes one."""
     if not obj.data.is_editmode:
         return read_mesh(obj.data, obj.name, report, requested)
     try:
@@ -70,7 +70,7 @@ class CopyCache:
         return len(self.meshes) + len(self.images)
 
     def world_of(self, block, frame: int, read: Callable[[], World | None]) -> World | None:
-        """The copy of a world, of which `read` makes one; of another frame where it has images, which may be movies."""
+        """The copy of a world, made by `read` once, or once a frame where it has images, which may be movies."""
         if block is None:
             return None
         if self.world is None or self.world[0] not in ((block.session_uid, None), (block.session_uid, frame)):
@@ -79,7 +79,7 @@ class CopyCache:
         return self.world[1]
 
     def drop(self, owners: set[int], images: set[int]) -> None:
-        """What was read of these objects and images (session_uids), because it has changed."""
+        """Forget objects and images (session_uids) that have changed."""
         self.meshes.drop(owners)
         for key in [key for key in self.images if key[0] in images]:
             del self.images[key]

@@ -39,7 +39,7 @@ def of_tile(path: str, tile: int) -> str:
 
 
 def of_frame(path: str, frame: int) -> str:
-    """The path with another number in the place of the last one in its name."""
+    """The path with the last number of its name replaced."""
     parent, name = Path(path).parent, Path(path).name
     numbers = list(re.finditer(r"\d+", Path(name).stem))
     if not numbers:

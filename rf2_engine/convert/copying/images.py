@@ -19,8 +19,8 @@ class Images:
     """The images of one conversion, each read and reduced once."""
 
     def __init__(self, frame: int, cache: dict | None = None):
-        """frame: of the scene that is rendered, which image sequences show; known: those that were read before, by
-        session_uid and how they are read."""
+        """frame: of the scene that is rendered, which image sequences show; cache: images that were read
+        before, by session_uid and how they are read."""
         self.frame = frame
         self._cache: dict[tuple, tuple[Pyramid, str]] = {} if cache is None else cache
 
@@ -31,7 +31,7 @@ class Images:
             return Picture("", {None: _magenta()}, {None: "an Image Texture node has no image, so it is magenta"})
         frame = frame_number(node.image_user, self.frame) if image.source == "SEQUENCE" else None
         is_flat = node.bl_idname == "ShaderNodeTexImage"
-        straight = is_flat and node.outputs["Alpha"].is_linked  # only for those who ask for alpha
+        straight = is_flat and node.outputs["Alpha"].is_linked  # only where alpha is used
         tiles = [tile.number for tile in image.tiles] if is_flat and image.source == "TILED" else [None]
         tiles_read = {tile: self._read(image, straight, frame, tile) for tile in tiles}
         return Picture(image.source, {tile: pyramid for tile, (pyramid, _) in tiles_read.items()},

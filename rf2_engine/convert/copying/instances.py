@@ -90,7 +90,7 @@ class _Walk:
         return read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.requested)
 
     def _is_shown(self, instance) -> bool:
-        """Asked once for all instances of an object by another."""
+        """Evaluated once for all instances of an object by another."""
         obj, parent = instance.object, instance.parent
         key = obj.original.as_pointer(), obj.type, instance.is_instance and parent and parent.original.as_pointer()
         if key not in self._shown:
@@ -110,14 +110,14 @@ class _Walk:
         self.copied.objects.append((self._surfaces[key], instance))
 
     def _add_strands(self, obj, pointer: int, read, instance: Instance, slot: int = 0) -> None:
-        """Hair or points, which `read` gives as a mesh, wearing the material of a slot."""
+        """Hair or points, which `read` returns as a mesh, with the material of a slot."""
         slots, is_dark = self._slots(obj), obj.original in self.dark
         key = pointer, None, obj.visible_camera, is_dark, *slots
         if key not in self._surfaces:
             self.report.approximated(obj.name, "its hair or points are replaced by fewer and larger ones: their "
                                                "shadows and reflections are coarse where Cycles does not trace them")
             self._surfaces[key] = CopiedMesh(pointer, read(), slots, False, obj.visible_camera, is_dark,
-                                          strands_slot=min(slot, len(slots) - 1))
+                                             strands_slot=min(slot, len(slots) - 1))
         self.copied.objects.append((self._surfaces[key], instance))
 
     def _slots(self, obj) -> list:
@@ -139,8 +139,8 @@ def read_instance(instance, frame: float, requested: RequestedAttributes) -> Ins
     else:
         random = jenkins(_of_name(obj.name), 0) / LARGEST
     return Instance(np.array(instance.matrix_world, np.float64), obj.name, tuple(obj.color), obj.pass_index,
-               float(random), tuple(instance.orco), tuple(instance.uv), _particle(instance, frame),
-               requested.read_object(obj), requested.read_instancer(instance), requested.view_layer_properties)
+                    float(random), tuple(instance.orco), tuple(instance.uv), _particle(instance, frame),
+                    requested.read_object(obj), requested.read_instancer(instance), requested.view_layer_properties)
 
 
 def _particle(instance, frame: float) -> Particle:

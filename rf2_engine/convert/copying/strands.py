@@ -52,7 +52,7 @@ def read_particles(obj, system) -> TriangleMesh:
 
 
 def read_point_cloud(cloud) -> TriangleMesh:
-    """Octahedra in place of the balls of a `bpy.types.PointCloud`, in its own frame."""
+    """Octahedra that replace the balls of a `bpy.types.PointCloud`, in its own frame."""
     position, radius = _points(cloud), _radius(cloud, 0.05)[:, 0].astype(np.float64)
     chosen, growth = keep_sample(np.nan_to_num(radius, posinf=0, neginf=0) ** 2, TRIANGLES // len(SIDES))
     size = (radius * growth)[chosen] * np.sqrt(np.pi / np.sqrt(3))  # an octahedron as large as the ball

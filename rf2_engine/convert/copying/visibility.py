@@ -47,7 +47,7 @@ def has_holdouts(depsgraph) -> bool:
 
 
 def shadow_catchers(depsgraph) -> list:
-    """Evaluated objects, those too that show only as instances of others; for lamps the flag means something else."""
+    """Evaluated objects, including those that are visible only as instances; lamps use the flag otherwise."""
     return [data for data in depsgraph.ids
             if data.id_type == "OBJECT" and data.type != "LIGHT" and data.is_shadow_catcher]
 
@@ -78,7 +78,7 @@ def find_dark_emitters(depsgraph, report) -> set:
     if not linked:
         return set()
     visible = {instance.object.original for instance in depsgraph.object_instances
-             if instance.object.type in RECEIVERS and instance.show_self}
+               if instance.object.type in RECEIVERS and instance.show_self}
     dark = set()
     for obj in linked:
         receivers = _lit(obj.light_linking.receiver_collection, visible - {obj.original})

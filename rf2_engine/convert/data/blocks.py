@@ -41,7 +41,7 @@ class Conventions:
     """The file's colours are numbers in Linear Rec.709, or from Blender 5 on in the space that the user has chosen."""
 
     rec709: np.ndarray      # (3, 3) f32 its red, green and blue in that space
-    voronoi_uses_pcg: bool  # as rf2_engine/compat.py has it
+    voronoi_uses_pcg: bool  # see rf2_engine/compat.py
 
     def from_rec709(self, colors: np.ndarray) -> np.ndarray:
         """(..., 3) linear colours."""
@@ -81,7 +81,7 @@ class Socket:
 class Node:
     """With the settings of its own kind, such as `operation`, as further attributes.
 
-    Instead of data-blocks it has what is known of them: `node_tree` a Tree, `image` a Picture, `object` a Frame,
+    Data-blocks that it refers to are replaced: `node_tree` a Tree, `image` a Picture, `object` a Frame,
     `color_ramp` a table, `mapping` a Curves, `profile` an ies.Profile.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The contents of a scene: meshes and their places, lamps, media."""
+"""The contents of a scene: meshes and their instances, lamps, media."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from .mesh import TriangleMesh
 
 @dataclass
 class Part:
-    """One mesh with its materials, and everywhere it stands. Emitting triangles are a part of their own."""
+    """One mesh with its materials and all its instances. Emitting triangles are a part of their own."""
 
     name: str
     mesh: TriangleMesh

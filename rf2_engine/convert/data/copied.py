@@ -13,14 +13,14 @@ from .mesh import TriangleMesh
 
 @dataclass(eq=False)
 class CopiedMesh:
-    """An evaluated mesh with its materials, or hair or points as a mesh; what is alike wherever it stands."""
+    """An evaluated mesh with its materials, or hair or points as a mesh; the same for all instances."""
 
     source: int                   # what the mesh was read from
     mesh: TriangleMesh
     slots: list[Material | None]
     mirrored: bool
     is_shown: bool                # to the camera
-    is_dark: bool                 # shines on nothing that is there
+    is_dark: bool                 # by light linking it lights nothing that is visible
     is_diced: bool = False
     strands_slot: int | None = None  # of hair or points: the only material's; None: a mesh
 
@@ -30,19 +30,19 @@ class Grid:
     """Value i of an axis holds over [i, i + 1], as Cycles draws voxels."""
 
     values: np.ndarray    # (x, y, z, c) f32
-    to_space: np.ndarray  # (4, 4) f64, from places counted in values: to the object's, or to the world's
+    to_space: np.ndarray  # (4, 4) f64, from indices of values to the object's, or to the world's
 
     def moved(self, matrix: np.ndarray) -> Grid:
         return replace(self, to_space=matrix @ self.to_space)
 
     def corners(self) -> np.ndarray:
-        """(8, 3) of what it fills, counted in values."""
+        """(8, 3) corners, in indices of values."""
         return np.indices((2, 2, 2)).reshape(3, 8).T * np.array(self.values.shape[:3])
 
 
 @dataclass(frozen=True)
 class CopiedVolume:
-    """A Volume object or simulated gas in its place."""
+    """An instance of a Volume object or of simulated gas."""
 
     name: str
     material: Material | None
@@ -54,7 +54,7 @@ class CopiedVolume:
 
 @dataclass(frozen=True)
 class LampInstance:
-    """One lamp, as bright as its data-block says and wherever it stands."""
+    """An instance of a lamp."""
 
     name: str           # of the object
     matrix: np.ndarray  # (4, 4) f64, object to world

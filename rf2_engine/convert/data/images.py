@@ -16,7 +16,7 @@ class Picture:
 
     source: str                                                       # as of a `bpy.types.Image`; "" without one
     pyramids: dict[int | None, Pyramid] = field(default_factory=dict)  # of each UDIM tile; None: of the whole image
-    missing: dict[int | None, str] = field(default_factory=dict)       # what to say of those that cannot be read
+    missing: dict[int | None, str] = field(default_factory=dict)       # remarks on those that cannot be read
 
 
 class Pyramid:

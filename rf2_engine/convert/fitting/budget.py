@@ -34,7 +34,7 @@ TEXTURE, FLAT = 1.0, 0.1  # curvature that textures, and the lack of both, are w
 
 @dataclass
 class Simplification:
-    """What becomes of the parts of a scene, of which k are simplified."""
+    """How parts of a scene are simplified."""
 
     parts: list[Part]
     targets: np.ndarray              # (k,) triangles each part may keep
@@ -65,11 +65,11 @@ class Simplification:
 
 
 def allot_triangles(collected: CollectedScene, budget: int, framing: Framing, hits: Hits | None, targets: list[int],
-             report) -> Simplification:
-    """How fine everything becomes; the least visible instances are left out where not even coarse shapes of all fit.
+                    report) -> Simplification:
+    """Allot triangles to all parts; the least visible instances are left out where not even coarse shapes of all fit.
 
-    wanted: triangles of each part with those by which it will be subdivided; hits: None where there is no camera, and
-    everything is seen alike.
+    targets: triangles of each part, including those by which it will be subdivided; hits: None where there is no
+    camera, and everything counts alike.
     """
     parts, apparent = collected.parts, framing.apparent
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
@@ -129,7 +129,7 @@ def _copies(part: Part) -> int:
 
 
 def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None, hits: Hits | None) -> list[np.ndarray]:
-    """For each part (m,) > 0, how much of the picture each of its instances is worth; 1 is all of it."""
+    """For each part (m,) > 0, the share of the picture, 0 to 1, that each of its instances counts for."""
     covered = np.zeros(sum(map(_copies, parts)))
     if hits is not None:
         covered += np.bincount(hits.instance[hits.instance >= 0], minlength=len(covered)) / GRID ** 2
@@ -160,7 +160,7 @@ def _middles_and_scales(part: Part) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targets, budget: int, report):
-    """Without the instances of which not even the coarsest shape fits: the least visible first, lights last."""
+    """Drop instances whose coarsest shape does not fit: the least visible first, emitters last."""
     least = np.array([min(len(part.mesh), COARSEST) for part in parts])
     copies = np.array(list(map(_copies, parts)))
     if any(len(part.mesh) > COARSEST for part in parts):
@@ -189,7 +189,7 @@ def _drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targ
 
 
 def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:
-    """(m,) bool: about `count` of its instances, at most, which are enlarged here to the area of all of them."""
+    """(m,) bool: about `count` of its instances, at most, which are enlarged to the area of all."""
     positions, scale = _middles_and_scales(part)
     low, high = part.mesh.bounds
     keep, growth = keep_sample(share, count - 0.5, positions=positions, sizes=scale * (high - low).max())

@@ -14,8 +14,8 @@ from ..data.collected import Part
 from ..meshes import subdivide
 from .apparent_size import ApparentSize
 
-BATCH = 100_000  # triangles that are looked at before somebody asks about Esc
-TEXTURED = 3.0  # times as large looks a triangle whose material has to fit into 32 x 32 texels
+BATCH = 100_000  # triangles between two checks of Esc
+TEXTURED = 3.0  # factor on the size of a triangle whose material has to fit into 32 x 32 texels
 
 
 @dataclass
@@ -30,7 +30,7 @@ class Sizes:
     apparent: ApparentSize | None
 
     def find_targets(self, parts: list[Part], budget: int) -> np.ndarray:
-        """(k,) how many triangles each part would have if those that look large were divided as finely as wanted."""
+        """(k,) how many triangles each part would have if those that look large were divided to `max_edge`."""
         counts = np.array([len(part.mesh) for part in parts], np.int64)
         coarse = [i for i, part in enumerate(parts) if counts[i] * len(part.matrices) <= budget and not part.emits]
         if self.apparent is None or not coarse:

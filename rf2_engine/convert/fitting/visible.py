@@ -16,8 +16,8 @@ from ..meshes.sampling import keep_sample
 from ..shading.material import MaterialTiles
 
 GRID = 64                 # rays along either side of the picture
-FEW = GRID * GRID // 144  # that hit something else than light
-PANES = 3                 # one behind the other, that are looked through
+FEW = GRID * GRID // 144  # that hit something that does not emit
+PANES = 3                 # one behind the other, that rays pass
 BEHIND = 3                # times as far away as a pane is what counts instead of it
 TRIANGLES = 40_000        # of stand-ins, about as many as a BVH of a tenth of a second holds
 LEAST = 12                # of a mesh
@@ -26,7 +26,7 @@ BOX = np.array([(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)
 FLAT = 0.9     # length of the mean of the unit normals, either side up, of a pane: curved ones too, but no vessel
 CLEAR = 0.5    # of the light that goes through a pane
 SMOOTH = 0.3   # roughness up to which glass shows what is behind it
-SAMPLE = 64    # triangles that tell
+SAMPLE = 64    # triangles that are examined
 
 
 @dataclass
@@ -47,7 +47,7 @@ class Hits:
 def find_visible(collected: CollectedScene, view: View, clip_start: float = 0.0) -> Hits:
     """What the view sees from `clip_start` on (camera.py).
 
-    It sees through what shines, unless there is hardly anything else: a sky dome is no more than a background; and
+    It sees through emitters, unless there is hardly anything else: a sky dome is no more than a background; and
     through panes that fill most of the picture, far in front of what is behind them.
     """
     visible = {i for i, part in enumerate(collected.parts) if part.is_shown and not part.emits}
@@ -87,7 +87,7 @@ def _cast(collected: CollectedScene, view: View, clip_start: float, visible: set
 def _stand_ins(collected: CollectedScene, eye: np.ndarray, indices: set[int]) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3, 3) world triangles that look alike from afar, and (n,) whose: of a fine mesh some, enlarged.
 
-    Fog around the eye (3,) is looked through.
+    Fog around the eye (3,) is ignored.
     """
     triangles = [medium.box.corners()[BOX] for medium in collected.media if not medium.box.holds(eye)]
     owner = [np.full(len(box), -1) for box in triangles]

@@ -42,13 +42,13 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
 
 def convert_sun_lamp(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray,
                      radius: float) -> Sun | None:
-    """What a sun lamp is; the same arguments."""
+    """A sun lamp as a Sun; arguments as of `convert_light`."""
     lamp = _placed(matrix_world, light, name, report, center, radius, FINE)
     return None if lamp is None else _sun(lamp)
 
 
 def _placed(matrix_world, light, name, report, center, radius, detail) -> PlacedLamp | None:
-    """None, and a remark where it is worth one, of a lamp that gives no light."""
+    """None for a lamp that emits no light, perhaps with a remark."""
     matrix, center = np.asarray(matrix_world, np.float64), np.asarray(center, np.float64)
     frame = rotation(matrix)
     light_output = compute_lamp_light(light, name, report, frame, float(np.linalg.norm(matrix[:3, 3] - center)))
@@ -91,7 +91,7 @@ def _area(lamp: PlacedLamp) -> RenderScene:
 
 
 def _textured(front: np.ndarray, size: np.ndarray, texture: np.ndarray | None) -> np.ndarray:
-    """(n, 3) or (1,) share of its mean light that each triangle of an area lamp gives: that of the places nearest."""
+    """(n, 3) or (1,) light of each triangle of an area lamp, relative to its mean: that of the nearest texels."""
     if texture is None:
         return np.ones(1)
     across = (np.arange(len(texture)) + 0.5) / len(texture) - 0.5
@@ -132,7 +132,7 @@ def _ball(lamp: PlacedLamp, cones: list[Cone], half_angle: float) -> RenderScene
 
 
 def _softened(lamp: PlacedLamp) -> float:
-    """What Soft Falloff leaves: Cycles then takes a disk that faces what it lights, here at the scene's middle."""
+    """Factor of Soft Falloff: Cycles takes a disk that faces the point it lights, here the center of the scene."""
     away = max(float(np.linalg.norm(lamp.position - lamp.scene_center)), lamp.scene_radius / 2)
     return 1 / (1 + (lamp.light.shadow_soft_size / away) ** 2) if lamp.light.use_soft_falloff else 1.0
 

@@ -21,7 +21,7 @@ FACING, COLOR = 0.3, 0.1  # how much differences in these count beside a distanc
 
 def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, center: np.ndarray, radius: float,
                   clear: np.ndarray, report) -> list[RenderScene]:
-    """Triangles of each lamp and each sun; too many lamps become coarser, and at last those close together one.
+    """Triangles of each lamp and each sun; too many become coarser, and then close ones are merged.
 
     budget: most triangles of all together; center (3,) and radius: bounding sphere of the scene, world units; clear
     (3,): the share of sunlight that reaches it.

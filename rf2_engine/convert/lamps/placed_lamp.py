@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A lamp with its place and the directions in which it shines."""
+"""A lamp with its position and the directions in which it shines."""
 from __future__ import annotations
 
 import math
@@ -55,7 +55,7 @@ class PlacedLamp:
 
 
 def beams(lamp: PlacedLamp, own: Cone, facing: bool = False) -> list[Cone]:
-    """The beam of a lamp, or cones for what its nodes make of it; facing: from a surface and not from a ball."""
+    """The beam of a lamp, or cones that approximate what its nodes emit; facing: from a surface, not from a ball."""
     light = lamp.light_output.directions
     if light is None:
         return [own]

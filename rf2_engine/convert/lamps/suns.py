@@ -11,19 +11,19 @@ from ....model.geometry import latlong_directions
 from ..data.copied import Sun
 
 MAX_SUNS = 4
-TRIES = 8                       # bright places that are looked at
+TRIES = 8                       # bright places that are tried
 CORE = math.radians(5)          # radius of the area that a sun lies in
 CENTRINGS = 3                   # from its brightest texel to its middle
-RING = math.radians(8)          # outer radius of what is around it
+RING = math.radians(8)          # outer radius of its surroundings
 CONTRAST = 8                    # times as bright as most of the ring
 SHARE = 0.1                     # of the irradiance of a surface that faces it, beside all else
 
 
 def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
-    """A (H, W, 3) panorama without its suns, and these; irradiance is that of the whole.
+    """A (H, W, 3) panorama without its suns, and the suns; together they give the same irradiance.
 
-    A sun is a small place, much brighter than what is around it, that gives a good part of the light. What is left in
-    its place is as bright as its surroundings.
+    A sun is a small area, much brighter than its surroundings, that gives a good part of the light. It is replaced by
+    the brightness of its surroundings.
     """
     if (environment == environment[0, 0]).all():
         return environment, []
@@ -58,7 +58,7 @@ def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
 
 
 def merge_suns(suns: list[Sun], most: int) -> list[Sun]:
-    """At most so many, each for some from about the same direction, with the light of all on what faces all of them."""
+    """At most so many suns, each with the light of all from about its direction on surfaces that face it."""
     toward = np.array([sun.toward for sun in suns])
     light = np.array([sun.irradiance for sun in suns])
     power = light.mean(axis=1)

@@ -25,8 +25,8 @@ SKY, FEW = "ShaderNodeTexSky", (0, 8, 16)  # first row, rows and columns of dire
 
 
 def draw_world(cycles_world, world: World | None) -> tuple[np.ndarray | None, list[Sun]] | None:
-    """A world's panorama without its suns, and these, from a CyclesWorld (cycles/world.py) or None, which is asked
-    where a node cannot be evaluated as it is; None where it need not or cannot draw it."""
+    """A world's panorama without its suns, and the suns, rendered by a CyclesWorld (cycles/world.py) where nodes cannot
+    be evaluated here; None where that is not necessary or not possible."""
     if world is None or cycles_world is None or _is_exact(world):
         return None
     drawn = cycles_world.light(_rough_suns(world))
@@ -34,8 +34,8 @@ def draw_world(cycles_world, world: World | None) -> tuple[np.ndarray | None, li
 
 
 def convert_world_light(world: World | None, drawn: tuple | None, report,
-                keep_suns: bool = False) -> tuple[np.ndarray | None, list[Sun]]:
-    """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these.
+                        keep_suns: bool = False) -> tuple[np.ndarray | None, list[Sun]]:
+    """The panorama of a world (`convert_world`) without its suns, and the suns.
 
     drawn: what Cycles has drawn of it (`draw_world`). whole: small bright areas of it stay where they are.
     """

@@ -42,7 +42,7 @@ def add_fog(collected: CollectedScene, world, box: np.ndarray, eye: np.ndarray |
 
 
 def dim_by_fog(environment: np.ndarray | None, suns: list[Sun], clear: np.ndarray) -> tuple:
-    """What is left of a panorama and of suns."""
+    """A panorama and suns as they shine through fog."""
     if not clear.any():
         return None, []
     return (environment if environment is None else (environment * clear).astype(np.float32),

@@ -10,7 +10,7 @@ from ....model import progress
 
 COLUMNS = 2                     # along each side of a voxel
 OFFSET = np.array([0.13, 0.27])  # of a column off its middle, in columns, so that few run along a regular mesh's edges
-DIGITS = 5                      # of places in the box
+DIGITS = 5                      # of positions in the box
 CHUNK = 1 << 20                 # columns and triangles that may meet, at once
 
 

@@ -21,8 +21,8 @@ DEFAULT_GRID, DEFAULT_COEFFICIENT = "density", 0.5
 
 
 def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: Callable | None = None) -> Medium:
-    """coefficients: world places (r, r, r, 3) of all voxels of the box -> scattering and absorption, (3,) or (r, r, r,
-    3), per world unit; filling: r -> (r, r, r) share of each voxel that is filled, None = all of it.
+    """coefficients: world positions (r, r, r, 3) of all voxels of the box -> scattering and absorption, (3,) or
+    (r, r, r, 3), per world unit; filling: r -> (r, r, r) share of each voxel that is filled, None = all of it.
 
     Tokens of a box know one colour, so its colour is the mean one, and its extinction that of all colours together.
     """
@@ -47,10 +47,11 @@ def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: 
 
 
 def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report) -> Medium:
-    """All of some grids of an object, at least one, along the axes of the first.
+    """The medium that one or more grids of an object fill, along the axes of the first.
 
-    matrix: (4, 4) object to world; coefficients: scattering and absorption per world unit, (3,) or (..., 3), at places
-    (..., 3) of the object, given a function of the name of a grid that returns its values (..., c) there, or None.
+    matrix: (4, 4) object to world; coefficients: scattering and absorption per world unit, (3,) or (..., 3), at
+    positions (..., 3) of the object, given a function of the name of a grid that returns its values (..., c) there, or
+    None.
     """
     grids = {key: grid.moved(matrix) for key, grid in grids.items()}
     first = next(iter(grids.values())).to_space
@@ -87,7 +88,7 @@ def gridded(volume: CopiedVolume, report) -> Medium:
 
 
 class MeshVolume:
-    """The inside of a closed mesh, wherever it stands. corners: (n, 3, 3) in the frame of the object."""
+    """The inside of a closed mesh, for all its instances. corners: (n, 3, 3) in the frame of the object."""
 
     def __init__(self, name: str, corners: np.ndarray, material, texture_space: np.ndarray, report):
         self.name, self.material, self.texture_space, self.report = name, material, texture_space, report

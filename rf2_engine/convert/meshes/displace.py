@@ -15,7 +15,7 @@ from ..shading.material import HEIGHT_UNIT
 from ..shading.node_call import NodeCall, Unknown
 from .subdivide import pieces, subdivide
 
-DICED = 1 << 14      # triangles of a diced mesh, of which the budget then takes what it wants
+DICED = 1 << 14      # triangles of a diced mesh, before it is simplified to the budget
 FLAT = 1e-3          # normals that differ by less are one
 
 
@@ -41,7 +41,7 @@ class CornerPoints(Points):
 
 
 def displace(mesh: TriangleMesh, slots: list, instance: Instance, is_diced: bool, report) -> TriangleMesh:
-    """`mesh` with what its materials displace moved along its normals, if that is too much for heights, or it is diced.
+    """`mesh` displaced along its normals by its materials, if that is too much for heights of tiles, or it is diced.
 
     slots: materials. The material's own displacement counts as done then (`is_displaced`).
     """
@@ -79,7 +79,7 @@ def _moves(material) -> bool:
 
 
 def _offset(material, mesh: TriangleMesh, instance: Instance, report) -> np.ndarray:
-    """(m, 3, 1) way along the normal, in the frame of the object."""
+    """(m, 3, 1) displacement along the normal, in the frame of the object."""
     uv = {name: np.pad(layer.reshape(-1, 2), ((0, 0), (0, 1))) for name, layer in mesh.uv.items()}
     named = {name: layer.reshape(-1, layer.shape[-1]) for name, layer in mesh.attributes.items()}
     points = CornerPoints(uv, mesh.active_uv, named, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
@@ -115,7 +115,7 @@ def _shared(corners: np.ndarray, offset: np.ndarray) -> np.ndarray:
 
 
 def _normals(mesh: TriangleMesh, moved: np.ndarray, is_smooth: bool) -> np.ndarray:
-    """(m, 3, 3) of the moved corners: of the faces, or of what meets there where the surface was smooth."""
+    """(m, 3, 3) of the moved corners: of the faces, or means over adjacent faces where the surface was smooth."""
     face = meshes.area_vectors(moved.astype(np.float64))
     _, inverse = np.unique(meshes.corner_keys(mesh.corners).ravel(), return_inverse=True)
     total = np.stack([np.bincount(inverse, np.repeat(face[:, i], 3)) for i in range(3)], axis=-1)[inverse]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find the triangle of a mesh that is nearest to a point; divide meshes into blocks, between which Esc is looked at."""
+"""Find the triangle of a mesh that is nearest to a point; divide meshes into blocks, between which Esc is checked."""
 from __future__ import annotations
 
 import numpy as np
@@ -9,7 +9,7 @@ from ...bvh import tree_of, uncollected
 from ..data import mesh as meshes
 
 LARGEST = 60_000  # triangles of a block: a tenth of a second or two
-BATCH = 20_000  # points that are looked up before somebody asks about Esc
+BATCH = 20_000  # points that are looked up between two checks of Esc
 
 
 def divide(middles: np.ndarray, largest: int = LARGEST) -> list[np.ndarray]:
@@ -28,14 +28,14 @@ def divide(middles: np.ndarray, largest: int = LARGEST) -> list[np.ndarray]:
 
 
 def submesh(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The points (k, 3) that some faces (n, 3) have, and those faces by these points, i32."""
+    """The points (k, 3) that faces (n, 3) use, and the faces as indices of them, i32."""
     own = np.zeros(len(points), bool)
     own[faces] = True
     return points[own], (np.cumsum(own, dtype=np.int32) - 1)[faces]
 
 
 class NearestTriangles:
-    """Triangles, found by places near them."""
+    """Finds the triangle of a mesh that is nearest to a point."""
 
     def __init__(self, points: np.ndarray, faces: np.ndarray):
         """points: (v, 3) f64; faces: (n, 3) i32."""
@@ -61,7 +61,7 @@ class NearestTriangles:
 
     @uncollected()
     def _search(self, rounds, points, nearest, distance, start: float, end: float) -> None:
-        """Improve `found` and `distance` in place, by the tree of each block for some rows."""
+        """Improve `nearest` and `distance` in place, by the tree of each block for some rows."""
         done, total = 0, sum(len(rows) for _, rows in rounds)
         for block, rows in rounds:
             for batch in np.split(rows, range(BATCH, len(rows), BATCH)) if len(rows) else ():

@@ -53,7 +53,7 @@ def _roughly(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.nda
     for i, rows in enumerate(parts):
         progress.report(0.2 + 0.6 * i / len(parts))
         vertices, shape = fast_simplification.simplify(*submesh(points, faces[rows]), preserve_border=True,
-                                                   target_count=max(int(share * len(rows)), 1))
+                                                       target_count=max(int(share * len(rows)), 1))
         pieces.append((vertices, shape + before))
         before += len(vertices)
     vertices, shape = (np.concatenate(column) for column in zip(*pieces, strict=True))

@@ -110,8 +110,8 @@ def _with_fins(points: np.ndarray, faces: np.ndarray, mesh: TriangleMesh) -> tup
 
 
 def _occurring_once(key: np.ndarray) -> np.ndarray:
-    """Indices of what occurs once among (n,) i64."""
-    ordered = np.sort(key)  # which takes a sixth of what argsort does
+    """Indices of the values that occur once among (n,) i64."""
+    ordered = np.sort(key)  # takes a sixth of the time of argsort
     begins = np.append(np.insert(ordered[1:] != ordered[:-1], 0, True), True)
     once = ordered[begins[:-1] & begins[1:]]
     if len(once) == 0:
@@ -163,7 +163,7 @@ def _with_attributes(corners: np.ndarray, source: TriangleMesh, nearest: np.ndar
         torn = _is_torn(per_corner, corners, layer[at_centre], source.corners[at_centre])
         uv[name] = np.where(torn[:, None, None], from_centre, per_corner).astype(np.float32)
     named = {name: np.einsum("mck,mckx->mcx", clamped, layer[at_corner]).astype(np.float32)
-              for name, layer in source.attributes.items()}
+             for name, layer in source.attributes.items()}
     return replace(source, corners=corners, normals=meshes.unit_or(normals, face), uv=uv, attributes=named,
                    slot=source.slot[at_centre])
 

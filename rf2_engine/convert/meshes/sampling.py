@@ -15,20 +15,20 @@ from ....model.geometry import connected
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
 
-LARGEST = 0.1   # of the extent of all of them at most is that of one that is enlarged
-CELLS = 1 << 10  # along each axis, for the order in which things are looked at
+LARGEST = 0.1   # size of an enlarged one at most, as a fraction of the extent of all
+CELLS = 1 << 10  # along each axis, for the order in which items are visited
 LEAST = 4       # triangles for each piece that has as many
-SHARE = 0.8     # of the triangles wanted at most are planned for these; what is left over goes where it bends
-MISSED = 0.2    # of the area is what leaves are worth: fewer, such as the screws of a machine, are not enlarged
+SHARE = 0.8     # of the target is for pieces; the rest goes where the surface is curved
+MISSED = 0.2    # of the area; where dropped pieces have less, such as screws of a machine, others are not enlarged
 
 
 def keep_sample(area: np.ndarray, budget: float, *, cost: np.ndarray | None = None, positions: np.ndarray | None = None,
-              sizes: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Which of p things of these areas (p,) to keep, (p,) bool, so that their costs (p,), 1 each unless given, sum up
-    to about the budget, and how many times as long and wide (p,) these become to have the area of all.
+                sizes: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Choose some of p items by their areas (p,), so that their costs (p,) sum up to about the budget.
 
-    places: (p, 3) where they are; None: each is near the next. sizes: (p,) how large they are, if there is a limit to
-    how large they may become.
+    Returns (p,) bool which are kept, and (p,) the factor on their length and width that preserves the total area.
+
+    cost: None = 1 each. positions: (p, 3); None = each is near the next. sizes: (p,), where growth has a limit.
     """
     cost = np.ones(len(area)) if cost is None else cost
     chance = _chances(area, cost, budget)
@@ -55,7 +55,7 @@ def _chances(area: np.ndarray, cost: np.ndarray, budget: float) -> np.ndarray:
 
 
 def _along_a_curve(positions: np.ndarray) -> np.ndarray:
-    """Indices of (p, 3) places in Morton's order, in which neighbours are close to each other."""
+    """Indices of (p, 3) positions in Morton's order, in which neighbours are close to each other."""
     if not len(positions):
         return np.zeros(0, int)
     positions = positions.astype(np.float64)
@@ -69,7 +69,7 @@ def _along_a_curve(positions: np.ndarray) -> np.ndarray:
 
 
 def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, lens) -> TriangleMesh:
-    """`mesh`, or if much of it is pieces that do not fit into `target` triangles, some of them that stand for all.
+    """`mesh`, or, if much of it is pieces that do not fit into `target` triangles, an enlarged sample of them.
 
     points (v, 3), faces (n, 3): of the mesh, where pieces are connected. lens: as for reduce.simplify.
     """

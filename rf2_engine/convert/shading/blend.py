@@ -17,7 +17,7 @@ def _overlay(a, b):
     return np.where(a < 0.5, 2 * a * b, 1 - 2 * (1 - a) * (1 - b))
 
 
-BLENDS = {  # what replaces `a` at factor 1; in between it is mixed in
+BLENDS = {  # the result at factor 1; in between it is mixed with `a`
     "MIX": lambda a, b: b, "ADD": lambda a, b: a + b, "SUBTRACT": lambda a, b: a - b, "MULTIPLY": lambda a, b: a * b,
     "DIVIDE": _divide, "SCREEN": lambda a, b: 1 - (1 - a) * (1 - b), "DIFFERENCE": lambda a, b: np.abs(a - b),
     "EXCLUSION": lambda a, b: a + b - 2 * a * b, "DARKEN": np.minimum, "LIGHTEN": np.maximum, "OVERLAY": _overlay,

@@ -35,7 +35,7 @@ class Points:
     active_color: str | None = None
     corners: np.ndarray | None = None                            # (m, 3, 3) f32, in the frame of the object
     texture_space: np.ndarray | None = None                      # (2, 3) f32 (data/mesh.py)
-    normals: np.ndarray | None = None                            # (m, 3, 3) f32, likewise
+    normals: np.ndarray | None = None                            # (m, 3, 3) f32, in the same frame
     instance: Instance = field(default_factory=Instance)
     direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
     lamp: LampPoints | None = None
@@ -88,9 +88,9 @@ class Evaluator:
         self.points, self.conventions, self.report = points, conventions, report
         self.owner, self.baker = owner, baker
         self.material_index = 0
-        self.depends_on_ray = False    # whether a Light Path was asked
-        self.depends_on_instance = False  # whether the result is that of one instance
-        self.depends_on_scale = False  # whether it is that of instances of one size
+        self.depends_on_ray = False    # whether a Light Path was evaluated
+        self.depends_on_instance = False  # whether the result holds for one instance alone
+        self.depends_on_scale = False  # whether it holds for instances of one size alone
         self._memo: dict = {}
         self._depth = 0
 

@@ -20,7 +20,7 @@ def value(n: NodeCall):
 
 
 def light_path(n: NodeCall):
-    """BSDFs answer as seen by the camera; what radiates answers as it lights the scene."""
+    """For BSDFs the ray is one of the camera, for emission one that lights the scene."""
     n.evaluator.depends_on_ray = True
     if n.points.camera_ray:
         return np.array([n.output.name == "Is Camera Ray"], np.float32)
@@ -100,7 +100,7 @@ def of_strands(n: NodeCall):
 
 
 def property_of(n: NodeCall, name: str, kind: str) -> np.ndarray | None:
-    """(4,) a property of the object, of what instances it, or of the view layer."""
+    """(4,) a property of the object, its instancer or the view layer."""
     instance = n.instance()
     values = {"OBJECT": instance.properties, "INSTANCER": instance.instancer_properties,
               "VIEW_LAYER": instance.view_layer_properties}[kind].get(name)

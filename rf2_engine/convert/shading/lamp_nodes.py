@@ -14,12 +14,12 @@ FALLOFF = {"Quadratic": 0, "Linear": 1, "Constant": 2}  # power of the distance 
 
 @dataclass(frozen=True)
 class LampPoints:
-    """Where the light of a lamp is looked at: all directions at all places of its surface, by broadcasting."""
+    """Where the light of a lamp is evaluated: all directions at all points of its surface, by broadcasting."""
 
     direction: np.ndarray          # (d, 1, 3) f32 unit directions away from the lamp, in its frame: it shines along -Z
     frame: np.ndarray            # (3, 3) f32 rotation from there to the world
     surface: np.ndarray | None     # (1, p, 3) f32, 0 to 1 in x and y across an area lamp; None: no surface
-    distance: float | None       # to the middle of what is looked at; None: infinitely far
+    distance: float | None       # to the center of the scene; None: infinitely far
 
     @property
     def normal(self) -> np.ndarray:
@@ -42,7 +42,7 @@ def coordinate(n: NodeCall):
 
 
 def light_falloff(n: NodeCall):
-    """What it is at the middle of what is looked at: tokens fall off with the square of the distance."""
+    """Its value at the center of the scene: tokens fall off with the square of the distance."""
     distance = n.points.lamp.distance if n.points.lamp else 1.0
     if distance is None:
         return n["Strength"]

@@ -56,8 +56,8 @@ class MaterialTiles:
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._count = 0
         self._constant: dict[tuple, int] = {}
-        self._differs_by_instance: set[Material] = set()  # those that look different from place to place
-        self._differs_by_scale: set[Material] = set()  # and those that look different by size
+        self._differs_by_instance: set[Material] = set()  # those whose tiles differ by instance
+        self._differs_by_scale: set[Material] = set()  # those whose tiles differ by size
 
     @property
     def tiles(self) -> np.ndarray:
@@ -82,11 +82,11 @@ class MaterialTiles:
 
     def triangle_tiles(self, material: Material | None, mesh: TriangleMesh,
                        instance: Instance | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Tiles and emission of n triangles that all wear `material`.
+        """Tiles and emission of n triangles with one material.
 
-        Returns tile index (n,) i32, -1 where there is as good as nothing (CLEAR), and radiance (n, 3) f32. A
-        homogeneous material has one tile, one with textures a tile per triangle. `sharing` tells afterwards which
-        other instances look the same.
+        Returns tile index (n,) i32, -1 where the surface is almost invisible (CLEAR), and radiance (n, 3) f32. A
+        homogeneous material has one tile, one with textures a tile per triangle. `sharing` says afterwards which
+        other instances have the same tiles.
         """
         n = len(mesh)
         emission = np.zeros((n, 3), np.float32)
@@ -171,7 +171,7 @@ class MaterialTiles:
         return surface, np.clip(displacement / HEIGHT_UNIT, -1, 1)
 
     def sharing(self, material, instance: Instance):
-        """What places have in common that share what `triangle_tiles` found of this material, which comes first."""
+        """A key that is equal for instances with the same tiles of a material; call `triangle_tiles` first."""
         if material in self._differs_by_instance:
             return id(instance)
         if material in self._differs_by_scale:
@@ -194,21 +194,21 @@ class MaterialTiles:
         self._count += len(tiles)
 
 
-class _Noted:
-    """In place of a baker: remembers that one was asked for."""
+class _BakerProbe:
+    """Stands in for a baker and remembers whether it was needed."""
 
-    asked = False
+    was_needed = False
 
     def bake(self, n):
-        self.asked = True
+        self.was_needed = True
         raise RuntimeError("it is baked later")
 
 
 def needs_baking(material: Material) -> bool:
-    """Whether a baker will be asked for nodes of it."""
-    noted = _Noted()
-    MaterialTiles(Report(), noted).triangle_tiles(material, ONE_TRIANGLE)
-    return noted.asked
+    """Whether it has nodes that a baker has to evaluate."""
+    probe = _BakerProbe()
+    MaterialTiles(Report(), probe).triangle_tiles(material, ONE_TRIANGLE)
+    return probe.was_needed
 
 
 def _displacement(material, output: NodeCall | None) -> np.ndarray:
@@ -247,7 +247,7 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
 
 
 def lobe_arrays(lobes: dict[str, np.ndarray], count: int) -> np.ndarray:
-    """(m, 7, 32, 32) f16 of what `two_lobes` found, m = `count` of tiles if nothing varies over the surface."""
+    """(m, 7, 32, 32) f16 of the result of `two_lobes`, m = `count` of tiles if nothing varies over the surface."""
     named = {name: lobes[name] for name in TWO_LOBES.parts}
     count = max([count] + [len(values) for values in named.values() if values.ndim > 1])
     arrays = np.empty((count, len(TWO_LOBES), TILE_SIZE, TILE_SIZE), np.float16)

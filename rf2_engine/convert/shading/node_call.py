@@ -13,11 +13,11 @@ OF_A_NODE = 'node "'  # how a remark about a node begins
 
 
 class Unknown(Exception):
-    """Why a node has no value here: it is baked, or where it leads to an input keeps its own."""
+    """Why a node cannot be evaluated: it is baked, or the input that it feeds keeps its own value."""
 
 
 class DependsOnView(Unknown):
-    """Nor could it be baked."""
+    """It cannot be baked either."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class NodeCall:
 
     evaluator: object      # Evaluator
     node: object           # Node (data/blocks.py)
-    output: object = None  # Socket whose value is asked for; None for a shader
+    output: object = None  # Socket whose value is computed; None for a shader
     frames: tuple = ()     # group nodes that lead to the node (graph.py)
 
     @property
@@ -86,12 +86,12 @@ class NodeCall:
         return join(space, self["W"]) if dimensions == "4D" else space
 
     def instance(self):
-        """The Instance of the surface, which makes the value one of this instance alone."""
+        """The Instance of the surface; the value then holds for this instance alone."""
         self.evaluator.depends_on_instance = True
         return self.points.instance
 
     def linear_matrix(self) -> np.ndarray:
-        """(3, 3) matrix of the surface, for what does not depend on how it is turned."""
+        """(3, 3) matrix of the instance, for values that depend on its size but not on its rotation."""
         self.evaluator.depends_on_scale = True
         return self.points.instance.matrix[:3, :3]
 
@@ -102,18 +102,18 @@ class NodeCall:
         return None if output is None else NodeCall(self.evaluator, output.node, output, frames)
 
     def approximated(self, message: str) -> None:
-        """Tell the user what of this node is lost."""
+        """Report what of this node is lost."""
         within = "".join(f' in "{group.node_tree.name}"' for group in self.frames)
         self.evaluator.report.approximated(self.evaluator.owner, f'{OF_A_NODE}{self.node.name}"{within}: {message}')
 
     def left_to_cycles(self, message: str) -> None:
-        """Have the node baked where the user allows it; else tell what of it is lost."""
+        """Have the node baked where the user allows it; else report what of it is lost."""
         if self.evaluator.baker:
             raise Unknown(f"{self.node.bl_label} cannot be evaluated")
         self.approximated(message)
 
     def folded(self, message: str) -> None:
-        """Tell the user what of the whole surface is lost: once, however many nodes of it lose the same."""
+        """Report what of the surface is lost: once, however many of its nodes lose the same."""
         self.evaluator.report.approximated(self.evaluator.owner, message)
 
     def _input(self, key):

@@ -93,7 +93,7 @@ def scattering(n: NodeCall):
 
 
 def sheen(n: NodeCall):
-    """As bright as it is on the whole, seen from all sides."""
+    """As bright as its mean over all directions."""
     n.folded(f"{n.node.bl_label} is shown as Diffuse")
     return lobe(n["Color"] * np.interp(n["Roughness"], layers.SHEEN_ROUGHNESS, layers.SHEEN), normal=tangent_normal(n))
 

@@ -13,7 +13,7 @@ from .material import MaterialTiles
 
 
 def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:
-    """Surfaces and mesh emitters in world space; instances share the tiles that do not depend on their place."""
+    """Surfaces and mesh emitters in world space; instances share the tiles that do not depend on the instance."""
     rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
     for i, part in enumerate(parts):
         with progress.part(i / len(parts), (i + 1) / len(parts), f"Reading materials, {i + 1} of {len(parts)}"):

@@ -23,7 +23,7 @@ VECTOR_MATHS = {
     "PROJECT": lambda a, b, c: divide_safely(dot(a, b), dot(b, b)) * b,
     "REFLECT": lambda a, b, c: a - 2 * dot(a, unit(b)) * unit(b),
     "FACEFORWARD": lambda a, b, c: np.where(dot(c, b) < 0, a, -a),
-}  # the others are those of numbers, for each component
+}  # the others are the operations of Math, per component
 
 
 def vector_math(n: NodeCall):

@@ -37,10 +37,10 @@ def has_volume(material) -> bool:
 
 @dataclass
 class VolumePoints(Points):
-    """Places inside of a medium: `inside` (..., 3) f32 in the frame of the object."""
+    """Points inside a medium: `inside` (..., 3) f32 in the frame of the object."""
 
     inside: np.ndarray | None = None
-    grids: Callable[[str], np.ndarray | None] | None = None  # by name: values (..., c) at these places
+    grids: Callable[[str], np.ndarray | None] | None = None  # by name: values (..., c) at the points
     depends_on_instance: bool = False  # whether what was evaluated is that of one instance
 
     @property

@@ -65,7 +65,7 @@ def _diagonal(node, dimensions: int, side: np.ndarray, exponent) -> np.ndarray:
 
 
 def _octaves(at_frequency, detail, roughness, lacunarity):
-    """For each octave what it gives, its frequency and amplitude, and how much of it counts."""
+    """The result of each octave, its frequency and amplitude, and its weight."""
     frequency = amplitude = np.float32(1)
     for i in range(int(np.ceil(np.max(detail))) + 1):
         yield at_frequency(frequency), frequency, amplitude, np.clip(detail - i + 1, 0, 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scatter one point in each cell of a lattice, and find the nearest ones to a place (Worley 1996)."""
+"""Scatter one point in each cell of a lattice, and find the nearest ones to a position (Worley 1996)."""
 from __future__ import annotations
 
 from dataclasses import dataclass

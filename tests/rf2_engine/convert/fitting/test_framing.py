@@ -7,7 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import clip_start, convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.collect import collect
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import copy
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.scene_box import find_box
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.framing import find_box
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.visible import find_visible
 from mathutils import Vector
 
