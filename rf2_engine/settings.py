@@ -14,6 +14,7 @@ from ..model.errors import CheckpointError
 from ..model.published.bundle_files import AUTOMATIC, LARGE, SMALL, is_bundle
 from ..model.weights.presets import BUNDLED, weights_folder
 from . import passes
+from .convert.data.options import ConversionOptions
 from .reference_settings import FrameReference, ReferenceSettings
 from .registering import classes, pairs, pointer
 from .render_size import frame_size
@@ -253,6 +254,10 @@ class FrameSettings:
     film_transparent: bool
     exposure: float
     reference: FrameReference | None
+
+    @property
+    def conversion(self) -> ConversionOptions:
+        return ConversionOptions(self.token_budget, self.max_edge, self.as_is, self.paper_lamps)
 
     @property
     def setup(self) -> str:

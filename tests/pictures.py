@@ -23,6 +23,7 @@ from renderformer_v2.model.first_hits.camera_rays import cast_guides
 from renderformer_v2.model.light.reflections import with_ends
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+from renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
 from renderformer_v2.rf2_engine.convert.data.report import Report
 from renderformer_v2.rf2_engine.convert.scene import convert
 
@@ -58,7 +59,7 @@ def compute(name: str) -> Computed:
     depsgraph = bpy.context.evaluated_depsgraph_get()
     view = convert_camera(depsgraph, SIZE, SIZE, None)
     with threads.limited(1), threads.team(1):
-        scene = convert(depsgraph, view, token_budget=BUDGET, max_edge=LONGEST_EDGE, report=Report())
+        scene = convert(depsgraph, view, ConversionOptions(BUDGET, LONGEST_EDGE), Report())
         guides = with_ends(cast_guides(scene, view), scene, view)
         traced = replace(guides, traced=np.float32(TRACED) * guides.diffuse_color)
         encoded = Renderer(device="cpu", precision="fp32").encode(scene, SIZE)

@@ -8,13 +8,13 @@ import numpy as np
 
 from ...model import progress
 from .data.blocks import Material
-from .data.collected import Collected, Part
-from .data.copied import Copied, Gridded, Surface
-from .data.instance import Place
+from .data.collected import CollectedScene, Part
+from .data.copied import CopiedMesh, CopiedScene, CopiedVolume
+from .data.instance import Instance
 from .data.mesh import TriangleMesh
 from .data.report import Report
 from .media.volumes import MeshVolume, gridded
-from .meshes.displace import displaced
+from .meshes.displace import displace
 from .shading import volume as shading
 from .shading.material import MaterialTiles
 
@@ -22,49 +22,50 @@ PROBES = 16  # triangles that tell whether a material emits
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles
 
 
-def collect(copied: Copied, report) -> Collected:
-    """Each mesh displaced and divided once for all its instances that look alike."""
+def collect(copied: CopiedScene, report) -> CollectedScene:
+    """Each mesh is displaced and divided once for all its instances that look alike."""
     return _Collection(report).of(copied)
 
 
 class _Collection:
     def __init__(self, report):
         self.report = report
-        self.found = Collected()
+        self.collected = CollectedScene()
         self._displaced: dict[tuple, TriangleMesh] = {}
         self._parts: dict[tuple, tuple[list[Part], list[MeshVolume]]] = {}
         self._homogeneous: dict[tuple, bool] = {}  # material and layers of meshes -> it emits
         self._probed: dict[tuple, tuple[bool, bool]] = {}  # by mesh and material, where all instances are alike
 
-    def of(self, copied: Copied) -> Collected:
-        self.found.lamps = copied.lamps
-        total = len(copied.things)
-        for i, thing in enumerate(copied.things):
+    def of(self, copied: CopiedScene) -> CollectedScene:
+        self.collected.lamps = copied.lamps
+        total = len(copied.objects)
+        for i, item in enumerate(copied.objects):
             with progress.part(i / total, (i + 1) / total, f"Preparing objects, {i + 1} of {total}"):
                 progress.report()
-                if isinstance(thing, Gridded):
-                    self.found.media.append(gridded(thing, self.report))
-                elif thing[0].strands_slot is not None:
-                    self._add_strands(*thing)
+                if isinstance(item, CopiedVolume):
+                    self.collected.media.append(gridded(item, self.report))
+                elif item[0].strands_slot is not None:
+                    self._add_strands(*item)
                 else:
-                    self._add_mesh(*thing)
-        return self.found
+                    self._add_mesh(*item)
+        return self.collected
 
-    def _add_mesh(self, surface: Surface, place: Place) -> None:
-        mesh = self._mesh(surface, place)
-        probed = tuple(self._probe(material, surface.source, mesh, place) for material in surface.slots)
+    def _add_mesh(self, surface: CopiedMesh, instance: Instance) -> None:
+        mesh = self._mesh(surface, instance)
+        probed = tuple(self._probe(material, surface.source, mesh, instance) for material in surface.slots)
         key = surface, probed
         if key not in self._parts:
-            self._parts[key] = self._split(surface, mesh, probed, place.name), self._filled(surface, mesh, place.name)
-            self.found.parts += self._parts[key][0]
+            name = instance.name
+            self._parts[key] = self._split(surface, mesh, probed, name), self._filled(surface, mesh, name)
+            self.collected.parts += self._parts[key][0]
         parts, filled = self._parts[key]
         for part in parts:
-            part.places.append(place)
-        if np.linalg.det(place.matrix[:3, :3]):  # a flat one is no medium
-            self.found.media += [volume.at(place) for volume in filled]
+            part.instances.append(instance)
+        if np.linalg.det(instance.matrix[:3, :3]):  # a flat one is no medium
+            self.collected.media += [volume.at(instance) for volume in filled]
 
-    def _filled(self, surface: Surface, mesh: TriangleMesh, name: str) -> list[MeshVolume]:
-        """Of each volume material of a mesh what it fills."""
+    def _filled(self, surface: CopiedMesh, mesh: TriangleMesh, name: str) -> list[MeshVolume]:
+        """The volume that each volume material of a mesh fills."""
         filled = []
         for index, material in enumerate(surface.slots):
             corners = mesh.corners[_slot(mesh, surface) == index] if shading.has_volume(material) else ()
@@ -72,19 +73,19 @@ class _Collection:
                 filled.append(MeshVolume(name, corners, material, mesh.texture_space, self.report))
         return filled
 
-    def _add_strands(self, surface: Surface, place: Place) -> None:
-        """Hair or points, which wear one material."""
+    def _add_strands(self, surface: CopiedMesh, instance: Instance) -> None:
+        """Hair or points, which have one material."""
         if (surface,) not in self._parts:
             mesh, material = surface.mesh, surface.slots[surface.strands_slot]
-            emits, textured = self._probe(material, surface.source, mesh, place) if len(mesh) else (False, False)
-            parts = [Part(place.name, mesh, [material], emits, surface.is_shown, is_textured=textured,
+            emits, textured = self._probe(material, surface.source, mesh, instance) if len(mesh) else (False, False)
+            parts = [Part(instance.name, mesh, [material], emits, surface.is_shown, is_textured=textured,
                           flux_gain=_gain(surface))] if len(mesh) else []
             self._parts[surface,] = parts, []
-            self.found.parts += parts
+            self.collected.parts += parts
         for part in self._parts[surface,][0]:
-            part.places.append(place)
+            part.instances.append(instance)
 
-    def _split(self, surface: Surface, mesh: TriangleMesh, probed: tuple[tuple[bool, bool], ...],
+    def _split(self, surface: CopiedMesh, mesh: TriangleMesh, probed: tuple[tuple[bool, bool], ...],
                name: str) -> list[Part]:
         slot = _slot(mesh, surface)
         shows = np.array([shading.has_surface(material) for material in surface.slots])
@@ -93,14 +94,15 @@ class _Collection:
         for kind in (False, True):
             chosen = (shows & (emits == kind))[slot]
             if chosen.any():
-                part = replace(mesh) if chosen.all() else mesh.take(chosen)  # mostly none shines: no second copy
+                part = replace(mesh) if chosen.all() else mesh.take(chosen)  # mostly none emits: no second copy
                 part.slot = slot[chosen]
                 parts.append(Part(name, part.mirrored() if surface.mirrored else part, surface.slots, kind,
                                   surface.is_shown, is_textured=bool(textured[slot[chosen]].any()),
                                   flux_gain=_gain(surface)))
         return parts
 
-    def _probe(self, material: Material | None, source: int, mesh: TriangleMesh, place: Place) -> tuple[bool, bool]:
+    def _probe(self, material: Material | None, source: int, mesh: TriangleMesh,
+               instance: Instance) -> tuple[bool, bool]:
         """Whether the material radiates anywhere on some triangles of a mesh that show the unit square of all UVs, and
         whether it is not the same all over them."""
         layers = (*mesh.uv, mesh.active_uv, *mesh.attributes, mesh.active_color)
@@ -115,26 +117,26 @@ class _Collection:
         square = np.resize(UNIT_SQUARE, (len(some), 3, 2))
         ones = {name: np.ones_like(layer) for name, layer in some.attributes.items()}
         some = replace(some, uv=dict.fromkeys(mesh.uv, square), attributes=ones)
-        tiles, emission = probe.triangle_tiles(material, some, place)
-        found = bool(emission.any()), len(np.unique(tiles)) > 1
-        if probe.sharing(material, place) is None:
-            self._probed[own] = found
-            if len(tiles) and not found[1]:
-                self._homogeneous[key] = found[0]
-        return found
+        tiles, emission = probe.triangle_tiles(material, some, instance)
+        appearance = bool(emission.any()), len(np.unique(tiles)) > 1
+        if probe.sharing(material, instance) is None:
+            self._probed[own] = appearance
+            if len(tiles) and not appearance[1]:
+                self._homogeneous[key] = appearance[0]
+        return appearance
 
-    def _mesh(self, surface: Surface, place: Place) -> TriangleMesh:
-        """Displaced as it is where it stands first."""
+    def _mesh(self, surface: CopiedMesh, instance: Instance) -> TriangleMesh:
+        """Displaced as in its first instance."""
         key = surface.source, *surface.slots
         if key not in self._displaced:
-            self._displaced[key] = displaced(surface.mesh, surface.slots, place, surface.is_diced, self.report)
+            self._displaced[key] = displace(surface.mesh, surface.slots, instance, surface.is_diced, self.report)
         return self._displaced[key]
 
 
-def _slot(mesh: TriangleMesh, surface: Surface) -> np.ndarray:
+def _slot(mesh: TriangleMesh, surface: CopiedMesh) -> np.ndarray:
     """Material index of each triangle; Blender takes the last slot for an index beyond it."""
     return np.clip(mesh.slot, 0, len(surface.slots) - 1)
 
 
-def _gain(surface: Surface) -> float:
+def _gain(surface: CopiedMesh) -> float:
     return 0.0 if surface.is_dark else 1.0

@@ -89,8 +89,8 @@ class Baker:
             self._start()
         corners, answer = (str(Path(self._folder.name) / file) for file in ("corners.npy", "answer.npy"))
         np.save(corners, n.points.corners)
-        place = n.points.place
-        what = {"object_name": place.name, "matrix": place.matrix.tolist(), "material_name": n.evaluator.owner,
+        instance = n.points.instance
+        what = {"object_name": instance.name, "matrix": instance.matrix.tolist(), "material_name": n.evaluator.owner,
                 "groups": [group.name for group in n.frames], "node_name": n.node.name,
                 "output": list(n.node.outputs).index(n.output), "triangles": corners, "side": SIDE,
                 "samples": NOISY.get(n.kind, SAMPLES)}

@@ -15,7 +15,7 @@ from ...model.first_hits.from_passes import clear_outside, guides_from_passes, g
 from ...model.light.reflections import with_ends
 from ...model.scene import Guides, RenderScene, View
 from ..convert.camera.lens import Lens
-from ..convert.meshes.nearest import Surface
+from ..convert.meshes.nearest import NearestTriangles
 from ..cycles import session as cycles_session
 from ..cycles.run import Passes
 from ..cycles.session import PINHOLE, CameraModel, Catchers
@@ -112,7 +112,7 @@ def make_guides(passes: Passes, scene: RenderScene, view: View) -> Guides:
 def _nearest_triangles(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(k,) index of the one of triangles (N, 3, 3) that is nearest to each of points (k, 3)."""
     corners = triangles.astype(np.float64).reshape(-1, 3)
-    return Surface(corners, np.arange(len(corners)).reshape(-1, 3)).nearest(points)
+    return NearestTriangles(corners, np.arange(len(corners)).reshape(-1, 3)).nearest(points)
 
 
 def _make_guides(layer: Layer, passes: Passes, scene: RenderScene, view: View) -> Guides:

@@ -15,7 +15,7 @@ from ..convert.camera.camera import convert_camera
 from ..convert.camera.eyes import Eye, count_views, eyes, view_names
 from ..convert.data.report import Report
 from ..convert.fitting.framing import Framing
-from ..convert.scene import convert, fitted
+from ..convert.scene import convert, find_framing
 from ..cycles.bake import Baker
 from ..cycles.world import CyclesWorld
 from ..progress.plan import Plan
@@ -85,17 +85,15 @@ class Layer:
         """The scene at another moment of the frame, fitted as the frame is."""
         return self._convert(lambda own: framing)
 
-    def _convert(self, steady: Callable[[Framing], Framing]) -> RenderScene:
+    def _convert(self, choose_framing: Callable[[Framing], Framing]) -> RenderScene:
         with Baker(self.depsgraph) if self.settings.bake_unknown else nullcontext() as baker:
-            return convert(self.depsgraph, self._full_view(), token_budget=self.settings.token_budget,
-                           max_edge=self.settings.max_edge, report=self.report, steady=steady,
-                           by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status), baker=baker,
-                           as_is=self.settings.as_is, paper_lamps=self.settings.paper_lamps)
+            return convert(self.depsgraph, self._full_view(), self.settings.conversion, self.report,
+                           choose_framing=choose_framing, baker=baker,
+                           cycles_world=CyclesWorld(self.engine, self.depsgraph, self.status))
 
     def _find_framing(self) -> Framing:
-        return fitted(self.depsgraph, self._full_view(), token_budget=self.settings.token_budget,
-                      max_edge=self.settings.max_edge,
-                      by_cycles=CyclesWorld(self.engine, self.depsgraph, self.status), as_is=self.settings.as_is)
+        return find_framing(self.depsgraph, self._full_view(), self.settings.conversion,
+                            cycles_world=CyclesWorld(self.engine, self.depsgraph, self.status))
 
     def _full_view(self) -> View:
         """The view of the whole picture, whatever part of it is rendered."""

@@ -17,7 +17,7 @@ from ...model.errors import CheckpointError, RenderCancelled, SceneError
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
 from ..convert.camera.eyes import count_views
-from ..convert.data.report import SOME, Remark, Report
+from ..convert.data.report import SOME, Remark, Report, grouped
 from ..convert.scene import convert
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible
@@ -101,7 +101,7 @@ def state_of(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple:
 
 def as_text(scene: bpy.types.Scene) -> str:
     latest = last.get(scene.name)
-    return "" if latest is None else "\n".join([*latest.lines, *map(str, latest.remarks)])
+    return "" if latest is None else "\n".join([*latest.lines, *map(str, grouped(latest.remarks))])
 
 
 def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Preflight:
@@ -134,11 +134,9 @@ def _inspect(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: 
     width, height = frame_size(blenders)
     border = render_border(width, height, blenders)
     view = convert_camera(depsgraph, width, height, border, report)
-    converted = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
-                        max_edge=settings.max_edge, report=report,
-                        by_cycles=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None,
-                        baker=Promise() if settings.bake_unknown else None, as_is=settings.as_is,
-                        paper_lamps=settings.paper_lamps)
+    converted = convert(depsgraph, convert_camera(depsgraph, width, height, None), settings.conversion, report,
+                        cycles_world=ExpectedWorld() if is_possible(depsgraph.scene_eval) else None,
+                        baker=Promise() if settings.bake_unknown else None)
     _report_differences(depsgraph, report)
     converting, count, loaded = time.perf_counter() - begin, count_layers(scene), model_cache.is_loaded()
     with_lobes = pass_table.is_light_requested(depsgraph.view_layer_eval, settings.light_passes)

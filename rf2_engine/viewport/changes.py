@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import bpy
 
-from ..convert.copying.kept import Kept
+from ..convert.copying.cache import CopyCache
 
 CAMERA = {"CAMERA"}
 OF_WORLDS = bpy.types.World, bpy.types.Image, bpy.types.Texture
@@ -39,11 +39,11 @@ class Changes:
     def add_everything(self) -> None:
         self.everything = self.anything = True
 
-    def drop_from(self, kept: Kept) -> Kept:
+    def drop_from(self, cache: CopyCache) -> CopyCache:
         """What still holds of what was read."""
         if self.everything:
-            return Kept()
-        kept.drop(self.geometry, self.images)
+            return CopyCache()
+        cache.drop(self.geometry, self.images)
         if self.world:
-            kept.world = None
-        return kept
+            cache.world = None
+        return cache

@@ -14,12 +14,11 @@ from ...model.light.effort import FULL, QUICK
 from ...model.light.reflections import with_ends
 from ...model.rays import Rays
 from ...model.scene import RenderScene, View
-from ..convert import compute
-from ..convert.data.copied import Copied
-from ..convert.data.memo import Memo
+from ..convert.compute import compute
+from ..convert.data.cache import ConversionCache
+from ..convert.data.copied import CopiedScene
 from ..convert.data.report import Report
-from ..convert.fitting.framing import Framing
-from ..convert.fitting.scene_box import fit_box
+from ..convert.fitting.framing import Framing, fit_box
 from ..frame import output
 from ..frame.shot import has_left
 from ..runtime import model_cache
@@ -79,25 +78,23 @@ class PreparedScene:
         return self.scene.triangles[self.scene.is_seen].reshape(-1, 3)
 
 
-def prepare_scene(copied: Copied, state: State, view: View, settings: ViewportSettings, before: PreparedScene | None,
-                  report: Report, memo: Memo) -> PreparedScene:
+def prepare_scene(copied: CopiedScene, state: State, view: View, settings: ViewportSettings,
+                  before: PreparedScene | None, report: Report, cache: ConversionCache) -> PreparedScene:
     """Convert and encode a copy of a scene, for this view and those like it, as a draft where the network has drafts.
 
     before: the scene that was shown until now, whose box and shares of triangles stay as long as they fit.
-    memo: of earlier conversions.
+    cache: of earlier conversions.
     """
     frame, framing = settings.frame, None
 
-    def steady(own: Framing) -> Framing:
+    def choose_framing(own: Framing) -> Framing:
         nonlocal framing
         framing = before.framing if before and before.settings.frame.as_is == frame.as_is and not has_left(
             before.framing.box, own.box) else own
         return framing
 
     with progress.part(0.0, 0.4, "Converting the scene"):
-        scene = compute.compute(copied, view, token_budget=frame.token_budget, max_edge=frame.max_edge,
-                                as_is=frame.as_is, paper_lamps=frame.paper_lamps,
-                                report=report, steady=steady, memo=memo)
+        scene = compute(copied, view, frame.conversion, report, choose_framing=choose_framing, cache=cache)
     content = model_cache.fingerprint(scene)
     if before and before.content == content and before.settings.scene_key == settings.scene_key:
         return replace(before, state=state, framing=framing)

@@ -11,8 +11,8 @@ import numpy as np
 from ...model import progress
 from ...model.compute import threads
 from ...model.errors import RenderCancelled
-from ..convert.data.copied import Copied
-from ..convert.data.memo import Memo
+from ..convert.data.cache import ConversionCache
+from ..convert.data.copied import CopiedScene
 from ..convert.data.report import Report
 from ..runtime import failure, model_cache
 from ..runtime.worker import Stopped
@@ -32,7 +32,7 @@ PATIENCE = 2.0    # seconds that a piece of work for an older request may still 
 class Request:
     """What a viewport is to show."""
 
-    copied: Copied
+    copied: CopiedScene
     state: State  # of the source that was copied
     view: RegionView
     settings: ViewportSettings
@@ -73,7 +73,7 @@ class Session:
         self.error = ""
         self.activity = ""                 # what the worker does for it now
         self._activity_since = 0.0
-        self._memo = Memo()
+        self._cache = ConversionCache()
         self.redraw = redraw
         self._scene: PreparedScene | None = None
         self._failed_request: Request | None = None
@@ -99,7 +99,7 @@ class Session:
 
     def close(self) -> None:
         """The viewport is gone."""
-        self.closed, self.request, self.displayed, self._memo = True, None, None, Memo()
+        self.closed, self.request, self.displayed, self._cache = True, None, None, ConversionCache()
         self.forget()
 
     def forget(self) -> None:
@@ -176,7 +176,7 @@ class Session:
         points = before.visible_corners if before else np.zeros((0, 3))
         full_view = request.view.view(1, points)
         self._scene = prepare_scene(request.copied, request.state, full_view, request.settings, before, Report(),
-                                    self._memo)
+                                    self._cache)
         if before is None:
             self._fitted_view = request.view
         self._refit_request, self._last_drawn, self.error, self._undrawn_request = None, None, "", request

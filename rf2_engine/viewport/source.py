@@ -9,9 +9,9 @@ from collections.abc import Callable
 import bpy
 
 from ...model import progress
-from ..convert.copying.kept import Kept
+from ..convert.copying.cache import CopyCache
 from ..convert.copying.scene import copy
-from ..convert.data.copied import Copied
+from ..convert.data.copied import CopiedScene
 from ..convert.data.report import Report
 from ..runtime import failure
 from .changes import Changes
@@ -33,10 +33,10 @@ class Source:
 
     def __init__(self) -> None:
         self.changes = Changes(everything=True, anything=True)
-        self.copied: Copied | None = None
+        self.copied: CopiedScene | None = None
         self.version = 0                # of the copy; 0: none yet
         self.error = ""                 # why it could not be copied
-        self._kept = Kept()
+        self._cache = CopyCache()
         self._number = next(_numbers)
 
     @property
@@ -52,17 +52,17 @@ class Source:
         """
         if not self.changes.anything:
             return True
-        self._kept = self.changes.drop_from(self._kept)
+        self._cache = self.changes.drop_from(self._cache)
         self.changes = Changes(anything=True)
-        begin, read = time.perf_counter(), len(self._kept)
+        begin, read = time.perf_counter(), len(self._cache)
 
         def listen(*_) -> None:
-            if time.perf_counter() - begin > SLICE and len(self._kept) > read:
+            if time.perf_counter() - begin > SLICE and len(self._cache) > read:
                 raise _SliceOver()
 
         try:
             with progress.reporting(listen):
-                copied = copy(depsgraph, Report(), kept=self._kept, hides=hides or (lambda obj: False))
+                copied = copy(depsgraph, Report(), cache=self._cache, hides=hides or (lambda obj: False))
         except _SliceOver:
             return False
         except Exception as error:

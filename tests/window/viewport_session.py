@@ -269,11 +269,11 @@ def several():
     bpy.data.objects["Cube"].select_set(True)
     call(bpy.ops.view3d.localview)
     yield from settled()
-    found["local"] = len(shown().request.copied.things)
+    found["local"] = len(shown().request.copied.objects)
     driver.shot("local")
     call(bpy.ops.view3d.localview)
     yield from settled()
-    found["global"] = len(shown().request.copied.things)
+    found["global"] = len(shown().request.copied.objects)
 
 
 def misuse():

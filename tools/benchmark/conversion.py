@@ -68,13 +68,14 @@ def _measured(budget: int, published: dict[int, float]) -> dict:
 
     from renderformer_v2.model import progress
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+    from renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
     from renderformer_v2.rf2_engine.convert.data.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert
     depsgraph = bpy.context.evaluated_depsgraph_get()
+    options = ConversionOptions(budget, bpy.context.scene.renderformer_v2.max_edge)
     view, looks = convert_camera(depsgraph, RESOLUTION, RESOLUTION, None), [time.perf_counter()]
     with progress.reporting(lambda *_: looks.append(time.perf_counter())):
-        tokens = len(convert(depsgraph, view, token_budget=budget, report=Report(),
-                             max_edge=bpy.context.scene.renderformer_v2.max_edge))
+        tokens = len(convert(depsgraph, view, options, Report()))
     looks.append(time.perf_counter())
     seconds = looks[-1] - looks[0]
     return {"triangles": sum(map(_triangles, depsgraph.object_instances)), "budget": budget, "remaining": tokens,

@@ -16,6 +16,7 @@ from renderformer_v2.model.light.reflections import with_ends  # noqa: E402
 from renderformer_v2.model.scene import Guides, RenderScene, View  # noqa: E402
 from renderformer_v2.rf2_engine import passes as pass_table  # noqa: E402
 from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera  # noqa: E402
+from renderformer_v2.rf2_engine.convert.data.options import ConversionOptions  # noqa: E402
 from renderformer_v2.rf2_engine.convert.data.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
 from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa: E402
@@ -73,8 +74,8 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     start = time.perf_counter()
     view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None)
     if sample.scene is None:
-        sample.scene = convert(depsgraph, view, token_budget=sample.token_budget, max_edge=MAX_EDGE,
-                               report=sample.report, by_cycles=CyclesWorld(engine, depsgraph, Status(engine)))
+        sample.scene = convert(depsgraph, view, ConversionOptions(sample.token_budget, MAX_EDGE), sample.report,
+                               cycles_world=CyclesWorld(engine, depsgraph, Status(engine)))
     converted = time.perf_counter()
     cycles = depsgraph.scene_eval.cycles
     clamp, cycles.sample_clamp_indirect = cycles.sample_clamp_indirect, 0.0

@@ -10,7 +10,7 @@ from ....model.errors import SceneError
 from ....model.scene import View
 from . import orthographic
 from .eyes import Eye, own_eye
-from .panoramic import panorama_of
+from .panoramic import read_panorama
 
 
 def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, int, int] | None,
@@ -33,7 +33,7 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
                          "to Perspective, Orthographic or Panoramic in Camera Properties > Lens")
     camera_to_world, mirror = rigid(eye.matrix, camera.name, report)
     if camera.data.type == "PANO":
-        panorama = panorama_of(camera, eye.shift_x, width, height, scene.render)
+        panorama = read_panorama(camera, eye.shift_x, width, height, scene.render)
         fine = panorama.pixels_per_radian
         return _cut(View(camera_to_world.astype(np.float32), np.float32([fine * mirror, fine]),
                          np.float32([width, height]) / 2, width, height, round(2 * fine), panorama=panorama), border)
@@ -41,7 +41,7 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
     if not (np.isfinite(projection).all() and projection[0, 0] and projection[1, 1]):
         raise SceneError(f'Camera "{camera.name}" sees nothing: set its Clip End beyond its Clip Start')
     if camera.data.type == "ORTHO":
-        projection = orthographic.as_perspective(projection, camera_to_world, depsgraph)
+        projection = orthographic.to_perspective(projection, camera_to_world, depsgraph)
         if report is not None:
             report.approximated(camera.name, "orthographic camera is rendered as a distant perspective camera")
     scale = np.array([projection[0, 0], projection[1, 1]])

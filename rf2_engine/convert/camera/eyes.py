@@ -32,7 +32,7 @@ def eyes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> list
     views = view_names(engine)
     if views == [""]:
         return [own_eye(depsgraph)]
-    found = []
+    result = []
     for view in views:
         engine.active_view_set(view)
         camera = engine.camera_override
@@ -41,9 +41,9 @@ def eyes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> list
                              "ends in its suffix")
         if engine.use_spherical_stereo(camera):
             raise SceneError(no_spherical_stereo(camera))
-        found.append(Eye(camera, np.array(engine.camera_model_matrix(camera), np.float64),
-                         engine.camera_shift_x(camera), view))
-    return found
+        result.append(Eye(camera, np.array(engine.camera_model_matrix(camera), np.float64),
+                          engine.camera_shift_x(camera), view))
+    return result
 
 
 def has_spherical_stereo(camera: bpy.types.Object | None) -> bool:

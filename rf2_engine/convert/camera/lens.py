@@ -13,8 +13,8 @@ from ....model.camera import shift_in_lens
 from ....model.scene import View
 from .eyes import Eye
 
-GOLDEN, PLASTIC = 0.6180339887, 0.7548776662  # parts of a turn, or of a whole, that spread whatever steps by them
-NEAREST = 1e-3   # world units, of what can be in focus: nearer it is the lens itself
+GOLDEN, PLASTIC = 0.6180339887, 0.7548776662  # parts of a turn, or of a whole, whose multiples are spread evenly
+NEAREST = 1e-3   # world units, least focus distance
 POSE = ("location", "rotation_euler", "rotation_quaternion", "scale")  # follow the matrix when that is set
 
 
@@ -52,7 +52,7 @@ class Lens:
         return self.radius * points[np.argsort(index * PLASTIC % 1)]
 
     def view(self, pinhole: View, point: np.ndarray) -> View:
-        """What is seen from a point (2,) of the lens in whose centre `pinhole` is."""
+        """The view from a point (2,) of the lens, whose center is that of `pinhole`."""
         offset, focus = point @ self.axes[:2], self.focus
         if self.camera.data.type == "ORTHO":  # its stand-in is farther away, and moves farther for rays to lean as much
             focus += (pinhole.camera_to_world[:3, 3] - self.axes[3]) @ pinhole.camera_to_world[:3, 2]
@@ -79,10 +79,10 @@ class Lens:
 def _focus_distance(dof, axes: np.ndarray) -> float:
     if dof.focus_object is None:
         return dof.focus_distance
-    place, bone = dof.focus_object.matrix_world, dof.focus_subtarget
+    matrix, bone = dof.focus_object.matrix_world, dof.focus_subtarget
     if dof.focus_object.type == "ARMATURE" and bone in dof.focus_object.pose.bones:
-        place = place @ dof.focus_object.pose.bones[bone].matrix
-    return abs(float(axes[2] @ (axes[3] - np.array(place.translation))))
+        matrix = matrix @ dof.focus_object.pose.bones[bone].matrix
+    return abs(float(axes[2] @ (axes[3] - np.array(matrix.translation))))
 
 
 def _circle(angle: np.ndarray) -> np.ndarray:

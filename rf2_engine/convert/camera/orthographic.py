@@ -6,17 +6,17 @@ import numpy as np
 
 # A perspective camera this many frame widths away sees an object one frame deep with 1 % of perspective.
 DISTANCE = 100.0
-DEPTHS = 10.0  # at least so many times as far away as what is seen is deep: 5 % of perspective at either end
-SEEN = {"MESH", "VOLUME", "CURVES", "POINTCLOUD"}
+DEPTHS = 10.0  # distance at least, in depths of the visible scene: 5 % of perspective at either end
+VISIBLE = {"MESH", "VOLUME", "CURVES", "POINTCLOUD"}
 FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # of a Blender bound_box
 
 
-def as_perspective(projection: np.ndarray, camera_to_world: np.ndarray, depsgraph) -> np.ndarray:
-    """The matrix (4, 4) in place of an orthographic `projection`; the framing in the middle of what is seen stays.
+def to_perspective(projection: np.ndarray, camera_to_world: np.ndarray, depsgraph) -> np.ndarray:
+    """The matrix (4, 4) that replaces an orthographic `projection`; the framing at the middle depth is kept.
 
     Moves `camera_to_world` (4, 4) back in place, behind everything that is in the picture.
     """
-    heights = _heights_seen(projection @ np.linalg.inv(camera_to_world), depsgraph)
+    heights = _visible_depths(projection @ np.linalg.inv(camera_to_world), depsgraph)
     nearest, farthest = (projection[2, 3] - heights) / projection[2, 2]
     frame = 2 / min(abs(projection[0, 0]), abs(projection[1, 1]))
     distance = max(DISTANCE * frame, DEPTHS * (farthest - nearest))
@@ -27,32 +27,32 @@ def as_perspective(projection: np.ndarray, camera_to_world: np.ndarray, depsgrap
     return perspective
 
 
-def _heights_seen(to_clip: np.ndarray, depsgraph) -> np.ndarray:
+def _visible_depths(to_clip: np.ndarray, depsgraph) -> np.ndarray:
     """(2,) normalised depths, -1 to 1 between the clip distances, that hold the boxes of all that is in the picture."""
-    found = [[]]
+    depths = [[]]
     for instance in depsgraph.object_instances:
         obj = instance.object
-        if obj.type in SEEN and instance.show_self and obj.visible_camera:
-            placed = to_clip @ np.array(instance.matrix_world)
-            box = np.array(obj.bound_box) @ placed[:3, :3].T + placed[:3, 3]
-            found.append(_heights_inside(box) if np.isfinite(box).all() else [])
-    found = np.concatenate(found)
-    return np.array([found.min(), found.max()] if len(found) else [-1.0, -1.0])
+        if obj.type in VISIBLE and instance.show_self and obj.visible_camera:
+            to_picture = to_clip @ np.array(instance.matrix_world)
+            box = np.array(obj.bound_box) @ to_picture[:3, :3].T + to_picture[:3, 3]
+            depths.append(_depths_inside(box) if np.isfinite(box).all() else [])
+    depths = np.concatenate(depths)
+    return np.array([depths.min(), depths.max()] if len(depths) else [-1.0, -1.0])
 
 
-def _heights_inside(box: np.ndarray) -> np.ndarray:
+def _depths_inside(box: np.ndarray) -> np.ndarray:
     """Last coordinates of a box (8, 3), cut off where it leaves the cube from -1 to 1; empty if it lies outside."""
     if (np.abs(box) <= 1).all():
         return box[:, 2]
     if (box > 1).all(axis=0).any() or (box < -1).all(axis=0).any():
         return np.zeros(0)
-    found = []
+    depths = []
     for face in FACES:
         polygon = box[list(face)]
         for axis, side in np.ndindex(3, 2):
             polygon = _cut(polygon, 1 - (2 * side - 1) * polygon[:, axis])
-        found.append(polygon[:, 2])
-    return np.concatenate(found)
+        depths.append(polygon[:, 2])
+    return np.concatenate(depths)
 
 
 def _cut(polygon: np.ndarray, inside: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The projection of a panoramic camera, as Cycles has it."""
+"""The projection of a panoramic camera, as in Cycles."""
 from __future__ import annotations
 
 import bpy
@@ -8,8 +8,8 @@ from ....model.errors import SceneError
 from ....model.panorama import PROJECTIONS, Panorama
 
 
-def panorama_of(camera: bpy.types.Object, shift_x: float, width: int, height: int,
-                settings: bpy.types.RenderSettings) -> Panorama:
+def read_panorama(camera: bpy.types.Object, shift_x: float, width: int, height: int,
+                  settings: bpy.types.RenderSettings) -> Panorama:
     """For a picture of `width` x `height` pixels. Raises SceneError for what sees nothing, or is not known."""
     data = camera.data
     if data.panorama_type not in PROJECTIONS:
@@ -42,7 +42,7 @@ def _numbers(data: bpy.types.Camera, width: int, height: int, settings: bpy.type
 
 def _sensor(data: bpy.types.Camera, width: int, height: int,
             settings: bpy.types.RenderSettings) -> tuple[float, float]:
-    """Width and height in mm of what the picture covers of it."""
+    """Width and height in mm of the part of the sensor that the picture covers."""
     wide, tall = width * settings.pixel_aspect_x, height * settings.pixel_aspect_y
     if data.sensor_fit == "VERTICAL":
         return data.sensor_height * wide / tall, data.sensor_height

@@ -19,8 +19,8 @@ def _rounded(mean: np.ndarray) -> np.ndarray:
 EDGES = {"BOOLEAN": np.ceil, "INT": _rounded, "INT8": _rounded}  # what becomes of their mean at a vertex
 
 
-class Asked:
-    """The names in the Attribute nodes of what is evaluated, by kind, and values of the view layer that is rendered."""
+class RequestedAttributes:
+    """The names in all Attribute nodes, by kind, and their values of the rendered view layer."""
 
     def __init__(self, depsgraph):
         self.names: dict[str, set[str]] = {kind: set() for kind in (MESH, OBJECT, INSTANCER, VIEW_LAYER)}
@@ -29,48 +29,48 @@ class Asked:
                 if node.bl_idname == "ShaderNodeAttribute":
                     self.names[node.attribute_type].add(node.attribute_name)
         scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-        self.of_view_layer = _first(self.names[VIEW_LAYER], layer, scene, scene.world)
-        self.instances: dict[int, _Instances] = {}  # by pointer of what instances them
+        self.view_layer_properties = _first(self.names[VIEW_LAYER], layer, scene, scene.world)
+        self.instances: dict[int, _Instances] = {}  # by pointer of the instancer
 
-    def of_object(self, obj) -> dict[str, tuple]:
+    def read_object(self, obj) -> dict[str, tuple]:
         return _first(self.names[OBJECT], obj, obj.data)
 
-    def of_instancer(self, instance) -> dict[str, tuple]:
+    def read_instancer(self, instance) -> dict[str, tuple]:
         """Of a DepsgraphObjectInstance: what it has itself, its particles, the instancer, its own object."""
         if not self.names[INSTANCER]:
             return {}
         system = instance.particle_system if instance.is_instance else None
-        found = _first(self.names[INSTANCER], system and system.settings, instance.parent, instance.object,
-                       instance.object.data)
-        return found | (self._of_instance(instance) if instance.is_instance and instance.parent else {})
+        properties = _first(self.names[INSTANCER], system and system.settings, instance.parent, instance.object,
+                            instance.object.data)
+        return properties | (self._read_geometry_nodes(instance) if instance.is_instance and instance.parent else {})
 
-    def _of_instance(self, instance) -> dict[str, tuple]:
+    def _read_geometry_nodes(self, instance) -> dict[str, tuple]:
         """Attributes that geometry nodes have given to an instance."""
         parent = instance.parent
         if parent.as_pointer() not in self.instances:
             self.instances[parent.as_pointer()] = _Instances(parent, self.names[INSTANCER])
-        found = self.instances[parent.as_pointer()]
-        if not found.values or not len(found.matrices):
+        instances = self.instances[parent.as_pointer()]
+        if not instances.values or not len(instances.matrices):
             return {}
-        index = found.index(instance)
-        return {name: tuple(rows[index].tolist()) for name, rows in found.values.items()}
+        index = instances.index(instance)
+        return {name: tuple(rows[index].tolist()) for name, rows in instances.values.items()}
 
 
-def of_mesh(mesh, names, loop: np.ndarray, vertex: np.ndarray, polygon: np.ndarray) -> dict[str, np.ndarray]:
+def read_attributes(mesh, names, loop: np.ndarray, vertex: np.ndarray, polygon: np.ndarray) -> dict[str, np.ndarray]:
     """(n, 3, c) f32 of the attributes called `names`, and of all colour attributes, at the corners of n triangles.
 
     loop, vertex: (n, 3), polygon: (n,) where their values lie. Values of edges go to the ends, as in Cycles.
     """
     names = {*names, *(attribute.name for attribute in mesh.color_attributes)}
-    found = {}
+    result = {}
     for attribute in mesh.attributes:
         if attribute.name not in names or (values := _values(attribute)) is None:
             continue
         if attribute.domain == "EDGE":
             values = EDGES.get(attribute.data_type, np.asarray)(_at_vertices(mesh, values)).astype(np.float32)
         index = {"CORNER": loop, "FACE": np.repeat(polygon[:, None], 3, axis=1)}.get(attribute.domain, vertex)
-        found[attribute.name] = values[index]
-    return found
+        result[attribute.name] = values[index]
+    return result
 
 
 def _at_vertices(mesh, values: np.ndarray) -> np.ndarray:
@@ -103,40 +103,40 @@ class _Instances:
 
     def __init__(self, obj, names):
         self.matrices, self.values, self.searches = np.zeros((0, 4, 4)), {}, 0
-        whole = obj.evaluated_geometry()  # which owns the cloud
-        cloud = whole.instances_pointcloud()
+        geometry = obj.evaluated_geometry()  # which owns the cloud
+        cloud = geometry.instances_pointcloud()
         if cloud is None or (transform := cloud.attributes.get("instance_transform")) is None:
             return
         self.matrices = _stored(transform, "value", 16, np.float32).reshape(-1, 4, 4).transpose(0, 2, 1)
-        found = {name: _values(cloud.attributes[name]) for name in names if name in cloud.attributes}
-        self.values = {name: values for name, values in found.items() if values is not None}
+        attributes = {name: _values(cloud.attributes[name]) for name in names if name in cloud.attributes}
+        self.values = {name: values for name, values in attributes.items() if values is not None}
         count, ids = len(self.matrices), cloud.attributes.get("id")
         numbers = range(count) if ids is None else _stored(ids, "value", 1, np.int32).tolist()
-        self._known = dict(zip(reversed(numbers), reversed(range(count)), strict=True))  # the first of those alike
+        self._indices = dict(zip(reversed(numbers), reversed(range(count)), strict=True))  # the first of those alike
         self._last = -1
 
     def index(self, instance) -> int:
-        """Which of them a DepsgraphObjectInstance is, or belongs to: those of an object come in their order."""
+        """Index of a DepsgraphObjectInstance, or of the one that it belongs to; those of an object come in order."""
         number = [part for part in instance.persistent_id if part != UNUSED][-1]
-        if number not in self._known:  # Blender gives those with the number of another one of their own
+        if number not in self._indices:  # Blender gives those with the number of another one of their own
             own = np.array(instance.parent.matrix_world.inverted_safe() @ instance.matrix_world)
             index = self._last + 1
             if index == len(self.matrices) or np.abs(self.matrices[index] - own).max() > CLOSE:
                 self.searches += 1
                 index = int(np.abs(self.matrices - own).max(axis=(1, 2)).argmin())
-            self._known[number] = index
-        self._last = self._known[number]
+            self._indices[number] = index
+        self._last = self._indices[number]
         return self._last
 
 
 def _first(names, *blocks) -> dict[str, tuple]:
     """By name the custom property, or else the property of Blender's own, of the first block that has it."""
-    found = {}
+    properties = {}
     for name in names:
         values = (_property(block, name) for block in blocks if block is not None)
         if (value := next((value for value in values if value is not None), None)) is not None:
-            found[name] = value
-    return found
+            properties[name] = value
+    return properties
 
 
 def _property(block, name: str) -> tuple | None:

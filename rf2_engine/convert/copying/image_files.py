@@ -16,7 +16,7 @@ from ... import main_thread
 from ..data.images import FIRST_TILE, TILES_IN_A_ROW
 
 
-def stored_pixels(image, frame: int | None = None, tile: int | None = None) -> np.ndarray | None:
+def read_pixels(image, frame: int | None = None, tile: int | None = None) -> np.ndarray | None:
     """(h, w, 4) f32 as stored (floats: scene-linear), row 0 at the bottom; None when they cannot be read."""
     if frame is not None:
         return _of_file(image, of_frame(bpy.path.abspath(image.filepath, library=image.library), frame))
@@ -39,7 +39,7 @@ def of_tile(path: str, tile: int) -> str:
 
 
 def of_frame(path: str, frame: int) -> str:
-    """The path with another number in the place of the last one in its name."""
+    """The path with the last number of its name replaced."""
     parent, name = Path(path).parent, Path(path).name
     numbers = list(re.finditer(r"\d+", Path(name).stem))
     if not numbers:
@@ -62,7 +62,7 @@ def scene_linear(colors: np.ndarray, space: str) -> np.ndarray:
     """(..., 3) colours of a colour space as the file's scene-linear ones, by Blender's own colour management."""
     flat = np.ones((colors.size // 3, 4), np.float32)
     flat[:, :3] = colors.reshape(-1, 3)
-    found = np.empty(flat.size, np.float32)
+    linear = np.empty(flat.size, np.float32)
 
     def convert():
         image = bpy.data.images.new("Colours", len(flat), 1, alpha=True, float_buffer=True)
@@ -72,23 +72,23 @@ def scene_linear(colors: np.ndarray, space: str) -> np.ndarray:
             image.file_format = "OPEN_EXR"
             image.pack()
             image.colorspace_settings.name = space  # reads what is packed once more
-            image.pixels.foreach_get(found)
+            image.pixels.foreach_get(linear)
         finally:
             bpy.data.images.remove(image)
 
     main_thread.call(convert)
-    return found.reshape(-1, 4)[:, :3].reshape(colors.shape)
+    return linear.reshape(-1, 4)[:, :3].reshape(colors.shape)
 
 
 def _of_file(like, path: str) -> np.ndarray | None:
     """Of another file, read as the image is."""
-    found = []
+    pixels = []
 
     def load():
         image = bpy.data.images.load(path)
         try:
             image.colorspace_settings.name, image.alpha_mode = like.colorspace_settings.name, like.alpha_mode
-            found.append(_pixels(image))
+            pixels.append(_pixels(image))
         finally:
             bpy.data.images.remove(image)
 
@@ -96,7 +96,7 @@ def _of_file(like, path: str) -> np.ndarray | None:
         main_thread.call(load)
     except RuntimeError:  # there is no such file, or it is none of a picture
         return None
-    return found[0]
+    return pixels[0]
 
 
 def _pixels(image) -> np.ndarray | None:

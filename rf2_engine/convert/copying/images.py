@@ -8,7 +8,7 @@ from ....model import progress
 from ....model.color import srgb_to_linear
 from ... import compat
 from ..data.images import MISSING, Picture, Pyramid, area_resample
-from .image_files import frame_number, scene_linear, stored_pixels
+from .image_files import frame_number, read_pixels, scene_linear
 
 DATA_SPACES = {"Non-Color", "Raw", "data"}
 LINEAR_SPACES = {"Linear", "scene_linear"}
@@ -18,11 +18,11 @@ MAX_SIZE = 2048
 class Images:
     """The images of one conversion, each read and reduced once."""
 
-    def __init__(self, frame: int, known: dict | None = None):
-        """frame: of the scene that is rendered, which image sequences show; known: those that were read before, by
-        session_uid and how they are read."""
+    def __init__(self, frame: int, cache: dict | None = None):
+        """frame: of the scene that is rendered, which image sequences show; cache: images that were read
+        before, by session_uid and how they are read."""
         self.frame = frame
-        self._known: dict[tuple, tuple[Pyramid, str]] = {} if known is None else known
+        self._cache: dict[tuple, tuple[Pyramid, str]] = {} if cache is None else cache
 
     def picture(self, node) -> Picture:
         """What an Image Texture or Environment Texture shows."""
@@ -31,24 +31,24 @@ class Images:
             return Picture("", {None: _magenta()}, {None: "an Image Texture node has no image, so it is magenta"})
         frame = frame_number(node.image_user, self.frame) if image.source == "SEQUENCE" else None
         is_flat = node.bl_idname == "ShaderNodeTexImage"
-        straight = is_flat and node.outputs["Alpha"].is_linked  # only for those who ask for alpha
+        straight = is_flat and node.outputs["Alpha"].is_linked  # only where alpha is used
         tiles = [tile.number for tile in image.tiles] if is_flat and image.source == "TILED" else [None]
-        found = {tile: self._read(image, straight, frame, tile) for tile in tiles}
-        return Picture(image.source, {tile: pyramid for tile, (pyramid, _) in found.items()},
-                       {tile: remark for tile, (_, remark) in found.items() if remark})
+        tiles_read = {tile: self._read(image, straight, frame, tile) for tile in tiles}
+        return Picture(image.source, {tile: pyramid for tile, (pyramid, _) in tiles_read.items()},
+                       {tile: remark for tile, (_, remark) in tiles_read.items() if remark})
 
     def _read(self, image, straight: bool, frame: int | None, tile: int | None) -> tuple[Pyramid, str]:
         """And what to say where it cannot be read."""
         key = image.session_uid, straight, frame, tile
-        if key not in self._known:
+        if key not in self._cache:
             progress.report()
-            pixels, remark = stored_pixels(image, frame, tile), ""
+            pixels, remark = read_pixels(image, frame, tile), ""
             if pixels is None:
                 which = f", frame {frame}" if frame is not None else f", tile {tile}" if tile is not None else ""
                 remark = (f'image "{image.name}"{which} cannot be read from "{image.filepath}", so it is magenta: '
                           "relink the file")
-            self._known[key] = _magenta() if pixels is None else _reduced(_as_cycles(image, pixels, straight)), remark
-        return self._known[key]
+            self._cache[key] = _magenta() if pixels is None else _reduced(_as_cycles(image, pixels, straight)), remark
+        return self._cache[key]
 
 
 def _magenta() -> Pyramid:

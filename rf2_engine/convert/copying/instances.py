@@ -8,45 +8,44 @@ import numpy as np
 
 from ....model import progress
 from ... import compat
-from ..data.copied import Copied, Grid, LampInstance, Surface
-from ..data.instance import Particle, Place
+from ..data.copied import CopiedMesh, CopiedScene, Grid, LampInstance
+from ..data.instance import Instance, Particle
 from ..data.mesh import TriangleMesh
 from ..data.report import AS_GOOD_AS_INFINITE
 from ..shading.noise.hashing import LARGEST, jenkins
 from . import strands
-from .attributes import MESH, Asked
+from .attributes import MESH, RequestedAttributes
 from .blocks import Blocks
-from .kept import Kept
-from .light_linking import dark_emitters
+from .cache import CopyCache
 from .meshes import material_slots
-from .visibility import gas_domain, is_shown
+from .visibility import find_dark_emitters, gas_domain, is_shown
 from .volumes import gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
                    "SPEAKER"}
-STRANDS = {"CURVES": strands.curves_mesh, "POINTCLOUD": strands.cloud_mesh}
+STRANDS = {"CURVES": strands.read_curves, "POINTCLOUD": strands.read_point_cloud}
 DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
 
 
-def add_instances(copied: Copied, depsgraph, blocks: Blocks, report, kept: Kept, hides: Callable) -> None:
+def add_instances(copied: CopiedScene, depsgraph, blocks: Blocks, report, cache: CopyCache, hides: Callable) -> None:
     """Everything that `depsgraph.object_instances` shows, each evaluated mesh read once.
 
     hides: says of an original object that it is not shown, nor what it instances.
     """
-    _Walk(copied, depsgraph, blocks, report, kept, hides).run()
+    _Walk(copied, depsgraph, blocks, report, cache, hides).run()
 
 
 class _Walk:
-    def __init__(self, copied: Copied, depsgraph, blocks: Blocks, report, kept: Kept, hides: Callable):
+    def __init__(self, copied: CopiedScene, depsgraph, blocks: Blocks, report, cache: CopyCache, hides: Callable):
         self.copied, self.depsgraph, self.blocks, self.report = copied, depsgraph, blocks, report
-        self.kept, self.hides = kept, hides
+        self.cache, self.hides = cache, hides
         self.layer = depsgraph.view_layer_eval
-        self.dark = dark_emitters(depsgraph, report)
-        self.asked = Asked(depsgraph)
+        self.dark = find_dark_emitters(depsgraph, report)
+        self.requested = RequestedAttributes(depsgraph)
         self._read: dict[tuple, TriangleMesh] = {}
         self._grids: dict[tuple, dict[str, Grid]] = {}
-        self._surfaces: dict[tuple, Surface] = {}
+        self._surfaces: dict[tuple, CopiedMesh] = {}
         self._shown: dict[tuple, bool] = {}
 
     def run(self) -> None:
@@ -56,7 +55,7 @@ class _Walk:
                 progress.report()
                 if instance.show_self and not self._is_hidden(instance):
                     self._add(instance)
-        self.kept.meshes.drop_unused()
+        self.cache.meshes.drop_unused()
 
     def _is_hidden(self, instance) -> bool:
         host = instance.parent if instance.is_instance else instance.object
@@ -70,56 +69,56 @@ class _Walk:
         if not (np.abs(matrix) < AS_GOOD_AS_INFINITE).all():
             self.report.refused(obj.name, "its transform has values that are infinite or too large")
         elif obj.type == "VOLUME" or gas_domain(obj):
-            made = gridded(obj, self._slots(obj)[0], self._place(instance), self._grids, self.report)
-            self.copied.things += [made] if made else []
+            volume = gridded(obj, self._slots(obj)[0], self._copy_instance(instance), self._grids, self.report)
+            self.copied.objects += [volume] if volume else []
         elif obj.type == "MESH":
-            self._add_mesh(obj, self._place(instance), instance.matrix_world.is_negative)
+            self._add_mesh(obj, self._copy_instance(instance), instance.matrix_world.is_negative)
         elif obj.type == "LIGHT":
             if obj.original not in self.dark:
                 self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data)))
         elif obj.type in STRANDS:
             if obj.type == "POINTCLOUD" or self.layer.use_strand:
                 self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data),
-                                  self._place(instance))
+                                  self._copy_instance(instance))
         elif obj.type in DRAWINGS:
             self.report.approximated(obj.name, "it is drawn over the picture: it neither lights the scene nor "
                                                "receives light")
         else:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
-    def _place(self, instance) -> Place:
-        return read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.asked)
+    def _copy_instance(self, instance) -> Instance:
+        return read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.requested)
 
     def _is_shown(self, instance) -> bool:
-        """Asked once for all instances of an object by another."""
+        """Evaluated once for all instances of an object by another."""
         obj, parent = instance.object, instance.parent
         key = obj.original.as_pointer(), obj.type, instance.is_instance and parent and parent.original.as_pointer()
         if key not in self._shown:
             self._shown[key] = is_shown(instance, self.layer, self.report)
         return self._shown[key]
 
-    def _add_mesh(self, obj, place: Place, mirrored: bool) -> None:
+    def _add_mesh(self, obj, instance: Instance, mirrored: bool) -> None:
         for system in obj.particle_systems if self.layer.use_strand else ():
             if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-                self._add_strands(obj, system.as_pointer(), lambda s=system: strands.particles_mesh(obj, s), place,
+                self._add_strands(obj, system.as_pointer(), lambda s=system: strands.read_particles(obj, s), instance,
                                   system.settings.material - 1)
         slots, source, is_dark = self._slots(obj), obj.data.as_pointer(), obj.original in self.dark
         key = source, mirrored, obj.visible_camera, is_dark, *slots
         if key not in self._surfaces:
-            self._surfaces[key] = Surface(source, self._mesh(obj, slots), slots, mirrored, obj.visible_camera, is_dark,
-                                          compat.is_diced(obj, self.depsgraph.scene_eval))
-        self.copied.things.append((self._surfaces[key], place))
+            self._surfaces[key] = CopiedMesh(source, self._mesh(obj, slots), slots, mirrored, obj.visible_camera,
+                                             is_dark, compat.is_diced(obj, self.depsgraph.scene_eval))
+        self.copied.objects.append((self._surfaces[key], instance))
 
-    def _add_strands(self, obj, pointer: int, read, place: Place, slot: int = 0) -> None:
-        """Hair or points, which `read` gives as a mesh, wearing the material of a slot."""
+    def _add_strands(self, obj, pointer: int, read, instance: Instance, slot: int = 0) -> None:
+        """Hair or points, which `read` returns as a mesh, with the material of a slot."""
         slots, is_dark = self._slots(obj), obj.original in self.dark
         key = pointer, None, obj.visible_camera, is_dark, *slots
         if key not in self._surfaces:
             self.report.approximated(obj.name, "its hair or points are replaced by fewer and larger ones: their "
                                                "shadows and reflections are coarse where Cycles does not trace them")
-            self._surfaces[key] = Surface(pointer, read(), slots, False, obj.visible_camera, is_dark,
-                                          strands_slot=min(slot, len(slots) - 1))
-        self.copied.things.append((self._surfaces[key], place))
+            self._surfaces[key] = CopiedMesh(pointer, read(), slots, False, obj.visible_camera, is_dark,
+                                             strands_slot=min(slot, len(slots) - 1))
+        self.copied.objects.append((self._surfaces[key], instance))
 
     def _slots(self, obj) -> list:
         override = self.layer.material_override
@@ -128,20 +127,20 @@ class _Walk:
     def _mesh(self, obj, slots: list) -> TriangleMesh:
         key = obj.data.as_pointer(), *slots
         if key not in self._read:
-            self._read[key] = self.kept.meshes.of(obj, self.asked.names[MESH], self.report)
+            self._read[key] = self.cache.meshes.of(obj, self.requested.names[MESH], self.report)
         return self._read[key]
 
 
-def read_instance(instance, frame: float, asked: Asked) -> Place:
+def read_instance(instance, frame: float, requested: RequestedAttributes) -> Instance:
     """Copied from a DepsgraphObjectInstance, which lives for one step of the walk alone."""
     obj = instance.object
     if instance.is_instance:
         random = (instance.random_id & 0xffffffff) / LARGEST
     else:
         random = jenkins(_of_name(obj.name), 0) / LARGEST
-    return Place(np.array(instance.matrix_world, np.float64), obj.name, tuple(obj.color), obj.pass_index,
-               float(random), tuple(instance.orco), tuple(instance.uv), _particle(instance, frame),
-               asked.of_object(obj), asked.of_instancer(instance), asked.of_view_layer)
+    return Instance(np.array(instance.matrix_world, np.float64), obj.name, tuple(obj.color), obj.pass_index,
+                    float(random), tuple(instance.orco), tuple(instance.uv), _particle(instance, frame),
+                    requested.read_object(obj), requested.read_instancer(instance), requested.view_layer_properties)
 
 
 def _particle(instance, frame: float) -> Particle:

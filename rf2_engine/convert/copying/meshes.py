@@ -13,11 +13,10 @@ from . import attributes
 ROUNDING = 1e-6  # of the length of unit vectors
 
 
-def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
+def read_mesh(mesh, name: str, report, requested=()) -> TriangleMesh:
     """Copy an evaluated `bpy.types.Mesh`; `name` is the object that the report mentions.
 
-    asked: names of attributes that materials ask for, besides colours.
-
+    requested: names of attributes that materials read, besides colours.
     Triangles with corners that are not finite, without area, or with the corners of another are left out and reported.
     """
     progress.report()
@@ -25,7 +24,7 @@ def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
     count = len(mesh.loop_triangles)
     loop = _read(mesh.loop_triangles, "loops", 3 * count, np.int32).reshape(count, 3)
     progress.report()
-    # These are copied at one go; triangles are asked one by one, which takes many times as long.
+    # Copied at once; reading triangles one by one takes many times as long.
     polygon = _read(mesh.loop_triangle_polygons, "value", count, np.int32)
     vertex = _read(mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), np.int32)[loop] if count else loop
     slot = np.zeros(count, np.int32)
@@ -36,7 +35,7 @@ def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
     normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)
     uv = {layer.name: _read(layer.uv, "vector", 2 * len(mesh.loops)).reshape(-1, 2)[loop] for layer in mesh.uv_layers}
     active = next((layer.name for layer in mesh.uv_layers if layer.active_render), None)
-    named = attributes.of_mesh(mesh, asked, loop, vertex, polygon)
+    named = attributes.read_attributes(mesh, requested, loop, vertex, polygon)
     progress.report()
     space = np.float32([mesh.texspace_location, mesh.texspace_size])
     triangles = TriangleMesh(position[vertex], normal[loop], uv, active, named, _render_color(mesh), slot, space)
@@ -66,7 +65,7 @@ def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
         report.refused(name, f"{np.count_nonzero(~solid)} triangles without area were removed")
         mesh = mesh.take(solid)
     progress.report()
-    first = _first_of_its_place(mesh.corners)
+    first = _without_duplicates(mesh.corners)
     if len(first) < len(mesh):
         report.approximated(name, f"{len(mesh) - len(first)} triangles were removed as duplicates")
         mesh = mesh.take(first)
@@ -77,8 +76,8 @@ def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
     return mesh.mapped(lambda layer: layer if np.isfinite(layer).all() else np.nan_to_num(layer, posinf=0, neginf=0))
 
 
-def _first_of_its_place(corners: np.ndarray) -> np.ndarray:
-    """Indices, in order, of all triangles but those with the same three corners as one before."""
+def _without_duplicates(corners: np.ndarray) -> np.ndarray:
+    """Indices, in order, of the triangles that do not have the same three corners as an earlier one."""
     one = corner_keys(corners) @ np.ones(3, np.uint64)  # whatever the order of the corners
     if np.diff(np.sort(one)).all():
         return np.arange(len(one))

@@ -5,33 +5,33 @@ from __future__ import annotations
 from ....model import progress
 from ... import compat
 from ..camera.camera import clip_start
-from ..data.copied import Copied
-from ..lamps.world import drawn_by
+from ..data.copied import CopiedScene
+from ..lamps.world import draw_world
 from ..shading.material import needs_baking
 from .blocks import REC709, Blocks
+from .cache import CopyCache
 from .instances import add_instances
-from .kept import Kept
 from .visibility import hidden_in_renders
 
 
-def copy(depsgraph, report, by_cycles=None, baker=None, kept=None, hides=None) -> Copied:
+def copy(depsgraph, report, cycles_world=None, baker=None, cache=None, hides=None) -> CopiedScene:
     """What a render depsgraph shows; nothing of it refers to Blender's data, which may change or go away afterwards.
 
-    by_cycles: as drawn_by has it. baker: is made ready where nodes will have to be baked. kept: what was read for
-    copies before (`Kept`). hides: says of an original object that it is not shown, in a picture that is no render.
+    cycles_world: as in `draw_world`. baker: is made ready where nodes will have to be baked. kept: what was read for
+    copies before (`CopyCache`). hides: says of an original object that it is not shown, in a picture that is no render.
     """
     if (space := compat.working_space()) != REC709:
         report.approximated("Working Space", f"{space} is treated as Linear Rec.709: colors of skies and of lights "
                                              "with a temperature are wrong")
     frame = depsgraph.scene_eval.frame_current
-    kept = Kept() if kept is None else kept
+    cache = CopyCache() if cache is None else cache
     with progress.part(0.0, 0.1, "Converting the world"):  # first, for Cycles may have to evaluate the scene anew
-        shown = shown_world(depsgraph)
-        world = kept.world_of(shown, frame, lambda: Blocks(frame, depsgraph, kept.images).of(shown))
-        copied = Copied(world, drawn_by(by_cycles, world))
+        world_block = rendered_world(depsgraph)
+        world = cache.world_of(world_block, frame, lambda: Blocks(frame, depsgraph, cache.images).of(world_block))
+        copied = CopiedScene(world, draw_world(cycles_world, world))
     with progress.part(0.1, 0.9):
-        blocks = Blocks(frame, depsgraph, kept.images)
-        add_instances(copied, depsgraph, blocks, report, kept, hides or hidden_in_renders(depsgraph).__contains__)
+        blocks = Blocks(frame, depsgraph, cache.images)
+        add_instances(copied, depsgraph, blocks, report, cache, hides or hidden_in_renders(depsgraph).__contains__)
     if (camera := depsgraph.scene_eval.camera) is not None and camera.type == "CAMERA":
         copied.clip_start = clip_start(depsgraph)
     if baker is not None and any(map(needs_baking, blocks.materials)):
@@ -40,6 +40,6 @@ def copy(depsgraph, report, by_cycles=None, baker=None, kept=None, hides=None) -
     return copied
 
 
-def shown_world(depsgraph):
+def rendered_world(depsgraph):
     """The world of the view layer that is rendered, None if it shows none."""
     return compat.world(depsgraph) if depsgraph.view_layer_eval.use_sky else None

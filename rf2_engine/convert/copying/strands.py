@@ -9,7 +9,7 @@ import numpy as np
 
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
-from ..meshes.sampling import keep_some
+from ..meshes.sampling import keep_sample
 
 TRIANGLES = 1024  # of one object
 KNOTS = 5         # points along a strand
@@ -19,12 +19,12 @@ SIDES = np.array([(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 
 GOLDEN = 2.399963  # radians, which spread any number of turns
 
 
-def curves_mesh(curves) -> TriangleMesh:
+def read_curves(curves) -> TriangleMesh:
     """Ribbons along a `bpy.types.Curves`, in its own frame."""
     position, first, size = _points(curves), *(_read(curves.curves, name, 1, np.int32)[:, 0]
                                                for name in ("first_point_index", "points_length"))
     first, size = first[size > 1], size[size > 1]
-    chosen, growth = keep_some(np.ones(len(first)), STRANDS)
+    chosen, growth = keep_sample(np.ones(len(first)), STRANDS)
     first, size, growth = first[chosen, None], size[chosen, None], growth[chosen, None]
     along = np.linspace(0, 1, KNOTS) * (size - 1)
     low = np.minimum(along.astype(int), size - 2)
@@ -34,12 +34,12 @@ def curves_mesh(curves) -> TriangleMesh:
     return _ribbons(knots, radius[..., 0] * growth ** 2)
 
 
-def particles_mesh(obj, system) -> TriangleMesh:
+def read_particles(obj, system) -> TriangleMesh:
     """Ribbons along the hair of an evaluated particle system of an object, in its frame."""
     settings, steps = system.settings, 2 ** system.settings.render_step
     count = len(system.child_particles) or len(system.particles)
     parents = len(system.particles) if len(system.child_particles) else 0
-    some, growth = keep_some(np.ones(count), STRANDS)
+    some, growth = keep_sample(np.ones(count), STRANDS)
     chosen = np.flatnonzero(some)
     at = np.linspace(0, steps, KNOTS).astype(int).tolist()
     knots = np.array([[system.co_hair(obj, particle_no=parents + i, step=step) for step in at]
@@ -51,10 +51,10 @@ def particles_mesh(obj, system) -> TriangleMesh:
                     radius * growth[chosen[grown], None] ** 2)
 
 
-def cloud_mesh(cloud) -> TriangleMesh:
-    """Octahedra in place of the balls of a `bpy.types.PointCloud`, in its own frame."""
+def read_point_cloud(cloud) -> TriangleMesh:
+    """Octahedra that replace the balls of a `bpy.types.PointCloud`, in its own frame."""
     position, radius = _points(cloud), _radius(cloud, 0.05)[:, 0].astype(np.float64)
-    chosen, growth = keep_some(np.nan_to_num(radius, posinf=0, neginf=0) ** 2, TRIANGLES // len(SIDES))
+    chosen, growth = keep_sample(np.nan_to_num(radius, posinf=0, neginf=0) ** 2, TRIANGLES // len(SIDES))
     size = (radius * growth)[chosen] * np.sqrt(np.pi / np.sqrt(3))  # an octahedron as large as the ball
     corners = position[chosen, None, None] + OCTAHEDRON[SIDES] * size[:, None, None, None]
     normals = np.broadcast_to(OCTAHEDRON[SIDES], corners.shape)

@@ -8,8 +8,7 @@ import bpy
 import numpy as np
 
 from ... import compat
-from ..data.conventions import Conventions
-from ..data.nodes import Curve, Curves, Frame, Node, Socket, Tree
+from ..data.blocks import Conventions, Curve, Curves, Frame, Node, Socket, Tree
 from ..shading import ies
 from .images import Images
 
@@ -37,9 +36,9 @@ class Trees:
             self._groups[key] = self._filled(Tree(tree.name, self.conventions), tree, end)
         return self._groups[key]
 
-    def _filled(self, made: Tree, tree, end) -> Tree:
+    def _filled(self, copied: Tree, tree, end) -> Tree:
         if end is None:
-            return made
+            return copied
         feeding = {}
         for link in tree.links:
             if link.is_valid and not link.is_muted:
@@ -53,22 +52,22 @@ class Trees:
         for to, link in feeding.items():
             if to in sockets:
                 sockets[to].source = sockets[link.from_socket.as_pointer()]
-        made.output, made.nodes = nodes[end.as_pointer()], list(nodes.values())
-        return made
+        copied.output, copied.nodes = nodes[end.as_pointer()], list(nodes.values())
+        return copied
 
     def _node(self, node, sockets: dict[int, Socket]) -> Node:
         """sockets: by pointer, to which its own are added."""
-        made = Node(node.bl_idname, node.bl_label, node.name, node.mute)
-        for of, to in (node.inputs, made.inputs), (node.outputs, made.outputs):
+        copied = Node(node.bl_idname, node.bl_label, node.name, node.mute)
+        for of, to in (node.inputs, copied.inputs), (node.outputs, copied.outputs):
             for socket in of:
-                sockets[socket.as_pointer()] = copy = _socket(socket, made)
-                to.append(copy)
+                sockets[socket.as_pointer()] = copied_socket = _socket(socket, copied)
+                to.append(copied_socket)
         for link in node.internal_links if node.mute else ():
-            made.bypass.setdefault(sockets[link.to_socket.as_pointer()], sockets[link.from_socket.as_pointer()])
+            copied.bypass.setdefault(sockets[link.to_socket.as_pointer()], sockets[link.from_socket.as_pointer()])
         for name in self._values(node):
-            setattr(made, name, plain(getattr(node, name)))
-        self._refer(made, node)
-        return made
+            setattr(copied, name, plain(getattr(node, name)))
+        self._refer(copied, node)
+        return copied
 
     def _values(self, node) -> list[str]:
         if node.bl_idname not in self._names:
@@ -77,21 +76,22 @@ class Trees:
                                            if prop.type in VALUES and prop.identifier not in common]
         return self._names[node.bl_idname]
 
-    def _refer(self, made: Node, node) -> None:
+    def _refer(self, copied: Node, node) -> None:
         """What the settings of a node point to."""
         kind = node.bl_idname
         if kind in TEXTURES:
-            made.image = self.images.picture(node)
+            copied.image = self.images.picture(node)
         elif kind == "ShaderNodeTexCoord":
-            made.object = node.object and Frame(np.array(node.object.matrix_world.inverted_safe(), np.float32))
+            copied.object = node.object and Frame(np.array(node.object.matrix_world.inverted_safe(), np.float32))
         elif kind == "ShaderNodeTexIES":
-            made.profile = _profile(node)
+            copied.profile = _profile(node)
         elif kind == "ShaderNodeValToRGB":
-            made.color_ramp = np.array([node.color_ramp.evaluate(x) for x in np.linspace(0, 1, TABLE_SIZE)], np.float32)
+            copied.color_ramp = np.array([node.color_ramp.evaluate(x) for x in np.linspace(0, 1, TABLE_SIZE)],
+                                         np.float32)
         elif getattr(node, "mapping", None) is not None:
-            made.mapping = _curves(node.mapping)
+            copied.mapping = _curves(node.mapping)
         elif hasattr(node, "node_tree"):
-            made.node_tree = node.node_tree and self._group(node.node_tree)
+            copied.node_tree = node.node_tree and self._group(node.node_tree)
 
 
 def _socket(socket, node: Node) -> Socket:
@@ -111,12 +111,12 @@ def plain(value):
 
 def _curves(mapping) -> Curves:
     mapping.initialize()
-    found = []
+    curves = []
     for curve in mapping.curves:
         first, last = (curve.points[i].location[0] for i in (0, -1))
         table = np.array([mapping.evaluate(curve, at) for at in np.linspace(first, last, TABLE_SIZE)])
-        found.append(Curve(first, last, table))
-    return Curves(mapping.extend, found)
+        curves.append(Curve(first, last, table))
+    return Curves(mapping.extend, curves)
 
 
 def _profile(node) -> ies.Profile | None:

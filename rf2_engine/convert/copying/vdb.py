@@ -19,18 +19,18 @@ NUMBERS, COLORS = {"FLOAT", "DOUBLE", "INT", "INT64"}, {"VECTOR_FLOAT", "VECTOR_
 def read_grids(openvdb, volume, names: list[str]) -> dict[str, Grid]:
     """Those grids of an evaluated Volume that have one of these names and hold anything."""
     volume.grids.load()
-    wanted = [grid for grid in volume.grids if grid.name in names and grid.data_type in NUMBERS | COLORS]
-    found = {}
-    if wanted:
+    readable = [grid for grid in volume.grids if grid.name in names and grid.data_type in NUMBERS | COLORS]
+    grids = {}
+    if readable:
         with tempfile.TemporaryDirectory() as folder:
             path = str(Path(folder) / "grids.vdb")
             volume.grids.save(filepath=path)
-            for grid in wanted:
+            for grid in readable:
                 tree = openvdb.read(path, grid.name)
                 if tree.activeVoxelCount():
                     channels = 3 if grid.data_type in COLORS else 1
-                    found[grid.name] = _grid(tree, np.array(grid.matrix_object, np.float64), channels)
-    return found
+                    grids[grid.name] = _grid(tree, np.array(grid.matrix_object, np.float64), channels)
+    return grids
 
 
 def _grid(tree, to_object: np.ndarray, channels: int) -> Grid:

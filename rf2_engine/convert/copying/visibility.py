@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find the instances that the rendered view layer shows, and report visibility settings that are ignored."""
+"""What rays of Cycles meet: visibility, holdouts, shadow catchers, gas domains, light linking."""
 from __future__ import annotations
 
 RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow")
+RECEIVERS = {"MESH", "VOLUME"}  # curves, text and metaballs are instanced as meshes
 
 
 def is_shown(instance, layer, report) -> bool:
@@ -27,14 +28,14 @@ def hidden_in_renders(depsgraph) -> set:
     """Original objects that a viewport's depsgraph holds although renders hide them; empty for that of a render."""
     if depsgraph.mode == "RENDER":
         return set()
-    layer, shown = depsgraph.view_layer, set()
+    layer, visible = depsgraph.view_layer, set()
     waiting = [layer.layer_collection]
     while waiting:
-        found = waiting.pop()
-        if not found.exclude and not found.collection.hide_render:
-            shown.update(obj for obj in found.collection.objects if not obj.hide_render)
-            waiting += found.children
-    return set(layer.objects) - shown
+        collection = waiting.pop()
+        if not collection.exclude and not collection.collection.hide_render:
+            visible.update(obj for obj in collection.collection.objects if not obj.hide_render)
+            waiting += collection.children
+    return set(layer.objects) - visible
 
 
 def has_holdouts(depsgraph) -> bool:
@@ -46,7 +47,7 @@ def has_holdouts(depsgraph) -> bool:
 
 
 def shadow_catchers(depsgraph) -> list:
-    """Evaluated objects, those too that show only as instances of others; for lamps the flag means something else."""
+    """Evaluated objects, including those that are visible only as instances; lamps use the flag otherwise."""
     return [data for data in depsgraph.ids
             if data.id_type == "OBJECT" and data.type != "LIGHT" and data.is_shadow_catcher]
 
@@ -66,3 +67,33 @@ def gas_domain(obj):
     return next((modifier.domain_settings for modifier in obj.modifiers
                  if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings
                  and modifier.domain_settings.domain_type == "GAS"), None)
+
+
+def find_dark_emitters(depsgraph, report) -> set:
+    """Original objects that shine on nothing that is shown; what else linking loses is reported."""
+    linked = [obj for obj in depsgraph.objects if obj.light_linking.receiver_collection]
+    for obj in depsgraph.objects:
+        if obj.light_linking.blocker_collection:
+            report.approximated(obj.name, "shadow linking is ignored: everything casts shadows in its light")
+    if not linked:
+        return set()
+    visible = {instance.object.original for instance in depsgraph.object_instances
+               if instance.object.type in RECEIVERS and instance.show_self}
+    dark = set()
+    for obj in linked:
+        receivers = _lit(obj.light_linking.receiver_collection, visible - {obj.original})
+        if not receivers:
+            dark.add(obj.original)
+        elif receivers != visible - {obj.original}:
+            report.approximated(obj.name, "light linking is ignored: it lights everything")
+    return dark
+
+
+def _lit(collection, visible: set) -> set:
+    """Those of `shown` that a receiver collection lets light reach: all but the excluded where it includes none."""
+    links = {"INCLUDE": set(), "EXCLUDE": set()}
+    for child, entry in zip(collection.objects, collection.collection_objects, strict=True):
+        links[entry.light_linking.link_state].add(child.original)
+    for child, entry in zip(collection.children, collection.collection_children, strict=True):
+        links[entry.light_linking.link_state].update(obj.original for obj in child.all_objects)
+    return visible & (links["INCLUDE"] or visible) - links["EXCLUDE"]

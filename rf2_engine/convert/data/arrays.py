@@ -7,18 +7,18 @@ import numpy as np
 TINIEST = 1e-30
 
 
-def joined(*parts) -> np.ndarray:
+def join(*parts) -> np.ndarray:
     """Arrays (..., c) side by side in their last axis, whose points are broadcast."""
     shape = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
     return np.concatenate([np.broadcast_to(part, shape + part.shape[-1:]) for part in parts], axis=-1)
 
 
-def divided(a, b) -> np.ndarray:
+def divide_safely(a, b) -> np.ndarray:
     """a / b, 0 where b is 0."""
     return np.divide(a, b, out=np.zeros(np.broadcast(a, b).shape, np.float32), where=b != 0)
 
 
-def mixed(a, b, share) -> np.ndarray:
+def mix_values(a, b, share) -> np.ndarray:
     return a + (b - a) * share
 
 
@@ -40,4 +40,4 @@ def length(a) -> np.ndarray:
 
 def unit(a) -> np.ndarray:
     """`a` of length 1; 0 stays 0."""
-    return divided(a, length(a))
+    return divide_safely(a, length(a))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The contents of a scene: meshes and their places, lamps, media."""
+"""The contents of a scene: meshes and their instances, lamps, media."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -7,32 +7,32 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .copied import LampInstance
-from .instance import Place
+from .instance import Instance
 from .medium import Medium
 from .mesh import TriangleMesh
 
 
 @dataclass
 class Part:
-    """One mesh with its materials, and everywhere it stands. Emitting triangles are a part of their own."""
+    """One mesh with its materials and all its instances. Emitting triangles are a part of their own."""
 
     name: str
     mesh: TriangleMesh
     materials: list
     emits: bool
     is_shown: bool                                             # to the camera
-    places: list[Place] = field(default_factory=list)
+    instances: list[Instance] = field(default_factory=list)
     is_textured: bool = False                                  # materials vary across triangles
     flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
 
     @property
     def matrices(self) -> list[np.ndarray]:
         """(4, 4) f64 each, object to world."""
-        return [place.matrix for place in self.places]
+        return [instance.matrix for instance in self.instances]
 
 
 @dataclass
-class Collected:
+class CollectedScene:
     parts: list[Part] = field(default_factory=list)
     lamps: list[LampInstance] = field(default_factory=list)
     media: list[Medium] = field(default_factory=list)

@@ -7,20 +7,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .blocks import Lamp, Material, World
-from .instance import Place
+from .instance import Instance
 from .mesh import TriangleMesh
 
 
 @dataclass(eq=False)
-class Surface:
-    """An evaluated mesh with its materials, or hair or points as a mesh; what is alike wherever it stands."""
+class CopiedMesh:
+    """An evaluated mesh with its materials, or hair or points as a mesh; the same for all instances."""
 
     source: int                   # what the mesh was read from
     mesh: TriangleMesh
     slots: list[Material | None]
     mirrored: bool
     is_shown: bool                # to the camera
-    is_dark: bool                 # shines on nothing that is there
+    is_dark: bool                 # by light linking it lights nothing that is visible
     is_diced: bool = False
     strands_slot: int | None = None  # of hair or points: the only material's; None: a mesh
 
@@ -30,23 +30,23 @@ class Grid:
     """Value i of an axis holds over [i, i + 1], as Cycles draws voxels."""
 
     values: np.ndarray    # (x, y, z, c) f32
-    to_space: np.ndarray  # (4, 4) f64, from places counted in values: to the object's, or to the world's
+    to_space: np.ndarray  # (4, 4) f64, from indices of values to the object's, or to the world's
 
     def moved(self, matrix: np.ndarray) -> Grid:
         return replace(self, to_space=matrix @ self.to_space)
 
     def corners(self) -> np.ndarray:
-        """(8, 3) of what it fills, counted in values."""
+        """(8, 3) corners, in indices of values."""
         return np.indices((2, 2, 2)).reshape(3, 8).T * np.array(self.values.shape[:3])
 
 
 @dataclass(frozen=True)
-class Gridded:
-    """A Volume object or simulated gas in its place."""
+class CopiedVolume:
+    """An instance of a Volume object or of simulated gas."""
 
     name: str
     material: Material | None
-    place: Place
+    instance: Instance
     box: np.ndarray                # (8, 3) f32 corners, in the frame of the object
     grids: dict[str, Grid] | None  # None: they could not be read
     apart: bool                    # coefficients are per world unit; else in the frame of the object
@@ -54,7 +54,7 @@ class Gridded:
 
 @dataclass(frozen=True)
 class LampInstance:
-    """One lamp, as bright as its data-block says and wherever it stands."""
+    """An instance of a lamp."""
 
     name: str           # of the object
     matrix: np.ndarray  # (4, 4) f64, object to world
@@ -71,9 +71,9 @@ class Sun:
 
 
 @dataclass
-class Copied:
+class CopiedScene:
     world: World | None
-    drawn: tuple[np.ndarray | None, list[Sun]] | None  # the world's panorama and suns, where Cycles had to draw them
-    things: list[tuple[Surface, Place] | Gridded] = field(default_factory=list)  # in the order of the instances
+    world_panorama: tuple[np.ndarray | None, list[Sun]] | None  # and suns, of a world that Cycles had to render
+    objects: list[tuple[CopiedMesh, Instance] | CopiedVolume] = field(default_factory=list)  # in their order
     lamps: list[LampInstance] = field(default_factory=list)
     clip_start: float = 0.0  # of the camera, world units along its axis

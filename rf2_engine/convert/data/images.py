@@ -16,7 +16,7 @@ class Picture:
 
     source: str                                                       # as of a `bpy.types.Image`; "" without one
     pyramids: dict[int | None, Pyramid] = field(default_factory=dict)  # of each UDIM tile; None: of the whole image
-    missing: dict[int | None, str] = field(default_factory=dict)       # what to say of those that cannot be read
+    missing: dict[int | None, str] = field(default_factory=dict)       # remarks on those that cannot be read
 
 
 class Pyramid:
@@ -58,9 +58,9 @@ def area_resample(pixels: np.ndarray, rows: int, columns: int) -> np.ndarray:
         moved = np.moveaxis(pixels, axis, 0)
         integral = np.concatenate([np.zeros_like(moved[:1], np.float64), np.cumsum(moved, axis=0, dtype=np.float64)])
         edge = np.linspace(0, old, size + 1)
-        whole = np.minimum(edge.astype(int), old - 1)
-        part = (edge - whole).reshape(-1, *[1] * (moved.ndim - 1))
-        at_edge = integral[whole] + part * moved[whole]
+        first = np.minimum(edge.astype(int), old - 1)
+        part = (edge - first).reshape(-1, *[1] * (moved.ndim - 1))
+        at_edge = integral[first] + part * moved[first]
         pixels = np.ascontiguousarray(np.moveaxis(np.diff(at_edge, axis=0) * (size / old), 0, axis), np.float32)
     return pixels
 
@@ -95,11 +95,11 @@ def _cubic(t):
 
 def _texel(pixels, x, y, extension):
     column, row = (_wrap(i, n, extension) for i, n in ((x, pixels.shape[1]), (y, pixels.shape[0])))
-    found = np.take(pixels.reshape(-1, pixels.shape[2]), row * pixels.shape[1] + column, axis=0)
+    texels = np.take(pixels.reshape(-1, pixels.shape[2]), row * pixels.shape[1] + column, axis=0)
     if extension == "CLIP":
         inside = (x >= 0) & (x < pixels.shape[1]) & (y >= 0) & (y < pixels.shape[0])
-        found = found * inside[..., None]
-    return found
+        texels = texels * inside[..., None]
+    return texels
 
 
 def _wrap(index, size, extension):

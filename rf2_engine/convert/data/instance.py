@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The properties of an instance that a material can read: its place, colour and random number."""
+"""The properties of an instance that a material can read: its matrix, colour and random number."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Particle:
-    """The particle that an instance stands for; an instance of none is like the first one, at rest."""
+    """The particle of an instance; without one, values are those of the first particle, at rest."""
 
     index: int = 0
     age: float = 0.0       # frames
@@ -21,7 +21,7 @@ class Particle:
 
 
 @dataclass(frozen=True)
-class Place:
+class Instance:
     """One instance of an object."""
 
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # (4, 4) f64, object to world
@@ -29,9 +29,9 @@ class Place:
     color: tuple = (1.0, 1.0, 1.0, 1.0)
     index: int = 0
     random: float = 0.0
-    generated: tuple = (0.0, 0.0, 0.0)  # coordinates of the instancer where it puts the instance
+    generated: tuple = (0.0, 0.0, 0.0)  # of the instancer at the instance
     uv: tuple = (0.0, 0.0)
     particle: Particle = Particle()
-    properties: dict = field(default_factory=dict)  # numbers and vectors that materials ask for, by name
-    of_instancer: dict = field(default_factory=dict)
-    of_view_layer: dict = field(default_factory=dict)
+    properties: dict = field(default_factory=dict)  # numbers and vectors that materials read, by name
+    instancer_properties: dict = field(default_factory=dict)
+    view_layer_properties: dict = field(default_factory=dict)

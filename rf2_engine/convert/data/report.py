@@ -11,13 +11,14 @@ from ....model.color import HALF_MAX
 
 AS_GOOD_AS_INFINITE = 1e15  # squares of what is beyond do not fit into float32
 SOME = 3                    # names in a sentence
-_NUMBER = re.compile(r"\d+")
+KINDS = ("refused", "skipped", "unplaced", "approximated")  # the most important first
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 class Remark(NamedTuple):
-    """One thing that the picture does not show as it is; as text, a sentence."""
+    """One difference between the picture and the scene; as text, a sentence."""
 
-    kind: str     # approximated, unplaced, skipped or refused
+    kind: str     # one of KINDS
     name: str     # of the data-block
     message: str
 
@@ -26,10 +27,10 @@ class Remark(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Remarks that say the same of several things, but for numbers; as text, one sentence about all."""
+    """Remarks that say the same of several data-blocks, perhaps with other numbers; as text, one sentence."""
 
     kind: str
-    message: str  # with "..." for the numbers in which they differ
+    message: str  # where numbers differ, from the least to the largest: "simplified from 168 to 12...16 triangles"
     remarks: list[Remark]
 
     @property
@@ -45,26 +46,44 @@ class Group(NamedTuple):
 
 
 def grouped(remarks: list[Remark]) -> list[Group]:
-    """The remarks in groups, in the order of the first of each."""
-    groups: dict[tuple[str, str], list[Remark]] = {}
+    """The remarks in groups, the most important kinds first, and within a kind in the order in which they were made.
+
+    Equal messages are one group; messages that differ only in numbers are one if there are more than SOME remarks.
+    """
+    patterns: dict[tuple[str, str], list[Remark]] = {}
     for remark in remarks:
-        groups.setdefault((remark.kind, _NUMBER.sub("...", remark.message)), []).append(remark)
-    return [Group(kind, alike[0].message if len({remark.message for remark in alike}) == 1 else pattern, alike)
-            for (kind, pattern), alike in groups.items()]
+        patterns.setdefault((remark.kind, _NUMBER.sub("0", remark.message)), []).append(remark)
+    groups = []
+    for alike in patterns.values():
+        messages: dict[str, list[Remark]] = {}
+        for remark in alike:
+            messages.setdefault(remark.message, []).append(remark)
+        if len(alike) > SOME:
+            messages = {_merge(list(messages)): alike}
+        groups += [Group(alike[0].kind, message, same) for message, same in messages.items()]
+    return sorted(groups, key=lambda group: KINDS.index(group.kind))
+
+
+def _merge(messages: list[str]) -> str:
+    """One message for several that differ only in numbers."""
+    columns = zip(*(_NUMBER.findall(message) for message in messages), strict=True)
+    ranges = iter([sorted(column, key=float) for column in columns])
+    return _NUMBER.sub(lambda _: "...".join(dict.fromkeys(next(ranges)[::len(messages) - 1 or 1])), messages[0])
 
 
 class Report:
-    """Collects each remark once, in the order in which they were made."""
+    """Collects remarks, each once, in the order in which they are made."""
 
     def __init__(self) -> None:
         self.entries: list[Remark] = []
+        self._known: set[Remark] = set()
 
     def approximated(self, name: str, message: str) -> None:
         """`name` is in the picture, but not exactly as Cycles shows it."""
         self._add("approximated", name, message)
 
     def unplaced(self, name: str, message: str) -> None:
-        """`name` (or a part of it) is seen, but found no room in the scene that the network is given."""
+        """`name` (or a part of it) is visible, but there is no room for it among the triangles of the network."""
         self._add("unplaced", name, message)
 
     def skipped(self, name: str, message: str) -> None:
@@ -81,9 +100,9 @@ class Report:
         if (np.abs(values) <= most).all():
             return values
         self.refused(name, f"{what} has values that are infinite or too large")
-        known = np.nan_to_num(values, posinf=np.inf, neginf=-np.inf)
-        known = np.where(np.abs(known) <= most, known, np.copysign(HALF_MAX, known))
-        return known.astype(values.dtype)
+        numbers = np.nan_to_num(values, posinf=np.inf, neginf=-np.inf)
+        numbers = np.where(np.abs(numbers) <= most, numbers, np.copysign(HALF_MAX, numbers))
+        return numbers.astype(values.dtype)
 
     def add(self, entries: list[Remark]) -> None:
         """Remarks of another report."""
@@ -96,5 +115,6 @@ class Report:
 
     def _add(self, kind: str, name: str, message: str) -> None:
         entry = Remark(kind, name, message)
-        if entry not in self.entries:
+        if entry not in self._known:
+            self._known.add(entry)
             self.entries.append(entry)

@@ -15,8 +15,8 @@ from .visible import Hits
 
 ASIDE = 0.35   # how large what lies TURN aside of the picture looks, against what is in it
 TURN = 1.9     # difference between cosines; a sharper fall would bend surfaces too much to simplify them there
-NEAR = 1       # percentile of the distances seen, of which half is near enough
-MARGIN = 0.15  # of the picture's width, beyond its edges: still as good as seen
+NEAR = 1       # percentile of the visible distances; half of it is `near`
+MARGIN = 0.15  # of the picture's width, beyond its edges, that counts as visible
 RASTER = 33    # rays along either side of a panorama that tell where it looks
 AROUND = 0.1   # length of the mean of the rays of a picture that shows all around
 
@@ -97,7 +97,7 @@ class ApparentSize:
         return 1 - (1 - ASIDE) * t * t * (3 - 2 * t)
 
 
-class Lens:
+class ApparentSpace:
     """From the frame of an object to a space where lengths are as they look from the camera, and back."""
 
     def __init__(self, matrix: np.ndarray, apparent: ApparentSize):
@@ -106,7 +106,7 @@ class Lens:
         self.is_flat = abs(np.linalg.det(matrix[:3, :3])) < 1e-9 * np.linalg.norm(matrix[:3, :3]) ** 3
 
     def enter(self, points: np.ndarray) -> np.ndarray:
-        """(n, 3) points of the object as seen."""
+        """(n, 3) points of the object in that space."""
         if self.is_flat:
             return points
         return self.apparent.drawn_in(points @ self.matrix[:3, :3].T + self.matrix[:3, 3])
@@ -118,7 +118,7 @@ class Lens:
         return (self.apparent.drawn_out(points) - self.matrix[:3, 3]) @ np.linalg.inv(self.matrix[:3, :3]).T
 
 
-def apparent_size(view: View, hits: Hits) -> ApparentSize:
-    """The sight of a view that has seen these `hits`."""
+def measure_apparent_size(view: View, hits: Hits) -> ApparentSize:
+    """The ApparentSize of a view with these `hits`."""
     distance = np.linalg.norm(hits.points - view.camera_to_world[:3, 3], axis=1)
     return ApparentSize(view, max(float(np.percentile(distance, NEAR)), 1e-6) / 2 if len(hits) else 1.0)

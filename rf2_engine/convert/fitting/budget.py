@@ -14,13 +14,13 @@ import numpy as np
 
 from ....model import progress
 from ....model.geometry import area_vectors
-from ..data.collected import Collected, Part
-from ..data.memo import Memo, content
+from ..data.cache import ConversionCache, mesh_digest
+from ..data.collected import CollectedScene, Part
 from ..data.mesh import TriangleMesh
 from ..meshes import reduce
 from ..meshes.reduce import COARSEST, KEPT_WHOLE
-from ..meshes.sampling import keep_some
-from .apparent_size import ApparentSize, Lens
+from ..meshes.sampling import keep_sample
+from .apparent_size import ApparentSize, ApparentSpace
 from .framing import Framing
 from .visible import GRID, Hits
 
@@ -34,29 +34,29 @@ TEXTURE, FLAT = 1.0, 0.1  # curvature that textures, and the lack of both, are w
 
 @dataclass
 class Simplification:
-    """What becomes of the parts of a scene, of which k are simplified."""
+    """How parts of a scene are simplified."""
 
     parts: list[Part]
     targets: np.ndarray              # (k,) triangles each part may keep
     nearest: list[np.ndarray]         # (4, 4) object to world, of the instance that shows most
     apparent: ApparentSize | None
 
-    def apply(self, report, memo: Memo | None = None) -> None:
-        """Simplify what is too fine; memo: of conversions before."""
+    def apply(self, report, cache: ConversionCache | None = None) -> None:
+        """Simplify what is too fine; cache: of earlier conversions."""
         before: dict[str, list[int]] = {}
         for i, (part, target, matrix) in enumerate(zip(self.parts, self.targets, self.nearest, strict=True)):
             if target >= len(part.mesh):
                 continue
             area, count = part.mesh.area, len(part.mesh)
-            lens = None if self.apparent is None else Lens(matrix, self.apparent)
+            lens = None if self.apparent is None else ApparentSpace(matrix, self.apparent)
             with progress.part(i / len(self.parts), (i + 1) / len(self.parts),
                                f"Simplifying meshes, {i + 1} of {len(self.parts)}"):
                 simplified = partial(reduce.simplify, part.mesh, int(target), lens)
-                if memo is None:
+                if cache is None:
                     part.mesh = simplified()
                 else:
-                    key = content(part.mesh), int(target), matrix.tobytes(), self.apparent
-                    part.mesh = memo.of(key, lambda _, work=simplified: work(), report)
+                    key = mesh_digest(part.mesh), int(target), matrix.tobytes(), self.apparent
+                    part.mesh = cache.get(key, lambda _, work=simplified: work(), report)
             part.flux_gain *= area / part.mesh.area
             before.setdefault(part.name, [count]).append(len(part.mesh))
         for name, (count, *after) in before.items():
@@ -64,27 +64,27 @@ class Simplification:
             report.approximated(name, f"simplified from {count} to {to} triangles")
 
 
-def allotted(collected: Collected, budget: int, framing: Framing, hits: Hits | None, wanted: list[int],
-             report) -> Simplification:
-    """How fine everything becomes; the least visible instances are left out where not even coarse shapes of all fit.
+def allot_triangles(collected: CollectedScene, budget: int, framing: Framing, hits: Hits | None, targets: list[int],
+                    report) -> Simplification:
+    """Allot triangles to all parts; the least visible instances are left out where not even coarse shapes of all fit.
 
-    wanted: triangles of each part with those by which it will be subdivided; hits: None where there is no camera, and
-    everything is seen alike.
+    targets: triangles of each part, including those by which it will be subdivided; hits: None where there is no
+    camera, and everything counts alike.
     """
     parts, apparent = collected.parts, framing.apparent
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
     if not parts or counts @ copies <= budget:
         framing.shares = {} if framing.shares is None else framing.shares
         return Simplification([], np.zeros(0, np.int64), [], apparent)
-    shown = _shares_of_picture(parts, apparent, hits)
-    parts, shown, wanted = _levels(*_kept(parts, shown, wanted, budget, report))
+    shares_of_picture = _shares_of_picture(parts, apparent, hits)
+    parts, shares_of_picture, targets = _levels(*_drop_instances(parts, shares_of_picture, targets, budget, report))
     collected.parts = parts
     counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
     detail = np.array([_curvature(part.mesh) + (TEXTURE if part.is_textured else FLAT) for part in parts])
-    weights = (np.array([share.max() for share in shown]) * detail) ** (2 / 3)
-    shares = share_budget(np.maximum(counts, wanted), copies, weights, budget)
-    shares = framing.steadied(_names(parts), shares, counts, copies, budget)
-    nearest = [part.matrices[in_picture.argmax()] for part, in_picture in zip(parts, shown, strict=True)]
+    weights = (np.array([share.max() for share in shares_of_picture]) * detail) ** (2 / 3)
+    shares = share_budget(np.maximum(counts, targets), copies, weights, budget)
+    shares = framing.stabilize(_names(parts), shares, counts, copies, budget)
+    nearest = [part.matrices[in_picture.argmax()] for part, in_picture in zip(parts, shares_of_picture, strict=True)]
     return Simplification(parts, shares, nearest, apparent)
 
 
@@ -109,33 +109,33 @@ def share_budget(counts, copies, weights, budget: int) -> np.ndarray:
     return _shares(counts, floor, low * weights)
 
 
-def _shares(counts: np.ndarray, floor: int, wanted: np.ndarray) -> np.ndarray:
-    return np.minimum(counts, np.maximum(floor, wanted.astype(np.int64)))
+def _shares(counts: np.ndarray, floor: int, targets: np.ndarray) -> np.ndarray:
+    return np.minimum(counts, np.maximum(floor, targets.astype(np.int64)))
 
 
 def _names(parts: list[Part]) -> list[tuple]:
     """What tells the parts apart, in the next frame too: objects of one name have levels and kinds."""
-    seen: dict[tuple, int] = {}
+    counts: dict[tuple, int] = {}
     names = []
     for part in parts:
         name = part.name, part.emits
-        seen[name] = seen.get(name, -1) + 1
-        names.append((*name, seen[name]))
+        counts[name] = counts.get(name, -1) + 1
+        names.append((*name, counts[name]))
     return names
 
 
 def _copies(part: Part) -> int:
-    return len(part.places)
+    return len(part.instances)
 
 
 def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None, hits: Hits | None) -> list[np.ndarray]:
-    """For each part (m,) > 0, how much of the picture each of its instances is worth; 1 is all of it."""
-    seen = np.zeros(sum(map(_copies, parts)))
+    """For each part (m,) > 0, the share of the picture, 0 to 1, that each of its instances counts for."""
+    covered = np.zeros(sum(map(_copies, parts)))
     if hits is not None:
-        seen += np.bincount(hits.instance[hits.instance >= 0], minlength=len(seen)) / GRID ** 2
+        covered += np.bincount(hits.instance[hits.instance >= 0], minlength=len(covered)) / GRID ** 2
     shares = []
     for part in parts:
-        mine, seen = seen[:_copies(part)], seen[_copies(part):]
+        own, covered = covered[:_copies(part)], covered[_copies(part):]
         middle, scale = _middles_and_scales(part)
         area = part.mesh.area * scale ** 2
         if apparent is None:
@@ -144,11 +144,11 @@ def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None, hits: H
         away = middle - apparent.eye
         radius = np.linalg.norm(np.ptp(part.mesh.bounds, axis=0)) / 2 * scale
         distance = np.linalg.norm(away, axis=1)
-        whole = (area / 4 / (distance - radius).clip(apparent.near) ** 2 / apparent.solid_angle).clip(0, 1)
+        unoccluded = (area / 4 / (distance - radius).clip(apparent.near) ** 2 / apparent.solid_angle).clip(0, 1)
         angle = np.arccos((away @ apparent.axis / distance.clip(1e-30)).clip(-1, 1))
         ahead = angle - np.arcsin((radius / distance.clip(1e-30)).clip(0, 1)) < np.arccos(apparent.cosine)
-        missed = ahead & ((whole < 2 / GRID ** 2) | part.emits)  # too small for the rays, or looked through by them
-        shares.append(np.maximum(mine, np.where(missed, whole, HIDDEN * whole)) + 1e-12)
+        is_missed = ahead & ((unoccluded < 2 / GRID ** 2) | part.emits)  # too small for rays, or transparent to them
+        shares.append(np.maximum(own, np.where(is_missed, unoccluded, HIDDEN * unoccluded)) + 1e-12)
     return shares
 
 
@@ -159,20 +159,21 @@ def _middles_and_scales(part: Part) -> tuple[np.ndarray, np.ndarray]:
     return matrix[:, :3, :3] @ ((low + high) / 2) + matrix[:, :3, 3], scale
 
 
-def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, report):
-    """Without the instances of which not even the coarsest shape fits: the least visible first, lights last."""
+def _drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targets, budget: int, report):
+    """Drop instances whose coarsest shape does not fit: the least visible first, emitters last."""
     least = np.array([min(len(part.mesh), COARSEST) for part in parts])
     copies = np.array(list(map(_copies, parts)))
     if any(len(part.mesh) > COARSEST for part in parts):
         budget = int(DETAIL * budget)
     if least @ copies <= budget:
-        return parts, shown, wanted
+        return parts, shares_of_picture, targets
     owner = np.repeat(np.arange(len(parts)), copies)
-    order = np.lexsort((-np.concatenate(shown), ~np.array([part.emits for part in parts])[owner]))
+    order = np.lexsort((-np.concatenate(shares_of_picture), ~np.array([part.emits for part in parts])[owner]))
     fits = np.zeros(len(owner), bool)
     fits[order] = np.cumsum(least[owner[order]]) <= budget
     kept = []
-    for part, share, want, keep in zip(parts, shown, wanted, np.split(fits, np.cumsum(copies)[:-1]), strict=True):
+    keeps = np.split(fits, np.cumsum(copies)[:-1])
+    for part, share, target, keep in zip(parts, shares_of_picture, targets, keeps, strict=True):
         if not keep.all():
             some = "it exceeds" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances exceed"
             room = f"{some} Max Triangles"
@@ -181,39 +182,40 @@ def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, repor
                 report.approximated(part.name, f"{room}: a sample is kept and enlarged to cover the same area")
             else:
                 report.unplaced(part.name, f"{room}: raise it")
-            part.places = [place for place, k in zip(part.places, keep, strict=True) if k]
-        if part.places:
-            kept.append((part, share[keep], want))
+            part.instances = [instance for instance, k in zip(part.instances, keep, strict=True) if k]
+        if part.instances:
+            kept.append((part, share[keep], target))
     return [list(column) for column in zip(*kept)]
 
 
 def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:
-    """(m,) bool: about `count` of its instances, at most, which are enlarged here to the area of all of them."""
-    places, scale = _middles_and_scales(part)
+    """(m,) bool: about `count` of its instances, at most, which are enlarged to the area of all."""
+    positions, scale = _middles_and_scales(part)
     low, high = part.mesh.bounds
-    keep, growth = keep_some(share, count - 0.5, places=places, sizes=scale * (high - low).max())
+    keep, growth = keep_sample(share, count - 0.5, positions=positions, sizes=scale * (high - low).max())
     for i in np.flatnonzero(keep):
-        part.places[i] = replace(part.places[i], matrix=part.places[i].matrix @ _about((low + high) / 2, growth[i]))
+        matrix = part.instances[i].matrix @ _enlarge((low + high) / 2, growth[i])
+        part.instances[i] = replace(part.instances[i], matrix=matrix)
     return keep
 
 
-def _about(middle: np.ndarray, growth: float) -> np.ndarray:
+def _enlarge(middle: np.ndarray, growth: float) -> np.ndarray:
     """(4, 4) enlarging what is around a point."""
     matrix = np.diag([growth] * 3 + [1.0])
     matrix[:3, 3] = (1 - growth) * middle
     return matrix
 
 
-def _levels(parts: list[Part], shown: list[np.ndarray], wanted):
+def _levels(parts: list[Part], shares_of_picture: list[np.ndarray], targets):
     """Parts whose instances look unlike in size become several, so that near ones are finer than far ones."""
     split = []
-    for part, share, want in zip(parts, shown, wanted, strict=True):
+    for part, share, target in zip(parts, shares_of_picture, targets, strict=True):
         level = np.minimum(np.log(share.max() / share) / np.log(LEVEL), LEVELS - 1).astype(int)
         if len(part.mesh) <= COARSEST:
             level[:] = 0
         for one in np.unique(level):
             rows = np.flatnonzero(level == one)
-            split.append((replace(part, places=[part.places[i] for i in rows]), share[rows], want))
+            split.append((replace(part, instances=[part.instances[i] for i in rows]), share[rows], target))
     return [list(column) for column in zip(*split)]
 
 

@@ -14,8 +14,8 @@ from ..data.collected import Part
 from ..meshes import subdivide
 from .apparent_size import ApparentSize
 
-BATCH = 100_000  # triangles that are looked at before somebody asks about Esc
-TEXTURED = 3.0  # times as large looks a triangle whose material has to fit into 32 x 32 texels
+BATCH = 100_000  # triangles between two checks of Esc
+TEXTURED = 3.0  # factor on the size of a triangle whose material has to fit into 32 x 32 texels
 
 
 @dataclass
@@ -29,8 +29,8 @@ class Sizes:
     frame: Normalization
     apparent: ApparentSize | None
 
-    def wanted(self, parts: list[Part], budget: int) -> np.ndarray:
-        """(k,) how many triangles each part would have if those that look large were divided as finely as wanted."""
+    def find_targets(self, parts: list[Part], budget: int) -> np.ndarray:
+        """(k,) how many triangles each part would have if those that look large were divided to `max_edge`."""
         counts = np.array([len(part.mesh) for part in parts], np.int64)
         coarse = [i for i, part in enumerate(parts) if counts[i] * len(part.matrices) <= budget and not part.emits]
         if self.apparent is None or not coarse:
@@ -38,7 +38,7 @@ class Sizes:
         batch = np.cumsum(counts[coarse]) // BATCH
         for some in np.split(np.array(coarse), np.flatnonzero(np.diff(batch)) + 1):
             progress.report()
-            corners, gain = self._seen([parts[i] for i in some])
+            corners, gain = self._largest_instances([parts[i] for i in some])
             longest, more = meshes.longest_edges(corners), np.zeros(len(corners))
             large = np.flatnonzero(self.apparent.largest(longest) * gain > self.max_edge)
             looks = self.apparent.size(corners[large], longest[large]) * gain[large]
@@ -58,7 +58,7 @@ class Sizes:
                                   for part in parts])
         looks = None
         if self.apparent is not None:
-            nearest, gain = self._seen(parts)
+            nearest, gain = self._largest_instances(parts)
 
             def looks(weights: np.ndarray, parent: np.ndarray) -> np.ndarray:
                 pieces = weights @ nearest[parent]
@@ -71,7 +71,7 @@ class Sizes:
             if np.count_nonzero(mine) > counts[i]:
                 part.mesh = subdivide.pieces(part.mesh, parent[mine] - counts[:i].sum(), weights[mine])
 
-    def _seen(self, parts: list[Part]) -> tuple[np.ndarray, np.ndarray]:
+    def _largest_instances(self, parts: list[Part]) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3, 3) world corners of the instance of each part that looks largest, and (n,) what their size counts."""
         corners = np.concatenate([self._corners(part, _largest(part, self._distance)) for part in parts])
         gain = [part.is_shown * (TEXTURED if part.is_textured else 1.0) for part in parts]
@@ -84,8 +84,8 @@ class Sizes:
 
     def _reach(self, scale: np.ndarray, middle: np.ndarray) -> np.ndarray:
         """(m,) how large instances are in the network's contracted space."""
-        place = self.frame.points(middle)
-        return scale / np.square(place).sum(axis=1).clip(1)
+        positions = self.frame.points(middle)
+        return scale / np.square(positions).sum(axis=1).clip(1)
 
     def _distance(self, scale: np.ndarray, middle: np.ndarray) -> np.ndarray:
         """(m,) how large instances look."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find what the camera sees, and where, by a coarse raster of rays."""
+"""Find what the camera sees, and where, by a coarse raster of rays that looks through panes close to the camera."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -7,20 +7,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....model.camera import view_rays_at
+from ....model.geometry import area_vectors
 from ....model.rays import Rays
 from ....model.scene import View
-from ..data.collected import Collected
-from ..meshes.sampling import keep_some
-from .panes import is_pane
+from ..data.collected import CollectedScene, Part
+from ..data.report import Report
+from ..meshes.sampling import keep_sample
+from ..shading.material import MaterialTiles
 
 GRID = 64                 # rays along either side of the picture
-FEW = GRID * GRID // 144  # that hit something else than light
-PANES = 3                 # one behind the other, that are looked through
+FEW = GRID * GRID // 144  # that hit something that does not emit
+PANES = 3                 # one behind the other, that rays pass
 BEHIND = 3                # times as far away as a pane is what counts instead of it
 TRIANGLES = 40_000        # of stand-ins, about as many as a BVH of a tenth of a second holds
 LEAST = 12                # of a mesh
 BOX = np.array([(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
                 (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)])  # corners of a box's triangles
+FLAT = 0.9     # length of the mean of the unit normals, either side up, of a pane: curved ones too, but no vessel
+CLEAR = 0.5    # of the light that goes through a pane
+SMOOTH = 0.3   # roughness up to which glass shows what is behind it
+SAMPLE = 64    # triangles that are examined
 
 
 @dataclass
@@ -38,31 +44,31 @@ class Hits:
         return np.linalg.norm(self.points - eye, axis=1)
 
 
-def visible_points(collected: Collected, view: View, clip_start: float = 0.0) -> Hits:
+def find_visible(collected: CollectedScene, view: View, clip_start: float = 0.0) -> Hits:
     """What the view sees from `clip_start` on (camera.py).
 
-    It sees through what shines, unless there is hardly anything else: a sky dome is no more than a background; and
+    It sees through emitters, unless there is hardly anything else: a sky dome is no more than a background; and
     through panes that fill most of the picture, far in front of what is behind them.
     """
-    shown = {i for i, part in enumerate(collected.parts) if part.is_shown and not part.emits}
-    hits = _cast(collected, view, clip_start, shown)
+    visible = {i for i, part in enumerate(collected.parts) if part.is_shown and not part.emits}
+    hits = _cast(collected, view, clip_start, visible)
     if len(hits) < FEW:
         return _cast(collected, view, clip_start, {i for i, part in enumerate(collected.parts) if part.is_shown})
-    owner = np.repeat(np.arange(len(collected.parts)), [len(part.places) for part in collected.parts])
+    owner = np.repeat(np.arange(len(collected.parts)), [len(part.instances) for part in collected.parts])
     eye, behind = view.camera_to_world[:3, 3], hits
     for _ in range(PANES):
         parts, counts = np.unique(owner[behind.instance[behind.instance >= 0]], return_counts=True)
         if not len(parts) or counts.max() < len(behind) / 2 or not is_pane(collected.parts[parts[counts.argmax()]]):
             break
-        shown -= {parts[counts.argmax()]}
-        behind = _cast(collected, view, clip_start, shown)
+        visible -= {parts[counts.argmax()]}
+        behind = _cast(collected, view, clip_start, visible)
     far = len(behind) >= FEW and np.median(behind.distances(eye)) > BEHIND * np.median(hits.distances(eye))
     return behind if far else hits
 
 
-def _cast(collected: Collected, view: View, clip_start: float, shown: set[int]) -> Hits:
+def _cast(collected: CollectedScene, view: View, clip_start: float, visible: set[int]) -> Hits:
     """shown: indices of the parts that there are for these rays."""
-    triangles, owner = _stand_ins(collected, view.camera_to_world[:3, 3], shown)
+    triangles, owner = _stand_ins(collected, view.camera_to_world[:3, 3], visible)
     if not len(triangles):
         return Hits(np.zeros((0, 3)), np.zeros(0, np.int64))
     x, y = np.meshgrid((np.arange(GRID) + 0.5) / GRID * view.width, (np.arange(GRID) + 0.5) / GRID * view.height)
@@ -78,30 +84,44 @@ def _cast(collected: Collected, view: View, clip_start: float, shown: set[int]) 
     return Hits(eye + starts[hit] + met.distance[hit, None] * rays[hit], owner[met.triangle[hit]])
 
 
-def _stand_ins(collected: Collected, eye: np.ndarray, visible: set[int]) -> tuple[np.ndarray, np.ndarray]:
+def _stand_ins(collected: CollectedScene, eye: np.ndarray, indices: set[int]) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3, 3) world triangles that look alike from afar, and (n,) whose: of a fine mesh some, enlarged.
 
-    Fog around the eye (3,) is looked through.
+    Fog around the eye (3,) is ignored.
     """
-    placed = [medium.box.corners()[BOX] for medium in collected.media if not medium.box.holds(eye)]
-    owner = [np.full(len(box), -1) for box in placed]
-    shows = [i in visible for i in range(len(collected.parts))]
-    instances = sum(len(part.matrices) for part, shown in zip(collected.parts, shows, strict=True) if shown)
+    triangles = [medium.box.corners()[BOX] for medium in collected.media if not medium.box.holds(eye)]
+    owner = [np.full(len(box), -1) for box in triangles]
+    shows = [i in indices for i in range(len(collected.parts))]
+    instances = sum(len(part.matrices) for part, is_visible in zip(collected.parts, shows, strict=True) if is_visible)
     share = max(TRIANGLES // max(instances, 1), LEAST)
     before = 0
-    for part, shown in zip(collected.parts, shows, strict=True):
+    for part, is_visible in zip(collected.parts, shows, strict=True):
         copies = len(part.matrices)
-        if shown:
+        if is_visible:
             corners = part.mesh.corners
             if len(corners) > share:
-                kept, growth = keep_some(np.ones(len(corners)), share)
-                some, middle = corners[kept], corners[kept].mean(axis=1, keepdims=True)
-                corners = middle + (some - middle) * growth[kept, None, None]
+                is_kept, growth = keep_sample(np.ones(len(corners)), share)
+                some, middle = corners[is_kept], corners[is_kept].mean(axis=1, keepdims=True)
+                corners = middle + (some - middle) * growth[is_kept, None, None]
             matrix = np.array(part.matrices)[:, None]
             world = corners.astype(np.float64) @ matrix[..., :3, :3].swapaxes(-1, -2) + matrix[..., None, :3, 3]
-            placed.append(world.reshape(-1, 3, 3))
+            triangles.append(world.reshape(-1, 3, 3))
             owner.append(np.repeat(before + np.arange(copies), len(corners)))
         before += copies
-    if not placed:
+    if not triangles:
         return np.zeros((0, 3, 3)), np.zeros(0, np.int64)
-    return np.concatenate(placed), np.concatenate(owner)
+    return np.concatenate(triangles), np.concatenate(owner)
+
+
+def is_pane(part: Part) -> bool:
+    """Whether a part is about flat, and what is behind it shows."""
+    some = part.mesh.take(np.linspace(0, len(part.mesh) - 1, min(SAMPLE, len(part.mesh))).astype(int))
+    normals = area_vectors(some.corners.astype(np.float64))
+    largest = normals[np.square(normals).sum(axis=1).argmax()]
+    aligned = normals * np.where(normals @ largest < 0, -1, 1)[:, None]
+    if np.linalg.norm(aligned.sum(axis=0)) < FLAT * np.linalg.norm(normals, axis=1).sum():
+        return False
+    tiles = MaterialTiles(Report())
+    shares = [tiles.shows_through(part.materials[slot], some.take(some.slot == slot), part.instances[0], SMOOTH)
+              for slot in np.unique(some.slot)]
+    return bool(np.mean(np.concatenate(shares)) > CLEAR)

@@ -12,9 +12,9 @@ from ..shading.evaluate import Evaluator, Points
 from ..shading.lamp_nodes import LampPoints
 from ..shading.node_call import NodeCall
 from ..shading.surface import closure_at
-from .cones import sphere
+from .beams import sphere
 
-PLACES = 16  # across the surface of an area lamp
+TEXTURE_SIZE = 16  # across the surface of an area lamp
 
 
 @dataclass(frozen=True)
@@ -23,14 +23,14 @@ class LampLight:
 
     strength: np.ndarray                  # (3,) mean over the surface, and over all directions if they are alike
     directions: np.ndarray | None = None  # (n, 3) strength in the directions of `sphere(n)`, in the lamp's frame
-    places: np.ndarray | None = None      # (PLACES, PLACES, 3) [y, x] of an area lamp: mean 1, or 0
+    texture: np.ndarray | None = None      # (TEXTURE_SIZE, TEXTURE_SIZE, 3) [y, x] of an area lamp: mean 1, or 0
 
 
-def lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> LampLight | None:
-    """What a Lamp (shading/blocks.py) gives; None when it gives no light.
+def compute_lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> LampLight | None:
+    """The light of a Lamp (data/blocks.py); None when it emits none.
 
-    frame: (3, 3) rotation of the lamp; distance: from it to the middle of what is looked at, for lamps that do not fall
-    off with its square.
+    frame: (3, 3) rotation of the lamp; distance: to the center of the scene, for lamps that do not fall off
+    with its square.
     """
     if light.is_portal:
         report.skipped(name, "a light portal only guides Cycles' sampling")
@@ -50,12 +50,12 @@ def lamp_light(light, name: str, report, frame: np.ndarray, distance: float) -> 
 
 
 def _emission(light, name, report, frame, distance) -> np.ndarray:
-    """(3,), or (directions, places, 3) either of which may be 1."""
+    """(3,), or (directions, points, 3), either of them perhaps 1."""
     output = graph.output_node(light.node_tree)
     if output is None:
         return np.zeros(3)
     toward = sphere() if light.type != "SUN" else np.float32([(0, 0, -1)])
-    points = LampPoints(toward[:, None], frame.astype(np.float32), _places() if light.type == "AREA" else None,
+    points = LampPoints(toward[:, None], frame.astype(np.float32), _surface_points() if light.type == "AREA" else None,
                         None if light.type == "SUN" else distance)
     evaluator = Evaluator(Points(lamp=points), light.node_tree.conventions, report, name)
     emission = closure_at(NodeCall(evaluator, output), "Surface").emission.astype(np.float64)
@@ -64,8 +64,8 @@ def _emission(light, name, report, frame, distance) -> np.ndarray:
     return emission.reshape(-1, *emission.shape[-2:])
 
 
-def _places() -> np.ndarray:
-    across = (np.arange(PLACES) + 0.5) / PLACES
+def _surface_points() -> np.ndarray:
+    across = (np.arange(TEXTURE_SIZE) + 0.5) / TEXTURE_SIZE
     y, x = (a.ravel() for a in np.meshgrid(across, across, indexing="ij"))
     return np.stack([x, y, 0 * x], axis=-1)[None].astype(np.float32)
 
@@ -73,13 +73,13 @@ def _places() -> np.ndarray:
 def _parts(strength: np.ndarray) -> LampLight:
     if strength.ndim == 1:
         return LampLight(strength)
-    count, places = strength.shape[:2]
+    count, points = strength.shape[:2]
     facing = np.maximum(-sphere(count)[:, 2], 0) if count > 1 else None
     surface = np.average(strength, axis=0, weights=facing)
     mean = surface.mean(axis=0)
     share = np.divide(surface, mean, out=np.zeros_like(surface), where=mean > 0)
     return LampLight(mean, strength.mean(axis=1) if count > 1 else None,
-                     share.reshape(PLACES, PLACES, 3) if places > 1 else None)
+                     share.reshape(TEXTURE_SIZE, TEXTURE_SIZE, 3) if points > 1 else None)
 
 
 def normalized(light) -> bool:

@@ -12,12 +12,11 @@ import numpy as np
 from ....model.geometry import area_vectors
 from ....model.scene import RenderScene
 from ..data.copied import Sun
-from . import proxies
-from .beam import HALF_SPACE, spot_beam, spread_beam
-from .cones import Cone
-from .flat_light import DARK, black, shining
-from .lamp_power import ball_power, lamp_light, normalized
-from .placed_lamp import Detail, PlacedLamp, beams, half_angle_of, rotation
+from . import shapes
+from .beams import HALF_SPACE, Cone, find_spot_beam, fit_spread_beam
+from .lamp_power import ball_power, compute_lamp_light, normalized
+from .placed_lamp import Detail, PlacedLamp, beams, find_half_angle, rotation
+from .shapes import DARK, black, shining
 
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
 SUN_ANGLE = math.radians(0.5)  # least diameter of a sun
@@ -33,7 +32,7 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
                   detail: Detail = FINE) -> RenderScene:
     """Triangles of one lamp, ready for `RenderScene.appended`.
 
-    matrix_world: (4, 4) of the object; light: a Lamp (shading/blocks.py); name: of the object, for the report; center
+    matrix_world: (4, 4) of the object; light: a Lamp (data/blocks.py); name: of the object, for the report; center
     (3,) and radius: bounding sphere of the scene, world units, which decides where a sun stands and how small a lamp
     may be.
     """
@@ -41,24 +40,25 @@ def convert_light(matrix_world: np.ndarray, light, name: str, report, center: np
     return DARK if lamp is None else CONVERTERS[light.type](lamp)
 
 
-def lamp_sun(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray, radius: float) -> Sun | None:
-    """What a sun lamp is; the same arguments."""
+def convert_sun_lamp(matrix_world: np.ndarray, light, name: str, report, center: np.ndarray,
+                     radius: float) -> Sun | None:
+    """A sun lamp as a Sun; arguments as of `convert_light`."""
     lamp = _placed(matrix_world, light, name, report, center, radius, FINE)
     return None if lamp is None else _sun(lamp)
 
 
 def _placed(matrix_world, light, name, report, center, radius, detail) -> PlacedLamp | None:
-    """None, and a remark where it is worth one, of a lamp that gives no light."""
+    """None for a lamp that emits no light, perhaps with a remark."""
     matrix, center = np.asarray(matrix_world, np.float64), np.asarray(center, np.float64)
     frame = rotation(matrix)
-    given = lamp_light(light, name, report, frame, float(np.linalg.norm(matrix[:3, 3] - center)))
-    if given is None:
+    light_output = compute_lamp_light(light, name, report, frame, float(np.linalg.norm(matrix[:3, 3] - center)))
+    if light_output is None:
         return None
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if not all(scale[axis] for axis in NEEDED_AXES[light.type]):
         report.skipped(name, "its scale is 0, so it gives no light: reset its scale")
         return None
-    return PlacedLamp(light, given, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail)
+    return PlacedLamp(light, light_output, name, report, matrix[:3, 3], frame, scale, center, max(radius, 1e-6), detail)
 
 
 def _area(lamp: PlacedLamp) -> RenderScene:
@@ -70,10 +70,10 @@ def _area(lamp: PlacedLamp) -> RenderScene:
         lamp.report.skipped(lamp.name, "an area lamp of size 0 gives no light")
         return DARK
     if light.shape in ("DISK", "ELLIPSE"):
-        front = back = proxies.disk(*size, lamp.detail.disk_corners)
+        front = back = shapes.disk(*size, lamp.detail.disk_corners)
     else:
         cells = np.clip(np.ceil(size / (CELL * lamp.scene_radius)), 1, lamp.detail.most_cells).astype(int)
-        front, back = proxies.rectangle(*size, *cells), proxies.rectangle(*size)
+        front, back = shapes.rectangle(*size, *cells), shapes.rectangle(*size)
     spread = max(light.spread, LEAST_SPREAD)
     if light.spread < LEAST_SPREAD:
         was, now = math.degrees(light.spread), math.degrees(LEAST_SPREAD)
@@ -81,26 +81,26 @@ def _area(lamp: PlacedLamp) -> RenderScene:
     elif spread < math.pi - 0.01:
         lamp.approximated(f"with a spread of {math.degrees(spread):.0f} degrees its light falls off slightly "
                           "differently")
-    gain, border = spread_beam(spread)
-    per_watt = 1 / (math.pi * (proxies.area(front) if normalized(light) else 1))
-    scene = black(lamp.placed(back[:, ::-1] + [0, 0, 0.01 * size.min()]))
+    gain, border = fit_spread_beam(spread)
+    per_watt = 1 / (math.pi * (shapes.area(front) if normalized(light) else 1))
+    scene = black(lamp.to_world(back[:, ::-1] + [0, 0, 0.01 * size.min()]))
     for strength, axis, cosines in beams(lamp, Cone(gain * lamp.strength, DOWN, border), facing=True):
-        radiance = per_watt * strength * _textured(front, size, lamp.given.places)
-        scene = shining(lamp.placed(front), radiance, lamp.frame @ axis, cosines).appended(scene)
+        radiance = per_watt * strength * _textured(front, size, lamp.light_output.texture)
+        scene = shining(lamp.to_world(front), radiance, lamp.frame @ axis, cosines).appended(scene)
     return scene
 
 
-def _textured(front: np.ndarray, size: np.ndarray, places: np.ndarray | None) -> np.ndarray:
-    """(n, 3) or (1,) share of its mean light that each triangle of an area lamp gives: that of the places nearest."""
-    if places is None:
+def _textured(front: np.ndarray, size: np.ndarray, texture: np.ndarray | None) -> np.ndarray:
+    """(n, 3) or (1,) light of each triangle of an area lamp, relative to its mean: that of the nearest texels."""
+    if texture is None:
         return np.ones(1)
-    across = (np.arange(len(places)) + 0.5) / len(places) - 0.5
+    across = (np.arange(len(texture)) + 0.5) / len(texture) - 0.5
     at = np.stack(np.meshgrid(across, across, indexing="xy"), axis=-1).reshape(-1, 2) * size
     nearest = np.linalg.norm(at[:, None] - front.mean(axis=1)[None, :, :2], axis=-1).argmin(axis=1)
     share, areas = np.ones((len(front), 3)), np.linalg.norm(area_vectors(front), axis=-1)
     for i in range(len(front)):
         if (nearest == i).any():
-            share[i] = places.reshape(-1, 3)[nearest == i].mean(axis=0)
+            share[i] = texture.reshape(-1, 3)[nearest == i].mean(axis=0)
     return share * areas.sum() / np.maximum(areas @ share, 1e-30)
 
 
@@ -112,28 +112,28 @@ def _spot(lamp: PlacedLamp) -> RenderScene:
     x, y, z = lamp.scale
     if abs(x - y) > 1e-3 * max(x, y):
         lamp.approximated("its scale is not uniform: its elliptic spot cone becomes round")
-    cosines = spot_beam(lamp.light, math.sqrt(x * y) / max(z, 1e-12))
+    cosines = find_spot_beam(lamp.light, math.sqrt(x * y) / max(z, 1e-12))
     return _ball(lamp, beams(lamp, Cone(lamp.strength, DOWN, cosines)), half_angle=math.acos(cosines[0]))
 
 
-def _ball(lamp: PlacedLamp, kept: list[Cone], half_angle: float) -> RenderScene:
+def _ball(lamp: PlacedLamp, cones: list[Cone], half_angle: float) -> RenderScene:
     """A ball for each beam, and a black shade that makes the cone for a network that does not know beams."""
     size = _ball_radius(lamp)
-    triangles = proxies.ball(size, lamp.detail.ball_faces)
+    triangles = shapes.ball(size, lamp.detail.ball_faces)
     scene = DARK
-    for strength, axis, cosines in kept:
-        radiance = _softened(lamp) * ball_power(lamp.light, strength) / (math.pi * proxies.area(triangles))
-        scene = scene.appended(shining(lamp.placed(triangles), radiance, lamp.frame @ axis, cosines))
-    if lamp.given.directions is not None:
-        half_angle = min(half_angle, half_angle_of(lamp.given.directions))
+    for strength, axis, cosines in cones:
+        radiance = _softened(lamp) * ball_power(lamp.light, strength) / (math.pi * shapes.area(triangles))
+        scene = scene.appended(shining(lamp.to_world(triangles), radiance, lamp.frame @ axis, cosines))
+    if lamp.light_output.directions is not None:
+        half_angle = min(half_angle, find_half_angle(lamp.light_output.directions))
     if half_angle > WIDEST_SHADE and lamp.light.type != "SPOT":
         return scene
-    return scene.appended(black(lamp.placed(proxies.shade(half_angle, size, lamp.detail.shade_sides))))
+    return scene.appended(black(lamp.to_world(shapes.shade(half_angle, size, lamp.detail.shade_sides))))
 
 
 def _softened(lamp: PlacedLamp) -> float:
-    """What Soft Falloff leaves: Cycles then takes a disk that faces what it lights, here at the scene's middle."""
-    away = max(float(np.linalg.norm(lamp.place - lamp.scene_center)), lamp.scene_radius / 2)
+    """Factor of Soft Falloff: Cycles takes a disk that faces the point it lights, here the center of the scene."""
+    away = max(float(np.linalg.norm(lamp.position - lamp.scene_center)), lamp.scene_radius / 2)
     return 1 / (1 + (lamp.light.shadow_soft_size / away) ** 2) if lamp.light.use_soft_falloff else 1.0
 
 
@@ -163,7 +163,7 @@ def convert_sun(sun: Sun, center: np.ndarray, radius: float, detail: Detail = FI
     frame, angle = rotation(pose), np.clip(sun.angle, SUN_ANGLE, math.radians(170))
     distance = SUN_DISTANCE * max(radius, 1e-6)
     size = 2 * distance * math.tan(angle / 2)
-    triangles = proxies.disk(size, size, detail.disk_corners) @ frame.T + np.asarray(center, np.float64)
+    triangles = shapes.disk(size, size, detail.disk_corners) @ frame.T + np.asarray(center, np.float64)
     triangles += distance * frame[:, 2]
     return shining(triangles, sun.irradiance / (math.pi * math.sin(angle / 2) ** 2), -frame[:, 2], HALF_SPACE)
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from ....model import progress
-from ....model.clusters import split_clusters
+from ....model.clusters import clusters
 from ....model.geometry import area_vectors
 from ....model.scene import RenderScene
 from ..data.copied import LampInstance, Sun
 from ..data.mesh import within_reach
-from .lamp_triangles import COARSE, FINE, convert_light, convert_sun, lamp_sun
-from .suns import fewer_suns
+from .lamp_triangles import COARSE, FINE, convert_light, convert_sun, convert_sun_lamp
+from .suns import merge_suns
 
 SUNS_SHARE = 0.25        # of the triangles, where there are too many
 FACING, COLOR = 0.3, 0.1  # how much differences in these count beside a distance of the scene's radius
@@ -21,16 +21,18 @@ FACING, COLOR = 0.3, 0.1  # how much differences in these count beside a distanc
 
 def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, center: np.ndarray, radius: float,
                   clear: np.ndarray, report) -> list[RenderScene]:
-    """Triangles of each lamp and each sun; too many lamps become coarser, and at last those close together one.
+    """Triangles of each lamp and each sun; too many become coarser, and then close ones are merged.
 
     budget: most triangles of all together; center (3,) and radius: bounding sphere of the scene, world units; clear
     (3,): the share of sunlight that reaches it.
     """
-    own = [lamp_sun(lamp.matrix, lamp.light, lamp.name, report, center, radius) for lamp in lamps if _is_sun(lamp)]
-    suns = suns + [replace(sun, irradiance=sun.irradiance * clear) for sun in own if sun is not None and clear.any()]
+    sun_lamps = [convert_sun_lamp(lamp.matrix, lamp.light, lamp.name, report, center, radius)
+                 for lamp in lamps if _is_sun(lamp)]
+    suns = suns + [replace(sun, irradiance=sun.irradiance * clear)
+                   for sun in sun_lamps if sun is not None and clear.any()]
     lamps = [lamp for lamp in lamps if not _is_sun(lamp)]
     for detail in FINE, COARSE:
-        distant = _distant(suns, center, radius, detail, report)
+        distant = _sun_disks(suns, center, radius, detail, report)
         near = []
         for i, lamp in enumerate(lamps):
             progress.report(i / len(lamps))
@@ -42,11 +44,11 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
         report.approximated("Lamps", "their shapes are coarser than usual: raise Max Triangles")
     most = max(int(SUNS_SHARE * budget) // max(map(len, distant), default=1), 1)
     if len(suns) > most:
-        distant = _distant(fewer_suns(suns, most), center, radius, COARSE, report)
+        distant = _sun_disks(merge_suns(suns, most), center, radius, COARSE, report)
     room, fewer = budget - sum(map(len, distant)), near
     most = max(room * len(near) // max(sum(map(len, near)), 1), 1)
     while sum(map(len, fewer)) > room and most > 0:
-        fewer, most = _merged(near, most, center, max(radius, 1e-6)), int(0.9 * most)
+        fewer, most = _merge_lamps(near, most, center, max(radius, 1e-6)), int(0.9 * most)
     report.approximated("Lamps", f"{len(fewer) + len(distant)} lights replace {len(near) + len(suns)}, each with the "
                                  "light of those near it: raise Max Triangles")
     return fewer + distant
@@ -56,7 +58,7 @@ def _is_sun(lamp: LampInstance) -> bool:
     return lamp.light.type == "SUN"
 
 
-def _distant(suns: list[Sun], center: np.ndarray, radius: float, detail, report) -> list[RenderScene]:
+def _sun_disks(suns: list[Sun], center: np.ndarray, radius: float, detail, report) -> list[RenderScene]:
     return [_within_numbers(convert_sun(sun, center, radius, detail), "Sun", report) for sun in suns]
 
 
@@ -68,36 +70,36 @@ def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
     return replace(shape, emission=report.finite(name, "its light", shape.emission))
 
 
-def _merged(shapes: list[RenderScene], most: int, center: np.ndarray, radius: float) -> list[RenderScene]:
+def _merge_lamps(shapes: list[RenderScene], most: int, center: np.ndarray, radius: float) -> list[RenderScene]:
     """At most so many lamps (or one of each kind) that give as much light of each colour."""
-    flux, place, facing, kind = (np.array(rows) for rows in zip(*map(_summary, shapes), strict=True))
+    flux, positions, facing, kind = (np.array(rows) for rows in zip(*map(_summary, shapes), strict=True))
     power = flux.mean(axis=1)
-    offset = place - center
+    offset = positions - center
     # Outside of the scene only directions differ.
     offset = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), radius)
     features = np.concatenate([offset, FACING * facing, COLOR * flux / flux.sum(axis=1, keepdims=True)], axis=1)
     kinds = [np.flatnonzero(kind == k) for k in np.unique(kind)]
-    return [_one(shapes, rows, flux, np.average(place[rows], axis=0, weights=power[rows]), place)
-            for rows in split_clusters(features, power, kinds, most)]
+    return [_merge_group(shapes, rows, flux, np.average(positions[rows], axis=0, weights=power[rows]), positions)
+            for rows in clusters(features, power, kinds, most)]
 
 
 def _summary(shape: RenderScene) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Flux (3,), middle (3,), direction (3,) (0 for all around) and kind of one lamp."""
-    lit, vectors = shape.is_light, area_vectors(shape.triangles[shape.is_light].astype(np.float64))
-    areas, emission, axis = np.linalg.norm(vectors, axis=-1), shape.emission[lit], shape.beam_axis[lit]
+    emits, vectors = shape.is_light, area_vectors(shape.triangles[shape.is_light].astype(np.float64))
+    areas, emission, axis = np.linalg.norm(vectors, axis=-1), shape.emission[emits], shape.beam_axis[emits]
     flat = np.linalg.norm(vectors.sum(axis=0)) > 0.5 * areas.sum()
-    border = shape.beam_cosine[lit].mean(axis=1).clip(-1, 1)
+    border = shape.beam_cosine[emits].mean(axis=1).clip(-1, 1)
     share = np.where(axis.any(axis=1), 1 - border ** 2 if flat else (1 - border) / 2, 1)  # of light within the beam
     flux = np.pi * (areas * share)[:, None] * emission
     weight = flux.mean(axis=1)
-    middle = np.average(shape.triangles[lit].mean(axis=1), axis=0, weights=weight)
+    middle = np.average(shape.triangles[emits].mean(axis=1), axis=0, weights=weight)
     return flux.sum(axis=0), middle, np.average(axis, axis=0, weights=weight), 2 if flat else int(axis.any())
 
 
-def _one(shapes, rows, flux, middle, place) -> RenderScene:
+def _merge_group(shapes, rows, flux, middle, positions) -> RenderScene:
     """The brightest of some lamps, moved into the middle of all, with the light of all."""
     brightest = rows[flux[rows].mean(axis=1).argmax()]
     shape, total = shapes[brightest], flux[rows].sum(axis=0)
     emission = shape.emission.mean(axis=1, keepdims=True) * total / flux[brightest].mean()
-    return replace(shape, triangles=(shape.triangles + (middle - place[brightest])).astype(np.float32),
+    return replace(shape, triangles=(shape.triangles + (middle - positions[brightest])).astype(np.float32),
                    emission=emission.astype(np.float32))

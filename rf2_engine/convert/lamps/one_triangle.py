@@ -21,25 +21,25 @@ def one_triangle(lamp: RenderScene, center: np.ndarray, scale: float) -> RenderS
     scale: network units in one of the world's. A lamp between the scene and the distance of the training is moved out
     along its direction, and one that is farther away is brought near. Beams become light to all sides.
     """
-    lit = lamp.is_light
-    weight = np.linalg.norm(area_vectors(lamp.triangles[lit].astype(np.float64)), axis=1)
-    middle = np.average(lamp.triangles[lit].mean(axis=1), axis=0, weights=weight + 1e-30)
+    emits = lamp.is_light
+    weight = np.linalg.norm(area_vectors(lamp.triangles[emits].astype(np.float64)), axis=1)
+    middle = np.average(lamp.triangles[emits].mean(axis=1), axis=0, weights=weight + 1e-30)
     away = (middle - center) * scale
     distance = float(np.linalg.norm(away))
     back = away / distance if distance > 1e-6 else np.array([0.0, 0.0, 1.0])
     if distance > WITHIN:
         distance = float(np.clip(distance, NEAREST, FARTHEST))
-    place = center + back * distance / scale
+    position = center + back * distance / scale
     right = np.cross(back, (1.0, 0.0, 0.0) if abs(back[0]) < 0.9 else (0.0, 1.0, 0.0))
     right /= np.linalg.norm(right)
     up = np.cross(back, right)
     radius = np.sqrt(AREA * 4 / (3 * np.sqrt(3))) / scale  # of the circle through the corners
     turns = -2 * np.pi * np.arange(3) / 3  # its front looks at the center
-    corners = place + radius * (np.cos(turns)[:, None] * right + np.sin(turns)[:, None] * up)
-    emission = np.average(lamp.emission[lit], axis=0, weights=weight + 1e-30)[None]
-    made = replace(
+    corners = position + radius * (np.cos(turns)[:, None] * right + np.sin(turns)[:, None] * up)
+    emission = np.average(lamp.emission[emits], axis=0, weights=weight + 1e-30)[None]
+    triangle = replace(
         lamp, triangles=corners[None].astype(np.float32), normals=np.tile(-back, (1, 3, 1)).astype(np.float32),
         emission=emission.astype(np.float32), beam_axis=np.zeros((1, 3), np.float32),
-        beam_cosine=np.zeros((1, 2), np.float32), tile_index=lamp.tile_index[lit][:1], seen=np.zeros(1, bool))
-    wanted, found = (central_irradiance(it, np.float32(center), scale).sum() for it in (lamp, made))
-    return replace(made, emission=(made.emission * (wanted / max(found, 1e-30))).astype(np.float32))
+        beam_cosine=np.zeros((1, 2), np.float32), tile_index=lamp.tile_index[emits][:1], seen=np.zeros(1, bool))
+    target, irradiance = (central_irradiance(light, np.float32(center), scale).sum() for light in (lamp, triangle))
+    return replace(triangle, emission=(triangle.emission * (target / max(irradiance, 1e-30))).astype(np.float32))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A lamp with its place and the directions in which it shines."""
+"""A lamp with its position and the directions in which it shines."""
 from __future__ import annotations
 
 import math
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..data.blocks import Lamp
-from .cones import Cone, cones, smoothstep, sphere
+from .beams import Cone, cones, smoothstep, sphere
 from .lamp_power import LampLight
 
 MOST_LIT = 0.95  # of a lamp's light is within its half angle
@@ -29,10 +29,10 @@ class PlacedLamp:
     """A lamp's strength, its pose without scale (it shines along -Z), and the scene it stands in."""
 
     light: Lamp
-    given: LampLight
+    light_output: LampLight
     name: str
     report: object
-    place: np.ndarray         # (3,)
+    position: np.ndarray         # (3,)
     frame: np.ndarray         # (3, 3) rotation
     scale: np.ndarray         # (3,)
     scene_center: np.ndarray  # (3,)
@@ -45,30 +45,30 @@ class PlacedLamp:
 
     @property
     def strength(self) -> np.ndarray:
-        return self.given.strength
+        return self.light_output.strength
 
-    def placed(self, triangles: np.ndarray) -> np.ndarray:
-        return triangles @ self.frame.T + self.place
+    def to_world(self, triangles: np.ndarray) -> np.ndarray:
+        return triangles @ self.frame.T + self.position
 
     def approximated(self, message: str) -> None:
         self.report.approximated(self.name, message)
 
 
 def beams(lamp: PlacedLamp, own: Cone, facing: bool = False) -> list[Cone]:
-    """The beam of a lamp, or cones for what its nodes make of it; facing: from a surface and not from a ball."""
-    light = lamp.given.directions
+    """The beam of a lamp, or cones that approximate what its nodes emit; facing: from a surface, not from a ball."""
+    light = lamp.light_output.directions
     if light is None:
         return [own]
     cosine = -sphere(len(light))[:, 2]
     if own.axis.any():
         light = light * smoothstep(*own.cosines, cosine)[:, None] * (own.strength / np.maximum(lamp.strength, 1e-30))
-    found, wrong = cones(light, np.maximum(cosine, 0) if facing else np.ones_like(cosine))
-    lamp.approximated(f"{len(found)} cones approximate its light, and {100 * wrong:.0f} % of it goes in other "
+    fitted, misplaced = cones(light, np.maximum(cosine, 0) if facing else np.ones_like(cosine))
+    lamp.approximated(f"{len(fitted)} cones approximate its light, and {100 * misplaced:.0f} % of it goes in other "
                       "directions")
-    return found
+    return fitted
 
 
-def half_angle_of(light: np.ndarray) -> float:
+def find_half_angle(light: np.ndarray) -> float:
     """Radians around -Z within which nearly all of the light stays."""
     power, cosine = light.mean(axis=1), -sphere(len(light))[:, 2]
     order = np.argsort(-cosine)

@@ -11,19 +11,19 @@ from ....model.geometry import latlong_directions
 from ..data.copied import Sun
 
 MAX_SUNS = 4
-TRIES = 8                       # bright places that are looked at
+TRIES = 8                       # bright places that are tried
 CORE = math.radians(5)          # radius of the area that a sun lies in
 CENTRINGS = 3                   # from its brightest texel to its middle
-RING = math.radians(8)          # outer radius of what is around it
+RING = math.radians(8)          # outer radius of its surroundings
 CONTRAST = 8                    # times as bright as most of the ring
 SHARE = 0.1                     # of the irradiance of a surface that faces it, beside all else
 
 
 def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
-    """A (H, W, 3) panorama without its suns, and these; irradiance is that of the whole.
+    """A (H, W, 3) panorama without its suns, and the suns; together they give the same irradiance.
 
-    A sun is a small place, much brighter than what is around it, that gives a good part of the light. What is left in
-    its place is as bright as its surroundings.
+    A sun is a small area, much brighter than its surroundings, that gives a good part of the light. It is replaced by
+    the brightness of its surroundings.
     """
     if (environment == environment[0, 0]).all():
         return environment, []
@@ -31,9 +31,9 @@ def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
     towards = latlong_directions(np.arange(height), height, width).astype(np.float64)
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     solid_angle = np.broadcast_to(((edges[:-1] - edges[1:]) * 2 * math.pi / width)[:, None], (height, width))
-    left, suns, unseen = environment.copy(), [], np.ones((height, width), bool)
+    remaining, suns, unseen = environment.copy(), [], np.ones((height, width), bool)
     for _ in range(TRIES):
-        brightness = left.mean(axis=-1) * unseen
+        brightness = remaining.mean(axis=-1) * unseen
         if not brightness.any():
             break
         middle = towards[np.unravel_index(brightness.argmax(), brightness.shape)]
@@ -45,20 +45,20 @@ def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:
         if not ring.any():  # light that is too faint to have a middle
             break
         unseen &= ~core
-        around = np.median(left[ring], axis=0)
-        excess = np.maximum(left[core] - around, 0) * solid_angle[core, None]
+        surroundings = np.median(remaining[ring], axis=0)
+        excess = np.maximum(remaining[core] - surroundings, 0) * solid_angle[core, None]
         sun = _sun(excess, towards[core], solid_angle[core])
-        if sun is None or not _stands_out(sun, left, ring, solid_angle * np.maximum(towards @ sun.toward, 0)):
+        if sun is None or not _stands_out(sun, remaining, ring, solid_angle * np.maximum(towards @ sun.toward, 0)):
             continue
-        left[core] = np.minimum(left[core], around)
+        remaining[core] = np.minimum(remaining[core], surroundings)
         suns.append(sun)
         if len(suns) == MAX_SUNS:
             break
-    return left, suns
+    return remaining, suns
 
 
-def fewer_suns(suns: list[Sun], most: int) -> list[Sun]:
-    """At most so many, each for some from about the same direction, with the light of all on what faces all of them."""
+def merge_suns(suns: list[Sun], most: int) -> list[Sun]:
+    """At most so many suns, each with the light of all from about its direction on surfaces that face it."""
     toward = np.array([sun.toward for sun in suns])
     light = np.array([sun.irradiance for sun in suns])
     power = light.mean(axis=1)
@@ -83,9 +83,9 @@ def _stands_out(sun: Sun, panorama: np.ndarray, ring: np.ndarray, facing: np.nda
     """facing: (H, W) solid angles as a surface that faces the sun sees them."""
     irradiance = sun.irradiance.mean()
     radiance = irradiance / (math.pi * math.sin(sun.angle / 2) ** 2)
-    around = np.quantile(panorama[ring].mean(axis=-1), 0.9)
+    surroundings = np.quantile(panorama[ring].mean(axis=-1), 0.9)
     everything = (panorama.mean(axis=-1) * facing).sum()
-    return radiance > CONTRAST * around and irradiance > SHARE * everything
+    return radiance > CONTRAST * surroundings and irradiance > SHARE * everything
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

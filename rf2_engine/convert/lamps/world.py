@@ -24,20 +24,20 @@ BAND_ROWS = 16        # texel rows evaluated at once
 SKY, FEW = "ShaderNodeTexSky", (0, 8, 16)  # first row, rows and columns of directions that show what nodes say
 
 
-def drawn_by(by_cycles, world: World | None) -> tuple[np.ndarray | None, list[Sun]] | None:
-    """A world's panorama without its suns, and these, from a CyclesWorld (cycles/world.py) or None, which is asked
-    where a node cannot be evaluated as it is; None where it need not or cannot draw it."""
-    if world is None or by_cycles is None or _is_exact(world):
+def draw_world(cycles_world, world: World | None) -> tuple[np.ndarray | None, list[Sun]] | None:
+    """A world's panorama without its suns, and the suns, rendered by a CyclesWorld (cycles/world.py) where nodes cannot
+    be evaluated here; None where that is not necessary or not possible."""
+    if world is None or cycles_world is None or _is_exact(world):
         return None
-    drawn = by_cycles.light(_rough_suns(world))
+    drawn = cycles_world.light(_rough_suns(world))
     return drawn and (_none_if_black(drawn[0]), drawn[1])
 
 
-def world_light(world: World | None, drawn: tuple | None, report,
-                whole: bool = False) -> tuple[np.ndarray | None, list[Sun]]:
-    """The world of the view layer that is rendered, as `convert_world` gives it but without its suns, and these.
+def convert_world_light(world: World | None, drawn: tuple | None, report,
+                        keep_suns: bool = False) -> tuple[np.ndarray | None, list[Sun]]:
+    """The panorama of a world (`convert_world`) without its suns, and the suns.
 
-    drawn: what Cycles has drawn of it (`drawn_by`). whole: small bright areas of it stay where they are.
+    drawn: what Cycles has drawn of it (`draw_world`). whole: small bright areas of it stay where they are.
     """
     if world is None:
         return None, []
@@ -48,7 +48,7 @@ def world_light(world: World | None, drawn: tuple | None, report,
         environment, suns = drawn
     else:
         environment, suns = convert_world(world, report), []
-        if environment is not None and not whole:
+        if environment is not None and not keep_suns:
             environment, suns = split_suns(environment)
     if suns:
         what = f"{len(suns)} small bright areas become sun lights" if len(suns) > 1 else \

@@ -6,18 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..data.collected import Collected
+from ..data.collected import CollectedScene
 from ..data.copied import Sun
-from ..data.instance import Place
+from ..data.instance import Instance
 from ..data.medium import Box
 from ..shading.volume import has_volume, volume_coefficients, volume_points
-from .shaded import shaded_medium
+from .volumes import shaded_medium
 
 MARGIN = 0.01   # of the box's longest side, around it
 NOWHERE = np.zeros((2, 3), np.float32)
 
 
-def add_fog(collected: Collected, world, box: np.ndarray, eye: np.ndarray | None, report) -> np.ndarray:
+def add_fog(collected: CollectedScene, world, box: np.ndarray, eye: np.ndarray | None, report) -> np.ndarray:
     """Adds the fog between an eye (3,) and a box (2, 3), and in it; returns (3,) the share of light from infinitely far
     that comes through all the rest, of each colour: 1 or 0."""
     if not has_volume(world):
@@ -28,7 +28,7 @@ def add_fog(collected: Collected, world, box: np.ndarray, eye: np.ndarray | None
     box = Box(np.eye(3), ((low + high) / 2).astype(np.float64), (high - low + 2 * margin).astype(np.float64))
 
     def coefficients(points):
-        return volume_coefficients(world, report, volume_points(points, NOWHERE, Place()))
+        return volume_coefficients(world, report, volume_points(points, NOWHERE, Instance()))
 
     medium = shaded_medium(world.name, box, coefficients, report)
     extinction = medium.scattering + medium.absorption
@@ -41,8 +41,8 @@ def add_fog(collected: Collected, world, box: np.ndarray, eye: np.ndarray | None
     return (extinction == 0).astype(np.float64)
 
 
-def through_fog(environment: np.ndarray | None, suns: list[Sun], clear: np.ndarray) -> tuple:
-    """What is left of a panorama and of suns."""
+def dim_by_fog(environment: np.ndarray | None, suns: list[Sun], clear: np.ndarray) -> tuple:
+    """A panorama and suns as they shine through fog."""
     if not clear.any():
         return None, []
     return (environment if environment is None else (environment * clear).astype(np.float32),

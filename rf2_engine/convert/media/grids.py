@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Average grids of numbers over the voxels of a box."""
+"""Resample grids of numbers to the voxels of a box."""
 from __future__ import annotations
 
 import numpy as np
 
 from ..data.copied import Grid
-from ..data.medium import Box, Medium, box_around, voxel_centres
-from .shaded import shaded_medium
+from ..data.medium import Box, voxel_centres
 
 ALIGNED = 1e-6  # of an axis' length may point elsewhere
 
@@ -24,26 +23,6 @@ def in_box(grid: Grid, box: Box, resolution: int) -> np.ndarray:
         weights = shares(first[axis], straight[axis] / resolution, resolution, values.shape[axis])
         values = np.moveaxis(np.tensordot(weights, values, (1, axis)), 0, axis)
     return values.astype(np.float32)
-
-
-def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report) -> Medium:
-    """All of some grids of an object, at least one, along the axes of the first.
-
-    matrix: (4, 4) object to world; coefficients: scattering and absorption per world unit, (3,) or (..., 3), at places
-    (..., 3) of the object, given a function of the name of a grid that returns its values (..., c) there, or None.
-    """
-    grids = {key: grid.moved(matrix) for key, grid in grids.items()}
-    first = next(iter(grids.values())).to_space
-    corners = [grid.corners() @ grid.to_space[:3, :3].T + grid.to_space[:3, 3] for grid in grids.values()]
-    box = box_around(first, (np.concatenate(corners) - first[:3, 3]) @ np.linalg.pinv(first[:3, :3]).T)
-    to_object = np.linalg.pinv(matrix)
-
-    def at(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        def values(wanted: str) -> np.ndarray | None:
-            return in_box(grids[wanted], box, len(points)) if wanted in grids else None
-        return coefficients(points @ to_object[:3, :3].T + to_object[:3, 3], values)
-
-    return shaded_medium(name, box, at, report)
 
 
 def shares(first: float, step: float, count: int, size: int) -> np.ndarray:

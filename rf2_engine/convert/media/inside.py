@@ -10,11 +10,11 @@ from ....model import progress
 
 COLUMNS = 2                     # along each side of a voxel
 OFFSET = np.array([0.13, 0.27])  # of a column off its middle, in columns, so that few run along a regular mesh's edges
-DIGITS = 5                      # of places in the box
+DIGITS = 5                      # of positions in the box
 CHUNK = 1 << 20                 # columns and triangles that may meet, at once
 
 
-def filling(corners: np.ndarray, resolution: int) -> np.ndarray:
+def fill_voxels(corners: np.ndarray, resolution: int) -> np.ndarray:
     """(r, r, r) f32 of a box from -0.5 to 0.5, [x, y, z]; corners: (n, 3, 3) of triangles.
 
     Columns along z are cut at each crossing of the mesh: what lies after an odd number of them is inside.
@@ -51,20 +51,20 @@ def _crossings(corners: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarra
     low, high = (np.ceil(f(corners[..., :2], axis=1) - 0.5).clip(0, columns).astype(np.int64) for f in (np.min, np.max))
     wide, deep = (high - low).T
     candidates = wide * deep
-    found = [(np.zeros(0, np.int64), np.zeros(0))]
+    crossings = [(np.zeros(0, np.int64), np.zeros(0))]
     for group in np.split(np.arange(len(corners)), np.flatnonzero(np.diff(np.cumsum(candidates) // CHUNK)) + 1):
         progress.report()
         count = candidates[group]
         triangle, number = np.repeat(group, count), np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         x, y = low[triangle, 0] + number // deep[triangle], low[triangle, 1] + number % deep[triangle]
         a, b, c = corners[triangle].swapaxes(0, 1)
-        place = np.stack([x + 0.5, y + 0.5], axis=-1)
-        weights = np.stack([_area(b, c, place), _area(c, a, place), _area(a, b, place)], axis=-1)
+        columns_xy = np.stack([x + 0.5, y + 0.5], axis=-1)
+        weights = np.stack([_area(b, c, columns_xy), _area(c, a, columns_xy), _area(a, b, columns_xy)], axis=-1)
         area = weights.sum(axis=-1)
         hit = ((weights >= 0).all(axis=-1) | (weights <= 0).all(axis=-1)) & (area != 0)
         heights = (weights[hit] * corners[triangle[hit], :, 2]).sum(axis=-1) / area[hit]
-        found.append((x[hit] * columns + y[hit], heights))
-    return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+        crossings.append((x[hit] * columns + y[hit], heights))
+    return np.concatenate([f[0] for f in crossings]), np.concatenate([f[1] for f in crossings])
 
 
 def _area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -75,18 +75,18 @@ def _occupied(medium: Medium, per_axis: int, clear: float) -> Volumes:
     blocks = (density / (peak or 1)).reshape(n, VOXELS, n, VOXELS, n, VOXELS).transpose(0, 2, 4, 5, 3, 1)
     extinction = peak * (medium.scattering + medium.absorption).max()
     least = min(OCCUPIED, clear / max(extinction * box.size.max() / max(n, 1), 1e-30))
-    kept = blocks.max(axis=(3, 4, 5), initial=0) > least
-    position = voxel_centres(box, n)[kept] if n else np.zeros((0, 3))
+    is_occupied = blocks.max(axis=(3, 4, 5), initial=0) > least
+    position = voxel_centres(box, n)[is_occupied] if n else np.zeros((0, 3))
     count = len(position)
     scale = box.size * CELLS / max(n, 1)
     # Coefficients belong to a box whose optical depth does not change with its size (docs/scene-input.md 5.4).
     unit = peak * np.sqrt(np.mean(np.square(scale)))
     rows = (euler_angles(box.rotation), scale, medium.scattering * unit, medium.absorption * unit)
-    return Volumes(blocks[kept].reshape(count, VOXELS ** 3).astype(np.float32), position.astype(np.float32),
+    return Volumes(blocks[is_occupied].reshape(count, VOXELS ** 3).astype(np.float32), position.astype(np.float32),
                    *(np.tile(row, (count, 1)).astype(np.float32) for row in rows))
 
 
 def _denser(cells: Volumes) -> Volumes:
     """Those above OCCUPIED."""
-    kept = cells.density.max(axis=1, initial=0) > OCCUPIED
-    return Volumes(*(getattr(cells, f.name)[kept] for f in fields(cells)))
+    is_dense = cells.density.max(axis=1, initial=0) > OCCUPIED
+    return Volumes(*(getattr(cells, f.name)[is_dense] for f in fields(cells)))

@@ -2,64 +2,116 @@
 """Volume objects, simulated gas, and meshes with a volume shader, as media."""
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from ..data.copied import Gridded
-from ..data.instance import Place
-from ..data.medium import Medium, box_around
+from ....model.scene import CELLS
+from ..data.copied import CopiedVolume, Grid
+from ..data.instance import Instance
+from ..data.medium import Box, Medium, box_around, voxel_centres
 from ..shading.volume import volume_coefficients, volume_points
-from .grids import grid_medium
-from .inside import filling
-from .shaded import shaded_medium
+from .grids import in_box
+from .inside import fill_voxels
 
+EVEN = 4          # cells per axis of a box that is the same everywhere
+SAME_TINT = 0.05  # most difference in colour that is not worth a remark
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.
 DEFAULT_GRID, DEFAULT_COEFFICIENT = "density", 0.5
 
 
-def gridded(it: Gridded, report) -> Medium:
+def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: Callable | None = None) -> Medium:
+    """coefficients: world positions (r, r, r, 3) of all voxels of the box -> scattering and absorption, (3,) or
+    (r, r, r, 3), per world unit; filling: r -> (r, r, r) share of each voxel that is filled, None = all of it.
+
+    Tokens of a box know one colour, so its colour is the mean one, and its extinction that of all colours together.
+    """
+    full = filling or (lambda resolution: np.ones((resolution,) * 3, np.float32))
+    scattering, absorption = coefficients(voxel_centres(box, CELLS))
+    if scattering.ndim == absorption.ndim == 1:
+        return Medium(name, box, scattering, absorption, full, EVEN if filling is None else CELLS)
+    scattering, absorption = (np.broadcast_to(c, (CELLS, CELLS, CELLS, 3)) for c in (scattering, absorption))
+    both = scattering + absorption
+    extinction = both.mean(axis=-1)
+    thick = extinction.ravel() > 0
+    tints = np.concatenate([scattering, both], axis=-1).reshape(-1, 6)[thick] / extinction.ravel()[thick, None]
+    if len(tints) and np.ptp(tints, axis=0).max() > SAME_TINT:
+        report.approximated(name, "the color of its volume varies: the mean is used")
+    total = max(float(extinction.sum()), 1e-12)
+
+    def density(resolution: int) -> np.ndarray:
+        both = coefficients(voxel_centres(box, resolution))
+        return full(resolution) * sum(np.float32(c).mean(axis=-1) for c in both)
+
+    return Medium(name, box, scattering.sum(axis=(0, 1, 2)) / total, absorption.sum(axis=(0, 1, 2)) / total, density)
+
+
+def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report) -> Medium:
+    """The medium that one or more grids of an object fill, along the axes of the first.
+
+    matrix: (4, 4) object to world; coefficients: scattering and absorption per world unit, (3,) or (..., 3), at
+    positions (..., 3) of the object, given a function of the name of a grid that returns its values (..., c) there, or
+    None.
+    """
+    grids = {key: grid.moved(matrix) for key, grid in grids.items()}
+    first = next(iter(grids.values())).to_space
+    corners = [grid.corners() @ grid.to_space[:3, :3].T + grid.to_space[:3, 3] for grid in grids.values()]
+    box = box_around(first, (np.concatenate(corners) - first[:3, 3]) @ np.linalg.pinv(first[:3, :3]).T)
+    to_object = np.linalg.pinv(matrix)
+
+    def at(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def values(name: str) -> np.ndarray | None:
+            return in_box(grids[name], box, len(points)) if name in grids else None
+        return coefficients(points @ to_object[:3, :3].T + to_object[:3, 3], values)
+
+    return shaded_medium(name, box, at, report)
+
+
+def gridded(volume: CopiedVolume, report) -> Medium:
     """The grids of a Volume object or of gas."""
-    corners = np.float32(it.box)[[0, 6]]
+    corners = np.float32(volume.box)[[0, 6]]
     texture_space = np.stack([corners.mean(axis=0), np.ptp(corners, axis=0) / 2])
-    unit = 1.0 if it.apart else 1 / max(np.sqrt(np.mean(it.place.matrix[:3, :3] ** 2) * 3), 1e-30)
+    unit = 1.0 if volume.apart else 1 / max(np.sqrt(np.mean(volume.instance.matrix[:3, :3] ** 2) * 3), 1e-30)
 
     def coefficients(inside, values):
-        if it.material:
-            points = volume_points(inside, texture_space, it.place, values)
-            return [unit * c for c in volume_coefficients(it.material, report, points)]
+        if volume.material:
+            points = volume_points(inside, texture_space, volume.instance, values)
+            return [unit * c for c in volume_coefficients(volume.material, report, points)]
         return [unit * DEFAULT_COEFFICIENT * values(DEFAULT_GRID) * np.ones(3)] * 2
 
-    if it.grids is not None:
-        return grid_medium(it.name, it.place.matrix, it.grids, coefficients, report)
-    report.approximated(it.name, "its grid cannot be read without the Python module openvdb: shown as a uniform box")
-    return shaded_medium(it.name, box_around(it.place.matrix, it.box), lambda points: coefficients(
+    if volume.grids is not None:
+        return grid_medium(volume.name, volume.instance.matrix, volume.grids, coefficients, report)
+    report.approximated(volume.name, "its grid cannot be read without the Python module openvdb: shown as a uniform "
+                                     "box")
+    return shaded_medium(volume.name, box_around(volume.instance.matrix, volume.box), lambda points: coefficients(
         points, lambda name: np.ones((*points.shape[:3], 1), np.float32)), report)
 
 
 class MeshVolume:
-    """The inside of a closed mesh, wherever it stands. corners: (n, 3, 3) in the frame of the object."""
+    """The inside of a closed mesh, for all its instances. corners: (n, 3, 3) in the frame of the object."""
 
     def __init__(self, name: str, corners: np.ndarray, material, texture_space: np.ndarray, report):
         self.name, self.material, self.texture_space, self.report = name, material, texture_space, report
         self.corners = corners.reshape(-1, 3).astype(np.float64)
-        self._known: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}  # coefficients that are those of all instances
+        self._coefficients: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}  # those of all instances
 
-    def at(self, place: Place) -> Medium:
-        matrix = place.matrix
+    def at(self, instance: Instance) -> Medium:
+        matrix = instance.matrix
         box = box_around(matrix, self.corners)
         local = ((self.corners @ matrix[:3, :3].T + matrix[:3, 3] - box.center) @ box.rotation
                  / np.maximum(box.size, 1e-30)).reshape(-1, 3, 3)
         to_object = np.linalg.pinv(matrix)
 
-        def coefficients(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            inside = places @ to_object[:3, :3].T + to_object[:3, 3]
+        def coefficients(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            inside = positions @ to_object[:3, :3].T + to_object[:3, 3]
             corners = inside[[0, 0, 0, -1], [0, 0, -1, 0], [0, -1, 0, 0]]
-            where = len(places), np.float32(corners.round(5)).tobytes()
-            if where in self._known:
-                return self._known[where]
-            points = volume_points(inside, self.texture_space, place)
-            found = volume_coefficients(self.material, self.report, points)
-            if not points.is_placed:
-                self._known[where] = found
-            return found
+            where = len(positions), np.float32(corners.round(5)).tobytes()
+            if where in self._coefficients:
+                return self._coefficients[where]
+            points = volume_points(inside, self.texture_space, instance)
+            result = volume_coefficients(self.material, self.report, points)
+            if not points.depends_on_instance:
+                self._coefficients[where] = result
+            return result
 
-        return shaded_medium(self.name, box, coefficients, self.report, lambda n: filling(local, n))
+        return shaded_medium(self.name, box, coefficients, self.report, lambda n: fill_voxels(local, n))

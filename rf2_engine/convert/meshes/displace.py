@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..data import mesh as meshes
-from ..data.instance import Place
+from ..data.instance import Instance
 from ..data.mesh import TriangleMesh
 from ..shading import graph
 from ..shading.evaluate import Evaluator, Points
@@ -15,7 +15,7 @@ from ..shading.material import HEIGHT_UNIT
 from ..shading.node_call import NodeCall, Unknown
 from .subdivide import pieces, subdivide
 
-DICED = 1 << 14      # triangles of a diced mesh, of which the budget then takes what it wants
+DICED = 1 << 14      # triangles of a diced mesh, before it is simplified to the budget
 FLAT = 1e-3          # normals that differ by less are one
 
 
@@ -40,8 +40,8 @@ class CornerPoints(Points):
         raise Unknown("a changed normal does not displace")
 
 
-def displaced(mesh: TriangleMesh, slots: list, place: Place, is_diced: bool, report) -> TriangleMesh:
-    """`mesh` with what its materials displace moved along its normals, if that is too much for heights, or it is diced.
+def displace(mesh: TriangleMesh, slots: list, instance: Instance, is_diced: bool, report) -> TriangleMesh:
+    """`mesh` displaced along its normals by its materials, if that is too much for heights of tiles, or it is diced.
 
     slots: materials. The material's own displacement counts as done then (`is_displaced`).
     """
@@ -54,8 +54,8 @@ def displaced(mesh: TriangleMesh, slots: list, place: Place, is_diced: bool, rep
     slot, offset = np.clip(mesh.slot, 0, len(slots) - 1), np.zeros((len(mesh), 3, 1), np.float32)
     for i in movers:
         part = mesh.take(slot == i)
-        offset[slot == i] = _offset(slots[i], part, place, report)
-    if not is_diced and np.abs(offset * _stretch(mesh, place)).max() <= HEIGHT_UNIT:
+        offset[slot == i] = _offset(slots[i], part, instance, report)
+    if not is_diced and np.abs(offset * _stretch(mesh, instance)).max() <= HEIGHT_UNIT:
         return mesh
     for i in movers:
         report.approximated(slots[i].name, "its displacement moves only the corners of triangles: finer detail is "
@@ -68,26 +68,26 @@ def _source(material) -> tuple | None:
     """The node that displaces a material, and the group nodes that lead to it; None if there is none."""
     output = graph.output_node(material.node_tree) if material else None
     socket = output and graph.find_input(output, "Displacement")
-    _, found, frames = graph.source(socket) if socket else (None, None, ())
-    return None if found is None else (found.node, frames)
+    _, source, frames = graph.source(socket) if socket else (None, None, ())
+    return None if source is None else (source.node, frames)
 
 
 def _moves(material) -> bool:
-    found = _source(material)
-    return (found is not None and found[0].bl_idname == "ShaderNodeDisplacement"
+    source = _source(material)
+    return (source is not None and source[0].bl_idname == "ShaderNodeDisplacement"
             and material.displacement_method != "BUMP")
 
 
-def _offset(material, mesh: TriangleMesh, place: Place, report) -> np.ndarray:
-    """(m, 3, 1) way along the normal, in the frame of the object."""
+def _offset(material, mesh: TriangleMesh, instance: Instance, report) -> np.ndarray:
+    """(m, 3, 1) displacement along the normal, in the frame of the object."""
     uv = {name: np.pad(layer.reshape(-1, 2), ((0, 0), (0, 1))) for name, layer in mesh.uv.items()}
     named = {name: layer.reshape(-1, layer.shape[-1]) for name, layer in mesh.attributes.items()}
     points = CornerPoints(uv, mesh.active_uv, named, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
-                          place)
+                          instance)
     n = NodeCall(Evaluator(points, material.node_tree.conventions, report, material.name), *_node(material))
     height = np.broadcast_to((n["Height"] - n["Midlevel"]) * n["Scale"], (3 * len(mesh), 1)).reshape(-1, 3, 1)
     height = report.finite(material.name, "its displacement", np.float32(height))
-    return height if n.node.space == "OBJECT" else height / np.maximum(_stretch(mesh, place), 1e-12)
+    return height if n.node.space == "OBJECT" else height / np.maximum(_stretch(mesh, instance), 1e-12)
 
 
 def _node(material) -> tuple:
@@ -95,9 +95,9 @@ def _node(material) -> tuple:
     return node, node.outputs[0], frames
 
 
-def _stretch(mesh: TriangleMesh, place: Place) -> np.ndarray:
+def _stretch(mesh: TriangleMesh, instance: Instance) -> np.ndarray:
     """(m, 3, 1) how much longer a normal is in the world than in the frame of the object."""
-    return np.linalg.norm(mesh.normals @ place.matrix[:3, :3].T, axis=-1, keepdims=True).astype(np.float32)
+    return np.linalg.norm(mesh.normals @ instance.matrix[:3, :3].T, axis=-1, keepdims=True).astype(np.float32)
 
 
 def _diced(mesh: TriangleMesh, chosen: np.ndarray) -> TriangleMesh:
@@ -115,7 +115,7 @@ def _shared(corners: np.ndarray, offset: np.ndarray) -> np.ndarray:
 
 
 def _normals(mesh: TriangleMesh, moved: np.ndarray, is_smooth: bool) -> np.ndarray:
-    """(m, 3, 3) of the moved corners: of the faces, or of what meets there where the surface was smooth."""
+    """(m, 3, 3) of the moved corners: of the faces, or means over adjacent faces where the surface was smooth."""
     face = meshes.area_vectors(moved.astype(np.float64))
     _, inverse = np.unique(meshes.corner_keys(mesh.corners).ravel(), return_inverse=True)
     total = np.stack([np.bincount(inverse, np.repeat(face[:, i], 3)) for i in range(3)], axis=-1)[inverse]

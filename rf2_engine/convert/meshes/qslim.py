@@ -6,7 +6,7 @@ import numpy as np
 
 from ....model import progress
 from ..data import mesh as meshes
-from .blocks import blocks, points_of
+from .nearest import divide, submesh
 
 MANY = 64               # a mesh this many times too fine is first made coarser by cubes of 1 / FINE of the new edges,
 FINE, COARSE = 64, 8    # and one that QSlim leaves STUCK times too fine, of 1 / COARSE
@@ -16,7 +16,7 @@ WHOLE = 200_000         # faces at most at one go, and before what is left of bl
 ROUGH = 4               # so many times as many as wanted
 
 
-def reduced(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndarray:
+def reduce_points(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndarray:
     """(3 m, 3) f64 corners of about `target` triangles that approximate the surface.
 
     Of fine meshes points closer than a small part of the new edges are merged first, which is quick; so they are, a
@@ -27,16 +27,16 @@ def reduced(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndarray:
     for cell, begin, end in (edge / FINE if len(faces) > MANY * target else 0, 0.0, 0.7), (edge / COARSE, 0.7, 1.0):
         with progress.part(begin, end):
             progress.report(0.0)
-            merged, left = _clustered(points, faces, cell) if cell else (points, faces)
-            if len(left) <= target:
-                return merged[left].reshape(-1, 3)
+            merged, remaining = _clustered(points, faces, cell) if cell else (points, faces)
+            if len(remaining) <= target:
+                return merged[remaining].reshape(-1, 3)
             # Its steps towards larger errors suit lengths of about 1.
-            merged, left = _roughly(merged * (UNIT / edge), left, target)
+            merged, remaining = _roughly(merged * (UNIT / edge), remaining, target)
             progress.report(0.8)
-            found, shape = fast_simplification.simplify(merged, left, target_count=target)
+            simplified, shape = fast_simplification.simplify(merged, remaining, target_count=target)
         if len(shape) <= STUCK * target:
             break
-    return (found * (edge / UNIT))[shape].reshape(-1, 3)
+    return (simplified * (edge / UNIT))[shape].reshape(-1, 3)
 
 
 def _roughly(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray]:
@@ -49,24 +49,24 @@ def _roughly(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.nda
         return points, faces
     pieces, before = [], 0
     progress.report(0.1)
-    parts = blocks(meshes.middles(points[faces]))
+    parts = divide(meshes.middles(points[faces]))
     for i, rows in enumerate(parts):
         progress.report(0.2 + 0.6 * i / len(parts))
-        kept, shape = fast_simplification.simplify(*points_of(points, faces[rows]), preserve_border=True,
-                                                   target_count=max(int(share * len(rows)), 1))
-        pieces.append((kept, shape + before))
-        before += len(kept)
-    kept, shape = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    bits = np.ascontiguousarray(kept + 0.0).view(np.dtype((np.void, 3 * kept.itemsize)))[:, 0]
+        vertices, shape = fast_simplification.simplify(*submesh(points, faces[rows]), preserve_border=True,
+                                                       target_count=max(int(share * len(rows)), 1))
+        pieces.append((vertices, shape + before))
+        before += len(vertices)
+    vertices, shape = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    bits = np.ascontiguousarray(vertices + 0.0).view(np.dtype((np.void, 3 * vertices.itemsize)))[:, 0]
     _, first, inverse = np.unique(bits, return_index=True, return_inverse=True)
-    return kept[first], inverse[shape].astype(np.int32)
+    return vertices[first], inverse[shape].astype(np.int32)
 
 
 def _clustered(points: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
     """Points and faces with one point for all in a cube of this side, that nearest to their mean."""
-    place = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
-    size = place.max(axis=0) + 1
-    _, inverse, count = np.unique((place[:, 0] * size[1] + place[:, 1]) * size[2] + place[:, 2],
+    cells = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
+    size = cells.max(axis=0) + 1
+    _, inverse, count = np.unique((cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2],
                                   return_inverse=True, return_counts=True)
     mean = np.stack([np.bincount(inverse, points[:, i]) for i in range(3)], axis=1) / count[:, None]
     order = np.lexsort((np.square(points - mean[inverse]).sum(axis=1), inverse))

@@ -11,9 +11,9 @@ from ....model.errors import SceneError
 from ....model.geometry import barycentric
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
-from .nearest import Surface
-from .pieces import thinned
-from .qslim import reduced
+from .nearest import NearestTriangles
+from .qslim import reduce_points
+from .sampling import thin_pieces
 
 COARSEST = 8            # no mesh is simplified further, unless it has fewer triangles to begin with
 KEPT_WHOLE = 64         # a mesh this small keeps all its triangles as long as the budget allows
@@ -35,20 +35,20 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
                          "fast-simplification, is missing: use Render Properties > RenderFormer-V2 > Install Packages, "
                          "or raise the budget") from error
     progress.report(0.0)
-    welded = _welded(mesh.corners)
-    some = thinned(mesh, *welded, target, lens)
+    welded = _weld(mesh.corners)
+    some = thin_pieces(mesh, *welded, target, lens)
     if some is not mesh:
-        mesh, welded = some, _welded(some.corners)
+        mesh, welded = some, _weld(some.corners)
         if len(mesh) <= target:
             return mesh
     with progress.part(0.05, 0.15):
         points, faces, owner = _with_fins(*welded, mesh)
     with progress.part(0.15, 0.3):
-        surface = Surface(points, faces)
+        surface = NearestTriangles(points, faces)
     progress.report(0.3)
     as_seen = points if lens is None else lens.enter(points)
     with progress.part(0.35, 0.6):
-        corners = reduced(as_seen, faces, target)
+        corners = reduce_points(as_seen, faces, target)
     progress.report(0.6)
     if lens is not None:
         corners = lens.leave(corners)
@@ -63,14 +63,14 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     there = meshes.face_normals(points[faces[centre]])
     fin = (centre >= len(mesh)) & (np.abs((there * face).sum(axis=1)) > 0.7)
     # Separate pieces are never merged: if that leaves too many triangles, the largest are kept.
-    kept = np.argsort(np.where(fin, 0, -meshes.areas(corners)), kind="stable")[:min(target, np.count_nonzero(~fin))]
-    if len(kept) == 0:
+    rows = np.argsort(np.where(fin, 0, -meshes.areas(corners)), kind="stable")[:min(target, np.count_nonzero(~fin))]
+    if len(rows) == 0:
         return mesh.take(np.argsort(-meshes.areas(mesh.corners), kind="stable")[:target])
-    kept.sort()
-    return _dressed(corners[kept], mesh, owner[nearest[kept]])
+    rows.sort()
+    return _with_attributes(corners[rows], mesh, owner[nearest[rows]])
 
 
-def _welded(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shared (v, 3) f32 points and (n, 3) i32 faces; corners are one point if their coordinates are equal."""
     flat, key = corners.reshape(-1, 3).astype(np.float32), meshes.corner_keys(corners).ravel()
     order = np.argsort(key)
@@ -92,12 +92,12 @@ def _with_fins(points: np.ndarray, faces: np.ndarray, mesh: TriangleMesh) -> tup
     low, high = np.minimum(*edges.T).astype(np.int64), np.maximum(*edges.T)
     key = (low * len(points) + high) * (int(mesh.slot.max()) + 1) + np.repeat(mesh.slot, 3)
     progress.report(0.3)
-    ends = _single(key)
+    ends = _occurring_once(key)
     for i, layer in enumerate(mesh.uv.values()):
         progress.report(0.5 + 0.4 * i / len(mesh.uv))
         cut = _with_uv(key, layer, turned)
         progress.report(0.5 + 0.4 * (i + 0.5) / len(mesh.uv))
-        seams = _single(cut)
+        seams = _occurring_once(cut)
         if len(seams) < SEAMS * len(edges):  # else there is an island for every few triangles
             ends = np.union1d(ends, seams)
     progress.report(0.9)
@@ -109,20 +109,20 @@ def _with_fins(points: np.ndarray, faces: np.ndarray, mesh: TriangleMesh) -> tup
             np.concatenate([np.arange(len(faces)), ends // 3]))
 
 
-def _single(key: np.ndarray) -> np.ndarray:
-    """Indices of what occurs once among (n,) i64."""
-    ordered = np.sort(key)  # which takes a sixth of what argsort does
+def _occurring_once(key: np.ndarray) -> np.ndarray:
+    """Indices of the values that occur once among (n,) i64."""
+    ordered = np.sort(key)  # takes a sixth of the time of argsort
     begins = np.append(np.insert(ordered[1:] != ordered[:-1], 0, True), True)
     once = ordered[begins[:-1] & begins[1:]]
     if len(once) == 0:
         return np.zeros(0, np.int64)
     likely = np.zeros(1 << 16, bool)
-    likely[_scattered(once)] = True
-    found = np.flatnonzero(likely[_scattered(key)])
-    return found[once[np.searchsorted(once, key[found]).clip(max=len(once) - 1)] == key[found]]
+    likely[_hash_key(once)] = True
+    candidates = np.flatnonzero(likely[_hash_key(key)])
+    return candidates[once[np.searchsorted(once, key[candidates]).clip(max=len(once) - 1)] == key[candidates]]
 
 
-def _scattered(key: np.ndarray) -> np.ndarray:
+def _hash_key(key: np.ndarray) -> np.ndarray:
     """(n,) u64 below 2^16, alike for equal keys (Knuth's multiplicative hashing)."""
     return key.view(np.uint64) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(48)
 
@@ -135,15 +135,15 @@ def _with_uv(key: np.ndarray, layer: np.ndarray, turned: np.ndarray) -> np.ndarr
     return key * 0x2545F4914F6CDD1D + ends @ (0x1D8E4E27C47D124F, 0x369DEA0F31A53F85)
 
 
-def _nearest(corners: np.ndarray, surface: Surface) -> np.ndarray:
+def _nearest(corners: np.ndarray, surface: NearestTriangles) -> np.ndarray:
     """(m, 4) i64: the triangle of `surface` nearest to the three corners and the centre of each of (m, 3, 3)."""
     centre = corners.mean(axis=1, keepdims=True)
     # Corners are looked up a little inside their triangle: at a crease or seam they belong to its side.
-    places = np.concatenate([0.95 * corners + 0.05 * centre, centre], axis=1)
-    return surface.nearest(places.reshape(-1, 3).astype(np.float64)).reshape(-1, 4)
+    points = np.concatenate([0.95 * corners + 0.05 * centre, centre], axis=1)
+    return surface.nearest(points.reshape(-1, 3).astype(np.float64)).reshape(-1, 4)
 
 
-def _dressed(corners: np.ndarray, source: TriangleMesh, nearest: np.ndarray) -> TriangleMesh:
+def _with_attributes(corners: np.ndarray, source: TriangleMesh, nearest: np.ndarray) -> TriangleMesh:
     """New (m, 3, 3) corners with the normals, UVs, colours and slots of the surface they approximate.
 
     nearest: (m, 4) triangles of `source` at the corners and the centre.
@@ -160,15 +160,15 @@ def _dressed(corners: np.ndarray, source: TriangleMesh, nearest: np.ndarray) -> 
     for name, layer in source.uv.items():
         per_corner = np.einsum("mck,mckx->mcx", weights, layer[at_corner])
         from_centre = np.einsum("mck,mkx->mcx", extrapolated, layer[at_centre])
-        torn = _torn(per_corner, corners, layer[at_centre], source.corners[at_centre])
+        torn = _is_torn(per_corner, corners, layer[at_centre], source.corners[at_centre])
         uv[name] = np.where(torn[:, None, None], from_centre, per_corner).astype(np.float32)
     named = {name: np.einsum("mck,mckx->mcx", clamped, layer[at_corner]).astype(np.float32)
-              for name, layer in source.attributes.items()}
+             for name, layer in source.attributes.items()}
     return replace(source, corners=corners, normals=meshes.unit_or(normals, face), uv=uv, attributes=named,
                    slot=source.slot[at_centre])
 
 
-def _torn(uv: np.ndarray, corners: np.ndarray, reference_uv: np.ndarray, reference: np.ndarray) -> np.ndarray:
+def _is_torn(uv: np.ndarray, corners: np.ndarray, reference_uv: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """(m,) bool: the corners lie on different UV islands, so far apart are they for the size of the triangle."""
     flat = np.concatenate([reference_uv, np.zeros_like(reference_uv[..., :1])], axis=-1)
     density = np.sqrt(meshes.areas(flat) / np.maximum(meshes.areas(reference), 1e-300))

@@ -6,31 +6,41 @@ they look the more are left out, spread evenly through space.
 """
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-LARGEST = 0.1   # of the extent of all of them at most is that of one that is enlarged
-CELLS = 1 << 10  # along each axis, for the order in which things are looked at
+from ....model import progress
+from ....model.geometry import connected
+from ..data import mesh as meshes
+from ..data.mesh import TriangleMesh
+
+LARGEST = 0.1   # size of an enlarged one at most, as a fraction of the extent of all
+CELLS = 1 << 10  # along each axis, for the order in which items are visited
+LEAST = 4       # triangles for each piece that has as many
+SHARE = 0.8     # of the target is for pieces; the rest goes where the surface is curved
+MISSED = 0.2    # of the area; where dropped pieces have less, such as screws of a machine, others are not enlarged
 
 
-def keep_some(area: np.ndarray, budget: float, *, cost: np.ndarray | None = None, places: np.ndarray | None = None,
-              sizes: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Which of p things of these areas (p,) to keep, (p,) bool, so that their costs (p,), 1 each unless given, sum up
-    to about the budget, and how many times as long and wide (p,) these become to have the area of all.
+def keep_sample(area: np.ndarray, budget: float, *, cost: np.ndarray | None = None, positions: np.ndarray | None = None,
+                sizes: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Choose some of p items by their areas (p,), so that their costs (p,) sum up to about the budget.
 
-    places: (p, 3) where they are; None: each is near the next. sizes: (p,) how large they are, if there is a limit to
-    how large they may become.
+    Returns (p,) bool which are kept, and (p,) the factor on their length and width that preserves the total area.
+
+    cost: None = 1 each. positions: (p, 3); None = each is near the next. sizes: (p,), where growth has a limit.
     """
     cost = np.ones(len(area)) if cost is None else cost
     chance = _chances(area, cost, budget)
-    order = slice(None) if places is None else _along_a_curve(places)
+    order = slice(None) if positions is None else _along_a_curve(positions)
     along = np.cumsum(chance[order])
-    kept = np.zeros(len(cost), bool)
-    kept[order] = np.floor(along + 0.5) > np.floor(along - chance[order] + 0.5)
+    is_kept = np.zeros(len(cost), bool)
+    is_kept[order] = np.floor(along + 0.5) > np.floor(along - chance[order] + 0.5)
     growth = 1 / np.sqrt(chance.clip(1e-12))
     if sizes is not None and len(sizes):
-        most = LARGEST * np.ptp(places, axis=0).max() / np.maximum(sizes, 1e-300)
+        most = LARGEST * np.ptp(positions, axis=0).max() / np.maximum(sizes, 1e-300)
         growth = np.minimum(growth, most.clip(1))
-    return kept, growth
+    return is_kept, growth
 
 
 def _chances(area: np.ndarray, cost: np.ndarray, budget: float) -> np.ndarray:
@@ -44,15 +54,53 @@ def _chances(area: np.ndarray, cost: np.ndarray, budget: float) -> np.ndarray:
     return (area / high).clip(max=1)
 
 
-def _along_a_curve(places: np.ndarray) -> np.ndarray:
-    """Indices of (p, 3) places in Morton's order, in which neighbours are close to each other."""
-    if not len(places):
+def _along_a_curve(positions: np.ndarray) -> np.ndarray:
+    """Indices of (p, 3) positions in Morton's order, in which neighbours are close to each other."""
+    if not len(positions):
         return np.zeros(0, int)
-    places = places.astype(np.float64)
-    low, extent = places.min(axis=0), max(float(np.ptp(places, axis=0).max()), 1e-300)
-    cell = ((places - low) * ((CELLS - 1) / extent)).astype(np.int64)
-    code = np.zeros(len(places), np.int64)
+    positions = positions.astype(np.float64)
+    low, extent = positions.min(axis=0), max(float(np.ptp(positions, axis=0).max()), 1e-300)
+    cell = ((positions - low) * ((CELLS - 1) / extent)).astype(np.int64)
+    code = np.zeros(len(positions), np.int64)
     for bit in range(CELLS.bit_length() - 1):
         for axis in range(3):
             code |= (cell[:, axis] >> bit & 1) << 3 * bit + axis
     return np.argsort(code, kind="stable")
+
+
+def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, lens) -> TriangleMesh:
+    """`mesh`, or, if much of it is pieces that do not fit into `target` triangles, an enlarged sample of them.
+
+    points (v, 3), faces (n, 3): of the mesh, where pieces are connected. lens: as for reduce.simplify.
+    """
+    # By Euler's formula a sheet without holes has more points than half its faces, and a closed piece two more.
+    if len(points) - len(faces) / 2 <= target / LEAST:
+        return mesh
+    progress.report()
+    piece = np.unique(connected(faces, len(points))[faces[:, 0]], return_inverse=True)[1]
+    cost = np.minimum(np.bincount(piece), LEAST)
+    if cost.sum() <= SHARE * target:
+        return mesh
+    progress.report()
+    corners = mesh.corners.astype(np.float64)
+    as_seen = corners if lens is None else lens.enter(corners.reshape(-1, 3)).reshape(corners.shape)
+    low, high = _boxes(piece, corners)
+    area = np.bincount(piece, meshes.areas(as_seen))
+    middle = (low + high) / 2
+    is_kept, growth = keep_sample(area, SHARE * target, cost=cost, positions=middle, sizes=(high - low).max(axis=1))
+    if area[~is_kept].sum() < MISSED * area.sum():
+        return mesh
+    rows = np.flatnonzero(is_kept[piece])
+    own = piece[rows]
+    around = middle[own, None]
+    larger = around + (corners[rows] - around) * growth[own, None, None]
+    return replace(mesh.take(rows), corners=larger.astype(np.float32))
+
+
+def _boxes(piece: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest coordinates (p, 3) of each piece."""
+    order = np.argsort(piece, kind="stable")
+    begin = np.searchsorted(piece[order], np.arange(piece.max() + 1))
+    sorted_corners = corners[order]
+    return (np.minimum.reduceat(sorted_corners.min(axis=1), begin),
+            np.maximum.reduceat(sorted_corners.max(axis=1), begin))

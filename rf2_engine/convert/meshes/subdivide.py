@@ -45,13 +45,13 @@ def subdivide(corners: np.ndarray, cost: np.ndarray, max_edge: float, budget: in
 
 def pieces(mesh: TriangleMesh, parent: np.ndarray, weights: np.ndarray) -> TriangleMesh:
     """The triangles of `mesh` cut into the pieces that `subdivide` found."""
-    whole = mesh.take(parent)
-    cut = whole.mapped(lambda layer: weights @ layer)
-    return replace(cut, normals=meshes.unit_or(cut.normals, whole.normals))
+    parents = mesh.take(parent)
+    cut = parents.mapped(lambda layer: weights @ layer)
+    return replace(cut, normals=meshes.unit_or(cut.normals, parents.normals))
 
 
-def _halves(weights: np.ndarray, placed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    start = np.linalg.norm(np.roll(placed, -1, axis=1) - placed, axis=2).argmax(axis=1)
+def _halves(weights: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    start = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).argmax(axis=1)
     row, end = np.arange(len(weights)), (start + 1) % 3
     middle = (weights[row, start] + weights[row, end]) / 2
     first, second = weights.copy(), weights.copy()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import mixed
-from .color_models import hsv_to_rgb, rgb_to_hsv
+from ..data.arrays import mix_values
+from .colors import hsv_to_rgb, rgb_to_hsv
 from .node_call import NodeCall
 
 
@@ -17,7 +17,7 @@ def _overlay(a, b):
     return np.where(a < 0.5, 2 * a * b, 1 - 2 * (1 - a) * (1 - b))
 
 
-BLENDS = {  # what replaces `a` at factor 1; in between it is mixed in
+BLENDS = {  # the result at factor 1; in between it is mixed with `a`
     "MIX": lambda a, b: b, "ADD": lambda a, b: a + b, "SUBTRACT": lambda a, b: a - b, "MULTIPLY": lambda a, b: a * b,
     "DIVIDE": _divide, "SCREEN": lambda a, b: 1 - (1 - a) * (1 - b), "DIFFERENCE": lambda a, b: np.abs(a - b),
     "EXCLUSION": lambda a, b: a + b - 2 * a * b, "DARKEN": np.minimum, "LIGHTEN": np.maximum, "OVERLAY": _overlay,
@@ -27,22 +27,22 @@ BLENDS = {  # what replaces `a` at factor 1; in between it is mixed in
 
 
 def _burn(a, b, t):
-    left = 1 - t + t * b
-    return np.where(left <= 0, 0, np.clip(1 - (1 - a) / np.where(left <= 0, 1, left), 0, 1))
+    base = 1 - t + t * b
+    return np.where(base <= 0, 0, np.clip(1 - (1 - a) / np.where(base <= 0, 1, base), 0, 1))
 
 
 def _dodge(a, b, t):
-    left = 1 - t * b
-    return np.where(a == 0, a, np.where(left <= 0, 1, np.minimum(a / np.where(left <= 0, 1, left), 1)))
+    base = 1 - t * b
+    return np.where(a == 0, a, np.where(base <= 0, 1, np.minimum(a / np.where(base <= 0, 1, base), 1)))
 
 
 def _hue(a, b, t, channels=(0,)):
     """`a` in the hue of `b`, with its saturation too for two channels; what is grey has no hue to give."""
     a, b = np.broadcast_arrays(a, b)
     target, model = rgb_to_hsv(b), rgb_to_hsv(a)
-    given = target[..., 1:2] != 0
+    has_hue = target[..., 1:2] != 0
     model[..., channels] = target[..., channels]
-    return np.where(given, mixed(a, hsv_to_rgb(model), t), a)
+    return np.where(has_hue, mix_values(a, hsv_to_rgb(model), t), a)
 
 
 def _channel(channel):
@@ -50,7 +50,7 @@ def _channel(channel):
         a, b = np.broadcast_arrays(a, b)
         model, target = rgb_to_hsv(a), rgb_to_hsv(b)
         share = t[..., 0] * ((channel == 2) | (model[..., 1] != 0))
-        model[..., channel] = mixed(model[..., channel], target[..., channel], share)
+        model[..., channel] = mix_values(model[..., channel], target[..., channel], share)
         return hsv_to_rgb(model)
     return blend
 
@@ -70,7 +70,7 @@ def mix(n: NodeCall):
     if blend in BY_FACTOR:
         result = BY_FACTOR[blend](a, b, factor)
     else:
-        result = mixed(a, BLENDS[blend](a, b), factor)
+        result = mix_values(a, BLENDS[blend](a, b), factor)
     if blend == "EXCLUSION":
         result = np.maximum(result, 0)
     clamped = node.data_type == "RGBA" and node.clamp_result if new else node.use_clamp

@@ -1,13 +1,56 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Colours: Invert, Gamma, Brightness/Contrast, Hue/Saturation, Separate and Combine Color, ramps and curves."""
+"""Colours: models with hue and saturation, Invert, Gamma, Brightness/Contrast, Separate and Combine, ramps, curves."""
 from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import joined, mixed
-from ..data.nodes import Curve
-from .color_models import FROM_RGB, TO_RGB, hsv_to_rgb, rgb_to_hsv
+from ..data.arrays import divide_safely, join, mix_values
+from ..data.blocks import Curve
 from .node_call import NodeCall
+
+
+def _hue(rgb, high, chroma):
+    r, g, b = np.moveaxis(rgb, -1, 0)
+    safe = np.where(chroma != 0, chroma, 1)
+    hue = np.select([chroma == 0, high == r, high == g], [0 * r, (g - b) / safe, 2 + (b - r) / safe],
+                    4 + (r - g) / safe)
+    return hue / 6 % 1
+
+
+def rgb_to_hsv(rgb: np.ndarray) -> np.ndarray:
+    high = rgb.max(axis=-1)
+    chroma = high - rgb.min(axis=-1)
+    return np.stack([_hue(rgb, high, chroma), divide_safely(chroma, high), high], axis=-1)
+
+
+def hsv_to_rgb(hsv: np.ndarray) -> np.ndarray:
+    """Hues beyond 1 are magenta to red."""
+    h, s, v = np.moveaxis(hsv, -1, 0)
+    sixth = np.where(h == 1, 0, h) * 6
+    sector = np.floor(sixth)
+    up = sixth - sector
+    low, down, rising = v * (1 - s), v * (1 - s * up), v * (1 - s * (1 - up))
+    red = np.select([sector == i for i in range(5)], [v, down, low, low, rising], v)
+    green = np.select([sector == i for i in range(5)], [rising, v, v, down, low], low)
+    blue = np.select([sector == i for i in range(5)], [low, low, rising, v, v], down)
+    return np.where((s == 0)[..., None], v[..., None], np.stack([red, green, blue], axis=-1))
+
+
+def rgb_to_hsl(rgb: np.ndarray) -> np.ndarray:
+    high, low = rgb.max(axis=-1), rgb.min(axis=-1)
+    chroma, lightness = high - low, np.minimum((high + low) / 2, 1)
+    saturation = divide_safely(chroma, np.where(lightness > 0.5, 2 - high - low, high + low))
+    return np.stack([_hue(rgb, high, chroma), saturation, lightness], axis=-1)
+
+
+def hsl_to_rgb(hsl: np.ndarray) -> np.ndarray:
+    h, s, lightness = np.split(hsl, 3, axis=-1)
+    ramp = np.clip((np.abs(h * 6 - [3, 2, 4]) - [1, 2, 2]) * [1, -1, -1], 0, 1)
+    return (ramp - 0.5) * (1 - np.abs(2 * lightness - 1)) * s + lightness
+
+
+TO_RGB = {"RGB": lambda color: color, "HSV": hsv_to_rgb, "HSL": hsl_to_rgb}
+FROM_RGB = {"RGB": lambda color: color, "HSV": rgb_to_hsv, "HSL": rgb_to_hsl}
 
 
 def invert(n: NodeCall):
@@ -28,8 +71,8 @@ def brightness_contrast(n: NodeCall):
 def hue_saturation(n: NodeCall):
     factor, color = n["Fac", "Factor"], n["Color"]
     h, s, v = np.split(rgb_to_hsv(color), 3, axis=-1)
-    shifted = joined((h + n["Hue"] + 0.5) % 1, np.clip(s * n["Saturation"], 0, 1), v * n["Value"])
-    return np.maximum(mixed(color, hsv_to_rgb(shifted), factor), 0)
+    shifted = join((h + n["Hue"] + 0.5) % 1, np.clip(s * n["Saturation"], 0, 1), v * n["Value"])
+    return np.maximum(mix_values(color, hsv_to_rgb(shifted), factor), 0)
 
 
 def separate_color(n: NodeCall):
@@ -38,7 +81,7 @@ def separate_color(n: NodeCall):
 
 
 def combine_color(n: NodeCall):
-    return TO_RGB[_mode(n)](joined(*n.values()))
+    return TO_RGB[_mode(n)](join(*n.values()))
 
 
 def _mode(n: NodeCall) -> str:
@@ -65,7 +108,7 @@ def curves(n: NodeCall):
     if common is not None:
         channels = [_through(common, mapping.extend, channel) for channel in channels]
     result = [_through(curve, mapping.extend, channel) for curve, channel in zip(own, channels, strict=True)]
-    return mixed(value, np.stack(result, axis=-1), factor)
+    return mix_values(value, np.stack(result, axis=-1), factor)
 
 
 def _through(curve: Curve, extend: str, x: np.ndarray) -> np.ndarray:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import joined, unit
-from ..data.nodes import Frame
+from ..data.arrays import join, unit
+from ..data.blocks import Frame
 from . import lamp_nodes
 from .node_call import DependsOnView, NodeCall, Unknown
 
@@ -24,8 +24,8 @@ def coordinate(n: NodeCall):
             n.approximated(f'coordinate "{name}" is evaluated as Generated')
         return direction if name != "Object" or n.node.object is None else _seen_from(n.node.object, direction)
     if n.node.from_instancer and name in ("Generated", "UV"):
-        place = n.placed()
-        return np.float32(place.generated) / 2 - 0.5 if name == "Generated" else np.float32((*place.uv, 0))
+        instance = n.instance()
+        return np.float32(instance.generated) / 2 - 0.5 if name == "Generated" else np.float32((*instance.uv, 0))
     if name == "UV" or points.corners is None:
         return active_uv(n)
     if name == "Generated":
@@ -43,7 +43,7 @@ def _seen_from(frame: Frame, points: np.ndarray) -> np.ndarray:
 
 
 def uv_map(n: NodeCall):
-    return np.float32((*n.placed().uv, 0)) if n.node.from_instancer else active_uv(n, n.node.uv_map)
+    return np.float32((*n.instance().uv, 0)) if n.node.from_instancer else active_uv(n, n.node.uv_map)
 
 
 def active_uv(n: NodeCall, name: str = "") -> np.ndarray:
@@ -78,7 +78,7 @@ def geometry(n: NodeCall):
     if name != "Tangent":
         return normal
     x, y, _ = np.split(points.generated - 0.5, 3, axis=-1)
-    around = normals_in_world(n, joined(-y, x, 0 * x))
+    around = normals_in_world(n, join(-y, x, 0 * x))
     return np.cross(normal, unit(np.cross(around, normal)))
 
 
@@ -88,12 +88,12 @@ def camera_data(n: NodeCall):
 
 def normals_in_world(n: NodeCall, normals: np.ndarray) -> np.ndarray:
     """Unit normals in the world's frame of normals in the object's."""
-    return unit(normals @ np.float32(np.linalg.pinv(n.placed().matrix[:3, :3])))
+    return unit(normals @ np.float32(np.linalg.pinv(n.instance().matrix[:3, :3])))
 
 
 def world_position(n: NodeCall) -> np.ndarray:
     """(m, 32, 32, 3) f32."""
-    matrix = np.float32(n.placed().matrix)
+    matrix = np.float32(n.instance().matrix)
     return n.points.position @ matrix[:3, :3].T + matrix[:3, 3]
 
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from ....model.scene import barycentric_grid
 from ..data.arrays import unit
-from ..data.conventions import Conventions
-from ..data.instance import Place
+from ..data.blocks import Conventions
+from ..data.instance import Instance
 from ..data.mesh import face_normals
 from . import graph
 from .functions import FUNCTIONS
@@ -34,9 +34,9 @@ class Points:
     attributes: dict[str, np.ndarray] = field(default_factory=dict)  # (m, 32, 32, c) f32 by name
     active_color: str | None = None
     corners: np.ndarray | None = None                            # (m, 3, 3) f32, in the frame of the object
-    texture_space: np.ndarray | None = None                      # (2, 3) f32 (mesh.py)
-    normals: np.ndarray | None = None                            # (m, 3, 3) f32, likewise
-    place: Place = field(default_factory=Place)
+    texture_space: np.ndarray | None = None                      # (2, 3) f32 (data/mesh.py)
+    normals: np.ndarray | None = None                            # (m, 3, 3) f32, in the same frame
+    instance: Instance = field(default_factory=Instance)
     direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
     lamp: LampPoints | None = None
     is_displaced: bool = False                                   # displacement is in the corners already
@@ -45,12 +45,12 @@ class Points:
     @cached_property
     def position(self) -> np.ndarray:
         """(m, 32, 32, 3) f32 in the frame of the object."""
-        return interpolated(self.corners)
+        return interpolate(self.corners)
 
     @cached_property
     def normal(self) -> np.ndarray:
         """(m, 32, 32, 3) f32, unit."""
-        return unit(interpolated(self.normals))
+        return unit(interpolate(self.normals))
 
     @property
     def face_normal(self) -> np.ndarray:
@@ -71,8 +71,8 @@ class Points:
         if layer is None:
             return None
         last = layer.shape[1] - 1
-        ways = np.stack([layer[:, 0, last] - layer[:, 0, 0], layer[:, last, 0] - layer[:, 0, 0]], axis=1)
-        return ways[..., :2] * np.float32(layer.shape[1] / last)
+        edges = np.stack([layer[:, 0, last] - layer[:, 0, 0], layer[:, last, 0] - layer[:, 0, 0]], axis=1)
+        return edges[..., :2] * np.float32(layer.shape[1] / last)
 
     @property
     def generated(self) -> np.ndarray:
@@ -88,9 +88,9 @@ class Evaluator:
         self.points, self.conventions, self.report = points, conventions, report
         self.owner, self.baker = owner, baker
         self.material_index = 0
-        self.depends_on_ray = False    # whether a Light Path was asked
-        self.depends_on_place = False  # whether the result is that of one instance
-        self.depends_on_scale = False  # whether it is that of instances of one size
+        self.depends_on_ray = False    # whether a Light Path was evaluated
+        self.depends_on_instance = False  # whether the result holds for one instance alone
+        self.depends_on_scale = False  # whether it holds for instances of one size alone
         self._memo: dict = {}
         self._depth = 0
 
@@ -100,14 +100,14 @@ class Evaluator:
         if output is None:
             return self._cast(_default(end), socket.type, end.type)
         n = NodeCall(self, output.node, output, inner)
-        found = self.remembered(n, _computed, Unknown("the chain of nodes is too long"))
-        if isinstance(found, Unknown):
+        result = self.evaluate_once(n, _computed, Unknown("the chain of nodes is too long"))
+        if isinstance(result, Unknown):
             advice = "bake it to an image" if self.baker else "allow Bake Unknown Nodes, or bake it to an image"
-            n.approximated(f'{found}, so "{socket.name}" of "{socket.node.name}" keeps its own value; {advice}')
+            n.approximated(f'{result}, so "{socket.name}" of "{socket.node.name}" keeps its own value; {advice}')
             return _default(socket)
-        return self._cast(found, socket.type, output.type)
+        return self._cast(result, socket.type, output.type)
 
-    def remembered(self, n: NodeCall, function: Callable, left_out):
+    def evaluate_once(self, n: NodeCall, function: Callable, left_out):
         """function(n), computed once; `left_out` at the end of too long a chain, and where a node feeds itself."""
         key = function, n.node, n.output, n.frames
         if key in self._memo:
@@ -147,14 +147,14 @@ def _computed(n: NodeCall) -> np.ndarray | Unknown:
 
 def _baked(n: NodeCall, reason: Unknown) -> np.ndarray | Unknown:
     try:
-        found = n.evaluator.baker.bake(n)
+        texels = n.evaluator.baker.bake(n)
     except RuntimeError as error:
         return Unknown(f"{reason}, and {error}")
-    n.approximated(f'{reason}, so Cycles has baked it on "{n.points.place.name}"')
-    return found
+    n.approximated(f'{reason}, so Cycles has baked it on "{n.points.instance.name}"')
+    return texels
 
 
-def interpolated(corners: np.ndarray) -> np.ndarray:
+def interpolate(corners: np.ndarray) -> np.ndarray:
     """(m, 3, c) corner values -> (m, 32, 32, c) on the tile grid, extrapolated beyond the hypotenuse."""
     return np.einsum("rck,mkd->mrcd", barycentric_grid(), corners, optimize=True).astype(np.float32)
 

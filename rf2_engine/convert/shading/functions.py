@@ -10,7 +10,6 @@ from . import (
     maths,
     noise_texture,
     normal_map,
-    object_info,
     pattern,
     sky,
     spectrum,
@@ -19,5 +18,5 @@ from . import (
 )
 
 MODULES = (blend, colors, coordinates, image_texture, input_nodes, lamp_nodes, maths, noise_texture, normal_map,
-           object_info, pattern, sky, spectrum, vectors, voronoi_texture)
+           pattern, sky, spectrum, vectors, voronoi_texture)
 FUNCTIONS = {kind: function for module in MODULES for kind, function in module.FUNCTIONS.items()}

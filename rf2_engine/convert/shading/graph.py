@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Walking a shader node graph (nodes.py): find the node that feeds a socket.
+"""Walking a shader node graph (data/blocks.py): find the node that feeds a socket.
 
 A socket inside a node group is only meaningful together with the group nodes that lead to it; `frames` is that path,
 a tuple of group nodes from the outside in.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....model.geometry import latlong_uv
-from ..data.arrays import divided, joined, length
+from ..data.arrays import divide_safely, join, length
 from ..data.images import FIRST_TILE, MISSING, TILES_IN_A_ROW, Pyramid, sample
 from .coordinates import active_uv
 from .node_call import NodeCall
@@ -22,25 +22,25 @@ def image_texture(n: NodeCall):
         normal = n.points.normal
         weights = box_weights(normal, node.projection_blend)
         sides = zip(on_box(*np.broadcast_arrays(vector, normal)), np.split(weights, 3, axis=-1), strict=True)
-        found = sum(_looked_up(n, uv) * weight for uv, weight in sides)
+        texels = sum(_look_up(n, uv) * weight for uv, weight in sides)
     else:
-        found = _looked_up(n, {"SPHERE": on_ball, "TUBE": on_tube}.get(node.projection, lambda uv: uv)(vector))
-    return found[..., 3:] if n.output.name == "Alpha" else found[..., :3]
+        texels = _look_up(n, {"SPHERE": on_ball, "TUBE": on_tube}.get(node.projection, lambda uv: uv)(vector))
+    return texels[..., 3:] if n.output.name == "Alpha" else texels[..., :3]
 
 
-def _looked_up(n: NodeCall, uv: np.ndarray) -> np.ndarray:
+def _look_up(n: NodeCall, uv: np.ndarray) -> np.ndarray:
     """(..., 4) at (..., 2+)."""
     node = n.node
     if node.image.source != "TILED":
         return _prefiltered(_pyramid(n), uv, node)
     column, row = np.moveaxis(np.floor(np.nan_to_num(uv[..., :2])), -1, 0)
     in_rows = (column >= 0) & (column < TILES_IN_A_ROW) & (row >= 0)
-    tile, out = np.where(in_rows, FIRST_TILE + column + TILES_IN_A_ROW * row, FIRST_TILE), MISSING
+    tile, result = np.where(in_rows, FIRST_TILE + column + TILES_IN_A_ROW * row, FIRST_TILE), MISSING
     for number in np.intersect1d(tile, list(node.image.pyramids)).astype(int).tolist():
         origin = divmod(number - FIRST_TILE, TILES_IN_A_ROW)[::-1]
-        found = _prefiltered(_pyramid(n, number), uv[..., :2] - np.float32(origin), node)
-        out = np.where((tile == number)[..., None], found, out)
-    return np.broadcast_to(out, uv.shape[:-1] + (4,))
+        texels = _prefiltered(_pyramid(n, number), uv[..., :2] - np.float32(origin), node)
+        result = np.where((tile == number)[..., None], texels, result)
+    return np.broadcast_to(result, uv.shape[:-1] + (4,))
 
 
 def _prefiltered(pyramid, uv: np.ndarray, node) -> np.ndarray:
@@ -82,18 +82,19 @@ def environment_texture(n: NodeCall):
 
 def on_ball(vector: np.ndarray) -> np.ndarray:
     """(..., 2) of coordinates (..., 3) in a box from 0 to 1."""
-    way = 2 * vector - 1
-    size = length(way)
-    return joined(_around(way), 1 - np.arccos(np.clip(divided(way[..., 2:], size), -1, 1)) / np.pi)
+    direction = 2 * vector - 1
+    size = length(direction)
+    return join(_around(direction), 1 - np.arccos(np.clip(divide_safely(direction[..., 2:], size), -1, 1)) / np.pi)
 
 
 def on_tube(vector: np.ndarray) -> np.ndarray:
-    way = 2 * vector - 1
-    return joined(_around(way), (way[..., 2:] + 1) / 2) * (np.hypot(way[..., :1], way[..., 1:2]) > 0)
+    direction = 2 * vector - 1
+    is_off_axis = np.hypot(direction[..., :1], direction[..., 1:2]) > 0
+    return join(_around(direction), (direction[..., 2:] + 1) / 2) * is_off_axis
 
 
-def _around(way: np.ndarray) -> np.ndarray:
-    x, y = way[..., :1], way[..., 1:2]
+def _around(direction: np.ndarray) -> np.ndarray:
+    x, y = direction[..., :1], direction[..., 1:2]
     return np.where((x == 0) & (y == 0), 0, (1 - np.arctan2(x, y) / np.pi) / 2)
 
 
@@ -101,32 +102,32 @@ def on_box(vector: np.ndarray, normal: np.ndarray) -> list[np.ndarray]:
     """(..., 2) each, for the sides along x, y and z, of the object's normal (..., 3)."""
     x, y, z = np.split(vector, 3, axis=-1)
     nx, ny, nz = np.split(normal, 3, axis=-1)
-    return [joined(np.where(nx < 0, 1 - y, y), z), joined(np.where(ny > 0, 1 - x, x), z),
-            joined(np.where(nz > 0, 1 - y, y), x)]
+    return [join(np.where(nx < 0, 1 - y, y), z), join(np.where(ny > 0, 1 - x, x), z),
+            join(np.where(nz > 0, 1 - y, y), x)]
 
 
 def box_weights(normal: np.ndarray, blend: float) -> np.ndarray:
     """(..., 3) how much each side of a box shows where the surface has this normal."""
     size = np.abs(normal)
-    size = divided(size, size.sum(axis=-1, keepdims=True))
+    size = divide_safely(size, size.sum(axis=-1, keepdims=True))
     limit = (1 + blend) / 2
     weights = np.zeros_like(size)
-    left = np.ones(size.shape[:-1], bool)
+    remaining = np.ones(size.shape[:-1], bool)
     for axis in range(3):  # one side alone
         others = [size[..., other] for other in range(3) if other != axis]
-        alone = left & np.logical_and(*(size[..., axis] > limit * (size[..., axis] + other) for other in others))
+        alone = remaining & np.logical_and(*(size[..., axis] > limit * (size[..., axis] + other) for other in others))
         weights[alone, axis] = 1
-        left &= ~alone
+        remaining &= ~alone
     if blend == 0:
-        weights[left, 0] = 1
+        weights[remaining, 0] = 1
         return weights
     for last, first, second in ((2, 0, 1), (0, 1, 2), (1, 0, 2)):  # two sides
         pair = size[..., first] + size[..., second]
-        both = left & (size[..., last] < (1 - limit) * pair)
-        share = np.clip((divided(size[..., first], pair) - (1 - blend) / 2) / blend, 0, 1)
+        both = remaining & (size[..., last] < (1 - limit) * pair)
+        share = np.clip((divide_safely(size[..., first], pair) - (1 - blend) / 2) / blend, 0, 1)
         weights[both, first], weights[both, second] = share[both], 1 - share[both]
-        left &= ~both
-    weights[left] = ((2 - limit) * size[left] + (limit - 1)) / (2 * limit - 1)
+        remaining &= ~both
+    weights[remaining] = ((2 - limit) * size[remaining] + (limit - 1)) / (2 * limit - 1)
     return weights
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Input nodes: constants, light paths, Fresnel and attributes."""
+"""Input nodes: constants, light paths, Fresnel, attributes, properties of objects, instances and particles."""
 from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import joined
+from ..data.arrays import join
 from .node_call import NodeCall
-from .object_info import property_of
+from .noise.hashing import LARGEST, jenkins
 
 LIT = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0, "Ray Length": 1.0}
 
@@ -20,7 +20,7 @@ def value(n: NodeCall):
 
 
 def light_path(n: NodeCall):
-    """BSDFs answer as seen by the camera; what radiates answers as it lights the scene."""
+    """For BSDFs the ray is one of the camera, for emission one that lights the scene."""
     n.evaluator.depends_on_ray = True
     if n.points.camera_ray:
         return np.array([n.output.name == "Is Camera Ray"], np.float32)
@@ -52,26 +52,26 @@ def attribute(n: NodeCall):
     name = n.node.layer_name if name is None else name
     points, kind = n.points, getattr(n.node, "attribute_type", "GEOMETRY")
     if kind != "GEOMETRY":
-        found = property_of(n, name, kind)
+        values = property_of(n, name, kind)
     elif (grid := points.grid(name)) is not None:
         return _part(n, grid)
     else:
         name = name or points.active_color or ""
-        found = points.attributes.get(name, points.uv[name][..., :2] if name in points.uv else None)
-    if found is None:
+        values = points.attributes.get(name, points.uv[name][..., :2] if name in points.uv else None)
+    if values is None:
         n.approximated(f'there is no attribute "{name}", so it is 0, as in Cycles')
-        found = np.zeros(1, np.float32)
-    return _part(n, found)
+        values = np.zeros(1, np.float32)
+    return _part(n, values)
 
 
-def _part(n: NodeCall, found: np.ndarray) -> np.ndarray:
+def _part(n: NodeCall, values: np.ndarray) -> np.ndarray:
     """What an output of an attribute node shows of (..., 1) to (..., 4) values."""
-    channels = found.shape[-1]
+    channels = values.shape[-1]
     if n.output.name == "Alpha":
-        return found[..., 3:] if channels == 4 else np.ones(1, np.float32)
+        return values[..., 3:] if channels == 4 else np.ones(1, np.float32)
     if n.output.type == "VALUE":
-        return found[..., :1] if channels < 3 else found[..., :3].mean(axis=-1, keepdims=True)
-    return joined(found, 0 * found[..., :1]) if channels == 2 else found[..., :3]
+        return values[..., :1] if channels < 3 else values[..., :3].mean(axis=-1, keepdims=True)
+    return join(values, 0 * values[..., :1]) if channels == 2 else values[..., :3]
 
 
 def volume_info(n: NodeCall):
@@ -79,8 +79,44 @@ def volume_info(n: NodeCall):
     return np.zeros(1, np.float32) if grid is None else _part(n, grid)
 
 
+def object_info(n: NodeCall):
+    instance, name = n.instance(), n.output.name
+    if name == "Material Index":
+        return _values(n.evaluator.material_index)
+    return _values({"Location": instance.matrix[:3, 3], "Color": instance.color[:3], "Alpha": instance.color[3],
+                    "Object Index": instance.index, "Random": instance.random}[name])
+
+
+def particle_info(n: NodeCall):
+    particle = n.instance().particle
+    if n.output.name == "Random":
+        return _values(jenkins(particle.index, 0) / LARGEST)
+    return _values(getattr(particle, n.output.name.lower().replace(" ", "_")))
+
+
+def of_strands(n: NodeCall):
+    """Curves Info and Point Info: all 0 on meshes."""
+    return np.zeros(3 if n.output.type == "VECTOR" else 1, np.float32)
+
+
+def property_of(n: NodeCall, name: str, kind: str) -> np.ndarray | None:
+    """(4,) a property of the object, its instancer or the view layer."""
+    instance = n.instance()
+    values = {"OBJECT": instance.properties, "INSTANCER": instance.instancer_properties,
+              "VIEW_LAYER": instance.view_layer_properties}[kind].get(name)
+    if values is None:
+        return None
+    return np.float32({1: (*values * 3, 1), 2: (*values, 0, 1), 3: (*values, 1)}.get(len(values), values))
+
+
+def _values(of) -> np.ndarray:
+    return np.atleast_1d(np.float32(of))
+
+
 FUNCTIONS = {
     "ShaderNodeRGB": rgb, "ShaderNodeValue": value, "ShaderNodeLightPath": light_path, "ShaderNodeFresnel": fresnel,
     "ShaderNodeLayerWeight": fresnel, "ShaderNodeAmbientOcclusion": passed_through,
     "ShaderNodeAttribute": attribute, "ShaderNodeVertexColor": attribute, "ShaderNodeVolumeInfo": volume_info,
+    "ShaderNodeObjectInfo": object_info, "ShaderNodeParticleInfo": particle_info,
+    "ShaderNodeHairInfo": of_strands, "ShaderNodePointInfo": of_strands,
 }

@@ -14,25 +14,25 @@ FALLOFF = {"Quadratic": 0, "Linear": 1, "Constant": 2}  # power of the distance 
 
 @dataclass(frozen=True)
 class LampPoints:
-    """Where the light of a lamp is looked at: all directions at all places of its surface, by broadcasting."""
+    """Where the light of a lamp is evaluated: all directions at all points of its surface, by broadcasting."""
 
-    leaving: np.ndarray          # (d, 1, 3) f32 unit directions away from the lamp, in its frame: it shines along -Z
+    direction: np.ndarray          # (d, 1, 3) f32 unit directions away from the lamp, in its frame: it shines along -Z
     frame: np.ndarray            # (3, 3) f32 rotation from there to the world
-    place: np.ndarray | None     # (1, p, 3) f32, 0 to 1 in x and y across an area lamp; None: a lamp without a surface
-    distance: float | None       # to the middle of what is looked at; None: infinitely far
+    surface: np.ndarray | None     # (1, p, 3) f32, 0 to 1 in x and y across an area lamp; None: no surface
+    distance: float | None       # to the center of the scene; None: infinitely far
 
     @property
     def normal(self) -> np.ndarray:
         """Of the surface; that of a ball is the direction."""
-        return self.leaving if self.place is None else np.float32((0, 0, -1))
+        return self.direction if self.surface is None else np.float32((0, 0, -1))
 
 
 def coordinate(n: NodeCall):
     """An output of Texture Coordinate or Geometry; None when it is not known of lamps."""
     lamp, name = n.points.lamp, n.output.name
-    if name in ("UV", "Parametric") and lamp.place is not None:
-        return lamp.place
-    in_world = {"Normal": lamp.normal, "True Normal": lamp.normal, "Incoming": lamp.leaving}
+    if name in ("UV", "Parametric") and lamp.surface is not None:
+        return lamp.surface
+    in_world = {"Normal": lamp.normal, "True Normal": lamp.normal, "Incoming": lamp.direction}
     if n.kind == "ShaderNodeNewGeometry" and name in in_world:
         return in_world[name] @ lamp.frame.T
     if n.kind == "ShaderNodeTexCoord" and name == "Normal":
@@ -42,7 +42,7 @@ def coordinate(n: NodeCall):
 
 
 def light_falloff(n: NodeCall):
-    """What it is at the middle of what is looked at: tokens fall off with the square of the distance."""
+    """Its value at the center of the scene: tokens fall off with the square of the distance."""
     distance = n.points.lamp.distance if n.points.lamp else 1.0
     if distance is None:
         return n["Strength"]
@@ -60,7 +60,7 @@ def ies_texture(n: NodeCall):
         return np.zeros(1, np.float32)
     direction = n.linked("Vector")
     if direction is None:
-        direction = np.float32((0, 0, -1)) if n.points.lamp is None else n.points.lamp.leaving
+        direction = np.float32((0, 0, -1)) if n.points.lamp is None else n.points.lamp.direction
     length = np.linalg.norm(direction, axis=-1, keepdims=True)
     return n["Strength"] * profile(direction / np.maximum(length, 1e-12)) * np.float32(WATT_PER_CANDELA)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import mixed
+from ..data.arrays import mix_values
 
 # Share of light from all sides that sheen of weight 1 turns back, measured in Cycles on a white-lit sphere.
 SHEEN_ROUGHNESS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
@@ -48,4 +48,4 @@ def shared_roughness(below, gloss, above, coat) -> np.ndarray:
 
 def under_sheen(color, weight, roughness, tint) -> np.ndarray:
     """Base colour (..., 3) with what sheen adds, less what it keeps from it."""
-    return mixed(color, tint, weight * np.interp(roughness, SHEEN_ROUGHNESS, SHEEN))
+    return mix_values(color, tint, weight * np.interp(roughness, SHEEN_ROUGHNESS, SHEEN))

@@ -21,14 +21,14 @@ from ....model.scene import (
     constant_tile,
 )
 from ..data.blocks import Material
-from ..data.instance import Place
+from ..data.instance import Instance
 from ..data.mesh import TriangleMesh, face_normals
 from ..data.report import Report
 from . import graph
 from .closure import Closure, SurfaceParameters, lobe, parameters
-from .evaluate import Evaluator, Points, interpolated
+from .evaluate import Evaluator, Points, interpolate
 from .node_call import NodeCall
-from .normal_map import bent_by
+from .normal_map import bend_normal
 from .surface import closure_at, is_emission
 from .two_lobes import two_lobes
 from .volume import has_surface
@@ -56,8 +56,8 @@ class MaterialTiles:
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._count = 0
         self._constant: dict[tuple, int] = {}
-        self._placed: set[Material] = set()  # those that look different from place to place
-        self._scaled: set[Material] = set()  # and those that look different by size
+        self._differs_by_instance: set[Material] = set()  # those whose tiles differ by instance
+        self._differs_by_scale: set[Material] = set()  # those whose tiles differ by size
 
     @property
     def tiles(self) -> np.ndarray:
@@ -68,8 +68,8 @@ class MaterialTiles:
     @property
     def latents(self) -> np.ndarray | None:
         """(T, 9) f32 of these tiles, 0 where a material has none; None where none has one."""
-        found = np.concatenate([np.zeros((0, len(NO_LATENT)), np.float32), *self._latents])
-        return found if found.any() else None
+        latents = np.concatenate([np.zeros((0, len(NO_LATENT)), np.float32), *self._latents])
+        return latents if latents.any() else None
 
     @property
     def two_lobes(self) -> np.ndarray | None:
@@ -81,12 +81,12 @@ class MaterialTiles:
                                for chunk in self._lobes])
 
     def triangle_tiles(self, material: Material | None, mesh: TriangleMesh,
-                       place: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Tiles and emission of n triangles that all wear `material`.
+                       instance: Instance | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Tiles and emission of n triangles with one material.
 
-        Returns tile index (n,) i32, -1 where there is as good as nothing (CLEAR), and radiance (n, 3) f32. A
-        homogeneous material has one tile, one with textures a tile per triangle. `sharing` tells afterwards which
-        other instances look the same.
+        Returns tile index (n,) i32, -1 where the surface is almost invisible (CLEAR), and radiance (n, 3) f32. A
+        homogeneous material has one tile, one with textures a tile per triangle. `sharing` says afterwards which
+        other instances have the same tiles.
         """
         n = len(mesh)
         emission = np.zeros((n, 3), np.float32)
@@ -100,16 +100,16 @@ class MaterialTiles:
             part = slice(start, min(start + chunk, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
-                points = points_of(mesh.take(part), place or Place())
+                points = texel_points(mesh.take(part), instance or Instance())
                 surface, height = self.evaluate(material, points)
                 lobes = two_lobes(material, points)
-            emission[part] = self.report.finite(material.name, "its emission", triangle_mean(surface.emission))
+            emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
             own = None if lobes is None else lobe_arrays(lobes, len(tiles))
             if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
                 tiles = np.repeat(tiles, len(own), axis=0)
             reflects |= surface.base_color.any()
-            nothing[part] = triangle_mean(surface.clear)[..., 0] > CLEAR
+            nothing[part] = mean_over_triangle(surface.clear)[..., 0] > CLEAR
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
                 index[:] = self._constant_index(tiles[0], material.latent, own)
                 emission[:], nothing[:] = emission[start], nothing[start]
@@ -129,13 +129,13 @@ class MaterialTiles:
         index[nothing & ~emission.any(axis=1)] = -1
         return index, emission
 
-    def shows_through(self, material, mesh: TriangleMesh, place: Place, smooth: float) -> np.ndarray:
+    def shows_through(self, material, mesh: TriangleMesh, instance: Instance, smooth: float) -> np.ndarray:
         """(n,) share of light that goes straight, or through glass of at most the roughness `smooth`, at triangles."""
         if material is None:
             return np.zeros(len(mesh))
-        surface, _ = self.evaluate(material, points_of(mesh, place))
+        surface, _ = self.evaluate(material, texel_points(mesh, instance))
         through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
-        return np.broadcast_to(triangle_mean(through)[..., 0], len(mesh))
+        return np.broadcast_to(mean_over_triangle(through)[..., 0], len(mesh))
 
     def evaluate(self, material: Material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
         """The surface and its height, in the units of a tile, at these points."""
@@ -153,7 +153,7 @@ class MaterialTiles:
                                  self.baker)
             lighting.material_index = material.pass_index
             closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
-            evaluator.depends_on_place |= lighting.depends_on_place
+            evaluator.depends_on_instance |= lighting.depends_on_instance
         if (closure.emission < 0).any():
             self.report.approximated(material.name, "negative light is ignored")
         if (not closure.weight.any() and not closure.emission.any() and has_surface(material)
@@ -162,20 +162,20 @@ class MaterialTiles:
                                                     "black")
         displacement, surface = _displacement(material, output), parameters(closure)
         if material.displacement_method == "BUMP" and displacement.ndim > 1:
-            surface.normal = bent_by(output, surface.normal, displacement)
+            surface.normal = bend_normal(output, surface.normal, displacement)
             displacement = np.zeros(1, np.float32)
-        if evaluator.depends_on_place:
-            self._placed.add(material)
+        if evaluator.depends_on_instance:
+            self._differs_by_instance.add(material)
         if evaluator.depends_on_scale:
-            self._scaled.add(material)
+            self._differs_by_scale.add(material)
         return surface, np.clip(displacement / HEIGHT_UNIT, -1, 1)
 
-    def sharing(self, material, place: Place):
-        """What places have in common that share what `triangle_tiles` found of this material, which comes first."""
-        if material in self._placed:
-            return id(place)
-        if material in self._scaled:
-            linear = place.matrix[:3, :3]
+    def sharing(self, material, instance: Instance):
+        """A key that is equal for instances with the same tiles of a material; call `triangle_tiles` first."""
+        if material in self._differs_by_instance:
+            return id(instance)
+        if material in self._differs_by_scale:
+            linear = instance.matrix[:3, :3]
             return tuple(np.round(linear.T @ linear, SCALE_DIGITS).ravel())
         return None
 
@@ -194,21 +194,21 @@ class MaterialTiles:
         self._count += len(tiles)
 
 
-class _Noted:
-    """In place of a baker: remembers that one was asked for."""
+class _BakerProbe:
+    """Stands in for a baker and remembers whether it was needed."""
 
-    asked = False
+    was_needed = False
 
     def bake(self, n):
-        self.asked = True
+        self.was_needed = True
         raise RuntimeError("it is baked later")
 
 
 def needs_baking(material: Material) -> bool:
-    """Whether a baker will be asked for nodes of it."""
-    noted = _Noted()
-    MaterialTiles(Report(), noted).triangle_tiles(material, ONE_TRIANGLE)
-    return noted.asked
+    """Whether it has nodes that a baker has to evaluate."""
+    probe = _BakerProbe()
+    MaterialTiles(Report(), probe).triangle_tiles(material, ONE_TRIANGLE)
+    return probe.was_needed
 
 
 def _displacement(material, output: NodeCall | None) -> np.ndarray:
@@ -219,13 +219,13 @@ def _displacement(material, output: NodeCall | None) -> np.ndarray:
     if n.kind != "ShaderNodeDisplacement":
         n.approximated(f"displacement by {n.node.bl_label} is ignored")
         return np.zeros(1, np.float32)
-    found = (n["Height"] - n["Midlevel"]) * n["Scale"]
-    return found * _normal_scale(n) if n.node.space == "OBJECT" else found
+    height = (n["Height"] - n["Midlevel"]) * n["Scale"]
+    return height * _normal_scale(n) if n.node.space == "OBJECT" else height
 
 
 def _normal_scale(n: NodeCall) -> np.ndarray:
     """(1,), or (m, 1, 1, 1) of an object scaled unevenly: how much its matrix lengthens the normal of a triangle."""
-    linear = n.scaled()
+    linear = n.linear_matrix()
     scale = np.linalg.svd(linear, compute_uv=False)
     if np.ptp(scale) < 1e-3 * scale.max():
         return scale[:1].astype(np.float32)
@@ -247,25 +247,25 @@ def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
 
 
 def lobe_arrays(lobes: dict[str, np.ndarray], count: int) -> np.ndarray:
-    """(m, 7, 32, 32) f16 of what `two_lobes` found, m = `count` of tiles if nothing varies over the surface."""
+    """(m, 7, 32, 32) f16 of the result of `two_lobes`, m = `count` of tiles if nothing varies over the surface."""
     named = {name: lobes[name] for name in TWO_LOBES.parts}
     count = max([count] + [len(values) for values in named.values() if values.ndim > 1])
-    found = np.empty((count, len(TWO_LOBES), TILE_SIZE, TILE_SIZE), np.float16)
+    arrays = np.empty((count, len(TWO_LOBES), TILE_SIZE, TILE_SIZE), np.float16)
     for name, values in named.items():
         full = np.broadcast_to(values, (count, TILE_SIZE, TILE_SIZE, values.shape[-1]))
-        found[:, TWO_LOBES[name]] = np.moveaxis(full, -1, 1)
-    return found
+        arrays[:, TWO_LOBES[name]] = np.moveaxis(full, -1, 1)
+    return arrays
 
 
-def points_of(mesh: TriangleMesh, place: Place) -> Points:
+def texel_points(mesh: TriangleMesh, instance: Instance) -> Points:
     """The texels of the tiles of a mesh."""
-    uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
-    attributes = {name: interpolated(layer) for name, layer in mesh.attributes.items()}
+    uv = {name: interpolate(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
+    attributes = {name: interpolate(layer) for name, layer in mesh.attributes.items()}
     return Points(uv, mesh.active_uv, attributes, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
-                  place, is_displaced=mesh.is_displaced, camera_ray=True)
+                  instance, is_displaced=mesh.is_displaced, camera_ray=True)
 
 
-def triangle_mean(values: np.ndarray) -> np.ndarray:
+def mean_over_triangle(values: np.ndarray) -> np.ndarray:
     """(c,) or (m, 32, 32, c) -> (c,) or (m, c): mean over the cells inside the triangle."""
     if values.ndim == 1:
         return values

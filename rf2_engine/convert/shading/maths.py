@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import divided, joined, smoothstep
+from ..data.arrays import divide_safely, join, smoothstep
 from .node_call import NodeCall
 
 
@@ -14,13 +14,14 @@ def _power(a, b):
 
 
 def _logarithm(a, b):
-    known = (a > 0) & (b > 0)
-    return np.where(known, divided(np.log(np.where(known, a, 1)), np.log(np.where(known, b, 1))), 0)
+    is_defined = (a > 0) & (b > 0)
+    a, b = np.where(is_defined, a, 1), np.where(is_defined, b, 1)
+    return np.where(is_defined, divide_safely(np.log(a), np.log(b)), 0)
 
 
 def _wrapped(value, high, low):
     span = high - low
-    return np.where(span != 0, value - span * np.floor(divided(value - low, span)), low)
+    return np.where(span != 0, value - span * np.floor(divide_safely(value - low, span)), low)
 
 
 def _modulo(a, b):
@@ -28,13 +29,13 @@ def _modulo(a, b):
 
 
 def _smooth_minimum(a, b, width):
-    near = divided(np.maximum(width - np.abs(a - b), 0), width)
+    near = divide_safely(np.maximum(width - np.abs(a - b), 0), width)
     return np.minimum(a, b) - near ** 3 * width / 6
 
 
 MATHS = {
     "ADD": lambda a, b, c: a + b, "SUBTRACT": lambda a, b, c: a - b, "MULTIPLY": lambda a, b, c: a * b,
-    "DIVIDE": lambda a, b, c: divided(a, b), "MULTIPLY_ADD": lambda a, b, c: a * b + c,
+    "DIVIDE": lambda a, b, c: divide_safely(a, b), "MULTIPLY_ADD": lambda a, b, c: a * b + c,
     "POWER": lambda a, b, c: _power(a, b), "SQRT": lambda a, b, c: np.sqrt(np.maximum(a, 0)),
     "INVERSE_SQRT": lambda a, b, c: _power(np.maximum(a, 0), np.float32(-0.5)),
     "LOGARITHM": lambda a, b, c: _logarithm(a, b),
@@ -45,10 +46,10 @@ MATHS = {
     "ROUND": lambda a, b, c: np.floor(a + 0.5), "FLOOR": lambda a, b, c: np.floor(a),
     "CEIL": lambda a, b, c: np.ceil(a), "TRUNC": lambda a, b, c: np.trunc(a), "FRACT": lambda a, b, c: a - np.floor(a),
     "MODULO": lambda a, b, c: _modulo(a, b), "WRAP": _wrapped,
-    "FLOORED_MODULO": lambda a, b, c: np.where(b != 0, a - np.floor(divided(a, b)) * b, 0),
+    "FLOORED_MODULO": lambda a, b, c: np.where(b != 0, a - np.floor(divide_safely(a, b)) * b, 0),
     "SMOOTH_MIN": lambda a, b, c: _smooth_minimum(a, b, np.maximum(c, 0)),
     "SMOOTH_MAX": lambda a, b, c: -_smooth_minimum(-a, -b, np.maximum(c, 0)),
-    "SNAP": lambda a, b, c: np.floor(divided(a, b)) * b,
+    "SNAP": lambda a, b, c: np.floor(divide_safely(a, b)) * b,
     "PINGPONG": lambda a, b, c: np.where(b == 0, 0, np.abs(np.mod(a - b, np.where(b == 0, 1, 2 * b)) - b)),
     "SINE": lambda a, b, c: np.sin(a), "COSINE": lambda a, b, c: np.cos(a), "TANGENT": lambda a, b, c: np.tan(a),
     "ARCSINE": lambda a, b, c: np.arcsin(np.clip(a, -1, 1)), "ARCCOSINE": lambda a, b, c: np.arccos(np.clip(a, -1, 1)),
@@ -66,7 +67,7 @@ def math(n: NodeCall):
 def map_range(n: NodeCall):
     ends = [n[end, end.replace(" ", "_") + "_FLOAT3"] for end in ("From Min", "From Max", "To Min", "To Max")]
     value, (low, high, to_low, to_high), kind = n["Value", "Vector"], ends, n.node.interpolation_type
-    t = divided(value - low, high - low)
+    t = divide_safely(value - low, high - low)
     if kind == "STEPPED":
         steps = n["Steps"]
         t = np.where(steps > 0, np.floor(t * (steps + 1)) / np.where(steps > 0, steps, 1), 0)
@@ -94,7 +95,7 @@ def separate(n: NodeCall):
 
 
 def combine(n: NodeCall):
-    return joined(*n.values())
+    return join(*n.values())
 
 
 FUNCTIONS = {

@@ -6,18 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..data.arrays import joined
+from ..data.arrays import join
 from . import graph
 
 OF_A_NODE = 'node "'  # how a remark about a node begins
 
 
 class Unknown(Exception):
-    """Why a node has no value here: it is baked, or where it leads to an input keeps its own."""
+    """Why a node cannot be evaluated: it is baked, or the input that it feeds keeps its own value."""
 
 
 class DependsOnView(Unknown):
-    """Nor could it be baked."""
+    """It cannot be baked either."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class NodeCall:
     """One evaluation of a node. Values are arrays (..., 1) or (..., 3) as in evaluate.py."""
 
     evaluator: object      # Evaluator
-    node: object           # Node (nodes.py)
-    output: object = None  # Socket whose value is asked for; None for a shader
+    node: object           # Node (data/blocks.py)
+    output: object = None  # Socket whose value is computed; None for a shader
     frames: tuple = ()     # group nodes that lead to the node (graph.py)
 
     @property
@@ -83,17 +83,17 @@ class NodeCall:
         if dimensions == "1D":
             return self["W"]
         space = self.coordinates()[..., :2 if dimensions == "2D" else 3]
-        return joined(space, self["W"]) if dimensions == "4D" else space
+        return join(space, self["W"]) if dimensions == "4D" else space
 
-    def placed(self):
-        """The Place of the surface, which makes the value one of this instance alone."""
-        self.evaluator.depends_on_place = True
-        return self.points.place
+    def instance(self):
+        """The Instance of the surface; the value then holds for this instance alone."""
+        self.evaluator.depends_on_instance = True
+        return self.points.instance
 
-    def scaled(self) -> np.ndarray:
-        """(3, 3) matrix of the surface, for what does not depend on how it is turned."""
+    def linear_matrix(self) -> np.ndarray:
+        """(3, 3) matrix of the instance, for values that depend on its size but not on its rotation."""
         self.evaluator.depends_on_scale = True
-        return self.points.place.matrix[:3, :3]
+        return self.points.instance.matrix[:3, :3]
 
     def source(self, key) -> NodeCall | None:
         """The node that feeds an input, None if there is none."""
@@ -102,18 +102,18 @@ class NodeCall:
         return None if output is None else NodeCall(self.evaluator, output.node, output, frames)
 
     def approximated(self, message: str) -> None:
-        """Tell the user what of this node is lost."""
+        """Report what of this node is lost."""
         within = "".join(f' in "{group.node_tree.name}"' for group in self.frames)
         self.evaluator.report.approximated(self.evaluator.owner, f'{OF_A_NODE}{self.node.name}"{within}: {message}')
 
     def left_to_cycles(self, message: str) -> None:
-        """Have the node baked where the user allows it; else tell what of it is lost."""
+        """Have the node baked where the user allows it; else report what of it is lost."""
         if self.evaluator.baker:
             raise Unknown(f"{self.node.bl_label} cannot be evaluated")
         self.approximated(message)
 
     def folded(self, message: str) -> None:
-        """Tell the user what of the whole surface is lost: once, however many nodes of it lose the same."""
+        """Report what of the surface is lost: once, however many of its nodes lose the same."""
         self.evaluator.report.approximated(self.evaluator.owner, message)
 
     def _input(self, key):

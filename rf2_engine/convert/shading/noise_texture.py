@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..data.arrays import TINIEST, joined, unit
+from ..data.arrays import TINIEST, join, unit
 from .node_call import NodeCall
 from .noise.fractal import KINDS, Fractal
 from .noise.gabor import IMPULSES, phasor
-from .noise.hashing import color_of_floats, of_floats, offset
+from .noise.hashing import hash_color, hash_floats, offset
 from .noise.lattice import in_blocks
 from .noise.perlin import perlin
 
@@ -29,10 +29,10 @@ def noise_texture(n: NodeCall):
         ("Detail", 2), ("Roughness", 0.5), ("Lacunarity", 2), ("Offset", 0), ("Gain", 1))), node.normalize)
     if np.any(distortion != 0):
         at = at + distortion * np.stack([perlin(at + offset(seed, dimensions)) for seed in range(dimensions)], axis=-1)
-    places = [at]
+    positions = [at]
     if n.output.type == "RGBA":
-        places += [at + offset(seed, dimensions) for seed in CHANNELS[dimensions]]
-    return np.stack([KINDS[node.noise_type](place, fractal) for place in places], axis=-1)
+        positions += [at + offset(seed, dimensions) for seed in CHANNELS[dimensions]]
+    return np.stack([KINDS[node.noise_type](points, fractal) for points in positions], axis=-1)
 
 
 def white_noise(n: NodeCall):
@@ -40,14 +40,14 @@ def white_noise(n: NodeCall):
     dimensions = n.node.noise_dimensions
     parts = [] if dimensions == "1D" else [n["Vector"][..., :2 if dimensions == "2D" else 3]]
     parts += [n["W"]] if dimensions in ("1D", "4D") else []
-    values = np.moveaxis(joined(*parts), -1, 0)
-    return color_of_floats(*values) if n.output.type == "RGBA" else of_floats(*values)[..., None]
+    values = np.moveaxis(join(*parts), -1, 0)
+    return hash_color(*values) if n.output.type == "RGBA" else hash_floats(*values)[..., None]
 
 
 def gabor_texture(n: NodeCall):
     """All outputs come of the same sums."""
     dimensions = 2 if n.node.gabor_type == "2D" else 3
-    real, imaginary = n.evaluator.remembered(replace(n, output=n.node.outputs[0]), _gabor_sums, NOTHING)
+    real, imaginary = n.evaluator.evaluate_once(replace(n, output=n.node.outputs[0]), _gabor_sums, NOTHING)
     spread = DEVIATIONS * np.sqrt(IMPULSES * SQUARED_KERNEL[dimensions] / 2)
     if n.output.name == "Value":
         result = imaginary / spread / 2 + 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import dot, joined, mixed, unit
+from ..data.arrays import dot, join, mix_values, unit
 from .coordinates import normals_in_world
 from .node_call import NodeCall, Unknown
 
@@ -46,7 +46,7 @@ def normal_map(n: NodeCall):
         bent = bent * np.float32((1, -1, -1))
     if node.space.endswith("OBJECT"):
         bent = normals_in_world(n, bent)
-    return unit(mixed(normals_in_world(n, n.points.normal), unit(bent), np.maximum(n["Strength"], 0)))
+    return unit(mix_values(normals_in_world(n, n.points.normal), unit(bent), np.maximum(n["Strength"], 0)))
 
 
 def _is_flat(n: NodeCall) -> bool:
@@ -63,20 +63,20 @@ def _tilted(n: NodeCall) -> np.ndarray:
     """The UV-frame normal of a normal map in this space."""
     x, y, z = np.split(2 * n["Color"] - 1, 3, axis=-1)
     strength = np.maximum(n["Strength"], 0)
-    return joined(x * strength, y * strength, mixed(np.float32(1), z, np.minimum(strength, 1)))
+    return join(x * strength, y * strength, mix_values(np.float32(1), z, np.minimum(strength, 1)))
 
 
 def _bumped(n: NodeCall) -> np.ndarray:
     """UV-frame normal of a Bump node: the slope of its height from texel to texel."""
     push = -1 if n.node.invert else 1
-    return bent_by(n, tangent_normal(n), n["Height"], push * n["Distance"], n["Strength"])
+    return bend_normal(n, tangent_normal(n), n["Height"], push * n["Distance"], n["Strength"])
 
 
-def bent_by(n: NodeCall, base: np.ndarray, height: np.ndarray, distance=1.0, strength=1.0) -> np.ndarray:
+def bend_normal(n: NodeCall, base: np.ndarray, height: np.ndarray, distance=1.0, strength=1.0) -> np.ndarray:
     """(m, 32, 32, 3) the UV-frame normal `base` bent by a height over the tile, times a distance in world units."""
     if height.ndim == 1 or n.points.corners is None:
         return base
-    linear = n.scaled()
+    linear = n.linear_matrix()
     edges = n.points.edges @ np.float32(linear.T)                                 # (m, 2, 3) along columns and rows
     tangent, other = _across(edges, n.points.uv_edges())
     axes = np.stack([tangent, other], axis=-1)                                    # (m, 3, 2)
@@ -84,8 +84,8 @@ def bent_by(n: NodeCall, base: np.ndarray, height: np.ndarray, distance=1.0, str
     size = height.shape[1]
     steps = np.stack([np.gradient(height[..., 0], axis=axis) * size for axis in (2, 1)], axis=-1)[..., None]
     slope = (np.linalg.pinv(along)[:, None, None] @ steps)[..., 0]                # (m, 32, 32, 2)
-    bent = base - joined(distance * slope, 0 * height)
-    return unit(mixed(base, unit(bent), np.maximum(strength, 0)))
+    bent = base - join(distance * slope, 0 * height)
+    return unit(mix_values(base, unit(bent), np.maximum(strength, 0)))
 
 
 def _across(edges: np.ndarray, uv_edges: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -110,7 +110,7 @@ def _frame(edges: np.ndarray, uv_edges: np.ndarray | None, normal: np.ndarray) -
 def _frame_in_world(n: NodeCall) -> np.ndarray:
     if n.points.corners is None:
         raise Unknown("there is no surface whose normal it could change")
-    edges = n.points.edges @ np.float32(n.placed().matrix[:3, :3].T)
+    edges = n.points.edges @ np.float32(n.instance().matrix[:3, :3].T)
     return _frame(edges, n.points.uv_edges(), normals_in_world(n, n.points.normal))
 
 

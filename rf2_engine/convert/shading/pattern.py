@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import joined, length, mixed, smoothstep
+from ..data.arrays import join, length, mix_values, smoothstep
 from .node_call import NodeCall
 from .noise.fractal import Fractal, fbm
 
@@ -43,7 +43,7 @@ def brick(n: NodeCall):
     if n.output.name in ("Fac", "Factor"):
         return seam
     tint = np.clip(_of_brick(row.astype(np.int64), column.astype(np.int64)) + n["Bias"], 0, 1)
-    return mixed(mixed(n["Color1"], n["Color2"], tint), n["Mortar"], seam)
+    return mix_values(mix_values(n["Color1"], n["Color2"], tint), n["Mortar"], seam)
 
 
 def _of_brick(row, column) -> np.ndarray:
@@ -66,13 +66,13 @@ MAGIC = (  # what replaces x, y or z in turn
 def magic(n: NodeCall):
     at, distortion, depth = n.coordinates() * n["Scale"] % np.float32(TURN), n["Distortion"], n.node.turbulence_depth
     x, y, z = np.split(at, 3, axis=-1)
-    found = [np.sin((x + y + z) * 5), np.cos((-x + y - z) * 5), -np.cos((-x - y + z) * 5)]
+    waves = [np.sin((x + y + z) * 5), np.cos((-x + y - z) * 5), -np.cos((-x - y + z) * 5)]
     if depth:
-        found = [value * distortion for value in found]
+        waves = [value * distortion for value in waves]
     for target, function in MAGIC[:depth]:
-        found[target] = function(*found) * distortion
-    found = [0.5 - value / np.where(distortion != 0, 2 * distortion, 1) for value in found]
-    color = joined(*found)
+        waves[target] = function(*waves) * distortion
+    waves = [0.5 - value / np.where(distortion != 0, 2 * distortion, 1) for value in waves]
+    color = join(*waves)
     return color.mean(axis=-1, keepdims=True) if n.output.name in ("Fac", "Factor") else color
 
 

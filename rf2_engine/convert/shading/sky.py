@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sky Texture, which Cycles draws (cycles/world.py): the place of its sun, and a uniform sky if Cycles cannot draw."""
+"""Sky Texture, which Cycles draws (cycles/world.py): the direction of its sun, and a uniform sky otherwise."""
 from __future__ import annotations
 
 import math
@@ -11,7 +11,7 @@ from .node_call import NodeCall
 COLOR = np.array([3.3, 3.7, 4.2])        # radiance of Cycles' own sky at noon, about, W/(m^2 sr)
 SUN = np.array([140.0, 110.0, 90.0])     # its irradiance, W/m^2
 MIN_SUN_RADIUS = math.radians(0.6)       # what the map can resolve
-EDGE = math.radians(0.3)                 # width of the disc's border, so that no ray's place counts
+EDGE = math.radians(0.3)                 # width of the disc's border, so that it does not matter where a ray hits
 
 
 def sky_texture(n: NodeCall):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import joined
+from ..data.arrays import join
 from .node_call import NodeCall
 
 XYZ_TO_REC709 = np.array([[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560],
@@ -29,7 +29,7 @@ def blackbody_color(kelvin: np.ndarray) -> np.ndarray:
     coldest, hottest = KELVIN
     step = (1 / coldest - 1 / np.clip(kelvin, *KELVIN)) / (1 / coldest - 1 / hottest) * (len(BLACK_BODIES) - 1)
     steps = np.arange(len(BLACK_BODIES))
-    return joined(*(np.interp(step, steps, channel) for channel in BLACK_BODIES.T)).astype(np.float32)
+    return join(*(np.interp(step, steps, channel) for channel in BLACK_BODIES.T)).astype(np.float32)
 
 
 def wavelength(n: NodeCall):

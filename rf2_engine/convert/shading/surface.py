@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....model.color import LUMINANCE
-from ..data.arrays import mixed
+from ..data.arrays import mix_values
 from . import layers
 from .closure import BLACK, ONE, WHITE, ZERO, Closure, lobe, window
 from .node_call import NodeCall
@@ -15,7 +15,9 @@ from .normal_map import tangent_normal
 def closure_at(n: NodeCall, key) -> Closure:
     """Closure that a shader brings to an input of `n`; nothing linked is no closure at all."""
     shader = n.source(key)
-    return Closure() if shader is None else n.evaluator.remembered(shader, SHADERS.get(shader.kind, unknown), Closure())
+    if shader is None:
+        return Closure()
+    return n.evaluator.evaluate_once(shader, SHADERS.get(shader.kind, unknown), Closure())
 
 
 def unknown(n: NodeCall):
@@ -58,10 +60,10 @@ def principled(n: NodeCall):
     tint = n.get("Specular Tint", WHITE)
     if np.any(level * np.abs(tint - 1) > 0.01):
         n.folded("specular tint is shown as grey")
-        level = level * mixed(tint @ LUMINANCE[:, None], ONE, metallic)
+        level = level * mix_values(tint @ LUMINANCE[:, None], ONE, metallic)
     color, roughness, coat = n.get("Base Color"), n.get("Roughness"), np.clip(n.get("Coat Weight"), 0, 1)
     if np.any(coat > 0):
-        color = color * mixed(WHITE, n.get("Coat Tint", WHITE), coat)
+        color = color * mix_values(WHITE, n.get("Coat Tint", WHITE), coat)
         if n.source("Coat Normal"):
             n.folded("its coat uses the normal of the surface")
         coat = coat * layers.normal_reflectance(n.get("Coat IOR", 1.5))
@@ -70,7 +72,7 @@ def principled(n: NodeCall):
     if np.any(sheen := np.clip(n.get("Sheen Weight"), 0, 1)):
         color = layers.under_sheen(color, sheen, n.get("Sheen Roughness"), n.get("Sheen Tint", WHITE))
     film = n.get("Thin Film Thickness"), np.maximum(n.get("Thin Film IOR", 1.33), 1)
-    ior = mixed(layers.effective_ior(ior, level, coat, film), ior, transmission)
+    ior = mix_values(layers.effective_ior(ior, level, coat, film), ior, transmission)
     surface = lobe(color, metallic, roughness, ior, transmission, tangent_normal(n))
     surface.emission = n.get("Emission Color", WHITE) * n.get("Emission Strength")
     if np.all(alpha >= 1):
@@ -91,7 +93,7 @@ def scattering(n: NodeCall):
 
 
 def sheen(n: NodeCall):
-    """As bright as it is on the whole, seen from all sides."""
+    """As bright as its mean over all directions."""
     n.folded(f"{n.node.bl_label} is shown as Diffuse")
     return lobe(n["Color"] * np.interp(n["Roughness"], layers.SHEEN_ROUGHNESS, layers.SHEEN), normal=tangent_normal(n))
 

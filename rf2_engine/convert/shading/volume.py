@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..data.instance import Place
+from ..data.instance import Instance
 from ..data.report import Report
 from . import graph
 from .evaluate import Evaluator, Points
@@ -37,11 +37,11 @@ def has_volume(material) -> bool:
 
 @dataclass
 class VolumePoints(Points):
-    """Places inside of a medium: `inside` (..., 3) f32 in the frame of the object."""
+    """Points inside a medium: `inside` (..., 3) f32 in the frame of the object."""
 
     inside: np.ndarray | None = None
-    grids: Callable[[str], np.ndarray | None] | None = None  # by name: values (..., c) at these places
-    is_placed: bool = False  # whether what was evaluated is that of one instance
+    grids: Callable[[str], np.ndarray | None] | None = None  # by name: values (..., c) at the points
+    depends_on_instance: bool = False  # whether what was evaluated is that of one instance
 
     @property
     def position(self) -> np.ndarray:
@@ -49,14 +49,14 @@ class VolumePoints(Points):
 
     def grid(self, name: str) -> np.ndarray:
         """0 where there is no such grid, as in Cycles."""
-        found = self.grids(name) if self.grids else None
-        return np.zeros(1, np.float32) if found is None else found
+        values = self.grids(name) if self.grids else None
+        return np.zeros(1, np.float32) if values is None else values
 
 
-def volume_points(inside: np.ndarray, texture_space: np.ndarray, place: Place, grids: Callable | None = None,
+def volume_points(inside: np.ndarray, texture_space: np.ndarray, instance: Instance, grids: Callable | None = None,
                   ) -> VolumePoints:
-    """inside: (..., 3) in the frame of the object; texture_space (2, 3) as mesh.py gives it."""
-    return VolumePoints(corners=np.zeros((0, 3, 3), np.float32), texture_space=texture_space, place=place,
+    """inside: (..., 3) in the frame of the object; texture_space (2, 3) as in data/mesh.py."""
+    return VolumePoints(corners=np.zeros((0, 3, 3), np.float32), texture_space=texture_space, instance=instance,
                         inside=inside.astype(np.float32), grids=grids)
 
 
@@ -72,15 +72,15 @@ def volume_coefficients(material, report, points: VolumePoints | None = None,
     points = points or VolumePoints()
     evaluator = Evaluator(points, material.node_tree.conventions, report, material.name)
     coefficients = coefficients_at(NodeCall(evaluator, output), "Volume")
-    points.is_placed = evaluator.depends_on_place or evaluator.depends_on_scale
+    points.depends_on_instance = evaluator.depends_on_instance or evaluator.depends_on_scale
     scattering, absorption = (report.finite(material.name, "its volume", np.float32(c)) for c in coefficients)
     return np.maximum(scattering, 0), np.maximum(absorption, 0)
 
 
-def grid_names(material) -> list[str]:
+def find_grid_names(material) -> list[str]:
     """Of the grids that its Volume shader reads."""
     names = {}
-    points = volume_points(np.zeros((1, 3)), np.float32([(0, 0, 0), (1, 1, 1)]), Place(),
+    points = volume_points(np.zeros((1, 3)), np.float32([(0, 0, 0), (1, 1, 1)]), Instance(),
                            lambda name: names.setdefault(name))
     volume_coefficients(material, Report(), points)
     return [name for name in names if name]
@@ -99,7 +99,7 @@ def coefficients_at(n: NodeCall, key) -> tuple[np.ndarray, np.ndarray]:
     shader = n.source(key)
     if shader is None:
         return NONE, NONE
-    return n.evaluator.remembered(shader, SHADERS.get(shader.kind, unknown), (NONE, NONE))
+    return n.evaluator.evaluate_once(shader, SHADERS.get(shader.kind, unknown), (NONE, NONE))
 
 
 def unknown(n: NodeCall):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import divided, mixed
+from ..data.arrays import divide_safely, mix_values
 from .node_call import NodeCall
 from .noise.lattice import in_blocks
 from .noise.voronoi_cells import METRICS, Cells, nearest, smooth, sphere_radius, to_edge
@@ -52,7 +52,7 @@ def voronoi(n: NodeCall):
     color, position = others
     if n.output.name == "Color":
         return color
-    position = divided(position, scale)
+    position = divide_safely(position, scale)
     if n.output.name == "W":
         return position[..., -1:]
     return np.pad(position, [(0, 0)] * (position.ndim - 1) + [(0, 1)]) if position.shape[-1] == 2 else position[..., :3]
@@ -60,12 +60,12 @@ def voronoi(n: NodeCall):
 
 def _diagonal(node, dimensions: int, side: np.ndarray, exponent) -> np.ndarray:
     """How far two points of a cell can lie from each other."""
-    way = np.broadcast_to(side, (dimensions, *np.shape(side)))
-    return way[0] if dimensions == 1 else METRICS[node.distance](way, exponent)
+    offset = np.broadcast_to(side, (dimensions, *np.shape(side)))
+    return offset[0] if dimensions == 1 else METRICS[node.distance](offset, exponent)
 
 
 def _octaves(at_frequency, detail, roughness, lacunarity):
-    """For each octave what it gives, its frequency and amplitude, and how much of it counts."""
+    """The result of each octave, its frequency and amplitude, and its weight."""
     frequency = amplitude = np.float32(1)
     for i in range(int(np.ceil(np.max(detail))) + 1):
         yield at_frequency(frequency), frequency, amplitude, np.clip(detail - i + 1, 0, 1)
@@ -75,11 +75,11 @@ def _octaves(at_frequency, detail, roughness, lacunarity):
 def _added(at_frequency, detail, roughness, lacunarity, farthest, normalized):
     """Distance, colour and position over all octaves."""
     distance = color = position = weight = np.float32(0)
-    for (far, tint, place), frequency, amplitude, share in _octaves(at_frequency, detail, roughness, lacunarity):
+    for (far, tint, point), frequency, amplitude, share in _octaves(at_frequency, detail, roughness, lacunarity):
         part = share * amplitude
         distance, weight = distance + far * part, weight + part
         color = color + tint * part[..., None]
-        position = mixed(position, place / np.asarray(frequency)[..., None], part[..., None])
+        position = mix_values(position, point / np.asarray(frequency)[..., None], part[..., None])
     if normalized:
         distance, color = distance / (weight * farthest), color / weight[..., None]
     return distance, color, position
@@ -90,8 +90,8 @@ def _edges(at_frequency, detail, roughness, lacunarity, farthest, normalized):
     distance, most = FIRST_EDGE, farthest
     for (far,), frequency, amplitude, share in _octaves(at_frequency, detail, roughness, lacunarity):
         part = share * amplitude
-        most = mixed(most, farthest / frequency, part)
-        distance = mixed(distance, np.minimum(distance, far / frequency), part)
+        most = mix_values(most, farthest / frequency, part)
+        distance = mix_values(distance, np.minimum(distance, far / frequency), part)
     return [distance / most if normalized else distance]
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 
@@ -17,10 +18,10 @@ def report():
 @pytest.fixture
 def converted(scene, report):
     """Function that converts the scene; by default nothing is simplified or subdivided, and no camera looks."""
-    def run(token_budget=1_000_000, max_edge=1e6, seen=False, steady=lambda framing: framing):
+    def run(token_budget=1_000_000, max_edge=1e6, seen=False, **choice):
         depsgraph = bpy.context.evaluated_depsgraph_get()
         view = convert_camera(depsgraph, 64, 64, None) if seen else None
-        return convert(depsgraph, view, token_budget=token_budget, max_edge=max_edge, report=report, steady=steady)
+        return convert(depsgraph, view, ConversionOptions(token_budget, max_edge), report, **choice)
     return run
 
 

@@ -15,6 +15,7 @@ from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.errors import SceneError
 from bl_ext.user_default.renderformer_v2.model.normalize import Normalization
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 
@@ -54,7 +55,7 @@ def _convert() -> None:
         view = None
     try:
         with progress.reporting(with_an_end):
-            scene = convert(depsgraph, view, token_budget=2000, max_edge=0.3, report=Report())
+            scene = convert(depsgraph, view, ConversionOptions(2000, 0.3), Report())
     except SceneError:
         return
     _require_finite(scene)

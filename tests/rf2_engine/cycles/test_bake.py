@@ -9,6 +9,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, NORMAL, ROUGHNESS
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import bake
@@ -27,7 +28,7 @@ def baked(monkeypatch, tmp_path):
         monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
         depsgraph, report = bpy.context.evaluated_depsgraph_get(), Report()
         with bake.Baker(depsgraph) as baker:
-            return convert(depsgraph, None, token_budget=1000, max_edge=1e6, report=report, baker=baker), report.lines()
+            return convert(depsgraph, None, ConversionOptions(1000, 1e6), report, baker=baker), report.lines()
     return run
 
 

@@ -24,6 +24,7 @@ from bl_ext.user_default.renderformer_v2.model.scene import (
 )
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.vdb import openvdb_module
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.files import write_panorama
@@ -78,8 +79,8 @@ def shown(imported, report=None):
     bpy.context.window.scene = imported
     depsgraph, ours = bpy.context.evaluated_depsgraph_get(), imported.renderformer_v2
     view = convert_camera(depsgraph, imported.render.resolution_x, imported.render.resolution_y, None)
-    return convert(depsgraph, view, token_budget=ours.token_budget, max_edge=ours.max_edge, report=report or Report(),
-                   as_is=ours.as_is), view
+    return convert(depsgraph, view, ConversionOptions(ours.token_budget, ours.max_edge, ours.as_is),
+                   report or Report()), view
 
 
 def tile_at(scene, corner) -> np.ndarray:

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying import kept as copies
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying import cache as copies
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import source as sources
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import viewport
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.source import Source, hides_in, source_key
@@ -51,7 +51,7 @@ def test_nothing_is_read_without_a_change(kept, reads):
 def test_a_moved_object_is_placed_anew_and_no_mesh_is_read(kept, reads):
     bpy.data.objects["A"].location.z = 2
     assert again(kept) == (True, 2) and not reads
-    assert kept.copied.things[0][1].matrix[2, 3] == 2
+    assert kept.copied.objects[0][1].matrix[2, 3] == 2
 
 
 def test_an_edited_mesh_is_read_and_no_other(kept, reads):
@@ -59,17 +59,17 @@ def test_an_edited_mesh_is_read_and_no_other(kept, reads):
     mesh.vertices[0].co.x = -5
     mesh.update()
     assert again(kept) == (True, 2) and reads == ["A"]
-    assert kept.copied.things[0][0].mesh.corners.min() == -5
+    assert kept.copied.objects[0][0].mesh.corners.min() == -5
 
 
 def test_a_modifier_counts_as_viewports_show_it(kept, reads):
     modifier = bpy.data.objects["B"].modifiers.new("Array", "ARRAY")
     modifier.relative_offset_displace[0] = 2
     assert again(kept) == (True, 2) and reads == ["B"]
-    assert len(kept.copied.things[1][0].mesh) == 24
+    assert len(kept.copied.objects[1][0].mesh) == 24
     modifier.show_viewport = False
     again(kept)
-    assert len(kept.copied.things[1][0].mesh) == 12
+    assert len(kept.copied.objects[1][0].mesh) == 12
 
 
 def test_material_lamp_and_world_are_copied_without_meshes(kept, reads):
@@ -90,14 +90,14 @@ def test_cameras_are_no_change(kept):
 
 def test_a_new_object_is_read_and_a_deleted_one_forgotten(kept, reads, scene):
     added = cube(scene, "C", (0, 3, 0))
-    assert again(kept)[0] and reads == ["C"] and len(kept._kept) == 3
+    assert again(kept)[0] and reads == ["C"] and len(kept._cache) == 3
     bpy.data.objects.remove(added)
-    assert again(kept)[0] and reads == ["C"] and len(kept._kept) == 2 and len(kept.copied.things) == 2
+    assert again(kept)[0] and reads == ["C"] and len(kept._cache) == 2 and len(kept.copied.objects) == 2
 
 
 def test_hidden_objects_and_animation_follow(kept, scene):
     bpy.data.objects["A"].hide_set(True)
-    assert again(kept)[0] and len(kept.copied.things) == 1
+    assert again(kept)[0] and len(kept.copied.objects) == 1
     bpy.data.objects["A"].hide_set(False)
     again(kept)
     moving = bpy.data.objects["A"]
@@ -106,13 +106,13 @@ def test_hidden_objects_and_animation_follow(kept, scene):
         moving.keyframe_insert("location", frame=frame)
     again(kept)
     scene.frame_set(11)
-    assert again(kept)[0] and kept.copied.things[0][1].matrix[0, 3] == 10
+    assert again(kept)[0] and kept.copied.objects[0][1].matrix[0, 3] == 10
 
 
 def test_renders_hide_other_objects_than_viewports(kept):
     bpy.data.objects["A"].hide_render = True
     again(kept)
-    assert len(kept.copied.things) == 2
+    assert len(kept.copied.objects) == 2
 
 
 def test_after_undo_everything_is_read(kept, reads):
@@ -127,13 +127,13 @@ def test_an_image_is_read_again_when_it_has_changed(kept, scene):
     node.image = image
     tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
     again(kept)
-    (before,) = kept._kept.images.values()
+    (before,) = kept._cache.images.values()
     bpy.data.objects["B"].location.z = 1
     again(kept)
-    assert next(iter(kept._kept.images.values())) is before
+    assert next(iter(kept._cache.images.values())) is before
     image.colorspace_settings.name = "Non-Color"
     again(kept)
-    assert next(iter(kept._kept.images.values())) is not before
+    assert next(iter(kept._cache.images.values())) is not before
 
 
 def test_what_takes_long_is_read_in_slices(scene, reads, monkeypatch):
@@ -144,7 +144,7 @@ def test_what_takes_long_is_read_in_slices(scene, reads, monkeypatch):
     while not source.refresh(depsgraph()):
         slices += 1
         assert len(reads) == slices
-    assert slices == 2 and reads == ["Cube 0", "Cube 1", "Cube 2"] and len(source.copied.things) == 3
+    assert slices == 2 and reads == ["Cube 0", "Cube 1", "Cube 2"] and len(source.copied.objects) == 3
 
 
 def test_an_edit_between_two_slices_is_not_lost(scene, monkeypatch):
@@ -158,7 +158,7 @@ def test_an_edit_between_two_slices_is_not_lost(scene, monkeypatch):
     mesh.update()
     bpy.context.view_layer.update()
     read(source)
-    assert source.copied.things[0][0].mesh.corners.min() == -5
+    assert source.copied.objects[0][0].mesh.corners.min() == -5
 
 
 def test_a_viewport_that_hides_objects_of_its_own_has_its_own_copy():
@@ -170,17 +170,17 @@ def test_a_viewport_that_hides_objects_of_its_own_has_its_own_copy():
     space.show_object_viewport_mesh = False
     assert source_key(depsgraph(), space) != shared
     bpy.context.view_layer.update()
-    assert len(read(hides=hides_in(space)).copied.things) == 0
+    assert len(read(hides=hides_in(space)).copied.objects) == 0
     space.show_object_viewport_mesh = True
-    assert len(read(hides=hides_in(space)).copied.things) == 1
+    assert len(read(hides=hides_in(space)).copied.objects) == 1
 
 
 def test_copies_do_not_change_when_the_scene_does(kept):
-    first, matrix = kept.copied, kept.copied.things[0][1].matrix.copy()
+    first, matrix = kept.copied, kept.copied.objects[0][1].matrix.copy()
     bpy.data.objects["A"].location.z = 2
     again(kept)
     assert kept.copied is not first
-    np.testing.assert_array_equal(first.things[0][1].matrix, matrix)
+    np.testing.assert_array_equal(first.objects[0][1].matrix, matrix)
 
 
 def test_meshes_that_geometry_nodes_instance_are_kept_until_these_change(kept, reads):
@@ -194,13 +194,13 @@ def test_meshes_that_geometry_nodes_instance_are_kept_until_these_change(kept, r
     bpy.data.objects["A"].modifiers.new("Cubes", "NODES").node_group = group
     again(kept)
     count = len(reads)
-    assert len(kept.copied.things) == 1 + 10 + 1 and 0 < count < 10  # A itself is empty
+    assert len(kept.copied.objects) == 1 + 10 + 1 and 0 < count < 10  # A itself is empty
     bpy.data.objects["B"].location.z = 1
     again(kept)
     assert len(reads) == count
     cubes.inputs["Size"].default_value = (3, 3, 3)
     again(kept)
-    assert len(reads) > count and np.ptp(kept.copied.things[1][0].mesh.corners) == 3
+    assert len(reads) > count and np.ptp(kept.copied.objects[1][0].mesh.corners) == 3
 
 
 def test_a_scene_that_cannot_be_read_is_said_once_and_tried_again_after_a_change(kept, monkeypatch):

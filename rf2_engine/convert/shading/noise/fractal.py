@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...data.arrays import mixed
+from ...data.arrays import mix_values
 from .perlin import perlin
 
 MOST_OCTAVES = 15
@@ -42,7 +42,7 @@ def fbm(at: np.ndarray, f: Fractal) -> np.ndarray:
     total, weight, value = np.float32(0), np.float32(0), np.float32(0)
     for noise, amplitude, share in f.octaves(at):
         total, weight = total + amplitude * noise, weight + amplitude
-        value = mixed(value, total / weight / 2 + 0.5 if f.normalized else total, share)
+        value = mix_values(value, total / weight / 2 + 0.5 if f.normalized else total, share)
     return value
 
 

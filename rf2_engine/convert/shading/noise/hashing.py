@@ -45,29 +45,29 @@ def pcg(cell: np.ndarray) -> np.ndarray:
     return np.stack([word & PCG_MASK for word in words]).astype(np.float32) / np.float32(PCG_MASK)
 
 
-def of_floats(*values) -> np.ndarray:
+def hash_floats(*values) -> np.ndarray:
     """f32 from 0 to 1 by the bits of one to four arrays of f32."""
     values = [np.asarray(value, np.float32) for value in np.broadcast_arrays(*values)]
     return jenkins(*(value.view(np.uint32) for value in values)).astype(np.float32) / LARGEST
 
 
-def point_of_floats(*values) -> np.ndarray:
+def hash_point(*values) -> np.ndarray:
     """(d, ...) f32 from 0 to 1 by the bits of d arrays of f32, d from 2 to 4."""
     if len(values) == 4:
-        return np.stack([of_floats(*np.roll(np.broadcast_arrays(*values), i, axis=0)) for i in range(4)])
-    return np.stack([of_floats(*values), *(of_floats(*values, np.float32(i)) for i in range(1, len(values)))])
+        return np.stack([hash_floats(*np.roll(np.broadcast_arrays(*values), i, axis=0)) for i in range(4)])
+    return np.stack([hash_floats(*values), *(hash_floats(*values, np.float32(i)) for i in range(1, len(values)))])
 
 
-def color_of_floats(*values) -> np.ndarray:
+def hash_color(*values) -> np.ndarray:
     """(..., 3) f32 from 0 to 1 by the bits of one to four arrays (...) of f32."""
     if len(values) == 4:
         x, y, z, w = values
-        return np.stack([of_floats(x, y, z, w), of_floats(z, x, w, y), of_floats(w, z, y, x)], axis=-1)
-    return np.stack([of_floats(*values), *(of_floats(*values, np.float32(more)) for more in (1, 2))], axis=-1)
+        return np.stack([hash_floats(x, y, z, w), hash_floats(z, x, w, y), hash_floats(w, z, y, x)], axis=-1)
+    return np.stack([hash_floats(*values), *(hash_floats(*values, np.float32(more)) for more in (1, 2))], axis=-1)
 
 
 def offset(seed: int, dimensions: int) -> np.ndarray:
     """(dimensions,) f32 between 100 and 200, by which a noise is moved to get another one."""
     if dimensions == 1:
-        return 100 + 100 * np.atleast_1d(of_floats(np.float32(seed)))
-    return 100 + 100 * of_floats(np.full(dimensions, seed, np.float32), np.arange(dimensions, dtype=np.float32))
+        return 100 + 100 * np.atleast_1d(hash_floats(np.float32(seed)))
+    return 100 + 100 * hash_floats(np.full(dimensions, seed, np.float32), np.arange(dimensions, dtype=np.float32))

@@ -45,5 +45,5 @@ def in_blocks(function, at: np.ndarray, *more) -> list[np.ndarray]:
             progress.report()
         part = slice(start, start + BLOCK)
         blocks.append(function(np.ascontiguousarray(points[:, part]), *(value[part] for value in values)))
-    found = [np.concatenate(column) for column in zip(*blocks, strict=True)]
-    return [values.reshape(shape + values.shape[1:]) for values in found]
+    results = [np.concatenate(column) for column in zip(*blocks, strict=True)]
+    return [values.reshape(shape + values.shape[1:]) for values in results]

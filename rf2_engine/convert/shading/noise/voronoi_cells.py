@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scatter one point in each cell of a lattice, and find the nearest ones to a place (Worley 1996)."""
+"""Scatter one point in each cell of a lattice, and find the nearest ones to a position (Worley 1996)."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -7,8 +7,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ...data.arrays import mixed, smoothstep
-from .hashing import color_of_floats, of_floats, pcg, point_of_floats
+from ...data.arrays import mix_values, smoothstep
+from .hashing import hash_color, hash_floats, hash_point, pcg
 from .lattice import Lattice
 
 FAR = np.float32(3e38)
@@ -16,10 +16,10 @@ FARTHEST = 2                    # cells away from the own one that can be asked 
 LEAST_WIDTH = np.float32(1e-9)
 SAME_POINT = np.float32(1e-4)   # squared distance of points that share no edge
 METRICS = {
-    "EUCLIDEAN": lambda way, exponent: np.sqrt(np.square(way).sum(axis=0)),
-    "MANHATTAN": lambda way, exponent: np.abs(way).sum(axis=0),
-    "CHEBYCHEV": lambda way, exponent: np.abs(way).max(axis=0),
-    "MINKOWSKI": lambda way, exponent: (np.abs(way) ** exponent).sum(axis=0) ** (1 / exponent),
+    "EUCLIDEAN": lambda vector, exponent: np.sqrt(np.square(vector).sum(axis=0)),
+    "MANHATTAN": lambda vector, exponent: np.abs(vector).sum(axis=0),
+    "CHEBYCHEV": lambda vector, exponent: np.abs(vector).max(axis=0),
+    "MINKOWSKI": lambda vector, exponent: (np.abs(vector) ** exponent).sum(axis=0) ** (1 / exponent),
 }
 
 
@@ -36,13 +36,13 @@ class Cells:
     def __post_init__(self):
         self.cell = np.floor(self.at)
         self.part = self.at - self.cell
-        self.whole = self.cell.astype(np.int64)
-        self.points = Lattice(partial(scattered, uses_pcg=self.uses_pcg), self.whole, -FARTHEST, FARTHEST)
+        self.index = self.cell.astype(np.int64)
+        self.points = Lattice(partial(scattered, uses_pcg=self.uses_pcg), self.index, -FARTHEST, FARTHEST)
 
     @cached_property
     def colors(self) -> Lattice:
         """(3, m) at an offset."""
-        return Lattice(partial(colored, uses_pcg=self.uses_pcg), self.whole, -FARTHEST, FARTHEST)
+        return Lattice(partial(colored, uses_pcg=self.uses_pcg), self.index, -FARTHEST, FARTHEST)
 
     def offsets(self, reach: int = 1) -> np.ndarray:
         """(k, d) of the neighbours, x fastest."""
@@ -55,21 +55,21 @@ class Cells:
 
     def distance(self, offset) -> np.ndarray:
         """(m,) from here to the point in a neighbour."""
-        way = self.point(offset) - self.part
-        return np.abs(way[0]) if len(way) == 1 else METRICS[self.metric](way, self.exponent)
+        vector = self.point(offset) - self.part
+        return np.abs(vector[0]) if len(vector) == 1 else METRICS[self.metric](vector, self.exponent)
 
 
 def scattered(cell: np.ndarray, uses_pcg: bool) -> np.ndarray:
     """(d, ...) integers -> (d, ...) f32: where in its cell the point lies."""
     if len(cell) == 1:
-        return of_floats(*cell.astype(np.float32))[None]
-    return pcg(cell) if uses_pcg else point_of_floats(*cell.astype(np.float32))
+        return hash_floats(*cell.astype(np.float32))[None]
+    return pcg(cell) if uses_pcg else hash_point(*cell.astype(np.float32))
 
 
 def colored(cell: np.ndarray, uses_pcg: bool) -> np.ndarray:
     """(d, ...) integers -> (3, ...) f32."""
     if len(cell) == 1 or not uses_pcg:
-        return np.moveaxis(color_of_floats(*cell.astype(np.float32)), -1, 0)
+        return np.moveaxis(hash_color(*cell.astype(np.float32)), -1, 0)
     return pcg(cell if len(cell) > 2 else np.concatenate([cell, 0 * cell[:1]]))[:3]
 
 
@@ -78,12 +78,12 @@ def nearest(cells: Cells, rank: int):
     offsets, count = cells.offsets(), cells.at.shape[1]
     ranks = [(np.full(count, FAR), np.zeros(count, np.int64)) for _ in range(rank + 1)]
     for which, offset in enumerate(offsets):
-        found = cells.distance(offset), which
-        for i, known in enumerate(ranks):
-            closer = found[0] < known[0]
-            ranks[i] = tuple(np.where(closer, new, old) for new, old in zip(found, known, strict=True))
+        candidate = cells.distance(offset), which
+        for i, current in enumerate(ranks):
+            closer = candidate[0] < current[0]
+            ranks[i] = tuple(np.where(closer, new, old) for new, old in zip(candidate, current, strict=True))
             if i < rank:
-                found = tuple(np.where(closer, old, new) for new, old in zip(found, known, strict=True))
+                candidate = tuple(np.where(closer, old, new) for new, old in zip(candidate, current, strict=True))
     distance, which = ranks[rank]
     offset = offsets[which].T
     return distance, cells.colors[offset].T, (cells.point(offset) + cells.cell).T
@@ -102,30 +102,30 @@ def smooth(cells: Cells, smoothness: np.ndarray, only_distance: bool = False):
             if not share.any():
                 continue
         less = smoothness * share * (1 - share)
-        distance = mixed(distance, here, share) - less
+        distance = mix_values(distance, here, share) - less
         if not only_distance:
             less = less / (1 + 3 * smoothness)
-            found = cells.colors[offset], cells.point(offset)
-            others = tuple(mixed(old, new, share) - less for old, new in zip(others, found, strict=True))
+            point = cells.colors[offset], cells.point(offset)
+            others = tuple(mix_values(old, new, share) - less for old, new in zip(others, point, strict=True))
     color, position = others
     return distance, np.broadcast_to(color.T, (len(distance), 3)), (position + cells.cell).T
 
 
 def to_edge(cells: Cells) -> np.ndarray:
     """(m,) distance to the nearest border between two points' regions."""
-    ways = [cells.point(offset) - cells.part for offset in cells.offsets()]
+    vectors = [cells.point(offset) - cells.part for offset in cells.offsets()]
     if len(cells.at) == 1:
-        left, middle, right = (way[0] for way in ways)
+        left, middle, right = (vector[0] for vector in vectors)
         return np.minimum(np.abs(middle + left), np.abs(middle + right)) / 2
-    closest, least = ways[0], np.square(ways[0]).sum(axis=0)
-    for way in ways[1:]:
-        squared = np.square(way).sum(axis=0)
-        closest, least = np.where(squared < least, way, closest), np.minimum(squared, least)
+    closest, least = vectors[0], np.square(vectors[0]).sum(axis=0)
+    for vector in vectors[1:]:
+        squared = np.square(vector).sum(axis=0)
+        closest, least = np.where(squared < least, vector, closest), np.minimum(squared, least)
     result = np.full(cells.at.shape[1], FAR)
-    for way in ways:
-        across = way - closest
+    for vector in vectors:
+        across = vector - closest
         squared = np.square(across).sum(axis=0)
-        here = ((closest + way) * across).sum(axis=0) / 2 / np.sqrt(np.maximum(squared, SAME_POINT))
+        here = ((closest + vector) * across).sum(axis=0) / 2 / np.sqrt(np.maximum(squared, SAME_POINT))
         result = np.where(squared > SAME_POINT, np.minimum(result, here), result)
     return result
 

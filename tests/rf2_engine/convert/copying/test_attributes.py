@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.attributes import Asked
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.attributes import RequestedAttributes
 
 from tests.rf2_engine.convert.cycles_reference import material
 
@@ -34,10 +34,10 @@ def grown(scene, add_mesh):
         group.links.new(joined.outputs[0], end.inputs[0])
         field.modifiers.new("Grow", "NODES").node_group = group
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        asked, found = Asked(depsgraph), []
+        asked, found = RequestedAttributes(depsgraph), []
         for instance in depsgraph.object_instances:
             if instance.is_instance and instance.object.type == "MESH":
-                found.append((np.array(instance.matrix_world)[:3, 3], asked.of_instancer(instance)["at"]))
+                found.append((np.array(instance.matrix_world)[:3, 3], asked.read_instancer(instance)["at"]))
         [instances] = asked.instances.values()
         return *map(np.array, zip(*found, strict=True)), instances
 

@@ -15,6 +15,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert import compute as co
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.compute import compute
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import copy
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.bake import Promise
@@ -23,7 +24,7 @@ from tests.rf2_engine.convert.cycles_reference import lamp, material, world
 from tests.sources import ROOT
 
 LUMINAIRE = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 1 0 0 0 1 1 0\n0 45 90\n0\n1000 500 0\n"
-ARGUMENTS = {"token_budget": 3000, "max_edge": 0.2}
+OPTIONS = ConversionOptions(3000, 0.2)
 
 
 def painted(name, size=8):
@@ -113,13 +114,13 @@ def assert_identical(first, second):
 def test_another_thread_computes_the_same_after_all_data_are_gone(rich):
     depsgraph, reports = bpy.context.evaluated_depsgraph_get(), (Report(), Report())
     view = convert_camera(depsgraph, 64, 48, None)
-    expected = convert(depsgraph, view, report=reports[0], **ARGUMENTS)
+    expected = convert(depsgraph, view, OPTIONS, reports[0])
     assert len(expected.tiles) > 30 and expected.volumes and expected.environment is not None
     assert expected.is_light.any() and not np.isnan(Normalization.of(expected).scale)
     copied = copy(depsgraph, reports[1])
     emptied()
     for _ in range(2):
-        assert_identical(on_another_thread(lambda: compute(copied, view, report=reports[1], **ARGUMENTS)), expected)
+        assert_identical(on_another_thread(lambda: compute(copied, view, OPTIONS, reports[1])), expected)
     assert sorted(reports[0].lines()) == sorted(reports[1].lines())
 
 
@@ -215,6 +216,6 @@ def test_sequences_show_the_frame_of_the_scene_that_is_converted(scene, tmp_path
     other.frame_set(2)
     depsgraph = other.view_layers[0].depsgraph
     depsgraph.update()
-    found = convert(depsgraph, None, report=Report(), **ARGUMENTS)
+    found = convert(depsgraph, None, OPTIONS, Report())
     light = found.environment[0, 0] if of == "world" else found.emission.max(axis=0)
     assert light[1] == light[2] > 0

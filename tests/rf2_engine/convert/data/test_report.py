@@ -89,8 +89,53 @@ def test_what_is_said_of_several_things_is_one_sentence():
         report.unplaced(f"Box {i}", f"no room for {i} of its 9 instances")
     report.skipped("Box 0", "it is scaled to nothing")
     assert list(map(str, grouped(report.entries))) == [
-        "unplaced 5 (Box 0, Box 1, Box 2 and 2 more): no room for ... of its ... instances",
-        "skipped Box 0: it is scaled to nothing"]
+        "skipped Box 0: it is scaled to nothing",
+        "unplaced 5 (Box 0, Box 1, Box 2 and 2 more): no room for 0...4 of its 9 instances"]
+
+
+def test_few_numbers_are_said_one_by_one_and_equal_sentences_once():
+    report = Report()
+    for name, count in (("Ball", 12), ("Cone", 16), ("Cube", 12)):
+        report.approximated(name, f"simplified from 168 to {count} triangles")
+    report.refused("Rock", "its transform is infinite")
+    assert list(map(str, grouped(report.entries))) == [
+        "refused Rock: its transform is infinite",
+        "approximated 2 (Ball, Cube): simplified from 168 to 12 triangles",
+        "approximated Cone: simplified from 168 to 16 triangles"]
+
+
+def test_numbers_of_all_forms_are_one_range():
+    report = Report()
+    for i, radius in enumerate((0, 0.25, 1e-05, 3, 0.1)):
+        report.approximated(f"Lamp {i}", f"its radius is 0.5 instead of {radius:.3g}: shadows are softer")
+    assert str(grouped(report.entries)[0]).endswith(": its radius is 0.5 instead of 0...3: shadows are softer")
+
+
+def test_many_lamps_are_one_line(scene, converted, report):
+    for i in range(120):
+        light = bpy.data.lights.new(f"Lamp {i}", "POINT")
+        light.shadow_soft_size = 1e-5 * i
+        obj = bpy.data.objects.new(f"Lamp {i}", light)
+        obj.location = i % 11, i // 11, 3
+        scene.collection.objects.link(obj)
+    converted()
+    lines = list(map(str, grouped(report.entries)))
+    assert len(report.entries) >= 120 and len(lines) <= 3
+    assert any(line.startswith("approximated 120 (Lamp 0, Lamp 1, Lamp 2 and 117 more): its radius is ")
+               for line in lines), lines
+
+
+def test_many_instances_are_one_line(scene, converted, add_mesh, report):
+    card = add_mesh("Card 0")
+    for i in range(1, 300):
+        obj = bpy.data.objects.new(f"Card {i}", card.data)
+        obj.location, obj.scale = (i % 20, i // 20, 0), (0, 0, 0)
+        scene.collection.objects.link(obj)
+    far = add_mesh("Far")
+    far.location.x = NAN
+    converted()
+    lines = list(map(str, grouped(report.entries)))
+    assert lines[0].startswith("refused Far: ") and len(lines) <= 4, lines
 
 
 def test_a_mesh_beyond_all_numbers_is_left_out_by_name(converted, add_mesh, report):

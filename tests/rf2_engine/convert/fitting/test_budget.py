@@ -58,7 +58,7 @@ def test_what_stands_still_keeps_its_triangles_while_something_enters_the_pictur
         return shot[0]
     for x in np.linspace(-4, -1.7, 6):
         entering.location.x = x
-        scene = converted(token_budget=1500, seen=True, steady=steady)
+        scene = converted(token_budget=1500, seen=True, choose_framing=steady)
         assert 1000 < len(scene) <= 1500
         still = scene.triangles[scene.triangles[..., 0].min(axis=1) > -0.6]
         pictures.append({triangle.tobytes() for triangle in still})

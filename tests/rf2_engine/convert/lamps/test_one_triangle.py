@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.normalize import Normalization, central_irradiance
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 
@@ -12,8 +13,8 @@ from tests.rf2_engine import f12
 
 
 def converted(paper_lamps: bool):
-    return convert(bpy.context.evaluated_depsgraph_get(), None, token_budget=10_000, max_edge=1e6, report=Report(),
-                   paper_lamps=paper_lamps)
+    return convert(bpy.context.evaluated_depsgraph_get(), None,
+                   ConversionOptions(10_000, 1e6, paper_lamps=paper_lamps), Report())
 
 
 @pytest.mark.parametrize("kind, location", [("SUN", (0, 0, 9)), ("POINT", (3, 2, 4)), ("AREA", (0, -9, 5)),

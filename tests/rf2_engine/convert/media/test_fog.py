@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 from mathutils import Matrix
 
@@ -31,7 +32,7 @@ def looked_at(report):
     scene.camera.location = 0, 0, HEIGHT
     scene.collection.objects.link(scene.camera)
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    return convert(depsgraph, convert_camera(depsgraph, 64, 64, None), token_budget=4096, max_edge=1, report=report)
+    return convert(depsgraph, convert_camera(depsgraph, 64, 64, None), ConversionOptions(4096, 1), report)
 
 
 @pytest.mark.parametrize("varied", [False, True])

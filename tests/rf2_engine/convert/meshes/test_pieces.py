@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes of many separate pieces."""
+"""Meshes of many separate sampling."""
 import bpy
 import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.rays import Rays
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import pieces, reduce
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import reduce, sampling
 
 LEAVES, LEAF = 6000, 0.02  # how many, and half a side
 
@@ -31,8 +31,8 @@ def test_what_is_large_among_many_pieces_is_kept_as_it_is(report):
         bpy.ops.object.join()
     full = read_mesh(trunk.data, "tree", report)
     assert len(full) == len(alone) + 2 * LEAVES
-    points, faces = reduce._welded(full.corners)
-    some = pieces.thinned(full, points, faces, 3000, None)
+    points, faces = reduce._weld(full.corners)
+    some = sampling.thin_pieces(full, points, faces, 3000, None)
     assert {tuple(corners) for corners in alone.corners.reshape(-1, 9).tolist()} <= {
         tuple(corners) for corners in some.corners.reshape(-1, 9).tolist()}
     assert len(some) < 3000 and some.area == pytest.approx(full.area, rel=0.02)
@@ -53,7 +53,7 @@ def test_small_pieces_of_little_area_are_not_enlarged(report):
     with bpy.context.temp_override(active_object=body, selected_editable_objects=[body, screws]):
         bpy.ops.object.join()
     mesh = read_mesh(body.data, "machine", report)
-    assert pieces.thinned(mesh, *reduce._welded(mesh.corners), 1000, None) is mesh
+    assert sampling.thin_pieces(mesh, *reduce._weld(mesh.corners), 1000, None) is mesh
 
 
 @pytest.mark.parametrize("target", [600, 20_000])
@@ -62,7 +62,7 @@ def test_a_mesh_whose_pieces_fit_keeps_them_all(target, report):
     bpy.ops.object.modifier_add(type="SUBSURF")
     bpy.ops.object.modifier_apply(modifier="Subdivision")
     mesh = read_mesh(bpy.context.object.data, "monkey", report)
-    assert pieces.thinned(mesh, *reduce._welded(mesh.corners), target, None) is mesh
+    assert sampling.thin_pieces(mesh, *reduce._weld(mesh.corners), target, None) is mesh
 
 
 def _crown() -> bpy.types.Mesh:

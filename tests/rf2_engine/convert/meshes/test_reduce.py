@@ -8,8 +8,7 @@ from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data import mesh as meshes
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.budget import share_budget
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import blocks, qslim, reduce
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.nearest import Surface
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import nearest, qslim, reduce
 from mathutils import Vector
 from mathutils.geometry import closest_point_on_tri
 
@@ -94,7 +93,7 @@ def test_short_budget_splits_the_largest_first(converted, add_mesh):
 @pytest.fixture
 def in_blocks(monkeypatch):
     """Large meshes begin at 600 triangles."""
-    monkeypatch.setattr(blocks.blocks, "__defaults__", (300,))
+    monkeypatch.setattr(nearest.divide, "__defaults__", (300,))
     monkeypatch.setattr(qslim, "WHOLE", 600)
 
 
@@ -106,7 +105,7 @@ def test_a_very_large_mesh_is_simplified_in_blocks_without_cracks(in_blocks, rep
         small = reduce.simplify(mesh, 500)
     assert 480 < len(small) <= 500 and told == sorted(told)
     assert len(told) > 3 * len(mesh) / 300  # Esc is looked at block by block
-    _, faces = reduce._welded(small.corners)
+    _, faces = reduce._weld(small.corners)
     edges = np.sort(np.stack([faces, np.roll(faces, 1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
     np.testing.assert_allclose(np.linalg.norm(small.corners, axis=-1), 1, atol=0.03)
@@ -117,7 +116,7 @@ def test_the_nearest_triangle_is_found_in_whatever_block_it_is(in_blocks, report
     corners = read_mesh(bpy.context.object.data, "monkey", report).corners.astype(np.float64)
     points = np.random.default_rng(0).uniform(-1.5, 1.5, (50, 3))
     faces = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
-    found = Surface(corners.reshape(-1, 3), faces).nearest(points)
+    found = nearest.NearestTriangles(corners.reshape(-1, 3), faces).nearest(points)
     for point, triangle in zip(points, found, strict=True):
         near, wanted = (min(np.linalg.norm(Vector(point) - closest_point_on_tri(Vector(point), *map(Vector, some)))
                             for some in candidates) for candidates in (corners[[triangle]], corners))

@@ -11,12 +11,12 @@ import bpy
 import numpy as np
 
 from bl_ext.user_default.renderformer_v2.model.scene import TILE_SIZE
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.attributes import MESH, Asked
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.attributes import MESH, RequestedAttributes
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.instances import read_instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import points_of
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import texel_points
 
 from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered
@@ -117,7 +117,7 @@ def compare(cases: list[Case]) -> list[tuple[np.ndarray, np.ndarray, list[str]]]
     _camera(scene, columns, rows)
     picture, found = rendered(scene), []
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    asked = Asked(depsgraph)
+    asked = RequestedAttributes(depsgraph)
     places = {instance.object.name: read_instance(instance, scene.frame_current, asked)
               for instance in depsgraph.object_instances}
     for i, case in enumerate(cases):
@@ -134,7 +134,7 @@ def evaluated(place, obj, report, asked) -> np.ndarray:
     """(32, 32, 3) colour that reaches the Emission node of a square, row 0 at the bottom as in the picture."""
     mesh = read_mesh(obj.data, obj.name, report, asked.names[MESH]).take([0])
     mesh = mesh.mapped(lambda layer: layer[:, CORNER_ORDER])
-    points = points_of(mesh, place)
+    points = texel_points(mesh, place)
     made = copied(obj.active_material)
     evaluator = Evaluator(points, made.node_tree.conventions, report, obj.name)
     evaluator.material_index = made.pass_index

@@ -8,7 +8,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.instance import Place
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.instance import Instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.functions import FUNCTIONS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.layers import effective_ior
@@ -143,7 +143,7 @@ def test_displacement_becomes_height(space, scale, expected):
     output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
     tree.links.new(node.outputs[0], output.inputs["Displacement"])
     tiles = MaterialTiles(Report())
-    index, _ = tiles.triangle_tiles(copied(made), triangles(2), Place(np.diag([*scale, 1.0])))
+    index, _ = tiles.triangle_tiles(copied(made), triangles(2), Instance(np.diag([*scale, 1.0])))
     np.testing.assert_allclose(tiles.tiles[index, HEIGHT], expected, atol=1e-3)
 
 

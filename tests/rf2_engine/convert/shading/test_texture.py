@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, NORMAL, ROUGHNESS
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.instance import Place
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.instance import Instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import MaterialTiles
 from mathutils import Euler, Matrix
@@ -212,15 +212,15 @@ def test_a_bump_becomes_a_tile_of_normals(uv, size, expected):
     tree.links.new(bump.outputs[0], shader.inputs["Normal"])
     report = Report()
     tiles = MaterialTiles(report)
-    place = Place(np.diag([size, size, size, 1.0]))
+    place = Instance(np.diag([size, size, size, 1.0]))
     look = copied(made)
     index, _ = tiles.triangle_tiles(look, triangles(1, np.float32([uv])), place)
     normal = np.array([*expected, 1]) / np.linalg.norm([*expected, 1])
     np.testing.assert_allclose(tiles.tiles[index[0], NORMAL], np.tile(normal[:, None, None], (1, 32, 32)), atol=2e-3)
     assert not report.entries
-    moved = Place(Matrix.LocRotScale((3, 1, 2), Euler((0.2, 0.3, 0.4)), (size,) * 3))
-    assert tiles.sharing(look, place) == tiles.sharing(look, Place(np.array(moved.matrix)))
-    assert tiles.sharing(look, place) != tiles.sharing(look, Place(3 * place.matrix))
+    moved = Instance(Matrix.LocRotScale((3, 1, 2), Euler((0.2, 0.3, 0.4)), (size,) * 3))
+    assert tiles.sharing(look, place) == tiles.sharing(look, Instance(np.array(moved.matrix)))
+    assert tiles.sharing(look, place) != tiles.sharing(look, Instance(3 * place.matrix))
 
 
 def test_missing_file_is_magenta_and_named(tmp_path):

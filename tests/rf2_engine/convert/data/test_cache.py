@@ -6,9 +6,10 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert import compute
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.kept import Kept
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.cache import CopyCache
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import copy
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.memo import Memo
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.cache import ConversionCache
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import reduce
 
@@ -24,11 +25,11 @@ def work(scene, monkeypatch):
         done.append(len(mesh))
         return real(mesh, *rest)
 
-    def world_light(*given, real=compute.world_light, **named):
+    def world_light(*given, real=compute.convert_world_light, **named):
         done.append("world")
         return real(*given, **named)
     monkeypatch.setattr(reduce, "simplify", simplify)
-    monkeypatch.setattr(compute, "world_light", world_light)
+    monkeypatch.setattr(compute, "convert_world_light", world_light)
     for name, x, levels in (("A", -1.5, 4), ("B", 1.5, 5)):
         cube(scene, name, (x, 0, 0)).modifiers.new("Finer", "SUBSURF").levels = levels
     sun(scene)
@@ -39,17 +40,17 @@ class Conversions:
     """One after the other, of the same view and fitted alike."""
 
     def __init__(self):
-        self.memo, self.kept, self.framing = Memo(), Kept(), None
+        self.cache, self.kept, self.framing = ConversionCache(), CopyCache(), None
 
-    def convert(self, memo=True):
+    def convert(self, cache=True):
         depsgraph, report = bpy.context.evaluated_depsgraph_get(), Report()
 
-        def steady(own):
+        def choose_framing(own):
             self.framing = self.framing or own
             return self.framing
-        scene = compute.compute(copy(depsgraph, report, kept=self.kept), convert_camera(depsgraph, 50, 37, None),
-                                token_budget=512, max_edge=1, report=report, steady=steady,
-                                memo=self.memo if memo else None)
+        scene = compute.compute(copy(depsgraph, report, cache=self.kept), convert_camera(depsgraph, 50, 37, None),
+                                ConversionOptions(512, 1), report, choose_framing=choose_framing,
+                                cache=self.cache if cache else None)
         return scene, report.lines()
 
 
@@ -59,7 +60,7 @@ def test_nothing_is_computed_twice_and_the_result_is_the_same(work):
     assert sorted(map(str, work)) == ["12288", "3072", "world"]
     again, said_again = conversions.convert()
     assert len(work) == 3 and said == said_again
-    alone, _ = conversions.convert(memo=False)
+    alone, _ = conversions.convert(cache=False)
     for other in (again, alone):
         np.testing.assert_array_equal(first.triangles, other.triangles)
         np.testing.assert_array_equal(first.environment, other.environment)
@@ -79,4 +80,4 @@ def test_what_a_scene_no_longer_has_is_forgotten(work):
     conversions.convert()
     bpy.data.objects.remove(bpy.data.objects["B"])
     conversions.convert()
-    assert len(conversions.memo._known) <= 2
+    assert len(conversions.cache._entries) <= 2

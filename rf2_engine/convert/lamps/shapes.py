@@ -10,8 +10,11 @@ from itertools import combinations
 import numpy as np
 
 from ....model.geometry import area_vectors
+from ....model.scene import RenderScene, constant_tile
 
 SHADE_MAX_ANGLE = np.radians(80)
+TILES = np.stack([constant_tile((1, 1, 1), roughness=1, ior=1), constant_tile((0, 0, 0), roughness=1, ior=1)])
+EMITTING, BLACK = 0, 1  # rows of TILES
 
 
 def rectangle(width: float, height: float, columns: int = 1, rows: int = 1) -> np.ndarray:
@@ -78,3 +81,25 @@ def normals(triangles: np.ndarray) -> np.ndarray:
     """(n, 3) unit face normals."""
     vectors = area_vectors(triangles)
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def black(triangles: np.ndarray) -> RenderScene:
+    """What casts shadows and reflects nothing, of (n, 3, 3) corners."""
+    return shining(triangles, np.zeros(3), tile=BLACK)
+
+
+def shining(triangles: np.ndarray, radiance, axis=(0, 0, 0), cosines=(0, 0), tile: int = EMITTING) -> RenderScene:
+    """(n, 3, 3) flat triangles of one radiance (3,), or of (n, 3), that share a beam (model/scene.py) and a tile."""
+    n = len(triangles)
+
+    def each(value, *shape):
+        return np.broadcast_to(np.float32(value), (n, *shape)).copy()
+
+    flat = np.repeat(normals(triangles)[:, None], 3, axis=1) if n else triangles
+    return RenderScene(
+        triangles=triangles.astype(np.float32), normals=flat.astype(np.float32), emission=each(radiance, 3),
+        beam_axis=each(axis, 3), beam_cosine=each(cosines, 2), tile_index=np.full(n, tile, np.int32),
+        tiles=TILES.copy(), seen=np.zeros(n, bool))
+
+
+DARK = black(np.zeros((0, 3, 3)))

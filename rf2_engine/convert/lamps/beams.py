@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Approximate light that differs by direction with a few cones, the only beams that tokens have.
+"""Beams of lamps: cosines (outer, inner) between which radiance rises smoothly (model/scene.py, `beam_cosine`).
 
-Cones are chosen one after the other, each where most is missing (matching pursuit, Mallat and Zhang 1993).
+Light that differs by direction is approximated with a few cones, chosen one after the other, each where most is missing
+(matching pursuit, Mallat and Zhang 1993).
 """
 from __future__ import annotations
 
@@ -11,12 +12,47 @@ from typing import NamedTuple
 
 import numpy as np
 
+EDGE = 1e-3                         # least width, in cosines, of a beam's border
+HALF_SPACE = (0.0, EDGE)            # everything in front of a flat lamp
 MOST = 4
 WIDTHS = np.radians([8, 14, 22, 32, 45, 60, 75, 90, 120, 150])   # from the axis to the border
 SOFTNESS = 0.1, 0.5, 1.0, 1.5                                    # of the border, over the way to the axis
 AXES = 10                                                        # on which cones are tried, and two for what is missing
 ENOUGH = 0.03                                                    # of the light in the wrong direction
 ROUNDS = 100                                                     # in which strengths settle
+
+
+def fit_spread_beam(spread: float) -> tuple[float, tuple[float, float]]:
+    """Gain on the radiance and beam cosines (outer, inner) that come nearest to an area lamp's spread angle.
+
+    Cycles lets radiance fall linearly in the tangent, (tan H - tan a) / (tan H - H) with H half the spread. The beam
+    here is smooth in the cosine: it keeps the flux, `inner` is the least-squares fit (above 1 for a peaked beam).
+    """
+    half = min(spread / 2, math.pi / 2 - 1e-3)
+    if spread > math.pi - 0.01:
+        return 1.0, HALF_SPACE
+    angle = np.linspace(0, half, 200)
+    flux = np.cos(angle) * np.sin(angle) / len(angle)
+    exact = (math.tan(half) - np.tan(angle)) / max(math.tan(half) - half, 1e-12)
+    outer = math.cos(half)
+    inner = (outer + (1 - outer) * np.linspace(0.05, 1.5, 150))[:, None]
+    t = np.clip((np.cos(angle) - outer) / (inner - outer), 0, 1)
+    beam = t * t * (3 - 2 * t)
+    gain = (exact * flux).sum() / (beam * flux).sum(axis=1, keepdims=True)
+    best = int(((gain * beam - exact) ** 2 * flux).sum(axis=1).argmin())
+    return float(gain[best, 0]), (outer, float(inner[best, 0]))
+
+
+def find_spot_beam(light, stretch: float) -> tuple[float, float]:
+    """Cosines of a spot, `stretch` times as wide in the tangent as its angle says because its object is scaled.
+
+    Cycles lets intensity rise with a smoothstep in the cosine from the border of the cone over `blend` of the way.
+    """
+    outer = math.cos(light.spot_size / 2)
+    inner = outer + (1 - outer) * light.spot_blend
+    angles = (math.acos(outer), math.acos(min(inner, 1)))
+    outer, inner = (math.cos(math.atan2(stretch * math.sin(a), math.cos(a))) for a in angles)
+    return outer, max(inner, outer + min(EDGE, (1 - outer) / 2))
 
 
 class Cone(NamedTuple):
@@ -45,8 +81,8 @@ def cones(light: np.ndarray, weight: np.ndarray) -> tuple[list[Cone], float]:
 
     weight: (n,) of each direction; for each colour the weighted sum of the light stays what it is.
     """
-    found, wrong = _cones(np.float64(light).tobytes(), np.float64(weight).tobytes())
-    return list(found), wrong
+    fitted, misplaced = _cones(np.float64(light).tobytes(), np.float64(weight).tobytes())
+    return list(fitted), misplaced
 
 
 @functools.lru_cache(maxsize=16)
@@ -54,8 +90,8 @@ def _cones(light: bytes, weight: bytes) -> tuple[tuple[Cone, ...], float]:
     """Once for all lamps of a kind."""
     light, weight = np.frombuffer(light).reshape(-1, 3), np.frombuffer(weight)
     total = (light * weight[:, None]).sum(axis=0)
-    chosen, beams, strength, fit, wrong = [], np.zeros((len(light), 0)), np.zeros((0, 3)), np.zeros_like(light), 1.0
-    while len(chosen) < MOST and wrong > ENOUGH:
+    chosen, beams, strength, fit, misplaced = [], np.zeros((len(light), 0)), np.zeros((0, 3)), np.zeros_like(light), 1.0
+    while len(chosen) < MOST and misplaced > ENOUGH:
         missing = (light - fit) * weight[:, None]
         candidates, sent = _candidates(missing.mean(axis=1), chosen)
         gain = np.linalg.norm(np.maximum(sent.T @ missing, 0), axis=1) / np.sqrt(weight @ sent ** 2 + 1e-12)
@@ -65,8 +101,8 @@ def _cones(light: bytes, weight: bytes) -> tuple[tuple[Cone, ...], float]:
         fit = beams @ strength
         scale = total / np.maximum((fit * weight[:, None]).sum(axis=0), 1e-30)
         fit, strength = fit * scale, strength * scale
-        wrong = float((np.abs(light - fit).mean(axis=1) * weight).sum() / max(total.mean(), 1e-30) / 2)
-    return tuple(Cone(s, *cone) for s, cone in zip(strength, chosen, strict=True) if s.any()), wrong
+        misplaced = float((np.abs(light - fit).mean(axis=1) * weight).sum() / max(total.mean(), 1e-30) / 2)
+    return tuple(Cone(s, *cone) for s, cone in zip(strength, chosen, strict=True) if s.any()), misplaced
 
 
 def _candidates(missing: np.ndarray, chosen: list):
@@ -74,21 +110,21 @@ def _candidates(missing: np.ndarray, chosen: list):
     directions, light = sphere(len(missing)), np.maximum(missing, 0)
     axes = [light @ directions, directions[light.argmax()], *directions[::len(directions) // AXES]]
     axes = [axis / max(np.linalg.norm(axis), 1e-30) for axis in axes] + [axis for axis, _ in chosen if axis.any()]
-    found, sent = [(np.zeros(3), (0.0, 0.0))], [np.ones(len(directions))]
+    candidates, sent = [(np.zeros(3), (0.0, 0.0))], [np.ones(len(directions))]
     for axis in axes:
         cosine = directions @ axis
         for outer in np.cos(WIDTHS):
             for soft in SOFTNESS:
-                found.append((axis, (float(outer), float(outer + (1 - outer) * soft))))
-                sent.append(smoothstep(*found[-1][1], cosine))
-    return found, np.stack(sent, axis=1)
+                candidates.append((axis, (float(outer), float(outer + (1 - outer) * soft))))
+                sent.append(smoothstep(*candidates[-1][1], cosine))
+    return candidates, np.stack(sent, axis=1)
 
 
 def _strengths(beams: np.ndarray, light: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """(k, 3) >= 0 of least squares (multiplicative updates, Lee and Seung 2001)."""
     weighted = beams * weight[:, None]
-    wanted, gram = weighted.T @ light, weighted.T @ beams
+    target, gram = weighted.T @ light, weighted.T @ beams
     strength = np.ones((beams.shape[1], 3)) * light.mean(axis=0)
     for _ in range(ROUNDS):
-        strength *= wanted / np.maximum(gram @ strength, 1e-30)
+        strength *= target / np.maximum(gram @ strength, 1e-30)
     return strength

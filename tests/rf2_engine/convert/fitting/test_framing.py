@@ -7,8 +7,8 @@ import pytest
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import clip_start, convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.collect import collect
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import copy
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.scene_box import find_box
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.visible import visible_points
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.framing import find_box
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.visible import find_visible
 from mathutils import Vector
 
 EYE = (7.36, -6.93, 4.96)  # of Blender's default camera, which looks at a cube of 2 m
@@ -25,7 +25,7 @@ def box(scene, report):
     def find():
         depsgraph = bpy.context.evaluated_depsgraph_get()
         found, view = collect(copy(depsgraph, report), report), convert_camera(depsgraph, 192, 108, None)
-        return find_box(found, view, visible_points(found, view, clip_start(depsgraph)))
+        return find_box(found, view, find_visible(found, view, clip_start(depsgraph)))
     return find
 
 

@@ -11,34 +11,34 @@ from .mesh import TriangleMesh
 from .report import Remark, Report
 
 
-class Memo:
-    """By what they were computed from, with the remarks that were made. What a conversion did not use is forgotten."""
+class ConversionCache:
+    """Results by their inputs, with the remarks that were made. What a conversion did not use is forgotten."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple, tuple[object, list[Remark]]] = {}
+        self._entries: dict[tuple, tuple[object, list[Remark]]] = {}
         self._used: dict[tuple, tuple[object, list[Remark]]] = {}
 
-    def of(self, key: tuple, compute: Callable[[Report], object], report: Report):
-        """compute(report), or what that gave before for the same key."""
-        found = self._known.get(key) or self._used.get(key)
-        if found is None:
+    def get(self, key: tuple, compute: Callable[[Report], object], report: Report):
+        """compute(report), or the earlier result for the same key."""
+        entry = self._entries.get(key) or self._used.get(key)
+        if entry is None:
             own = Report()
-            found = compute(own), own.entries
-        self._used[key] = found
-        report.add(found[1])
-        return found[0]
+            entry = compute(own), own.entries
+        self._used[key] = entry
+        report.add(entry[1])
+        return entry[0]
 
     def begin(self) -> None:
-        """Another conversion begins. One that was cancelled leaves what it has computed."""
-        self._known |= self._used
+        """Another conversion begins. A cancelled one leaves what it has computed."""
+        self._entries |= self._used
         self._used = {}
 
     def end(self) -> None:
-        self._known, self._used = self._used, {}
+        self._entries, self._used = self._used, {}
 
 
-def content(mesh: TriangleMesh) -> bytes:
-    """The same for meshes with the same triangles."""
+def mesh_digest(mesh: TriangleMesh) -> bytes:
+    """The same for meshes with equal triangles."""
     digest = hashlib.blake2b(digest_size=16)
     layers = {"corners": mesh.corners, "normals": mesh.normals, "slot": mesh.slot, "space": mesh.texture_space,
               **{f"uv {name}": layer for name, layer in mesh.uv.items()},

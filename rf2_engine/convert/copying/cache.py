@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What was read from Blender and is valid until it is edited, for scenes that are copied again and again."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ..data.blocks import World
+from ..data.mesh import TriangleMesh
+from ..data.report import Remark, Report
+from .meshes import read_mesh
+
+
+@dataclass
+class _Mesh:
+    owner: int  # session_uid of the object that it was read from
+    triangles: TriangleMesh
+    remarks: list[Remark]
+
+
+class MeshCache:
+    """Evaluated meshes by their objects."""
+
+    def __init__(self) -> None:
+        self._entries: dict[tuple, _Mesh] = {}
+        self._used: set[tuple] = set()
+
+    def of(self, obj, requested: set[str], report) -> TriangleMesh:
+        """The mesh of an evaluated object, read unless it is in the cache; arguments as of read_mesh."""
+        mesh, owner = obj.data, obj.original.session_uid
+        key = owner, mesh.as_pointer(), len(mesh.vertices), len(mesh.loops), obj.name, *sorted(requested)
+        self._used.add(key)
+        if key not in self._entries or mesh.is_editmode:  # the lengths above are 0 then
+            own = Report()
+            self._entries[key] = _Mesh(owner, _read(obj, own, requested), own.entries)
+        report.add(self._entries[key].remarks)
+        return self._entries[key].triangles
+
+    def drop(self, owners: set[int]) -> None:
+        """Forget the meshes of objects with these session_uids, which have changed."""
+        self._entries = {key: mesh for key, mesh in self._entries.items() if mesh.owner not in owners}
+
+    def drop_unused(self) -> None:
+        """Forget meshes that were not used since the last call."""
+        self._entries = {key: mesh for key, mesh in self._entries.items() if key in self._used}
+        self._used = set()
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+
+def _read(obj, report, requested: set[str]) -> TriangleMesh:
+    """The mesh of an evaluated object. In Edit Mode it is empty before Blender makes one."""
+    if not obj.data.is_editmode:
+        return read_mesh(obj.data, obj.name, report, requested)
+    try:
+        return read_mesh(obj.to_mesh(), obj.name, report, requested)
+    finally:
+        obj.to_mesh_clear()
+
+
+@dataclass
+class CopyCache:
+    meshes: MeshCache = field(default_factory=MeshCache)
+    images: dict[tuple, tuple] = field(default_factory=dict)  # as in Images
+    world: tuple[tuple, World] | None = None                  # and what it is known by
+
+    def __len__(self) -> int:
+        """How much was read: grows with each mesh and image."""
+        return len(self.meshes) + len(self.images)
+
+    def world_of(self, block, frame: int, read: Callable[[], World | None]) -> World | None:
+        """The copy of a world, made by `read` once, or once a frame where it has images, which may be movies."""
+        if block is None:
+            return None
+        if self.world is None or self.world[0] not in ((block.session_uid, None), (block.session_uid, frame)):
+            world = read()
+            self.world = (block.session_uid, frame if world.widths or world.has_groups else None), world
+        return self.world[1]
+
+    def drop(self, owners: set[int], images: set[int]) -> None:
+        """Forget objects and images (session_uids) that have changed."""
+        self.meshes.drop(owners)
+        for key in [key for key in self.images if key[0] in images]:
+            del self.images[key]
