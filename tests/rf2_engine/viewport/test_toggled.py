@@ -12,7 +12,8 @@ WIDTH, HEIGHT = 128, 96
 IGNORED = pytest.mark.xfail(strict=True, reason="the box of the picture before is kept, as long as the scene fits it")
 CHANGE = {
     "renderformer_v2.max_edge": 0.1, "renderformer_v2.viewport.token_budget": 256,
-    "renderformer_v2.viewport.resolution": "2", "renderformer_v2.as_is": True, "render.film_transparent": True, "cycles.film_exposure": 3.0,
+    "renderformer_v2.viewport.resolution": "2", "renderformer_v2.as_is": True,
+    "render.film_transparent": True, "cycles.film_exposure": 3.0,
 }
 KEEP = {
     "renderformer_v2.light": "TRACED", "renderformer_v2.guide_samples": 3, "renderformer_v2.more_when_small": True,
