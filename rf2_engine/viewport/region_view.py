@@ -27,7 +27,7 @@ class RegionView:
     pixel_size: int = 1     # pixels of the screen along a side of one pixel of the finest picture
 
     @classmethod
-    def of(cls, width: int, height: int, data, space, scene, interface_pixel: float = 1.0) -> RegionView:
+    def read(cls, width: int, height: int, data, space, scene, interface_pixel: float = 1.0) -> RegionView:
         """Of a region of so many pixels, its RegionView3D, its SpaceView3D, and the scene.
 
         interface_pixel: `preferences.system.pixel_size`.
