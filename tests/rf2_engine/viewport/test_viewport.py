@@ -51,7 +51,7 @@ def shown(engine, context) -> np.ndarray:
         if engine.viewport.source.version and not session.has_work():
             return session.displayed.pixels
         time.sleep(0.01)
-    raise TimeoutError(session.doing)
+    raise TimeoutError(session.activity)
 
 
 def test_a_picture_appears_and_follows_what_is_edited(scene, context):
