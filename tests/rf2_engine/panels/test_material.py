@@ -11,7 +11,7 @@ from safetensors.torch import save_file
 from bl_ext.user_default.renderformer_v2.model.material.autoencoder import MaterialAutoencoder
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import material as material_panel
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.panorama import write_panorama
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import shared_folders
 
 from tests.rf2_engine import f12
 
@@ -32,7 +32,7 @@ def bundle(tmp_path, monkeypatch):
     save_file(MaterialAutoencoder().state_dict(), folder / "model.safetensors")
     (folder / "config.json").write_text(json.dumps({"latent_dim": 9, "image_channels": 3, "image_size": 256}))
     (folder / "preprocessor_config.json").write_text(json.dumps({"mode": "log10_1p"}))
-    monkeypatch.setattr(published_weights, "bundle_folder", lambda: folder.parent)
+    monkeypatch.setenv(shared_folders.WEIGHTS, str(tmp_path))
     return folder.parent
 
 
@@ -83,7 +83,7 @@ def test_a_picture_of_another_size_and_a_missing_autoencoder_are_said(material, 
     write_panorama(tmp_path / "small.exr", np.ones((8, 16, 3), np.float32))
     with pytest.raises(RuntimeError, match="256 x 256 pixels, found 16 x 8"):
         load(material, tmp_path / "small.exr")
-    monkeypatch.setattr(published_weights, "bundle_folder", lambda: tmp_path)
+    monkeypatch.setenv(shared_folders.WEIGHTS, str(tmp_path))
     write_panorama(tmp_path / "sphere.exr", np.ones((256, 256, 3), np.float32))
     with pytest.raises(RuntimeError, match="material_autoencoder"):
         load(material, tmp_path / "sphere.exr")

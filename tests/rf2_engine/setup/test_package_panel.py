@@ -1,19 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panel says of packages that are missing: what renders without them, and why they cannot be installed."""
+import platform
+import re
+
 import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.preferences import package_panel, preferences
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages, wheels
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages
 
 from tests.rf2_engine.layout import Layout
+
+OFFLINE = "Allow Online Access in Preferences > System first"
 
 
 @pytest.fixture
 def missing(scene, monkeypatch):  # with an empty scene, because a test before may have left the add-on disabled
+    """Function after which the running Python has all packages but these, and our folder has none."""
+    found = packages.elsewhere
+
     def lacks(*names):
-        monkeypatch.setattr(packages, "missing", lambda group=packages.PACKAGES: list(names))
-    return lacks
+        monkeypatch.setattr(packages, "elsewhere", lambda name: None if name in names else found(name))
+    bpy.context.preferences.system.use_online_access = True
+    yield lacks
+    bpy.context.preferences.system.use_online_access = False
 
 
 def drawn():
@@ -31,25 +41,24 @@ def test_without_fast_simplification_small_scenes_render(missing):
 
 def test_a_greyed_button_has_its_reason_below(missing, monkeypatch):
     missing("torch")
-    monkeypatch.setattr(packages, "offline", lambda: "Enable Allow Online Access first")
-    assert drawn() == ("Missing Python packages: torch Enable Allow Online Access first", 1)
-    monkeypatch.setattr(packages, "offline", lambda: "")
-    monkeypatch.setattr(packages, "folder", lambda: None)
+    assert drawn() == ("Missing Python packages: torch", 1)
+    bpy.context.preferences.system.use_online_access = False
+    assert drawn() == (f"Missing Python packages: torch {OFFLINE}", 1)
+    bpy.context.preferences.system.use_online_access = True
+    monkeypatch.setattr(packages, "is_extension", lambda: False)
     assert "runs from its source folder" in drawn()[0]
 
 
-def test_a_python_that_packages_are_not_made_for_is_told_what_to_do_and_has_no_button(missing, monkeypatch):
-    missing("embreex")
-
-    def wanted(names):
-        raise wheels.NoWheel("embreex is not made for Python 3.14: use Blender from blender.org")
-    monkeypatch.setattr(packages, "wanted", wanted)
-    assert drawn() == ("Missing Python packages: embreex "
-                       "embreex is not made for Python 3.14: use Blender from blender.org", 0)
+def test_a_computer_that_packages_are_not_made_for_is_told_what_to_do_and_has_no_button(missing, monkeypatch):
+    missing("torch")
+    monkeypatch.setattr(platform, "machine", lambda: "riscv64")
+    text, buttons = drawn()
+    assert text.startswith("Missing Python packages: torch torch ") and buttons == 0
+    assert re.search(r"is not made for Python 3\.\d+ on \w+ riscv64: use a Blender from blender\.org", text)
 
 
-def test_the_same_reason_is_not_given_twice(missing, monkeypatch):
-    monkeypatch.setattr(packages, "offline", lambda: "Enable Allow Online Access first")
+def test_the_same_reason_is_not_given_twice(missing):
+    bpy.context.preferences.system.use_online_access = False
     addon = bpy.context.preferences.addons.new()
     addon.module = packages.EXTENSION
     chosen = addon.preferences
@@ -57,4 +66,4 @@ def test_the_same_reason_is_not_given_twice(missing, monkeypatch):
         missing(*names)
         layout = Layout()
         preferences._draw_download(layout, chosen)
-        assert layout.texts.count("Enable Allow Online Access first") == given
+        assert layout.texts.count(OFFLINE) == given
