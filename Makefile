@@ -15,6 +15,8 @@ READY := $(VENV)/.ready-$(BPY)
 # PyTorch's Python anew, which takes seconds.
 PIP := -m pip install --quiet --disable-pip-version-check --compile
 OUT := examples/out
+# What needs no Blender is tested with the first one alone.
+REST := $(if $(filter-out $(FIRST),$(BPY)),--ignore tests/model --ignore-glob '*/tests/tools/test_train*')
 
 .PHONY: render test slow window lint extension clean
 .DELETE_ON_ERROR:
@@ -23,7 +25,7 @@ render: $(OUT)/room.blend
 	$(RUN) -m tools.render $< -o $(OUT)/room.exr -o $(OUT)/room.png
 
 test: $(READY)
-	$(RUN) -m pytest -n auto --dist worksteal
+	$(RUN) -m pytest -n auto --dist worksteal $(REST)
 
 slow: $(READY)
 	$(RUN) -m pytest -n auto --dist worksteal -m slow
