@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # make render    render an example through the engine       make test    run the tests       make lint    check the style
+# make slow      run the tests that take minutes         make window  run sessions in the window of RENDERFORMER_V2_BLENDER
 # BPY=5.0.1 make test    the same with another Blender, in a virtual environment of its own
 PYTHON ?= python3.11
 FIRST := 4.5.15
@@ -14,15 +15,23 @@ READY := $(VENV)/.ready-$(BPY)
 # PyTorch's Python anew, which takes seconds.
 PIP := -m pip install --quiet --disable-pip-version-check --compile
 OUT := examples/out
+# What needs no Blender is tested with the first one alone.
+REST := $(if $(filter-out $(FIRST),$(BPY)),--ignore tests/model --ignore-glob '*/tests/tools/test_train*')
 
-.PHONY: render test lint extension clean
+.PHONY: render test slow window lint extension clean
 .DELETE_ON_ERROR:
 
 render: $(OUT)/room.blend
 	$(RUN) -m tools.render $< -o $(OUT)/room.exr -o $(OUT)/room.png
 
 test: $(READY)
-	$(RUN) -m pytest -n auto --dist worksteal
+	$(RUN) -m pytest -n auto --dist worksteal $(REST)
+
+slow: $(READY)
+	$(RUN) -m pytest -n auto --dist worksteal -m slow
+
+window: $(READY)
+	$(RUN) -m pytest -m slow tests/window --basetemp $(OUT)/window
 
 lint: .venv/.ready-$(FIRST)
 	.venv/bin/python -m ruff check

@@ -6,11 +6,13 @@ import OpenEXR
 import pytest
 
 import cycles.engine as cycles_engine
+from bl_ext.user_default.renderformer_v2.model.published.bundle_files import TRANSFORMERS
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import view_layer
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import light_passes
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import shared_folders
 
+from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.rf2_engine.f12 import press_f12
 from tests.rf2_engine.still_life import compositor, tick, tick_own, with_cycles
 
@@ -142,8 +144,8 @@ def test_light_that_the_weights_cannot_give_is_absent(scene, tmp_path, monkeypat
     assert light - sockets(scene) == {p.blender_name for p in passes.PASSES if p.key == "volume_direct"}
     assert "cycles.use_pass_volume_direct" not in settings_in_panel(scene)
 
-    (tmp_path / "model_index.json").write_text("{}")
-    monkeypatch.setattr(published_weights, "require", lambda: tmp_path)
+    write_bundle(tmp_path / "renderformer-v2", tiny_published_config(), TRANSFORMERS)
+    monkeypatch.setenv(shared_folders.WEIGHTS, str(tmp_path))
     scene.renderformer_v2.weights_source = "PUBLISHED"
     assert not light & sockets(scene) and "use_pass_diffuse_direct" not in settings_in_panel(scene)
     assert "use_pass_diffuse_color" in settings_in_panel(scene)

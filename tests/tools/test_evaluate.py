@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The evaluation measures what it says, on samples and on .blend files, and shows it on one page."""
 import json
+import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -38,6 +39,14 @@ def evaluate(folder: Path, report: Path, *options: str) -> dict:
     return printed
 
 
+@pytest.fixture(scope="module")
+def cube(tmp_path_factory) -> Path:
+    """A file with the scene that Blender starts with."""
+    path = tmp_path_factory.mktemp("cube") / "a cube.blend"
+    subprocess.run([sys.executable, "-c", SCENE, str(path)], check=True, capture_output=True, timeout=600)
+    return path
+
+
 def test_metrics_of_known_differences():
     picture = np.random.default_rng(0).random((32, 32, 3)).astype(np.float32)
     assert compare(picture, picture) == pytest.approx(
@@ -56,9 +65,8 @@ def test_a_sample_whose_reference_is_our_own_picture_is_perfect_and_a_darker_one
     assert same["psnr"] > 35 and darker["psnr"] < same["psnr"] - 5 and darker["flip"] > same["flip"]
 
 
-def test_blend_files_are_rendered_by_both_engines(tmp_path):
-    command = [sys.executable, "-c", SCENE, str(tmp_path / "a cube.blend")]
-    subprocess.run(command, check=True, capture_output=True, timeout=600)
+def test_blend_files_are_rendered_by_both_engines(tmp_path, cube):
+    shutil.copy(cube, tmp_path)
     scene = evaluate(tmp_path, tmp_path / "report")["scenes"]["a cube"]
     assert scene["psnr"] > 15 and scene["cycles_seconds"] > 0
     equal = scene["beside"]["cycles_equal"]
@@ -69,18 +77,16 @@ def test_blend_files_are_rendered_by_both_engines(tmp_path):
     assert imread(tmp_path / "report" / page.pictures()[0]).shape == (40, 48, 3)
 
 
-def test_cycles_with_chosen_samples_is_beside_a_reference_that_is_not_clamped(tmp_path):
-    command = [sys.executable, "-c", SCENE, str(tmp_path / "a cube.blend")]
-    subprocess.run(command, check=True, capture_output=True, timeout=600)
+def test_cycles_with_chosen_samples_is_beside_a_reference_that_is_not_clamped(tmp_path, cube):
+    shutil.copy(cube, tmp_path)
     found = evaluate(tmp_path, tmp_path / "report", "--cycles", "1", "2", "--reference", "3")
     beside = found["scenes"]["a cube"]["beside"]
     assert set(beside) == {"cycles_1", "cycles_2", "network_alone"} and found["mean"]["cycles_2"]["seconds"] > 0
     assert "Cycles, 2 samples" in Page(tmp_path / "report").cells
 
 
-def test_a_reference_is_rendered_once_for_the_same_file_and_samples(tmp_path):
-    scene, output = tmp_path / "a cube.blend", tmp_path / "a cube.cycles.exr"
-    subprocess.run([sys.executable, "-c", SCENE, str(scene)], check=True, capture_output=True, timeout=600)
+def test_a_reference_is_rendered_once_for_the_same_file_and_samples(tmp_path, cube):
+    scene, output = Path(shutil.copy(cube, tmp_path)), tmp_path / "a cube.cycles.exr"
     options = "--engine", "cycles", "--samples"
     first = render_once(scene, output, *options, 2)
     written = output.stat().st_mtime_ns

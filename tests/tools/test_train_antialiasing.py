@@ -14,6 +14,7 @@ from tests.model.guided.weights import busy_network, write
 from tests.tools.test_train import stored  # noqa: F401 - a fixture
 from tools.datagen.sample_files import load_sample, save_sample
 from tools.train import antialiasing as training
+from tools.train import apart
 from tools.train.antialiasing import CHANNELS
 from tools.train.errors import SampleError
 
@@ -90,6 +91,8 @@ def test_pictures_without_room_for_a_part_are_named(stored, tmp_path, capsys, mo
 
 @pytest.mark.parametrize("is_whole", [True, False])
 def test_a_folder_of_the_same_kind_is_written_and_trained_further(stored, tmp_path, monkeypatch, is_whole):  # noqa: F811
+    monkeypatch.setattr(apart, "LEARNING_RATE", 0.05)  # one step, all that a busy machine makes, is seen in half floats
+    monkeypatch.setattr(apart, "WARM_UP", 1)
     before = write(tmp_path / "start", busy_network()) if is_whole else weights_folder(BUNDLED)
     for name in ("first", "second"):
         out = tmp_path / name

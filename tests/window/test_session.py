@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A session in Blender's window, with keys, mouse and screenshots.
 
-    RENDERFORMER_V2_BLENDER=/path/to/blender .venv/bin/python -m pytest -m slow tests/window --basetemp FOLDER
+    RENDERFORMER_V2_BLENDER=/path/to/blender make window
 
-needs a display, xdotool, ImageMagick, and PyTorch in that Blender's Python. The screenshots stay under FOLDER.
+needs a display, xdotool, ImageMagick, and PyTorch in that Blender. The screenshots stay in examples/out/window.
 """
 import json
 import os

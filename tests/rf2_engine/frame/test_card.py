@@ -61,12 +61,13 @@ def test_preflight_tells_what_a_card_needs(lit, monkeypatch, free, said):
     assert found.card.startswith(f"Card: at most {needed / 1e9:.1f} GB are needed, {said}")
 
 
-def test_more_triangles_and_pixels_need_more_of_a_card(lit, monkeypatch):
+@pytest.mark.parametrize("network", [Network.GUIDED, Network.PUBLISHED])
+def test_more_pixels_need_more_of_a_card_and_more_triangles_only_for_a_transformer(lit, monkeypatch, network):
     describe(monkeypatch, AMPERE)
-    settings = FrameSettings.read(lit)
+    settings = replace(FrameSettings.read(lit), network=network)
     small, of_many, of_large = (card.memory(settings, *size)[0] for size in ((1000, 64 * 64), (100_000, 64 * 64),
                                                                              (1000, 3840 * 2160)))
-    assert 0 < small < min(of_many, of_large)
+    assert 0 < small < of_large and (small < of_many) == (network is Network.PUBLISHED)
 
 
 @pytest.mark.parametrize("free, said", [(64e9, False), (1e6, True)])

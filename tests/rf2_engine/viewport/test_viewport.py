@@ -1,42 +1,79 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender calls for a Rendered viewport, without a window."""
+"""A Rendered viewport as Blender calls it, with Blender's own region, the worker's thread and the handlers of changes.
+
+Without a window nothing is drawn: only the pixels that would be are looked at.
+"""
+import time
 from types import SimpleNamespace
 
 import bpy
+import numpy as np
 import pytest
 
-import addon_utils
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import preflight
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime.worker import worker
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import viewport
 
-from tests.rf2_engine.f12 import cube
+from tests.rf2_engine.f12 import cube, material, sun
 from tests.rf2_engine.viewport.views import depsgraph
+
+PATIENCE = 120  # seconds, of a machine that does much else
+RED, GREEN = (0.8, 0.02, 0.02), (0.02, 0.8, 0.02)
 
 
 class Engine:
-    def update_stats(self, *_):
-        pass
+    """What a viewport asks of the engine that Blender makes for it."""
+
+    def __init__(self):
+        self.redraws = 0
 
     def tag_redraw(self):
-        pass
+        self.redraws += 1
 
 
 @pytest.fixture
-def without_cycles(scene):
-    addon_utils.disable("cycles")
-    assert not hasattr(scene, "cycles")
-    yield scene
-    addon_utils.enable("cycles")
+def context(scene):
+    """Of the first 3D viewport of Blender's screen, 96 x 64 pixels."""
+    scene.renderformer_v2.viewport.resolution = "4"
+    area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    space = area.spaces.active
+    space.region_3d.view_perspective = "CAMERA"
+    return SimpleNamespace(space_data=space, region=SimpleNamespace(width=96, height=64),
+                           region_data=space.region_3d, preferences=bpy.context.preferences)
 
 
-def test_without_cycles_a_viewport_says_what_to_do(without_cycles, monkeypatch):
-    cube(without_cycles)
-    messages, engine = [], Engine()
-    monkeypatch.setattr(viewport, "draw_message", lambda message, *_: messages.append(message))
-    context = SimpleNamespace(region=SimpleNamespace(width=64, height=48), space_data=None, region_data=None,
-                              preferences=bpy.context.preferences)
-    for _ in range(2):
+def shown(engine, context) -> np.ndarray:
+    """The finest picture, (H, W, 4), once the worker's thread has made it."""
+    begin = time.monotonic()
+    while time.monotonic() - begin < PATIENCE:
         viewport.update(engine, context, depsgraph())
-        viewport.draw(engine, context, depsgraph())
-    assert len(set(messages)) == 1 and "enable 'Cycles Render Engine' in Preferences > Add-ons" in messages[0]
-    assert preflight.state_of(without_cycles, without_cycles.view_layers[0])  # whenever the panel is drawn
+        session = engine.viewport.session
+        assert not session.error, session.error
+        if engine.viewport.source.version and not session.has_work():
+            return session.displayed.pixels
+        time.sleep(0.01)
+    raise TimeoutError(session.activity)
+
+
+def test_a_picture_appears_and_follows_what_is_edited(scene, context):
+    paint = material("Paint", RED)
+    cube(scene, of=paint)
+    sun(scene)
+    engine = Engine()
+    red = shown(engine, context)
+    assert red.shape == (16, 24, 4) and np.isfinite(red).all() and engine.redraws > 0
+    middle = red[6:10, 10:14, :3].mean((0, 1))
+    assert middle[0] > 1.5 * middle[1] > 0
+    paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*GREEN, 1)
+    bpy.context.view_layer.update()
+    middle = shown(engine, context)[6:10, 10:14, :3].mean((0, 1))
+    assert middle[1] > 1.5 * middle[0] > 0
+
+
+def test_a_viewport_that_is_closed_is_forgotten(scene, context):
+    cube(scene)
+    engine = Engine()
+    shown(engine, context)
+    session = engine.viewport.session
+    assert session in worker.works()
+    del engine
+    assert session.closed and session.displayed is None

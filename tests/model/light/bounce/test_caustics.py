@@ -113,7 +113,8 @@ def test_light_that_glass_gathers_bounces_on():
     for plate in of_glass(pane(0.3, 0.01, half=1.5)), flat(np.float32(pane(0.3, 0.01, half=1.5)), (0.0, 0.0, 0.0)):
         scene = floor_scene().appended(plate)
         found.append(Radiosity(scene, LightPrior(scene))(under, -UP)[0, :3])
-    assert (found[0] > 0.005).all() and (found[0] > 5 * found[1]).all()
+    color = torch.tensor([0.8, 0.5, 0.2])  # of the floor
+    assert (found[0] > 0.03 * color).all() and (found[0] > 5 * found[1]).all()
 
 
 def test_half_the_photons_give_the_same_light(monkeypatch):
