@@ -26,7 +26,7 @@ from .report import plot, summary
 
 
 def main() -> int:
-    arguments = _arguments()
+    arguments = _parse_arguments()
     if arguments.device:
         from .device import measure
         try:
@@ -56,7 +56,7 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark", description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, metavar="DIR")
     parser.add_argument("--device", help="measure this device alone; needs no -o")

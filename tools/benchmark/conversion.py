@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from pathlib import Path
 
 from tools import extension
 from tools.common.arguments import numbers
+from tools.common.console import reserve_stdout
 
 from .points import MeasurementError, measured
 
@@ -29,9 +29,8 @@ OBJECTS = 500
 
 
 def main() -> int:
-    arguments = _arguments()
-    answer = os.fdopen(os.dup(1), "w")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    arguments = _parse_arguments()
+    answer = reserve_stdout()
     try:
         published = {budget: {resolution: _published(budget, resolution) for resolution in arguments.resolutions}
                      for budget in arguments.budgets}
@@ -49,7 +48,7 @@ def main() -> int:
     return 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark.conversion", description=__doc__.splitlines()[0])
     parser.add_argument("scenes", type=Path, nargs="*", help=".blend files")
     parser.add_argument("--budgets", type=numbers, default=(4096, 16384, 65536))
