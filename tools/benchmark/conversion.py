@@ -21,7 +21,7 @@ from tools import extension
 from tools.common.arguments import numbers
 from tools.common.console import reserve_stdout
 
-from .points import MeasurementError, measured
+from .points import MeasurementError, measure_point
 
 RESOLUTION = 512  # that triangles are allotted by
 SIDE = 708    # squares along the mesh of a million triangles
@@ -58,8 +58,8 @@ def _parse_arguments() -> argparse.Namespace:
 
 def _published(triangles: int, resolution: int) -> float:
     """Seconds of the forward."""
-    return measured({"subject": "rf2_200m", "triangles": triangles, "resolution": resolution, "samples": 0,
-                     "precision": "auto", "threads": 0})["seconds"]
+    return measure_point({"subject": "rf2_200m", "triangles": triangles, "resolution": resolution, "samples": 0,
+                          "precision": "auto", "threads": 0})["seconds"]
 
 
 def _measured(budget: int, published: dict[int, float]) -> dict:
