@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -18,8 +17,8 @@ from renderformer_v2.model.errors import SceneError
 
 from . import extension
 from .common.arguments import file_with, whole_number
-from .common.pictures import prepare
-from .common.scene_file import one_line
+from .common.console import reserve_stdout, to_one_line
+from .common.pictures import check_output
 
 
 def main() -> int:
@@ -29,20 +28,19 @@ def main() -> int:
     parser.add_argument("--resolution", type=whole_number(64), default=512,
                         help="width and height of the picture in pixels (default: 512)")
     arguments = parser.parse_args()
-    answer = os.fdopen(os.dup(1), "w")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    answer = reserve_stdout()
     try:
-        found = _run(arguments)
+        statistics = _import(arguments)
     except (SceneError, RuntimeError, OSError) as error:
-        print(one_line(error), file=sys.stderr)
+        print(to_one_line(error), file=sys.stderr)
         return 1
-    print(json.dumps(found), file=answer, flush=True)
+    print(json.dumps(statistics), file=answer, flush=True)
     return 0
 
 
-def _run(arguments: argparse.Namespace) -> dict:
+def _import(arguments: argparse.Namespace) -> dict:
     import bpy
-    prepare(arguments.output)
+    check_output(arguments.output)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     extension.load().register()
     from renderformer_v2.rf2_engine.convert.data.report import Report

@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from . import extension
+from .common.viewport import read_camera_pose, request_picture
 
 
 def main() -> int:
-    arguments = _arguments()
+    arguments = _parse_arguments()
     extension.load().register()
     import bpy
 
@@ -29,13 +30,14 @@ def main() -> int:
     scene.renderformer_v2.viewport.time_limit = 0
     depsgraph = bpy.context.evaluated_depsgraph_get()
     arguments.folder.mkdir(parents=True, exist_ok=True)
-    for number, shown in enumerate(_pictures(scene, depsgraph, arguments)):
-        _save(shown.pixels, arguments.folder / f"{number:04}.png", scene)
-        print(f"frame {number + 1} of {arguments.frames}: {shown.drawn:.2f} s, {shown.triangles} triangles", flush=True)
+    for number, picture in enumerate(_render_frames(scene, depsgraph, arguments)):
+        _save(picture.pixels, arguments.folder / f"{number:04}.png", scene)
+        print(f"frame {number + 1} of {arguments.frames}: {picture.drawn:.2f} s, {picture.triangles} triangles",
+              flush=True)
     return 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.orbit", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path)
     parser.add_argument("folder", type=Path)
@@ -46,23 +48,18 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _pictures(scene, depsgraph, arguments: argparse.Namespace):
-    from renderformer_v2.rf2_engine.viewport.pictures import ViewportSettings
-    from renderformer_v2.rf2_engine.viewport.region_view import RegionView
-    from renderformer_v2.rf2_engine.viewport.session import Request, Session
+def _render_frames(scene, depsgraph, arguments: argparse.Namespace):
+    """The viewport's finest picture of every frame."""
+    from renderformer_v2.rf2_engine.viewport.session import Session
     from renderformer_v2.rf2_engine.viewport.source import Source
     source, session = Source(), Session()
     while not source.refresh(depsgraph):
         pass
-    camera = scene.camera.evaluated_get(depsgraph)
-    width, height = arguments.size
-    projection, matrix = camera.calc_matrix_camera(depsgraph, x=width, y=height), np.array(camera.matrix_world)
-    center = _looked_at(scene, depsgraph, matrix)
+    pose = read_camera_pose(scene, depsgraph)
+    center = _find_target(scene, depsgraph, pose)
     for number in range(arguments.frames):
-        turned = _turned(matrix, center, math.radians(arguments.angle) * math.sin(2 * math.pi * number
-                                                                                  / arguments.frames))
-        view = RegionView(_frozen(projection), _frozen(turned), (0, width, 0, height), (width, height))
-        session.submit(Request(source.copied, source.state, view, ViewportSettings.read(scene, depsgraph.view_layer)))
+        angle = math.radians(arguments.angle) * math.sin(2 * math.pi * number / arguments.frames)
+        session.submit(request_picture(scene, depsgraph, source, arguments.size, _turn(pose, center, angle)))
         while session.has_work():
             session.step(lambda *_: None)
         if session.error:
@@ -70,23 +67,19 @@ def _pictures(scene, depsgraph, arguments: argparse.Namespace):
         yield session.displayed
 
 
-def _looked_at(scene, depsgraph, matrix: np.ndarray) -> np.ndarray:
-    """(3,) what is in the middle of the camera's picture."""
+def _find_target(scene, depsgraph, pose: np.ndarray) -> np.ndarray:
+    """(3,) the surface in the middle of the camera's picture."""
     from mathutils import Vector
-    hit, place, *_ = scene.ray_cast(depsgraph, Vector(matrix[:3, 3]), Vector(-matrix[:3, 2]))
-    return np.array(place) if hit else matrix[:3, 3] - 5 * matrix[:3, 2]
+    is_hit, position, *_ = scene.ray_cast(depsgraph, Vector(pose[:3, 3]), Vector(-pose[:3, 2]))
+    return np.array(position) if is_hit else pose[:3, 3] - 5 * pose[:3, 2]
 
 
-def _turned(matrix: np.ndarray, center: np.ndarray, angle: float) -> np.ndarray:
-    """The (4, 4) matrix turned about an upright axis through a point."""
+def _turn(pose: np.ndarray, center: np.ndarray, angle: float) -> np.ndarray:
+    """The (4, 4) pose turned about an upright axis through a point."""
     turn = np.eye(4)
     turn[:2, :2] = (math.cos(angle), -math.sin(angle)), (math.sin(angle), math.cos(angle))
     turn[:3, 3] = center - turn[:3, :3] @ center
-    return turn @ matrix
-
-
-def _frozen(matrix) -> tuple:
-    return tuple(map(tuple, np.array(matrix).tolist()))
+    return turn @ pose
 
 
 def _save(pixels: np.ndarray, path: Path, scene) -> None:

@@ -19,23 +19,23 @@ from pathlib import Path
 import numpy as np
 
 from tools.common.arguments import picture_size, whole_number
-from tools.common.pictures import write_whole
-from tools.common.render_process import render, samples_in_time
+from tools.common.pictures import write_atomically
+from tools.common.render_process import find_samples_in_time, run_render
 
 GAP = 8        # pixels between the pictures
-LINE = 2.2     # height of the label, of that of its letters
+LINE = 2.2     # height of a label, in heights of its letters
 
 
 def main() -> int:
-    arguments = _arguments()
+    arguments = _parse_arguments()
     options = ["--resolution", "{}x{}".format(*arguments.resolution)] if arguments.resolution else []
     options += ["--threads", arguments.threads] if arguments.threads else []
     with tempfile.TemporaryDirectory() as folder:
         try:
-            pictures, labels, seconds = rendered(arguments, Path(folder), options)
+            pictures, labels, seconds = render_all(arguments, Path(folder), options)
             arguments.output.parent.mkdir(parents=True, exist_ok=True)
             from skimage.io import imsave
-            write_whole(arguments.output.resolve(), lambda file: imsave(file, side_by_side(pictures, labels)))
+            write_atomically(arguments.output.resolve(), lambda file: imsave(file, side_by_side(pictures, labels)))
         except (RuntimeError, OSError) as error:
             print(error, file=sys.stderr)
             return 1
@@ -43,7 +43,7 @@ def main() -> int:
     return 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.triptych", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path, help=".blend file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.png")
@@ -57,19 +57,20 @@ def _arguments() -> argparse.Namespace:
     return arguments
 
 
-def rendered(arguments: argparse.Namespace, folder: Path, options: list) -> tuple[list[np.ndarray], list[str], dict]:
+def render_all(arguments: argparse.Namespace, folder: Path, options: list) -> tuple[list[np.ndarray], list[str], dict]:
     """The three pictures (H, W, 3) u8, what is written below them, and {picture: its samples and seconds}."""
     from skimage.io import imread
 
-    def cycles(samples: int) -> float:
-        done = render(arguments.scene, folder / f"{samples}.png", "--engine", "cycles", "--samples", samples, *options)
-        return done["seconds"]["total"]
+    def render_cycles(samples: int) -> float:
+        statistics = run_render(arguments.scene, folder / f"{samples}.png", "--engine", "cycles", "--samples", samples,
+                                *options)
+        return statistics["seconds"]["total"]
 
-    ours = render(arguments.scene, folder / "ours.png", *options,
+    ours = run_render(arguments.scene, folder / "ours.png", *options,
                   *(["--weights", arguments.weights] if arguments.weights else []))
     seconds = ours["seconds"]["total"]
-    equal, equal_seconds = samples_in_time(seconds, arguments.samples, cycles)
-    many_seconds = cycles(arguments.samples)
+    equal, equal_seconds = find_samples_in_time(seconds, arguments.samples, render_cycles)
+    many_seconds = render_cycles(arguments.samples)
     pictures = [imread(folder / f"{name}.png")[..., :3] for name in ("ours", equal, arguments.samples)]
     labels = [f"RenderFormer-V2 ({Path(ours['weights']).name}), {seconds:.1f} s"] + [
         f"Cycles, {n} sample{'s' if n > 1 else ''}, {s:.1f} s"

@@ -55,11 +55,11 @@ def threads() -> list[str]:
 def main() -> None:
     folder, options = Path(sys.argv[1]), argparse.Namespace(device="cpu")
     torch.set_num_threads(1)
-    with ranks.joined(options):
+    with ranks.join(options):
         found = {"spheres": spheres(folder / f"work-{ranks.count()}"), "kernels": kernels(folder),
-                 "share": shared_out(), "agreed": ranks.agreed(float(ranks.rank() + 5)),
-                 "means": ranks.means({"a": torch.tensor(float(ranks.rank()))})["a"],
-                 "gathered": sorted(ranks.gathered({ranks.rank(): None}))}
+                 "share": shared_out(), "agreed": ranks.broadcast(float(ranks.rank() + 5)),
+                 "means": ranks.compute_means({"a": torch.tensor(float(ranks.rank()))})["a"],
+                 "gathered": sorted(ranks.gather({ranks.rank(): None}))}
         (folder / f"{ranks.rank()}-of-{ranks.count()}.json").write_text(json.dumps(found))
     assert not [name for name in threads() if "gloo" in name]  # which would still run while the interpreter ends
 

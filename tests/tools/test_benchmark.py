@@ -15,7 +15,7 @@ from renderformer_v2.model.weights.presets import rf2_200m
 from tests.model.published.bundles import tiny_published_config, tiny_vae
 from tools.benchmark import device, farm, load, textures
 from tools.benchmark.flops import decoder_flops_per_ray, forward_flops, product_rate, stage1_flops, visible_pairs
-from tools.benchmark.report import extrapolated, stage1_ratio
+from tools.benchmark.report import compute_stage1_ratio, extrapolate_cycles
 from tools.benchmark.ring import LEAST, triangle_corners
 
 ROOT = Path(__file__).parents[2]
@@ -47,10 +47,10 @@ def test_visible_pairs_are_those_of_the_mask(sink, ordered, half):
 
 
 def test_cycles_is_extrapolated_without_its_fixed_cost_being_multiplied():
-    assert extrapolated({16: 5 + 16 * 0.25, 4: 5 + 4 * 0.25}) == pytest.approx(5 + 4096 * 0.25)
+    assert extrapolate_cycles({16: 5 + 16 * 0.25, 4: 5 + 4 * 0.25}) == pytest.approx(5 + 4096 * 0.25)
     rows = [{"subject": "rf2_200m", "triangles": n, "stage1_seconds": s, "stage1_flops": s} for n, s in
             ((65536, 2.0), (131072, 5.0))]
-    assert stage1_ratio(rows)["stage1_seconds"] == 2.5 and stage1_ratio(rows[:1]) is None
+    assert compute_stage1_ratio(rows)["stage1_seconds"] == 2.5 and compute_stage1_ratio(rows[:1]) is None
 
 
 @pytest.mark.parametrize("asked", [LEAST, 1638, 4097, 65536])
@@ -97,23 +97,24 @@ def test_fewer_triangles_than_the_benchmark_has_are_refused():
 def test_renders_beside_busy_programs_are_compared_with_those_beside_the_fewest():
     measured = {0: [{"Network": 1.0, "total": 2.0}, {"Network": 3.0, "total": 9.0}, {"Network": 2.0, "total": 4.0}],
                 2: [{"Network": 4.0, "total": 4.0}]}
-    found = load.summary(measured)
+    found = load.summarize(measured)
     assert found["seconds"] == {0: {"Network": 2.0, "total": 4.0}, 2: {"Network": 4.0, "total": 4.0}}
     assert found["times"][2] == {"Network": 2.0, "total": 1.0}
 
 
 def test_busy_programs_end_with_what_they_disturb():
     children = ["ps", "--ppid", str(os.getpid()), "-o", "args"]
-    with load.busy(2):
+    with load.busy_programs(2):
         assert subprocess.run(children, capture_output=True, text=True).stdout.count("while 1: pass") == 2
     assert "while 1: pass" not in subprocess.run(children, capture_output=True, text=True).stdout
 
 
 def test_costs_of_frames_follow_from_start_first_and_later_ones():
-    row = farm.Measured(2, 1, 4.0, 10.0, 6.0, 900.0, 20.0, 9.0)
-    assert row.task(5) == 38.0 and row.frame(5) == 3.8 and row.frame(1) > row.frame(100)
-    assert row.hours(10000, 100, 10) == pytest.approx(5 * 68 / 3600)  # 1,000 tasks for 200 processes
-    assert row.hours(10000, 100, 100) == pytest.approx(608 / 3600)
+    row = farm.FrameCosts(2, 1, 4.0, 10.0, 6.0, 900.0, 20.0, 9.0)
+    assert row.task_seconds(5) == 38.0 and row.machine_seconds(5) == 3.8
+    assert row.machine_seconds(1) > row.machine_seconds(100)
+    assert row.job_hours(10000, 100, 10) == pytest.approx(5 * 68 / 3600)  # 1,000 tasks for 200 processes
+    assert row.job_hours(10000, 100, 100) == pytest.approx(608 / 3600)
 
 
 def test_processes_side_by_side_are_measured(tmp_path):
@@ -143,7 +144,7 @@ def test_encoding_textures_is_measured_at_the_first_render_and_at_a_later_one(mo
     assert found["video_seconds"] > 0 and found["image_seconds"] > 0 and found["triangles"] == 3
     assert found["first_seconds"] > 0 and found["later_seconds"] >= 0 and found["times"] > 0
     assert found["product_share"] > 0 and 0 < found["multiplications_3x3"] < found["multiplications"]
-    scene = textures.textured(3)
+    scene = textures.make_textured_scene(3)
     assert len(np.unique(scene.tiles[:, 0], axis=0)) == 3 and np.ptp(scene.tiles[0, 0].astype(float)) > 0.01
 
 
@@ -151,7 +152,7 @@ def test_encoding_textures_is_measured_at_the_first_render_and_at_a_later_one(mo
 def test_the_image_encoders_multiplications_are_those_of_its_layers():
     with torch.device("meta"):
         frame = textures.OneFrameEncoder(textures.vae_class()())
-        found = textures.multiplications(frame, torch.empty(1, 3, 32, 32))
+        found = textures.count_multiplications(frame, torch.empty(1, 3, 32, 32))
     levels = (1024, 96, 96), (256, 96, 192), (64, 192, 384), (16, 384, 384)  # places, channels before and after
     ends = 9 * (1024 * 3 * 96 + 16 * 384 * 32)
     square = sum(9 * places * (before + 3 * after) * after for places, before, after in levels)

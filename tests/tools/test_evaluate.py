@@ -14,10 +14,9 @@ from skimage.io import imread
 
 from renderformer_v2.model.renderer import Renderer
 from tests.model.samples import floor_scene, floor_view
-from tools.common.metrics import compare, psnr
-from tools.common.render_process import render_once
+from tools.common.metrics import AMPLIFIED, add_error_pictures, compare, psnr
+from tools.common.render_process import run_render_cached
 from tools.datagen.sample_files import save_sample
-from tools.evaluate.report import AMPLIFIED, with_errors
 
 ROOT = Path(__file__).parents[2]
 SCENE = """
@@ -88,11 +87,11 @@ def test_cycles_with_chosen_samples_is_beside_a_reference_that_is_not_clamped(tm
 def test_a_reference_is_rendered_once_for_the_same_file_and_samples(tmp_path, cube):
     scene, output = Path(shutil.copy(cube, tmp_path)), tmp_path / "a cube.cycles.exr"
     options = "--engine", "cycles", "--samples"
-    first = render_once(scene, output, *options, 2)
+    first = run_render_cached(scene, output, *options, 2)
     written = output.stat().st_mtime_ns
-    assert first["samples"] == 2 and render_once(scene, output, *options, 2) == first
+    assert first["samples"] == 2 and run_render_cached(scene, output, *options, 2) == first
     assert output.stat().st_mtime_ns == written
-    assert render_once(scene, output, *options, 1)["samples"] == 1 and output.stat().st_mtime_ns != written
+    assert run_render_cached(scene, output, *options, 1)["samples"] == 1 and output.stat().st_mtime_ns != written
 
 
 def test_a_file_that_cannot_be_rendered_is_named_without_a_traceback_and_what_was_done_before_stays(tmp_path):
@@ -175,9 +174,9 @@ def test_difference_and_flip_show_where_pictures_differ():
     reference = np.full((32, 32, 3), 0.5, np.float32)
     ours = reference.copy()
     ours[8:24, 8:24] += 0.1
-    shown = with_errors({"ours": ours, "reference": reference})
+    shown = add_error_pictures({"ours": ours, "reference": reference})
     assert shown["difference"][16, 16] == pytest.approx(0.1 * AMPLIFIED, abs=1e-4)
     assert shown["difference"][0, 0] == pytest.approx(0)
     assert shown["flip"][16, 16].sum() > shown["flip"][0, 0].sum() + 0.3
-    perfect = with_errors({"ours": reference, "reference": reference})
+    perfect = add_error_pictures({"ours": reference, "reference": reference})
     assert perfect["flip"] == pytest.approx(np.broadcast_to(perfect["flip"][0, 0], (32, 32, 3)))

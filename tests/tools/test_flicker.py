@@ -16,7 +16,7 @@ from renderformer_v2.model.scene import View
 from tests.model.samples import floor_view
 from tools.benchmark import ring
 from tools.common.pictures import read_pass
-from tools.flicker.measure import Frame, flicker, pixels_of
+from tools.flicker.measure import Frame, measure_flicker, project_to_pixels
 
 ROOT = Path(__file__).parents[2]
 STEP = 0.13  # world units; about 2.8 pixels
@@ -45,40 +45,40 @@ def floor_from(x: float, hidden: float = -9.0) -> Frame:
 
 
 def test_the_same_frame_twice_does_not_flicker():
-    assert flicker(floor_from(0), floor_from(0)) == pytest.approx((0, 0, 1), abs=1e-6)
+    assert measure_flicker(floor_from(0), floor_from(0)) == pytest.approx((0, 0, 1), abs=1e-6)
 
 
 def test_noise_flickers_as_much_as_it_changes():
     frame, noise = floor_from(0), np.random.default_rng(0).random((2, 64, 64, 3)).astype(np.float32) ** 2.4
-    change = flicker(*(frame._replace(radiance=radiance) for radiance in noise))
+    change = measure_flicker(*(frame._replace(radiance=radiance) for radiance in noise))
     assert change.mean > 0.2 and change.median > 0.2 and change.compared == 1
-    dimmer = flicker(*(frame._replace(radiance=frame.radiance + 0.05 * radiance) for radiance in noise))
+    dimmer = measure_flicker(*(frame._replace(radiance=frame.radiance + 0.05 * radiance) for radiance in noise))
     assert 0.005 < dimmer.mean < 0.1 * change.mean + 0.02
 
 
 def test_a_texture_that_moves_with_its_surface_does_not_flicker():
     before, after = floor_from(0), floor_from(STEP)
     where_it_was = np.abs(after.radiance - before.radiance).mean()
-    change = flicker(before, after)
+    change = measure_flicker(before, after)
     assert change.mean < 0.001 < 0.02 * where_it_was and change.compared > 0.9
 
 
 def test_light_that_changes_on_a_moving_surface_flickers():
     after = floor_from(STEP)
-    change = flicker(floor_from(0), after._replace(radiance=after.radiance * 1.1))
+    change = measure_flicker(floor_from(0), after._replace(radiance=after.radiance * 1.1))
     assert 0.02 < change.median < 0.05
 
 
 def test_what_is_hidden_in_one_of_the_frames_is_not_compared():
     before, after = floor_from(0, hidden=-0.2), floor_from(-STEP * 3, hidden=-0.2)
-    change = flicker(before, after)
-    assert change.compared < flicker(floor_from(0), floor_from(-STEP * 3)).compared - 0.02
+    change = measure_flicker(before, after)
+    assert change.compared < measure_flicker(floor_from(0), floor_from(-STEP * 3)).compared - 0.02
     assert change.mean < 0.01  # the shelf's edge alone
 
 
 def test_frames_that_see_nothing_in_common_are_refused():
     with pytest.raises(ValueError, match="nothing in common"):
-        flicker(floor_from(0), floor_from(50))
+        measure_flicker(floor_from(0), floor_from(50))
 
 
 def test_points_on_the_rays_of_a_view_are_seen_at_their_pixels():
@@ -87,10 +87,10 @@ def test_points_on_the_rays_of_a_view_are_seen_at_their_pixels():
     pose[:3, :3], pose[:3, 3] = turn * np.linalg.det(turn), (1, 2, 3)
     view = View(pose, np.float32((50, 40)), np.float32((10, 14)), 24, 16)
     origin, rays = view_rays(view)
-    columns, rows, depth = pixels_of(view, origin + 3 * rays)
+    columns, rows, depth = project_to_pixels(view, origin + 3 * rays)
     assert columns == pytest.approx(np.tile(np.arange(24), (16, 1)), abs=1e-3)
     assert rows == pytest.approx(np.tile(np.arange(16)[:, None], (1, 24)), abs=1e-3)
-    assert (depth > 0).all() and (pixels_of(view, origin - rays)[2] < 0).all()
+    assert (depth > 0).all() and (project_to_pixels(view, origin - rays)[2] < 0).all()
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -17,6 +16,7 @@ from renderformer_v2.model.published.pipeline import PublishedPipeline
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.model.samples import floor_scene, floor_view
 from tools.benchmark import ring
+from tools.extension import ROOT
 from tools.render import __main__ as render
 
 
@@ -49,8 +49,7 @@ def test_a_blend_file_becomes_an_h5_scene_with_its_camera(tmp_path):
     bundle = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
     command = [sys.executable, "-m", "tools.render", tmp_path / "scene.blend", "--weights", bundle,
                "--export-h5", tmp_path / "scene.h5"]
-    root = Path(render.__file__).parents[2]
-    done = subprocess.run(list(map(str, command)), cwd=root, capture_output=True, text=True)
+    done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     scene, said = read_h5(tmp_path / "scene.h5"), json.loads(done.stdout)
     assert len(scene.triangles) == said["triangles"] >= ring.LEAST

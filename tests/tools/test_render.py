@@ -12,6 +12,7 @@ from tests.model.published.bundles import tiny_published_config, write_bundle
 from tools.benchmark import ring
 from tools.common.metrics import compare
 from tools.common.pictures import read_pass
+from tools.extension import ROOT
 from tools.render import __main__ as render
 from tools.render.comparison import LEAST_WIDTH
 
@@ -21,7 +22,7 @@ def command(*arguments) -> list[str]:
 
 
 def run(*arguments, stdout=subprocess.PIPE) -> subprocess.CompletedProcess:
-    return subprocess.run(command(*arguments), cwd=Path(render.__file__).parents[2], stdout=stdout,
+    return subprocess.run(command(*arguments), cwd=ROOT, stdout=stdout,
                           stderr=subprocess.PIPE, text=True, timeout=600)
 
 
@@ -134,7 +135,7 @@ def test_a_picture_that_does_not_fit_the_disk_is_said_and_the_old_one_kept(scene
     output.write_bytes(b"yesterday's")
     limited = ["bash", "-c", 'ulimit -f 1; exec "$@"', "bash",
                *command(path, "-o", output, "--engine", "cycles", "--samples", "1")]
-    done = subprocess.run(limited, cwd=Path(render.__file__).parents[2], capture_output=True, text=True, timeout=600)
+    done = subprocess.run(limited, cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 1 and done.stdout == "", done.stderr
     assert done.stderr == f"{output} cannot be written: the file came out incomplete, is the disk full?\n"
     assert output.read_bytes() == b"yesterday's" and list(output.parent.iterdir()) == [output]

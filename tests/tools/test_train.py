@@ -17,8 +17,7 @@ from renderformer_v2.model.lobes import LOBES
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.sample_files import load_sample, read_facts, save_sample
-from tools.train import config
-from tools.train import sample_cache as cache_key
+from tools.train import config, sample_cache
 from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
@@ -77,7 +76,7 @@ def test_the_cache_keeps_data_sets_apart_and_replaces_what_is_out_of_date(stored
     for file in (other, stored):  # another content under the same name
         save_sample(file, scene, views, guides, [{name: 3 * x for name, x in p.items()} for p in passes])
         assert cached_sample(file, cache).image.mean() > 2.5 * first.image.mean()
-    monkeypatch.setattr(cache_key, "code_version", lambda sources: "newer")
+    monkeypatch.setattr(sample_cache, "code_version", lambda sources: "newer")
     before = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
     cached_sample(stored, cache), cached_sample(other, cache)
     after = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
@@ -88,7 +87,7 @@ def test_the_cache_keeps_data_sets_apart_and_replaces_what_is_out_of_date(stored
 
 
 def test_the_version_of_the_preparing_code_covers_files_that_are_there():
-    assert all(list(cache_key.ROOT.glob(pattern)) for pattern in cache_key.SOURCES + cache_key.PUBLISHED)
+    assert all(list(sample_cache.ROOT.glob(pattern)) for pattern in sample_cache.SOURCES + sample_cache.PUBLISHED)
 
 
 def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):

@@ -16,7 +16,7 @@ from tests.tools.test_train_ranks import write
 from tools.datagen.sample_files import read_facts
 from tools.train import cost, published, throughput
 from tools.train.config import TrainConfig
-from tools.train.curriculum import by_stage
+from tools.train.curriculum import iterate_stages
 from tools.train.errors import TrainingError
 from tools.train.state import TrainingState
 
@@ -92,7 +92,7 @@ def test_configurations_are_the_papers(stage):
     state = TrainingState(network, 1e-4, 0.0, 0.9)
     begun = []
     for limits in chosen.stages:
-        samples = by_stage(chosen, state, lambda one: begun.append(one) or iter([one] * 2))
+        samples = iterate_stages(chosen, state, lambda one: begun.append(one) or iter([one] * 2))
         state.step = limits.steps - 1
         assert next(samples) == limits and (network.transformer.half is None) == stage.dense == limits.dense
         assert limits.max_triangles == stage.triangles

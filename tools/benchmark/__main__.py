@@ -21,12 +21,23 @@ from pathlib import Path
 
 from tools.common.arguments import numbers
 
-from .points import CYCLES_RULE, RESOLUTIONS, SUBJECTS, TRIANGLES, MeasurementError, append, key, measured, points, read
-from .report import plot, summary
+from .points import (
+    CYCLES_RULE,
+    RESOLUTIONS,
+    SUBJECTS,
+    TRIANGLES,
+    MeasurementError,
+    append_row,
+    list_points,
+    measure_point,
+    point_key,
+    read_table,
+)
+from .report import plot, summarize
 
 
 def main() -> int:
-    arguments = _arguments()
+    arguments = _parse_arguments()
     if arguments.device:
         from .device import measure
         try:
@@ -37,26 +48,28 @@ def main() -> int:
         return 0
     arguments.output.mkdir(parents=True, exist_ok=True)
     table = arguments.output / "benchmark.csv"
-    rows, failed = read(table), []
-    for point in points(arguments):
-        if key(point) in rows:
+    rows, failed, keys = read_table(table), [], []
+    for point in list_points(arguments):
+        key = point_key(point)
+        keys.append(key)
+        if key in rows:
             continue
-        print(" ".join(map(str, key(point)[:4])), file=sys.stderr, flush=True)
+        print(" ".join(map(str, key[:4])), file=sys.stderr, flush=True)
         try:
-            rows[key(point)] = measured(point)
+            rows[key] = measure_point(point)
         except MeasurementError as error:
             failed.append({"point": point, "error": str(error)})
             continue
-        append(table, rows[key(point)])
-    wanted = [rows[key(point)] for point in points(arguments) if key(point) in rows]
-    plot(wanted, arguments.output / "benchmark.png")
-    print(json.dumps(summary(wanted) | {"cycles_rule": CYCLES_RULE, "failed": failed,
-                                        "weights": {"rf2_small": "bundled", "rf2_200m": "random, seed 0"},
-                                        "output": [str(table), str(arguments.output / "benchmark.png")]}))
+        append_row(table, rows[key])
+    measured = [rows[key] for key in keys if key in rows]
+    plot(measured, arguments.output / "benchmark.png")
+    print(json.dumps(summarize(measured) | {"cycles_rule": CYCLES_RULE, "failed": failed,
+                                            "weights": {"rf2_small": "bundled", "rf2_200m": "random, seed 0"},
+                                            "output": [str(table), str(arguments.output / "benchmark.png")]}))
     return 1 if failed else 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark", description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, metavar="DIR")
     parser.add_argument("--device", help="measure this device alone; needs no -o")

@@ -13,15 +13,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from pathlib import Path
 
 from tools import extension
 from tools.common.arguments import numbers
+from tools.common.console import reserve_stdout
 
-from .points import MeasurementError, measured
+from .points import MeasurementError, measure_point
 
 RESOLUTION = 512  # that triangles are allotted by
 SIDE = 708    # squares along the mesh of a million triangles
@@ -29,9 +29,8 @@ OBJECTS = 500
 
 
 def main() -> int:
-    arguments = _arguments()
-    answer = os.fdopen(os.dup(1), "w")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    arguments = _parse_arguments()
+    answer = reserve_stdout()
     try:
         published = {budget: {resolution: _published(budget, resolution) for resolution in arguments.resolutions}
                      for budget in arguments.budgets}
@@ -49,7 +48,7 @@ def main() -> int:
     return 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark.conversion", description=__doc__.splitlines()[0])
     parser.add_argument("scenes", type=Path, nargs="*", help=".blend files")
     parser.add_argument("--budgets", type=numbers, default=(4096, 16384, 65536))
@@ -59,8 +58,8 @@ def _arguments() -> argparse.Namespace:
 
 def _published(triangles: int, resolution: int) -> float:
     """Seconds of the forward."""
-    return measured({"subject": "rf2_200m", "triangles": triangles, "resolution": resolution, "samples": 0,
-                     "precision": "auto", "threads": 0})["seconds"]
+    return measure_point({"subject": "rf2_200m", "triangles": triangles, "resolution": resolution, "samples": 0,
+                          "precision": "auto", "threads": 0})["seconds"]
 
 
 def _measured(budget: int, published: dict[int, float]) -> dict:

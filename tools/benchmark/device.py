@@ -11,11 +11,11 @@ import time
 import torch
 
 from renderformer_v2.model.camera import square_view
-from renderformer_v2.model.compute.devices import choose_device, device_name, explain_unused_card, free_memory
+from renderformer_v2.model.compute.devices import choose_device, free_memory, name_of, unused_card
 from renderformer_v2.model.compute.inference import inference
-from renderformer_v2.model.compute.precision import NAMES, choose_precision, find_failure, tensor_float_32
+from renderformer_v2.model.compute.precision import NAMES, choose_precision, failure, tensor_float_32
 from renderformer_v2.model.network.inputs import view_inputs
-from renderformer_v2.model.network.renderformer import RenderFormer, store_as_released
+from renderformer_v2.model.network.renderformer import RenderFormer, as_released
 from renderformer_v2.model.weights.presets import rf2_200m
 
 from . import ring
@@ -30,36 +30,36 @@ def measure(name: str, precision: str = "auto", triangles: int = TRIANGLES, reso
     """The device and its numbers. Raises ValueError for a device that is not there."""
     device, config = choose_device(name), config or rf2_200m()
     dtype = choose_precision(precision, device)
-    found = {"device": device_name(device), "torch": torch.__version__, "cuda": torch.version.cuda,
+    measurement = {"device": name_of(device), "torch": torch.__version__, "cuda": torch.version.cuda,
              "system": f"{platform.system()} {platform.machine()}", "threads": torch.get_num_threads(),
-             "precision": NAMES[dtype], "precision_fails": find_failure(dtype, device),
-             "unused_card": explain_unused_card(), "free_bytes": free_memory(device),
-             "triangles": triangles, "resolution": resolution}
-    if found["precision_fails"]:
-        return found
+             "precision": NAMES[dtype], "precision_fails": failure(dtype, device), "unused_card": unused_card(),
+             "free_bytes": free_memory(device), "triangles": triangles, "resolution": resolution}
+    if measurement["precision_fails"]:
+        return measurement
     torch.manual_seed(SEED)
     network = RenderFormer(config).to(device).eval()
     inputs = random_inputs(triangles, config).to(device)
     rays = view_inputs(square_view(ring.camera_to_world(), ring.FIELD_OF_VIEW, resolution)).to(device)
     exact = None
     if dtype != torch.float32:
-        exact, seconds = _run(network, inputs, rays, device)
-        found |= {f"float32_{key}": value for key, value in seconds.items()}
-    network = store_as_released(network, dtype, device)
+        exact, seconds = _time_stages(network, inputs, rays, device)
+        measurement |= {f"float32_{key}": value for key, value in seconds.items()}
+    network = as_released(network, dtype, device)
     if device.type == "cuda":
         torch.cuda.reset_peak_memory_stats(device)
-    _run(network, inputs, rays, device)  # warm up
-    picture, seconds = _run(network, inputs, rays, device)
-    found |= seconds | {"finite": bool(picture.isfinite().all()), "product_flops_per_s": product_rate(device, dtype)}
+    _time_stages(network, inputs, rays, device)  # warm up
+    picture, seconds = _time_stages(network, inputs, rays, device)
+    measurement |= seconds | {"finite": bool(picture.isfinite().all()),
+                              "product_flops_per_s": product_rate(device, dtype)}
     if exact is not None:
-        found["rms_error"] = float((picture - exact).square().mean().sqrt() / exact.square().mean().sqrt())
+        measurement["rms_error"] = float((picture - exact).square().mean().sqrt() / exact.square().mean().sqrt())
     if device.type == "cuda":
-        found["peak_bytes"] = torch.cuda.max_memory_allocated(device)
-    return found
+        measurement["peak_bytes"] = torch.cuda.max_memory_allocated(device)
+    return measurement
 
 
 @inference()
-def _run(network: RenderFormer, inputs, rays, device: torch.device) -> tuple[torch.Tensor, dict[str, float]]:
+def _time_stages(network: RenderFormer, inputs, rays, device: torch.device) -> tuple[torch.Tensor, dict[str, float]]:
     """The picture, on the CPU, and the seconds of both stages."""
     begin = time.perf_counter()
     context = network.encode_scene(inputs)

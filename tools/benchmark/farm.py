@@ -26,10 +26,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from tools.common.arguments import numbers, whole_number
+from tools.extension import ROOT
 
-ROOT = Path(__file__).parents[2]
+from .load import count_cores
+
 TASKS = (1, 2, 5, 10, 25, 100)  # frames of a task
-MAKE = """
+SAVE_SCENE = """
 import sys
 sys.path.insert(0, sys.argv[1])
 import bpy
@@ -52,8 +54,8 @@ extension.leave(0)
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Of so many processes at once; seconds are medians, memory is the most of any."""
+class FrameCosts:
+    """What frames cost with so many processes at once; seconds are medians, memory is the most of any."""
 
     processes: int
     threads: int       # of each
@@ -64,26 +66,25 @@ class Measured:
     frames_per_minute: float  # of all together, by what later frames take
     core_seconds: float       # that a frame kept a core busy, start and first frames included; 0 on Windows
 
-    def task(self, frames: int) -> float:
+    def task_seconds(self, frames: int) -> float:
         """Seconds of a process that renders so many frames."""
         return self.start + self.first + (frames - 1) * self.later
 
-    def frame(self, frames: int) -> float:
+    def machine_seconds(self, frames: int) -> float:
         """The machine's seconds for a frame, if each process renders so many."""
-        return self.task(frames) / frames / self.processes
+        return self.task_seconds(frames) / frames / self.processes
 
-    def hours(self, total: int, machines: int, frames: int) -> float:
+    def job_hours(self, total: int, machines: int, frames: int) -> float:
         """For a job of equal tasks of so many frames; the last ones leave machines idle."""
         rounds = math.ceil(math.ceil(total / frames) / (machines * self.processes))
-        return rounds * self.task(frames) / 3600
+        return rounds * self.task_seconds(frames) / 3600
 
 
-def measure(command: list[str], file: Path, processes: int, frames: int, folder: Path) -> Measured:
+def measure(command: list[str], file: Path, processes: int, frames: int, folder: Path) -> FrameCosts:
     """Raises subprocess.CalledProcessError for a process that failed."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = max(1, cores // processes)
+    threads = max(1, count_cores() // processes)
 
-    def one(i: int) -> tuple[float, list[dict]]:
+    def render_part(i: int) -> tuple[float, list[dict]]:
         lines, begin = folder / f"{processes}-{i}.jsonl", time.perf_counter()
         subprocess.run([*command, "-b", file, "-t", str(threads), "-o", folder / f"{processes}-####", "-s",
                         str(1 + i * frames), "-e", str((i + 1) * frames), "-a"], check=True, capture_output=True,
@@ -93,21 +94,22 @@ def measure(command: list[str], file: Path, processes: int, frames: int, folder:
 
     before = os.times()
     with ThreadPoolExecutor(processes) as pool:
-        found = list(pool.map(one, range(processes)))
+        parts = list(pool.map(render_part, range(processes)))
     after = os.times()
     busy = after.children_user + after.children_system - before.children_user - before.children_system
-    start = statistics.median(seconds - sum(line["seconds"] for line in lines) for seconds, lines in found)
-    first = statistics.median(lines[0]["seconds"] for _, lines in found)
-    later = statistics.median(line["seconds"] for _, lines in found for line in lines[1:])
-    return Measured(processes, threads, start, first, later, max(lines[-1]["memory_mib"] for _, lines in found),
+    start = statistics.median(seconds - sum(line["seconds"] for line in lines) for seconds, lines in parts)
+    first = statistics.median(lines[0]["seconds"] for _, lines in parts)
+    later = statistics.median(line["seconds"] for _, lines in parts for line in lines[1:])
+    return FrameCosts(processes, threads, start, first, later, max(lines[-1]["memory_mib"] for _, lines in parts),
                     60 * processes / later, busy / (processes * frames))
 
 
-def summary(rows: list[Measured], total: int, machines: int) -> dict:
+def summarize(rows: list[FrameCosts], total: int, machines: int) -> dict:
     return {"measured": [{name: round(value, 2) for name, value in asdict(row).items()} for row in rows],
-            "machine_seconds_per_frame": {row.processes: {n: round(row.frame(n), 2) for n in TASKS} for row in rows},
+            "machine_seconds_per_frame": {
+                row.processes: {n: round(row.machine_seconds(n), 2) for n in TASKS} for row in rows},
             "job": {"frames": total, "machines": machines, "hours": {
-                row.processes: {n: round(row.hours(total, machines, n), 2) for n in TASKS} for row in rows}}}
+                row.processes: {n: round(row.job_hours(total, machines, n), 2) for n in TASKS} for row in rows}}}
 
 
 def main() -> int:
@@ -127,7 +129,7 @@ def main() -> int:
         try:
             if not file:
                 file = Path(folder) / "ring.blend"
-                subprocess.run([sys.executable, "-c", MAKE, ROOT, file, str(options.triangles),
+                subprocess.run([sys.executable, "-c", SAVE_SCENE, ROOT, file, str(options.triangles),
                                 str(options.resolution), str(options.frames)], check=True, capture_output=True,
                                text=True)
             os.chdir(ROOT)
@@ -136,7 +138,7 @@ def main() -> int:
             print(error.stdout + error.stderr, file=sys.stderr)
             return 1
     load = {"load_average": os.getloadavg()[0]} if hasattr(os, "getloadavg") else {}
-    print(json.dumps(summary(rows, options.total, options.machines) | load))
+    print(json.dumps(summarize(rows, options.total, options.machines) | load))
     return 0
 
 

@@ -18,11 +18,10 @@ import subprocess
 import sys
 import tempfile
 from contextlib import contextmanager
-from pathlib import Path
 
 from tools.common.arguments import numbers
+from tools.extension import ROOT
 
-ROOT = Path(__file__).parents[2]
 IN_BLENDER = """
 import json, sys, bpy
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.last_render import last_frame
@@ -47,14 +46,19 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(arguments.repeats):  # in turn, so that what else happens on the machine meets all alike
             for count in measured:
-                with busy(count):
-                    measured[count].append(stages(command(arguments, folder)))
-    print(json.dumps(summary(measured) | {"threads": arguments.threads, "load_average": os.getloadavg()[0]}))
+                with busy_programs(count):
+                    measured[count].append(time_stages(build_command(arguments, folder)))
+    print(json.dumps(summarize(measured) | {"threads": arguments.threads, "load_average": os.getloadavg()[0]}))
     return 0
 
 
+def count_cores() -> int:
+    """Those that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @contextmanager
-def busy(programs: int):
+def busy_programs(programs: int):
     """Inside, so many processes never rest."""
     running = [subprocess.Popen([sys.executable, "-c", "while 1: pass"]) for _ in range(programs)]
     try:
@@ -65,7 +69,7 @@ def busy(programs: int):
             process.wait()
 
 
-def command(arguments: argparse.Namespace, folder: str) -> list[str]:
+def build_command(arguments: argparse.Namespace, folder: str) -> list[str]:
     if arguments.blender:
         return [*arguments.blender, "-b", arguments.scene, "--python-exit-code", "1", "--python-expr", IN_BLENDER,
                 "--", str(arguments.threads)]
@@ -73,18 +77,18 @@ def command(arguments: argparse.Namespace, folder: str) -> list[str]:
     return [sys.executable, "-m", "tools.render", arguments.scene, "-o", f"{folder}/picture.png", *threads]
 
 
-def stages(render: list[str]) -> dict[str, float]:
+def time_stages(render: list[str]) -> dict[str, float]:
     """Seconds by stage of one render. Raises RuntimeError with its last words."""
-    done = subprocess.run(render, cwd=ROOT, capture_output=True, text=True)
-    answers = [line for line in done.stdout.splitlines() if line.startswith("{")]
-    if done.returncode or not answers:
-        raise RuntimeError((done.stderr.strip().splitlines() or ["no answer"])[-1])
+    finished = subprocess.run(render, cwd=ROOT, capture_output=True, text=True)
+    answers = [line for line in finished.stdout.splitlines() if line.startswith("{")]
+    if finished.returncode or not answers:
+        raise RuntimeError((finished.stderr.strip().splitlines() or ["no answer"])[-1])
     return json.loads(answers[-1])["seconds"]
 
 
-def summary(measured: dict[int, list[dict[str, float]]]) -> dict:
+def summarize(measured: dict[int, list[dict[str, float]]]) -> dict:
     """From the stages of every render, by the number of busy programs."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = count_cores()
     median = {count: {stage: round(statistics.median(seconds[stage] for seconds in renders), 3) for stage in renders[0]}
               for count, renders in measured.items()}
     idle = median[min(median)]

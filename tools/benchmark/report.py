@@ -10,42 +10,42 @@ LABELS = {"rf2_200m": "RF-V2, 208 M parameters (network)", "rf2_small": "rf2_sma
           "cycles": f"Cycles, {CYCLES_SAMPLES} samples (extrapolated)"}
 
 
-def series(rows: list[dict]) -> dict[str, dict[tuple[int, int], float]]:
+def collect_seconds(rows: list[dict]) -> dict[str, dict[tuple[int, int], float]]:
     """Subject -> (triangles, resolution) -> seconds of a frame; Cycles where both sample counts are there."""
-    found: dict[str, dict] = {}
+    networks: dict[str, dict] = {}
     pairs: dict[tuple[int, int], dict[int, float]] = {}
     for row in rows:
-        place = row["triangles"], row["resolution"]
+        size = row["triangles"], row["resolution"]
         if row["subject"] == "cycles":
-            pairs.setdefault(place, {})[row["samples"]] = row["seconds"]
+            pairs.setdefault(size, {})[row["samples"]] = row["seconds"]
         else:
-            found.setdefault(row["subject"], {})[place] = row["seconds"]
-    cycles = {place: extrapolated(times) for place, times in pairs.items() if len(times) > 1}
-    return found | ({"cycles": cycles} if cycles else {})
+            networks.setdefault(row["subject"], {})[size] = row["seconds"]
+    cycles = {size: extrapolate_cycles(times) for size, times in pairs.items() if len(times) > 1}
+    return networks | ({"cycles": cycles} if cycles else {})
 
 
-def extrapolated(times: dict[int, float]) -> float:
+def extrapolate_cycles(times: dict[int, float]) -> float:
     """Sample count -> seconds, two of them, to seconds of CYCLES_SAMPLES (CYCLES_RULE)."""
     few, many = min(times), max(times)
     per_sample = max(times[many] - times[few], 0.0) / (many - few)
     return max(times[few] - few * per_sample, 0.0) + CYCLES_SAMPLES * per_sample
 
 
-def summary(rows: list[dict]) -> dict:
+def summarize(rows: list[dict]) -> dict:
     """Ratios to Cycles, efficiency of every network point, and the cost of stage 1 at twice 65,536 triangles."""
-    found = series(rows)
-    cycles = found.get("cycles", {})
-    ratios = [{"preset": subject, "triangles": place[0], "resolution": place[1], "seconds": seconds,
-               "cycles_seconds": cycles[place], "ratio": cycles[place] / seconds}
-              for subject, places in found.items() if subject != "cycles"
-              for place, seconds in places.items() if place in cycles]
+    seconds_by_subject = collect_seconds(rows)
+    cycles = seconds_by_subject.get("cycles", {})
+    ratios = [{"preset": subject, "triangles": size[0], "resolution": size[1], "seconds": seconds,
+               "cycles_seconds": cycles[size], "ratio": cycles[size] / seconds}
+              for subject, sizes in seconds_by_subject.items() if subject != "cycles"
+              for size, seconds in sizes.items() if size in cycles]
     networks = [row for row in rows if row["subject"] != "cycles"]
     efficiency = [{name: row[name] for name in ("subject", "triangles", "resolution", "precision", "seconds", "flops",
                                                 "product_flops_per_s", "efficiency", "peak_bytes")} for row in networks]
-    return {"ratios": ratios, "networks": efficiency, "stage1_ratio": stage1_ratio(rows)}
+    return {"ratios": ratios, "networks": efficiency, "stage1_ratio": compute_stage1_ratio(rows)}
 
 
-def stage1_ratio(rows: list[dict]) -> dict | None:
+def compute_stage1_ratio(rows: list[dict]) -> dict | None:
     """rf2_200m at 131,072 against 65,536 triangles: measured seconds and FLOPs; None without both points."""
     stage1 = {row["triangles"]: row for row in rows
               if row["subject"] == "rf2_200m" and row["triangles"] in (65536, 131072)}
@@ -59,15 +59,15 @@ def plot(rows: list[dict], path: Path) -> None:
     import matplotlib
     matplotlib.use("Agg")
     from matplotlib import pyplot
-    found = series(rows)
+    seconds_by_subject = collect_seconds(rows)
     smallest = min((row["resolution"] for row in rows), default=0)
     larger = [row["triangles"] for row in rows if row["resolution"] > smallest]
     fixed = max(larger or [row["triangles"] for row in rows], default=0)
     figure, axes = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    for subject, places in found.items():
-        by_triangles = sorted((n, s) for (n, r), s in places.items() if r == smallest)
-        _line(axes[0], by_triangles, LABELS[subject])
-        _line(axes[1], sorted((r, s) for (n, r), s in places.items() if n == fixed), LABELS[subject])
+    for subject, sizes in seconds_by_subject.items():
+        by_triangles = sorted((n, s) for (n, r), s in sizes.items() if r == smallest)
+        _draw_line(axes[0], by_triangles, LABELS[subject])
+        _draw_line(axes[1], sorted((r, s) for (n, r), s in sizes.items() if n == fixed), LABELS[subject])
     axes[0].set(xlabel="triangles", title=f"{smallest} x {smallest} pixels")
     axes[1].set(xlabel="resolution (N x N)", title=f"{fixed} triangles")
     for axis in axes:
@@ -76,11 +76,11 @@ def plot(rows: list[dict], path: Path) -> None:
         axis.set_xticks(ticks, [f"{x:.0f}" for x in ticks], rotation=45)
         axis.minorticks_off()
         axis.grid(True, alpha=0.3)
-    if found:
+    if seconds_by_subject:
         axes[0].legend(fontsize="small")
     figure.savefig(path, dpi=120)
     pyplot.close(figure)
 
 
-def _line(axis, points: list[tuple[int, float]], label: str) -> None:
+def _draw_line(axis, points: list[tuple[int, float]], label: str) -> None:
     axis.plot([x for x, _ in points], [y for _, y in points], marker="o", label=label)

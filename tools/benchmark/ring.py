@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene of the benchmark: a rippled ring on a floor under a square lamp, with as many triangles as asked for."""
+"""The scene of the benchmark: a rippled ring on a floor under a square lamp, with any number of triangles."""
 from __future__ import annotations
 
 from math import pi, radians
@@ -12,7 +12,7 @@ RADIANCE, FIELD_OF_VIEW = 12.0, 40.0  # W/(m^2 sr); degrees
 COLORS = {"Ring": (0.75, 0.3, 0.15), "Floor": (0.6, 0.6, 0.6), "Lamp": (0.0, 0.0, 0.0)}
 
 
-def meshes(triangles: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def make_meshes(triangles: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Object name -> vertices (n, 3) f32 in metres, quads (m, 4); at most `triangles` triangles, and hardly fewer.
 
     Raises ValueError for fewer than LEAST.
@@ -21,15 +21,15 @@ def meshes(triangles: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         raise ValueError(f"the benchmark's scene needs at least {LEAST} triangles, not {triangles}")
     quads = (triangles - LAMP) // 2 - FLOOR * FLOOR
     side = quads ** 0.5
-    around = min(range(int(side), int(2 * side)), key=lambda around: quads % around)  # the fewest left over
-    return {"Ring": _ring(around, quads // around), "Floor": _grid(FLOOR, 1.2, -0.2),
-            "Lamp": _grid(1, 0.4, 1.2, down=True)}
+    around = min(range(int(side), int(2 * side)), key=lambda around: quads % around)  # the fewest quads are left over
+    return {"Ring": _make_ring(around, quads // around), "Floor": _make_grid(FLOOR, 1.2, -0.2),
+            "Lamp": _make_grid(1, 0.4, 1.2, down=True)}
 
 
 def triangle_corners(triangles: int) -> tuple[np.ndarray, np.ndarray]:
     """All triangles (N, 3, 3) f32, the lamp's last, and whether each is the lamp's (N,) bool."""
     halves = [[0, 1, 2], [0, 2, 3]]
-    parts = [vertices[quads[:, halves].reshape(-1, 3)] for vertices, quads in meshes(triangles).values()]
+    parts = [vertices[quads[:, halves].reshape(-1, 3)] for vertices, quads in make_meshes(triangles).values()]
     lamp = np.repeat([False, False, True], [len(part) for part in parts])
     return np.concatenate(parts).astype(np.float32), lamp
 
@@ -51,10 +51,10 @@ def build(triangles: int, resolution: int) -> None:
     from mathutils import Matrix
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    for name, (vertices, quads) in meshes(triangles).items():
+    for name, (vertices, quads) in make_meshes(triangles).items():
         mesh = bpy.data.meshes.new(name)
         mesh.from_pydata(vertices.tolist(), [], quads.tolist())
-        mesh.materials.append(_material(bpy, name))
+        mesh.materials.append(_make_material(bpy, name))
         scene.collection.objects.link(bpy.data.objects.new(name, mesh))
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.data.angle, camera.matrix_world = radians(FIELD_OF_VIEW), Matrix(camera_to_world().tolist())
@@ -64,7 +64,7 @@ def build(triangles: int, resolution: int) -> None:
     scene.render.resolution_percentage = 100
 
 
-def _material(bpy, name: str):
+def _make_material(bpy, name: str):
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     inputs = material.node_tree.nodes["Principled BSDF"].inputs
@@ -74,7 +74,7 @@ def _material(bpy, name: str):
     return material
 
 
-def _ring(around: int, across: int) -> tuple[np.ndarray, np.ndarray]:
+def _make_ring(around: int, across: int) -> tuple[np.ndarray, np.ndarray]:
     u, v = (g.ravel() for g in np.meshgrid(np.arange(around) * 2 * pi / around, np.arange(across) * 2 * pi / across,
                                            indexing="ij"))
     tube = 0.15 * (1 + 0.2 * np.sin(9 * u) * np.sin(3 * v))
@@ -85,7 +85,7 @@ def _ring(around: int, across: int) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.stack([corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)], axis=1)
 
 
-def _grid(side: int, size: float, height: float, down: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def _make_grid(side: int, size: float, height: float, down: bool = False) -> tuple[np.ndarray, np.ndarray]:
     x, y = (g.ravel() for g in np.meshgrid(*[np.linspace(-size / 2, size / 2, side + 1)] * 2, indexing="ij"))
     i, j = (g.ravel() for g in np.meshgrid(*[np.arange(side)] * 2, indexing="ij"))
     first, line = i * (side + 1) + j, side + 1

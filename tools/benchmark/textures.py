@@ -24,7 +24,7 @@ import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from renderformer_v2.model.compute.devices import choose_device, device_name
+from renderformer_v2.model.compute.devices import choose_device, name_of
 from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.compute.precision import NAMES, choose_precision
 from renderformer_v2.model.material.mappers import MAPPERS, Appearance
@@ -47,26 +47,28 @@ def measure(triangles: int, device: torch.device, vae: nn.Module | None = None) 
     with inference(), tempfile.TemporaryDirectory() as folder:
         vae.save_pretrained(folder)
         vae = vae.to(device).eval()
-        found = {"device": device_name(device), "threads": torch.get_num_threads(), "precision": NAMES[dtype],
-                 "video_seconds": _each(lambda x: vae.encode(x[:, :, None]).latent_dist.mean, images.to(device))}
+        measurement = {"device": name_of(device), "threads": torch.get_num_threads(), "precision": NAMES[dtype],
+                 "video_seconds": _time_image(lambda x: vae.encode(x[:, :, None]).latent_dist.mean, images.to(device))}
         chosen = ImageEncoder(Path(folder), device, dtype).dtype
         frame = OneFrameEncoder(vae).to(device, chosen, memory_format=torch.channels_last)
-        found["image_seconds"] = _each(lambda x: frame(x.to(chosen)), images.to(device))
-        found |= multiplications(frame, images[:1].to(device, chosen))
-        rate = product_rate(device, chosen, clock=_clock(device))
-        found["product_share"] = round(2 * found["multiplications"] / found["image_seconds"] / rate, 2)
+        measurement["image_seconds"] = _time_image(lambda x: frame(x.to(chosen)), images.to(device))
+        measurement |= count_multiplications(frame, images[:1].to(device, chosen))
+        rate = product_rate(device, chosen, clock=_choose_clock(device))
+        measurement["product_share"] = round(
+            2 * measurement["multiplications"] / measurement["image_seconds"] / rate, 2)
         mappers = [MAPPERS[name](**SIZES).to(device).eval() for name in MAPPERS]
-        scene, file = textured(triangles), Path(folder) / "latents.sqlite"
+        scene, file = make_textured_scene(triangles), Path(folder) / "latents.sqlite"
         for when in ("first", "later"):
             scene_encoder = SceneEncoder(Appearance(*mappers), ImageEncoder(Path(folder), device, dtype),
                                          LatentStore(file))
             begin = time.perf_counter()
             scene_encoder.process(scene)
-            found[f"{when}_seconds"] = round(time.perf_counter() - begin, 3)
-    return found | {"triangles": triangles, "times": round(found["video_seconds"] / found["image_seconds"], 2)}
+            measurement[f"{when}_seconds"] = round(time.perf_counter() - begin, 3)
+    times = round(measurement["video_seconds"] / measurement["image_seconds"], 2)
+    return measurement | {"triangles": triangles, "times": times}
 
 
-def multiplications(frame: OneFrameEncoder, image: torch.Tensor) -> dict[str, int]:
+def count_multiplications(frame: OneFrameEncoder, image: torch.Tensor) -> dict[str, int]:
     """Of a (1, 3, H, W) image: all, and those for which Winograd's methods are made."""
     with FlopCounterMode(display=False) as counter:
         frame(image)
@@ -76,7 +78,7 @@ def multiplications(frame: OneFrameEncoder, image: torch.Tensor) -> dict[str, in
     return {"multiplications": counter.get_total_flops() // 2, "multiplications_3x3": square}
 
 
-def textured(triangles: int) -> RenderScene:
+def make_textured_scene(triangles: int) -> RenderScene:
     """Triangles whose colours change smoothly, in another way on each of them."""
     random = np.random.default_rng(SEED)
     tiles = np.repeat(constant_tile((0.5, 0.5, 0.5), roughness=0.5, ior=1.5)[None], triangles, axis=0)
@@ -89,18 +91,18 @@ def textured(triangles: int) -> RenderScene:
     return RenderScene(corners, normals, rows, rows, rows[:, :2], np.arange(triangles, dtype=np.int32), tiles)
 
 
-def _each(encode, images: torch.Tensor) -> float:
+def _time_image(encode, images: torch.Tensor) -> float:
     """Seconds of an image, the best of two runs."""
-    best, clock = float("inf"), _clock(images.device)
+    best, clock = float("inf"), _choose_clock(images.device)
     for _ in range(2):
         begin = clock()
-        for some in images.split(BATCH_CPU):
-            encode(some).float().cpu()
+        for batch in images.split(BATCH_CPU):
+            encode(batch).float().cpu()
         best = min(best, clock() - begin)
     return round(best / len(images), 5)
 
 
-def _clock(device: torch.device):
+def _choose_clock(device: torch.device):
     return time.process_time if device.type == "cpu" else time.perf_counter
 
 

@@ -14,15 +14,15 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import statistics
 import time
+from collections.abc import Iterator
 from pathlib import Path
-
-import numpy as np
 
 from tools import extension
 from tools.common.arguments import numbers
+from tools.common.console import reserve_stdout
+from tools.common.viewport import read_camera_pose, request_picture
 
 LEVELS = (8, 4, 2, 1)
 COLUMNS = ("budget", "change", "triangles", "read", *LEVELS, "lock")
@@ -30,9 +30,8 @@ STEP = 0.001  # seconds that the window, which this thread plays, sleeps
 
 
 def main() -> int:
-    arguments = _arguments()
-    answer = os.fdopen(os.dup(1), "w")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    arguments = _parse_arguments()
+    answer = reserve_stdout()
     extension.load().register()
     import bpy
 
@@ -46,14 +45,14 @@ def main() -> int:
     rows.writeheader()
     for budget in arguments.budgets:
         scene.renderformer_v2.viewport.token_budget = budget
-        for row in _Viewport(scene, arguments.size).measured(arguments.rounds):
+        for row in _Viewport(scene, arguments.size).measure(arguments.rounds):
             rows.writerow({"budget": budget} | {key: f"{value:.3f}" if isinstance(value, float) else value
                                                 for key, value in row.items()})
             answer.flush()
     return 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark.viewport", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path, nargs="?")
     parser.add_argument("--size", type=lambda text: tuple(map(int, text.split("x"))), default=(960, 540))
@@ -68,71 +67,64 @@ class _Viewport:
     """One viewport that looks through the scene's camera."""
 
     def __init__(self, scene, size: tuple[int, int]) -> None:
-        self.scene, self.size, self.turn = scene, size, 0.0
+        self.scene, self.size, self.shift = scene, size, 0.0
 
-    def measured(self, rounds: int):
-        self._begin()
-        self._seconds()  # PyTorch is loaded
-        for change, make in (("enter", self._begin), ("move", self._move), ("camera", self._look_elsewhere)):
-            found = []
+    def measure(self, rounds: int) -> Iterator[dict]:
+        """A row for each kind of change."""
+        self._open()
+        self._time_pictures()  # PyTorch is loaded
+        for change, apply in (("enter", self._open), ("move", self._move_object), ("camera", self._move_camera)):
+            timings = []
             for _ in range(rounds):
-                make()
-                found.append(self._seconds())
+                apply()
+                timings.append(self._time_pictures())
             yield {"change": change, "triangles": self.session.displayed.triangles,
-                   "lock": max(each["lock"] for each in found)} | {
-                key: statistics.median(each[key] for each in found) for key in ("read", *LEVELS) if key in found[0]}
+                   "lock": max(timing["lock"] for timing in timings)} | {
+                key: statistics.median(timing[key] for timing in timings)
+                for key in ("read", *LEVELS) if key in timings[0]}
 
-    def _begin(self) -> None:
+    def _open(self) -> None:
         from renderformer_v2.rf2_engine.runtime.worker import worker
         from renderformer_v2.rf2_engine.viewport.session import Session
         from renderformer_v2.rf2_engine.viewport.source import Source
         self.session, self.source = Session(), Source()
         worker.add(self.session)
 
-    def _move(self) -> None:
+    def _move_object(self) -> None:
         import bpy
         moved = next(obj for obj in self.scene.objects if obj.type == "MESH")
         moved.location.x += 0.05
         bpy.context.view_layer.update()
         self.source.changes.add(bpy.context.evaluated_depsgraph_get())
-        self.source.changes.anything = True  # the handlers of the window have seen it already
+        self.source.changes.anything = True  # in a window, handlers would say so
 
-    def _look_elsewhere(self) -> None:
-        self.turn += 0.02
+    def _move_camera(self) -> None:
+        self.shift += 0.02
 
-    def _seconds(self) -> dict:
+    def _time_pictures(self) -> dict:
+        """Seconds by COLUMNS from now until the finest picture."""
         import bpy
 
         from renderformer_v2.rf2_engine.runtime.worker import worker
-        from renderformer_v2.rf2_engine.viewport.pictures import ViewportSettings
-        from renderformer_v2.rf2_engine.viewport.session import Request
         depsgraph, begin = bpy.context.evaluated_depsgraph_get(), time.perf_counter()
         while not self.source.refresh(depsgraph):
             pass
-        found = {"read": time.perf_counter() - begin, "lock": 0.0}
-        self.session.submit(Request(self.source.copied, self.source.state, self._view(depsgraph),
-                                 ViewportSettings.read(self.scene, depsgraph.view_layer), begin))
+        timing = {"read": time.perf_counter() - begin, "lock": 0.0}
+        pose = read_camera_pose(self.scene, depsgraph)
+        pose[:3, 3] += self.shift * pose[:3, 0]
+        self.session.submit(request_picture(self.scene, depsgraph, self.source, self.size, pose, begin))
         worker.wake()
         before, last = self.session.displayed, time.perf_counter()
         while self.session.has_work() or not worker.wait_until_idle(0):
             time.sleep(STEP)
             now, shown = time.perf_counter(), self.session.displayed
-            found["lock"], last = max(found["lock"], now - last - STEP), now
+            timing["lock"], last = max(timing["lock"], now - last - STEP), now
             if shown is not None and shown is not before:
-                found[shown.divisor], before = shown.seconds, shown
+                timing[shown.divisor], before = shown.seconds, shown
         if self.session.error:
             raise RuntimeError(self.session.error)
-        first = next(level for level in LEVELS if level in found)  # coarser ones are left out where this is quick
-        return {level: found[first] for level in LEVELS if level > first} | found
-
-    def _view(self, depsgraph):
-        from renderformer_v2.rf2_engine.viewport.region_view import RegionView
-        camera, (width, height) = self.scene.camera.evaluated_get(depsgraph), self.size
-        matrix = np.array(camera.matrix_world)
-        matrix[:3, 3] += self.turn * matrix[:3, 0]
-        projection = camera.calc_matrix_camera(depsgraph, x=width, y=height)
-        return RegionView(tuple(map(tuple, projection)), tuple(map(tuple, matrix.tolist())), (0, width, 0, height),
-                          self.size)
+        first = next(level for level in LEVELS if level in timing)  # coarser ones are not drawn where this is quick
+        return {level: timing[first] for level in LEVELS if level > first} | timing
 
 
 if __name__ == "__main__":

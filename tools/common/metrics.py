@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compare two pictures: PSNR, SSIM and FLIP of display-encoded images, HDR-FLIP of linear ones."""
+"""Compare two pictures: PSNR, SSIM and FLIP of sRGB-encoded images, HDR-FLIP of linear ones.
+
+By the libraries of these metrics' authors; what the add-on shows is by its own code (model/metrics).
+"""
 from __future__ import annotations
 
 import numpy as np
 
 from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.metrics.scores import psnr
+
+AMPLIFIED = 4  # times, a difference that is shown
 
 
 def flip(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -31,3 +36,12 @@ def compare(rendered: np.ndarray, reference: np.ndarray) -> dict[str, float]:
     a, b = linear_to_srgb(rendered), linear_to_srgb(reference)
     return {"psnr": psnr(a, b), "ssim": float(structural_similarity(a, b, channel_axis=2, data_range=1.0)),
             "flip": float(flip(a, b).mean()), "hdr_flip": hdr_flip(rendered, reference)}
+
+
+def add_error_pictures(view: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """sRGB (H, W, 3) pictures of one view, with "difference" and "flip" of "ours" and "reference" added."""
+    from matplotlib import colormaps
+
+    ours, reference = view["ours"], view["reference"]
+    return view | {"difference": np.clip(np.abs(ours - reference) * AMPLIFIED, 0, 1),
+                   "flip": colormaps["magma"](flip(ours, reference))[..., :3]}

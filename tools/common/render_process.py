@@ -15,7 +15,7 @@ from ..extension import ROOT
 FEW = 4  # samples that are measured first
 
 
-def render(scene: Path, output: Path, *options: object) -> dict:
+def run_render(scene: Path, output: Path, *options: object) -> dict:
     """What `python -m tools.render` prints, with its options. Raises RuntimeError with the engine's message."""
     command = [sys.executable, "-m", "tools.render", scene.resolve(), "-o", output.resolve(), *options]
     done = subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True)
@@ -24,19 +24,22 @@ def render(scene: Path, output: Path, *options: object) -> dict:
     return json.loads(done.stdout)
 
 
-def render_once(scene: Path, output: Path, *options: object) -> dict:
-    """The same, which is written beside `output`; both are kept while scene, options and Blender are what they were."""
+def run_render_cached(scene: Path, output: Path, *options: object) -> dict:
+    """As `run_render`, but with the answer of an earlier call if scene, options and Blender are the same.
+
+    That is in a JSON file beside `output`.
+    """
     note = output.with_suffix(".json")
     made_of = {"scene": hashlib.sha256(scene.read_bytes()).hexdigest(), "options": list(map(str, options)),
                "bpy": version("bpy")}
-    known = json.loads(note.read_text()) if note.exists() and output.exists() else {}
-    if known.get("made_of") != made_of:
-        known = {"made_of": made_of, "printed": render(scene, output, *options)}
-        note.write_text(json.dumps(known))
-    return known["printed"]
+    cached = json.loads(note.read_text()) if note.exists() and output.exists() else {}
+    if cached.get("made_of") != made_of:
+        cached = {"made_of": made_of, "printed": run_render(scene, output, *options)}
+        note.write_text(json.dumps(cached))
+    return cached["printed"]
 
 
-def samples_in_time(seconds: float, most: int, measure: Callable[[int], float]) -> tuple[int, float]:
+def find_samples_in_time(seconds: float, most: int, measure: Callable[[int], float]) -> tuple[int, float]:
     """The number of samples, `most` at most, that takes nearest to `seconds`, and the seconds that it took.
 
     measure(samples) renders so many and returns the seconds. FEW are measured, then as many as would fit if the time
@@ -45,15 +48,15 @@ def samples_in_time(seconds: float, most: int, measure: Callable[[int], float]) 
     few = min(FEW, most)
     measured = {few: measure(few)}
 
-    def try_nearest(wanted: float) -> int:
-        count = round(min(max(wanted, 1), most))
+    def try_nearest(target: float) -> int:
+        count = round(min(max(target, 1), most))
         if count not in measured:
             measured[count] = measure(count)
         return count
 
-    other = try_nearest(few * seconds / measured[few])
-    if other != few:
-        per_sample = (measured[other] - measured[few]) / (other - few)
+    second = try_nearest(few * seconds / measured[few])
+    if second != few:
+        per_sample = (measured[second] - measured[few]) / (second - few)
         try_nearest(few + (seconds - measured[few]) / per_sample if per_sample > 0 else most)
     nearest = min(measured, key=lambda count: abs(measured[count] - seconds))
     return nearest, measured[nearest]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An open .blend file made ready to be rendered by one of the two engines, and its picture saved."""
+"""A .blend file: open it, set it up for one of the two engines, and save its picture."""
 from __future__ import annotations
 
 import os
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from renderformer_v2.model.weights.presets import BUNDLED
 
-from .pictures import write_whole
+from .pictures import write_atomically
 
 FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
 ENGINES = {"renderformer": "RENDERFORMER_V2", "cycles": "CYCLES"}
@@ -25,12 +25,12 @@ def open_scene(path: Path):
 
 
 def configure(scene, engine: str, *, samples: int | None = None, resolution: tuple[int, int] | None = None,
-              weights: str | None = None, threads: int | None = None, light: str | None = None, beside: bool = False,
-              reference_samples: int | None = None, unclamped: bool = False) -> None:
-    """Choose one of ENGINES and its settings; those that are not given stay as the file has them.
+              weights: str | None = None, threads: int | None = None, light: str | None = None,
+              with_reference: bool = False, reference_samples: int | None = None, unclamped: bool = False) -> None:
+    """Choose one of ENGINES and its settings; what is None stays as it is in the file.
 
     samples: guide samples, of small pictures too, or Cycles' samples. weights: BUNDLED, or a folder. light: "TRACED" or
-    "NETWORK". beside: with a Cycles reference, of `reference_samples`. unclamped: Cycles keeps light that has bounced
+    "NETWORK". with_reference: beside Cycles, with `reference_samples`. unclamped: Cycles keeps light that has bounced
     as it is.
     """
     scene.render.engine = ENGINES[engine]
@@ -47,7 +47,7 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
     if weights:
         scene.renderformer_v2.weights_source = "BUNDLED" if weights == BUNDLED else "FOLDER"
         scene.renderformer_v2.weights_folder = os.path.abspath(weights)
-    if beside:
+    if with_reference:
         scene.renderformer_v2.reference.use = True
         if reference_samples:
             scene.renderformer_v2.reference.samples = reference_samples
@@ -57,8 +57,8 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
         scene.renderformer_v2.light = light
 
 
-def save(path: Path, scene) -> None:
-    """The last render as multilayer EXR in full floats, or as PNG, by suffix. Raises OSError as write_whole does."""
+def save_picture(path: Path, scene) -> None:
+    """The last render as multilayer EXR in full floats, or as PNG, by suffix. Raises OSError naming `path`."""
     import bpy
 
     from renderformer_v2.rf2_engine.compat import set_file_format
@@ -67,10 +67,4 @@ def save(path: Path, scene) -> None:
     if path.suffix.lower() == ".exr":
         settings.color_depth = "32"
     result = bpy.data.images["Render Result"]
-    write_whole(path, lambda file: result.save_render(str(file), scene=scene))
-
-
-def one_line(error: Exception) -> str:
-    """What an exception says; Blender's say it several times, each time as an error."""
-    messages = dict.fromkeys(line.removeprefix("Error: ").strip() for line in str(error).splitlines())
-    return " ".join(filter(None, messages))
+    write_atomically(path, lambda file: result.save_render(str(file), scene=scene))

@@ -18,7 +18,8 @@ from mathutils import Matrix, Vector
 
 from renderformer_v2.model.errors import SceneError
 from renderformer_v2.model.scene import TILE_SIZE
-from tools.common.scene_file import one_line, open_scene
+from tools.common.console import to_one_line
+from tools.common.scene_file import open_scene
 
 from . import render_sample
 from .sample_files import SampleCounts, save_sample
@@ -49,7 +50,7 @@ def generate(out: Path, files: list[Path], counts: SampleCounts, *, views: int, 
                 raise SceneError("there is no such file")
             make_samples(out, file, counts, views, threads, resolution)
         except (SceneError, RuntimeError, ValueError) as error:  # Blender raises RuntimeError for what it cannot read
-            print(f"{file}: {one_line(error)}", file=sys.stderr)
+            print(f"{file}: {to_one_line(error)}", file=sys.stderr)
             failed += 1
     return failed
 

@@ -27,7 +27,7 @@ from tools.datagen.sample_files import sample_paths
 from .blends import evaluate_blend
 from .report import write_page, write_pictures
 from .samples import evaluate_sample
-from .scores import mean
+from .scores import compute_means
 
 
 def main() -> int:
@@ -65,15 +65,15 @@ def evaluate(paths: list[Path], options: argparse.Namespace) -> dict:
     renderer, scenes, pictures = None, {}, {}
     for path in paths:
         if path.suffix == ".blend":
-            done = evaluate_blend(path, options.weights, options.output / "renders", options.threads, options.cycles,
-                                  options.reference)
+            evaluation = evaluate_blend(path, options.weights, options.output / "renders", options.threads,
+                                        options.cycles, options.reference)
         else:
             renderer = renderer or Renderer(options.weights)
             with team(options.threads):
-                done = evaluate_sample(path, renderer)
-        scenes[path.stem] = done.scores
-        pictures[path.stem] = write_pictures(done, options.output, path.stem)
-        report = {"weights": options.weights, "scenes": scenes, "mean": mean(list(scenes.values()))}
+                evaluation = evaluate_sample(path, renderer)
+        scenes[path.stem] = evaluation.scores
+        pictures[path.stem] = write_pictures(evaluation, options.output, path.stem)
+        report = {"weights": options.weights, "scenes": scenes, "mean": compute_means(list(scenes.values()))}
         (options.output / "report.json").write_text(json.dumps(report, indent=1))
         write_page(report, pictures, options.output / "report.html")
     return report

@@ -22,18 +22,18 @@ class Evaluation:
     views: list[dict[str, np.ndarray]]
 
 
-def scores(pictures: list[np.ndarray], references: list[np.ndarray], **more: float) -> dict[str, float]:
+def compute_scores(pictures: list[np.ndarray], references: list[np.ndarray], **more: float) -> dict[str, float]:
     """Mean metrics of linear (H, W, 3) pictures against their references; `more` is added, rounded."""
     views = [compare(a, b) for a, b in zip(pictures, references, strict=True)]
     return {key: float(np.mean([v[key] for v in views])) for key in METRICS} | {
         key: round(value, 3) for key, value in more.items()}
 
 
-def mean(scenes: list[dict]) -> dict:
-    """Every metric of the scenes, the worst PSNR, the seconds if they are known; also of what all are set beside."""
-    found = {key: float(np.mean([s[key] for s in scenes])) for key in METRICS}
-    found["worst_psnr"] = min(s["psnr"] for s in scenes)
+def compute_means(scenes: list[dict]) -> dict:
+    """Every metric of the scenes, the worst PSNR, the seconds if all have them; the same of what all have "beside"."""
+    means = {key: float(np.mean([s[key] for s in scenes])) for key in METRICS}
+    means["worst_psnr"] = min(s["psnr"] for s in scenes)
     if all("seconds" in s for s in scenes):
-        found["seconds"] = round(float(np.mean([s["seconds"] for s in scenes])), 3)
+        means["seconds"] = round(float(np.mean([s["seconds"] for s in scenes])), 3)
     names = set.intersection(*(set(s.get("beside", {})) for s in scenes))
-    return found | {name: mean([s["beside"][name] for s in scenes]) for name in sorted(names)}
+    return means | {name: compute_means([s["beside"][name] for s in scenes]) for name in sorted(names)}

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
 import sys
 from itertools import pairwise
@@ -27,38 +26,36 @@ from pathlib import Path
 from renderformer_v2.model.errors import CheckpointError, SceneError
 from tools import extension
 from tools.common.arguments import picture_size, whole_number
-from tools.common.pictures import prepare
-from tools.common.scene_file import one_line
+from tools.common.console import reserve_stdout, to_one_line
+from tools.common.pictures import check_output, read_pass
 
 
 def main() -> int:
-    arguments = _arguments()
-    answer = os.fdopen(os.dup(1), "w")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    arguments = _parse_arguments()
+    answer = reserve_stdout()
     extension.load().register()
     try:
         if not arguments.scene.is_file():
             raise FileNotFoundError(f"{arguments.scene}: there is no such file")
         if arguments.film:
-            prepare(arguments.film)
-        found = {"renderformer": _measured(arguments, "renderformer", samples=arguments.guide_samples,
-                                           light=arguments.light, weights=arguments.weights)}
+            check_output(arguments.film)
+        engines = {"renderformer": _measure(arguments, "renderformer", samples=arguments.guide_samples,
+                                            light=arguments.light, weights=arguments.weights)}
         for number, samples in enumerate(arguments.samples):
             name = f"cycles_{samples}" if number else "cycles"
-            found[name] = _measured(arguments, "cycles", samples=samples)
+            engines[name] = _measure(arguments, "cycles", samples=samples)
         if arguments.film:
-            _show(arguments.film, [Path(engine["folder"]) for engine in found.values()])
+            _write_film(arguments.film, [Path(engine["folder"]) for engine in engines.values()])
     except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:
-        print(one_line(error), file=sys.stderr)
+        print(to_one_line(error), file=sys.stderr)
         return 1
+    ratios = {"ratio": _compute_ratios(engines, "flicker"), "median_ratio": _compute_ratios(engines, "median")}
     print(json.dumps({"scene": str(arguments.scene), "frames": arguments.frames, "degrees": arguments.degrees,
-                      "samples": arguments.samples} | found
-                     | {"ratio": _ratios(found, "flicker"), "median_ratio": _ratios(found, "median")}),
-          file=answer, flush=True)
+                      "samples": arguments.samples} | engines | ratios), file=answer, flush=True)
     return 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
     count = whole_number(1)
     parser = argparse.ArgumentParser(prog="python -m tools.flicker", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path, help=".blend file")
@@ -75,31 +72,29 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _measured(arguments: argparse.Namespace, engine: str, **settings) -> dict:
-    from .frames import read, rendered
-    from .measure import flicker
-    common = {"resolution": arguments.resolution, "threads": arguments.threads}
-    frames = rendered(arguments.scene, arguments.output.resolve(), engine, arguments.frames, arguments.degrees,
-                      **common, **settings)
-    pairs = [flicker(before, after) for before, after in pairwise(read(*frame) for frame in frames)]
+def _measure(arguments: argparse.Namespace, engine: str, **settings) -> dict:
+    """The frames of an engine, compared; settings: of tools.common.scene_file.configure."""
+    from .frames import read_frame, render_frames
+    from .measure import measure_flicker
+    frames = render_frames(arguments.scene, arguments.output.resolve(), engine, arguments.frames, arguments.degrees,
+                           resolution=arguments.resolution, threads=arguments.threads, **settings)
+    pairs = [measure_flicker(before, after) for before, after in pairwise(read_frame(*frame) for frame in frames)]
     mean, median, compared = map(statistics.mean, zip(*pairs))
     return {"flicker": round(mean, 6), "median": round(median, 6), "compared": round(compared, 4),
             "pairs": [round(change.mean, 6) for change in pairs], "folder": str(frames[0][1].parent)}
 
 
-def _show(path: Path, folders: list[Path]) -> None:
-    from tools.common.pictures import read_pass
-
-    from .frames import film
+def _write_film(path: Path, folders: list[Path]) -> None:
+    from .frames import write_film
     frames = zip(*(sorted(folder.glob("*.exr")) for folder in folders), strict=True)
-    film(path, ([read_pass(file, "Combined", "RGB") for file in files] for files in frames))
+    write_film(path, ([read_pass(file, "Combined", "RGB") for file in files] for files in frames))
 
 
-def _ratios(found: dict, key: str) -> dict[str, float | None]:
+def _compute_ratios(engines: dict[str, dict], key: str) -> dict[str, float | None]:
     """Of all but "cycles" over that; None where nothing changes in its pictures."""
-    least = found["cycles"][key]
-    return {name: round(engine[key] / least, 3) if least else None
-            for name, engine in found.items() if name != "cycles"}
+    reference = engines["cycles"][key]
+    return {name: round(engine[key] / reference, 3) if reference else None
+            for name, engine in engines.items() if name != "cycles"}
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The frames of one engine: rendered where they are missing, and read again."""
+"""Frames of a scene whose camera turns about what it looks at: render those that are missing, read them, show them."""
 from __future__ import annotations
 
 import hashlib
@@ -19,13 +19,17 @@ from mathutils import Matrix, Vector
 from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.scene import View
 from renderformer_v2.model.weights.presets import weights_folder
-from tools.common.pictures import read_pass, write_whole
-from tools.common.scene_file import configure, open_scene, save
+from tools.common.pictures import read_pass, to_bytes, write_atomically
+from tools.common.scene_file import configure, open_scene, save_picture
 
 from .measure import Frame
 
+FILM_SECONDS = 0.125  # of a frame
+FILM_QUALITY = 95     # of 100
 
-def rendered(path: Path, output: Path, engine: str, frames: int, degrees: float, **settings) -> list[tuple]:
+
+def render_frames(path: Path, output: Path, engine: str, frames: int, degrees: float,
+                  **settings) -> list[tuple[View, Path]]:
     """(View, file) of every frame; those that `output` holds already are not rendered again.
 
     settings: of tools.common.scene_file.configure. Frames with other settings have another folder in `output`; the
@@ -45,28 +49,24 @@ def rendered(path: Path, output: Path, engine: str, frames: int, degrees: float,
     folder = output / f"{engine}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "settings.json").write_text(text)
-    found = []
-    for number, view in enumerate(views(scene, frames, degrees), 1):
+    rendered = []
+    for number, view in enumerate(step_frames(scene, frames, degrees), 1):
         file = folder / f"{number:04d}.exr"
         if not file.exists():
             begin = time.perf_counter()
             bpy.ops.render.render(scene=scene.name)
             print(f"{file}: {time.perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
-            save(file, scene)
-        found.append((view, file))
-    return found
+            save_picture(file, scene)
+        rendered.append((view, file))
+    return rendered
 
 
-def read(view, file: Path) -> Frame:
+def read_frame(view: View, file: Path) -> Frame:
     return Frame(view, read_pass(file, "Combined", "RGB"), read_pass(file, "Position", "XYZ"))
 
 
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
-
-
-def views(scene: bpy.types.Scene, frames: int, degrees: float) -> Iterator[View]:
-    """Set the scene to one frame after the other, from its first one, and give its View.
+def step_frames(scene: bpy.types.Scene, frames: int, degrees: float) -> Iterator[View]:
+    """Set the scene to one frame after the other, from its first one, and yield the camera's View.
 
     The camera turns by so many degrees a frame about a vertical axis, with the pose that the file is saved in in the
     middle; with 0 degrees it is animated as in the file. Raises SceneError when there is no usable camera.
@@ -74,7 +74,7 @@ def views(scene: bpy.types.Scene, frames: int, degrees: float) -> Iterator[View]
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 
     if degrees and scene.camera:
-        _animate(scene, [radians(degrees) * (index - (frames - 1) / 2) for index in range(frames)])
+        _animate_camera(scene, [radians(degrees) * (index - (frames - 1) / 2) for index in range(frames)])
     for index in range(frames):
         scene.frame_set(scene.frame_start + index)
         depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -83,21 +83,33 @@ def views(scene: bpy.types.Scene, frames: int, degrees: float) -> Iterator[View]
                              None)
 
 
-def _animate(scene: bpy.types.Scene, angles: list[float]) -> None:
+def write_film(path: Path, frames: Iterable[Iterable[np.ndarray]]) -> None:
+    """An animated .webp of frames, each of which is pictures (H, W, 3) f32, linear, shown side by side.
+
+    Raises OSError naming `path`.
+    """
+    images = [Image.fromarray(np.hstack([to_bytes(linear_to_srgb(picture)) for picture in pictures]))
+              for pictures in frames]
+    write_atomically(path, lambda temporary: images[0].save(
+        temporary, save_all=True, append_images=images[1:], duration=round(1000 * FILM_SECONDS), loop=0,
+        quality=FILM_QUALITY, method=6))
+
+
+def _animate_camera(scene: bpy.types.Scene, angles: list[float]) -> None:
     """Key a copy of the camera at these angles: the camera itself may be animated or constrained."""
     pose = scene.camera.matrix_world.copy()
     camera = bpy.data.objects.new("Orbit", scene.camera.data)
     scene.collection.objects.link(camera)
     scene.timeline_markers.clear()  # they may bind other cameras
     scene.camera, camera.rotation_mode = camera, "QUATERNION"
-    pivot = Matrix.Translation(_looked_at(scene, pose))
+    pivot = Matrix.Translation(_find_target(scene, pose))
     for frame, angle in enumerate(angles, scene.frame_start):
         camera.matrix_world = pivot @ Matrix.Rotation(angle, 4, "Z") @ pivot.inverted() @ pose
         for path in ("location", "rotation_quaternion", "scale"):
             camera.keyframe_insert(path, frame=frame)
 
 
-def _looked_at(scene: bpy.types.Scene, pose: Matrix) -> Vector:
+def _find_target(scene: bpy.types.Scene, pose: Matrix) -> Vector:
     """The point on the camera's axis that is nearest to the middle of what is rendered, always in front of it."""
     corners = [item.matrix_world @ Vector(corner) for item in scene.objects
                if item.type == "MESH" and not item.hide_render for corner in item.bound_box]
@@ -107,14 +119,5 @@ def _looked_at(scene: bpy.types.Scene, pose: Matrix) -> Vector:
     return pose.translation + forward * max((middle - pose.translation).dot(forward), 0.1 * size)
 
 
-SECONDS = 0.125  # of a frame
-QUALITY = 95     # of 100
-
-
-def film(path: Path, frames: Iterable[Iterable[np.ndarray]]) -> None:
-    """Write a .webp of frames, each of which is pictures (H, W, 3) f32, linear. Raises OSError naming `path`."""
-    shown = [Image.fromarray(np.hstack([(linear_to_srgb(picture) * 255 + 0.5).astype(np.uint8)
-                                        for picture in pictures])) for pictures in frames]
-    write_whole(path, lambda temporary: shown[0].save(
-        temporary, save_all=True, append_images=shown[1:], duration=round(1000 * SECONDS), loop=0, quality=QUALITY,
-        method=6))
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from pathlib import Path
@@ -26,31 +25,30 @@ from pathlib import Path
 from renderformer_v2.model.compute import threads
 from renderformer_v2.model.errors import CheckpointError, SceneError
 from renderformer_v2.model.weights.presets import BUNDLED
-
-from .. import extension
-from ..common.arguments import file_with, picture_size, whole_number
-from ..common.pictures import prepare
-from ..common.scene_file import ENGINES, FORMATS, configure, one_line, open_scene, save
+from tools import extension
+from tools.common.arguments import file_with, picture_size, whole_number
+from tools.common.console import reserve_stdout, to_one_line
+from tools.common.pictures import check_output
+from tools.common.scene_file import ENGINES, FORMATS, configure, open_scene, save_picture
 
 H5 = (".h5", ".hdf5")
-_count = whole_number(1)
 
 
 def main() -> int:
-    arguments = _arguments()
-    answer = os.fdopen(os.dup(1), "w")
-    os.dup2(2 if arguments.verbose else os.open(os.devnull, os.O_WRONLY), 1)  # Blender's talk is not the answer
+    arguments = _parse_arguments()
+    answer = reserve_stdout(is_verbose=arguments.verbose)
     try:
         statistics = _run(arguments)
     # Blender raises RuntimeError for whatever the engine reports.
     except (CheckpointError, SceneError, RuntimeError, ValueError, OSError) as error:
-        print(one_line(error), file=sys.stderr)
+        print(to_one_line(error), file=sys.stderr)
         return 1
     print(json.dumps(statistics), file=answer, flush=True)
     return 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
+    count = whole_number(1)
     parser = argparse.ArgumentParser(prog="python -m tools.render", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path, help=".blend file, or .h5 scene")
     parser.add_argument("-o", "--output", type=file_with(*FORMATS), action="append", default=[],
@@ -58,14 +56,15 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--export-h5", type=file_with(*H5), metavar="FILE",
                         help="write the scene for the research code")
     parser.add_argument("--engine", choices=ENGINES, default="renderformer")
-    parser.add_argument("--samples", type=_count, help="samples, or Cycles' samples (default: the file's)")
+    parser.add_argument("--samples", type=count, help="samples, or Cycles' samples (default: the file's)")
     parser.add_argument("--alone", action="store_true", help="Light > Network Alone, whatever the file has")
     parser.add_argument("--unclamped", action="store_true", help="Cycles without Clamp Indirect")
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
-    parser.add_argument("--weights", type=_weights, help=f"{BUNDLED}, or a folder with weights (default: the file's)")
-    parser.add_argument("--threads", type=_count, help="processor threads (default: the file's)")
+    parser.add_argument("--weights", type=_parse_weights,
+                        help=f"{BUNDLED}, or a folder with weights (default: the file's)")
+    parser.add_argument("--threads", type=count, help="processor threads (default: the file's)")
     parser.add_argument("--beside-cycles", action="store_true", help="a Cycles reference of the same scene, compared")
-    parser.add_argument("--reference-samples", type=_count, help="of that reference (default: the file's)")
+    parser.add_argument("--reference-samples", type=count, help="of that reference (default: the file's)")
     parser.add_argument("--sheet", type=file_with(".png"), help="picture of that comparison")
     parser.add_argument("--verbose", action="store_true", help="Blender's own output on stderr")
     arguments = parser.parse_args()
@@ -78,7 +77,7 @@ def _arguments() -> argparse.Namespace:
     return arguments
 
 
-def _weights(text: str) -> str:
+def _parse_weights(text: str) -> str:
     if not text.strip():
         raise argparse.ArgumentTypeError(f"expected {BUNDLED}, or a folder with weights")
     return text
@@ -95,7 +94,7 @@ def _run(arguments: argparse.Namespace) -> dict:
         raise ValueError("H5 scenes are for the published network alone: leave out --engine cycles, --samples and "
                          "--beside-cycles")
     for path in filter(None, (*arguments.output, arguments.export_h5, arguments.sheet)):
-        prepare(path)
+        check_output(path)
     if is_h5:
         from . import h5_scene
         with threads.team(arguments.threads or 0):
@@ -103,7 +102,7 @@ def _run(arguments: argparse.Namespace) -> dict:
     extension.load().register()
     scene = open_scene(arguments.scene)
     configure(scene, arguments.engine, samples=arguments.samples, resolution=arguments.resolution,
-              weights=arguments.weights, threads=arguments.threads, beside=arguments.beside_cycles,
+              weights=arguments.weights, threads=arguments.threads, with_reference=arguments.beside_cycles,
               reference_samples=arguments.reference_samples, light="NETWORK" if arguments.alone else None,
               unclamped=arguments.unclamped)
     if arguments.export_h5:
@@ -113,40 +112,53 @@ def _run(arguments: argparse.Namespace) -> dict:
 
 
 def _render(arguments: argparse.Namespace, scene) -> dict:
+    """Render and save the open scene; returns its statistics."""
     import bpy
     begin = time.perf_counter()
     bpy.ops.render.render(scene=scene.name)
     seconds = time.perf_counter() - begin
     for path in arguments.output:
-        save(path, scene)
+        save_picture(path, scene)
 
     statistics = {"scene": str(arguments.scene), "engine": scene.render.engine, "seconds": {"total": round(seconds, 3)},
                   "tokens": None, "triangles": None, "report": [], "output": list(map(str, arguments.output))}
     if arguments.engine == "cycles":
         statistics["samples"] = scene.cycles.samples
-    from renderformer_v2.rf2_engine.progress.frame_lines import describe_layer
+    from renderformer_v2.rf2_engine.progress.frame_lines import of_layer
     from renderformer_v2.rf2_engine.progress.last_render import last_frame
     # Without the engine there are none: Cycles rendered, or compositor or sequencer made the picture alone.
     if last_frame:
-        layers = [describe_layer(layer) for layer in last_frame]
-        stages = dict.fromkeys(stage for layer in layers for stage in layer["seconds"])
-        statistics["seconds"] = {stage: round(sum(layer["seconds"].get(stage, 0.0) for layer in layers), 3)
-                                 for stage in stages} | statistics["seconds"]
-        statistics |= {key: sum(layer[key] for layer in layers) for key in ("tokens", "triangles")}
-        statistics |= {key: layers[-1][key] for key in ("size", "weights", "device")}
-        statistics["report"] = [line for layer in layers for line in layer["report"]]
-        if len(layers) > 1:
-            statistics["layers"] = layers
+        layers = [of_layer(layer) for layer in last_frame]
         if arguments.beside_cycles:
-            from renderformer_v2.rf2_engine.render_size import frame_size, render_border
-
-            from . import comparison as beside
-            settings = scene.render
-            border = None if settings.use_crop_to_border else render_border(*frame_size(settings), settings)
-            beside.add(layers, lambda path: save(path, scene), arguments.sheet, border)
-            if len(layers) == 1:
-                statistics |= {key: layers[0][key] for key in ("reference_samples", "comparison")}
+            _compare(layers, scene, arguments.sheet)
+        statistics |= _combine(layers) | {"seconds": _add_seconds(layers) | statistics["seconds"]}
     return statistics
+
+
+def _combine(layers: list[dict]) -> dict:
+    """The statistics of all view layers, but for their seconds."""
+    combined = {key: sum(layer[key] for layer in layers) for key in ("tokens", "triangles")}
+    combined |= {key: layers[-1][key] for key in ("size", "weights", "device")}
+    combined["report"] = [line for layer in layers for line in layer["report"]]
+    if len(layers) > 1:
+        return combined | {"layers": layers}
+    return combined | {key: layers[0][key] for key in ("reference_samples", "comparison") if "comparison" in layers[0]}
+
+
+def _add_seconds(layers: list[dict]) -> dict[str, float]:
+    """By stage, of all view layers."""
+    stages = dict.fromkeys(stage for layer in layers for stage in layer["seconds"])
+    return {stage: round(sum(layer["seconds"].get(stage, 0.0) for layer in layers), 3) for stage in stages}
+
+
+def _compare(layers: list[dict], scene, sheet: Path | None) -> None:
+    """Add to the statistics of each view layer how close it is to its Cycles reference."""
+    from renderformer_v2.rf2_engine.render_size import frame_size, render_border
+
+    from .comparison import compare_layers
+    settings = scene.render
+    border = None if settings.use_crop_to_border else render_border(*frame_size(settings), settings)
+    compare_layers(layers, lambda path: save_picture(path, scene), sheet, border)
 
 
 if __name__ == "__main__":

@@ -9,10 +9,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from renderformer_v2.model.color import linear_to_srgb
-
-from ..common.metrics import compare
-from ..common.pictures import read_pass, write_whole
-from ..evaluate.report import AMPLIFIED, with_errors
+from tools.common.metrics import AMPLIFIED, add_error_pictures, compare
+from tools.common.pictures import read_pass, write_atomically
 
 LEAST_WIDTH = 360   # pixels of a picture on the sheet: its title needs them
 DPI = 100
@@ -20,12 +18,12 @@ DPI = 100
 Pair = tuple[np.ndarray, np.ndarray]  # ours, Cycles': (H, W, 3) f32, linear
 
 
-def add(layers: list[dict], save: Callable[[Path], None], sheet: Path | None,
-        border: tuple[int, int, int, int] | None) -> None:
+def compare_layers(layers: list[dict], save: Callable[[Path], None], sheet: Path | None,
+                   border: tuple[int, int, int, int] | None) -> None:
     """Give each view layer's statistics its "comparison": PSNR, SSIM and FLIP; write `sheet` unless it is None.
 
-    `save` writes the render result to a file; outside of the `border` (x0, x1, y0, y1), from the bottom left, that is
-    empty, and left out. Raises RuntimeError when there is no reference, OSError naming `sheet`.
+    save: writes the render result to a file. border: (x0, x1, y0, y1) from the bottom left, what was rendered of it;
+    None for all. Raises RuntimeError when there is no reference, OSError naming `sheet`.
     """
     for layer in layers:
         if not layer["reference_samples"]:
@@ -33,7 +31,7 @@ def add(layers: list[dict], save: Callable[[Path], None], sheet: Path | None,
     with TemporaryDirectory() as folder:
         path = Path(folder) / "passes.exr"
         save(path)
-        pairs = [tuple(_inside(border, read_pass(path, name, "RGB", layer["layer"]))
+        pairs = [tuple(_crop(border, read_pass(path, name, "RGB", layer["layer"]))
                        for name in ("Combined", "Cycles Reference")) for layer in layers]
     for layer, pair in zip(layers, pairs):
         layer["comparison"] = {name: round(value, 4) for name, value in compare(*pair).items()}
@@ -41,7 +39,7 @@ def add(layers: list[dict], save: Callable[[Path], None], sheet: Path | None,
         write_sheet(sheet, list(zip(pairs, layers)))
 
 
-def _inside(border: tuple[int, int, int, int] | None, picture: np.ndarray) -> np.ndarray:
+def _crop(border: tuple[int, int, int, int] | None, picture: np.ndarray) -> np.ndarray:
     if border is None:
         return picture
     left, right, bottom, top = border
@@ -62,24 +60,24 @@ def write_sheet(path: Path, rows: list[tuple[Pair, dict]]) -> None:
     figure, axes = pyplot.subplots(len(rows), 4, squeeze=False, layout="constrained", dpi=DPI,
                                    figsize=(4.4 * width * scale, len(rows) * (height * scale + 0.6)))
     for row, (pair, statistics) in zip(axes, rows):
-        for axis, (title, picture) in zip(row, _pictures(pair, statistics)):
+        for axis, (title, picture) in zip(row, _title_pictures(pair, statistics)):
             axis.set_title(title, fontsize=10)
             axis.imshow(picture, interpolation="nearest")
             axis.set_axis_off()
     colors = pyplot.cm.ScalarMappable(pyplot.Normalize(0, 1), "magma")
     figure.colorbar(colors, ax=axes, label="FLIP", fraction=0.02, pad=0.005)
     try:
-        write_whole(path, figure.savefig)
+        write_atomically(path, figure.savefig)
     finally:
         pyplot.close(figure)
 
 
-def _pictures(pair: Pair, statistics: dict) -> list[tuple[str, np.ndarray]]:
-    shown = with_errors(dict(zip(("ours", "reference"), map(linear_to_srgb, pair), strict=True)))
-    seconds, found = statistics["seconds"], statistics["comparison"]
-    own = sum(value for stage, value in seconds.items() if stage not in ("Cycles Reference", "total"))
-    return [(f"RenderFormer-V2, {own:.1f} s", shown["ours"]),
+def _title_pictures(pair: Pair, statistics: dict) -> list[tuple[str, np.ndarray]]:
+    pictures = add_error_pictures(dict(zip(("ours", "reference"), map(linear_to_srgb, pair), strict=True)))
+    seconds, scores = statistics["seconds"], statistics["comparison"]
+    own_seconds = sum(value for stage, value in seconds.items() if stage not in ("Cycles Reference", "total"))
+    return [(f"RenderFormer-V2, {own_seconds:.1f} s", pictures["ours"]),
             (f"Cycles, {statistics['reference_samples']} samples, {seconds['Cycles Reference']:.1f} s",
-             shown["reference"]),
-            (f"Difference x{AMPLIFIED}, PSNR {found['psnr']:.1f} dB", shown["difference"]),
-            (f"FLIP {found['flip']:.3f}, SSIM {found['ssim']:.3f}", shown["flip"])]
+             pictures["reference"]),
+            (f"Difference x{AMPLIFIED}, PSNR {scores['psnr']:.1f} dB", pictures["difference"]),
+            (f"FLIP {scores['flip']:.3f}, SSIM {scores['ssim']:.3f}", pictures["flip"])]

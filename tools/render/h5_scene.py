@@ -11,8 +11,7 @@ import numpy as np
 from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.weights.presets import BUNDLED
-
-from ..common.pictures import write_whole
+from tools.common.pictures import to_bytes, write_atomically
 
 
 def render(path: Path, weights: str | None, outputs: list[Path], resolution: tuple[int, int] | None) -> dict:
@@ -39,11 +38,11 @@ def render(path: Path, weights: str | None, outputs: list[Path], resolution: tup
         raise CheckpointError(f"the network's picture of {path} holds values that are not finite: move and scale the "
                               f"scene to about [-0.5, 0.5], or get the weights in {weights} again")
     seconds = time.perf_counter() - begin
-    written = [_numbered(output, i, len(images)) for output in outputs for i in range(len(images))]
-    for output, image in zip(written, list(images) * len(outputs), strict=True):
-        write_whole(output, functools.partial(_save, image=image))
+    paths = [_number(output, i, len(images)) for output in outputs for i in range(len(images))]
+    for path_of_one, image in zip(paths, list(images) * len(outputs), strict=True):
+        write_atomically(path_of_one, functools.partial(_save, image=image))
     return {"scene": str(path), "seconds": {"total": round(seconds, 3)}, "triangles": len(scene.triangles),
-            "size": (width, height), "weights": weights, "output": list(map(str, written))}
+            "size": (width, height), "weights": weights, "output": list(map(str, paths))}
 
 
 def export(scene, weights: str | None, path: Path) -> dict:
@@ -64,14 +63,14 @@ def _require_bundle(weights: str | None) -> None:
         raise CheckpointError("H5 scenes hold latents of the published weights: give their folder with --weights")
 
 
-def _numbered(path: Path, index: int, count: int) -> Path:
+def _number(path: Path, index: int, count: int) -> Path:
     return path if count == 1 else path.with_name(f"{path.stem}_{index:03d}{path.suffix}")
 
 
 def _save(path: Path, image: np.ndarray) -> None:
     if path.suffix.lower() == ".png":
         from skimage.io import imsave
-        imsave(path, (linear_to_srgb(image) * 255 + 0.5).astype(np.uint8), check_contrast=False)
+        imsave(path, to_bytes(linear_to_srgb(image)), check_contrast=False)
         return
     import OpenEXR
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}

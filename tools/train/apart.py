@@ -21,10 +21,9 @@ from renderformer_v2.model.weights.presets import BUNDLED
 from tools.common.arguments import whole_number
 from tools.datagen.sample_files import sample_paths
 
-from . import ranks
-from . import sample_cache as cache_key
+from . import ranks, sample_cache
 from .errors import SampleError, TrainingError
-from .run import explained
+from .run import report_errors
 
 LEARNING_RATE, WARM_UP = 2e-3, 50
 LEAST_ERROR = 1e-5     # mean square that counts as none
@@ -44,8 +43,8 @@ def command(name: str, description: str, fit: Callable[[argparse.Namespace], Non
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     options.device = "cpu"
-    with team(options.threads), ranks.joined(options):
-        return explained(lambda: fit(options))
+    with team(options.threads), ranks.join(options):
+        return report_errors(lambda: fit(options))
 
 
 def rendered(options: argparse.Namespace, network: nn.Module, apart: Iterable[str],
@@ -59,9 +58,9 @@ def rendered(options: argparse.Namespace, network: nn.Module, apart: Iterable[st
     for i, file in zip(own, DataLoader(files, batch_size=None, sampler=own,
                                        num_workers=options.processes or os.cpu_count() or 1)):
         done[i] = file
-        if ranks.first() and len(done) % 50 == 0:
+        if ranks.is_first() and len(done) % 50 == 0:
             print(f"{len(done)} of {len(own)} samples", flush=True)
-    done = ranks.gathered(done)
+    done = ranks.gather(done)
     found = [load_file(done[i])["views"] for i in sorted(done) if done[i] is not None]
     if not found:
         raise TrainingError(f"{options.data} holds no samples that can be read: make some with tools.datagen")
@@ -87,7 +86,7 @@ class RenderedFiles(Dataset):
         """The file of one sample; None, and a line that says so, if that cannot be read."""
         torch.set_num_threads(1)
         path = self.paths[index]
-        file = self.stored / f"{path.stem}-{self.made_by}-{cache_key.key(path)}.safetensors"
+        file = self.stored / f"{path.stem}-{self.made_by}-{sample_cache.sample_key(path)}.safetensors"
         if not file.is_file():
             try:
                 with inference():
@@ -118,18 +117,18 @@ def gain_decibels(part: nn.Module, gained: Callable[[], Tensor], seconds: float,
     mean_gain = ranks.with_shared_gradients(part, lambda: gained().mean())
 
     def save() -> None:
-        if ranks.first():
+        if ranks.is_first():
             write()
 
-    while (left := ranks.agreed(1 - (time.monotonic() - begin) / seconds)) > 0:
+    while (left := ranks.broadcast(1 - (time.monotonic() - begin) / seconds)) > 0:
         optimizer.param_groups[0]["lr"] = LEARNING_RATE * min(1, (step + 1) / WARM_UP) * left
         gain = mean_gain()
         optimizer.zero_grad()
         (-gain).backward()
         optimizer.step()
-        step, log = step + 1, [*log, ranks.means({"gain": gain})["gain"]]
+        step, log = step + 1, [*log, ranks.compute_means({"gain": gain})["gain"]]
         if step % LOG_EVERY == 0:
-            if ranks.first():
+            if ranks.is_first():
                 print(f"step {step}: {sum(log) / len(log):.3f} dB gained", flush=True)
             log = []
             save()

@@ -10,18 +10,18 @@ from .config import Stage, TrainConfig
 from .state import TrainingState
 
 
-def by_stage(config: TrainConfig, state: TrainingState, begin: Callable[[Stage], Iterator]) -> Iterator:
+def iterate_stages(config: TrainConfig, state: TrainingState, begin: Callable[[Stage], Iterator]) -> Iterator:
     """Samples of the stage that each step belongs to; `begin(stage)` gives them from that step on."""
     stage, samples = None, iter(())
     while True:
         if config.stage(state.step) != stage:
             stage = config.stage(state.step)
-            see(state.model, dense=stage.dense)
+            set_attention(state.model, dense=stage.dense)
             samples = begin(stage)
         yield next(samples)
 
 
-def see(network: RenderFormer, *, dense: bool) -> None:
+def set_attention(network: RenderFormer, *, dense: bool) -> None:
     """All tokens of stage 1, or those of the window of the network's configuration. The weights are the same."""
     window = None if network.config.dense else network.config.local_attention_window_size_half
     network.transformer.half = None if dense else window

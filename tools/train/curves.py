@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.common.pictures import write_whole
+from tools.common.pictures import write_atomically
 
 LOSSES = {"image": "picture", "direct": "direct light of the lobes", "indirect": "indirect light of the lobes"}
 SMOOTH = 7  # points of the median that is drawn over them
@@ -60,7 +60,7 @@ def draw(lines: list[dict], path: Path) -> None:
     axes.set(xlabel="step", ylabel="loss", yscale="log")
     axes.legend(fontsize=8)
     try:
-        write_whole(path, figure.savefig)
+        write_atomically(path, figure.savefig)
     finally:
         pyplot.close(figure)
 

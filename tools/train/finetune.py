@@ -24,7 +24,7 @@ SIDE = PRESETS[BUNDLED]().granularity
 
 
 def main() -> int:
-    options = _arguments()
+    options = _parse_arguments()
     start = weights_folder(options.start).resolve()
     published = is_bundle(start)
     if not published and not (start / "model.safetensors").is_file():
@@ -52,7 +52,7 @@ def main() -> int:
     return status
 
 
-def _arguments() -> argparse.Namespace:
+def _parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.train.finetune", description=__doc__)
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE.blend")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The diary of a run: one JSON object a line, which a resumed run goes on with; the first process keeps it."""
+"""The log of a run: one JSON object a line. A resumed run appends to it; only the first process writes."""
 from __future__ import annotations
 
 import json
@@ -14,7 +14,7 @@ class Log:
         self.path, self.begin = path, time.monotonic()
         self.sums: dict[str, float] = {}
         self.count = 0
-        if ranks.first() and path.is_file() and not path.read_bytes().endswith(b"\n"):  # killed within a line
+        if ranks.is_first() and path.is_file() and not path.read_bytes().endswith(b"\n"):  # killed within a line
             self._append("\n")
 
     def add(self, losses: dict[str, float]) -> None:
@@ -27,7 +27,7 @@ class Log:
         """A line with the means since the last one, also printed."""
         record = {"step": step, "minutes": round((time.monotonic() - self.begin) / 60, 2)}
         record |= {name: round(total / self.count, 7) for name, total in self.sums.items()} | more
-        if ranks.first():
+        if ranks.is_first():
             self._append(json.dumps(record) + "\n")
             print(record, flush=True)
         self.sums, self.count = {}, 0

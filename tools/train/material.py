@@ -28,7 +28,7 @@ from renderformer_v2.model.material.mappers import MetallicTransmissionMapper
 
 from . import ranks
 from .errors import TrainingError
-from .run import explained, resume
+from .run import report_errors, resume
 from .state import TrainingState
 
 AUTOENCODER = {"image_size": 64, "widths": (32, 64, 128), "residual_blocks": 1, "groups": 8}
@@ -95,7 +95,7 @@ def fit(model: nn.Module, loss_of_batch, count: int, path: Path, *, steps: int, 
         if not state.advance(rate * one_cycle(state.step / steps), clip_norm=1.0):
             continue
         average = loss.item() if average is None else 0.98 * average + 0.02 * loss.item()
-        if ranks.first() and (state.step % 100 == 0 or state.step == steps):
+        if ranks.is_first() and (state.step % 100 == 0 or state.step == steps):
             print(f"{path.stem} {state.step}/{steps}: loss {average:.5f}, {time.time() - start:.0f} s", flush=True)
             state.save(path)
 
@@ -176,7 +176,7 @@ def train(args: argparse.Namespace) -> None:
     model, mapper = MaterialAutoencoder(**AUTOENCODER), MetallicTransmissionMapper(**MAPPER)
     train_mapper(mapper, model, parameters[HELD_OUT:], images[HELD_OUT:], args.work, args.mapper_steps)
     train_encoder(mapper, model, parameters[HELD_OUT:], images[HELD_OUT:], args.work, args.encoder_steps)
-    if not ranks.first():
+    if not ranks.is_first():
         return
     print(json.dumps(held_out_errors(mapper, model, parameters[:HELD_OUT], images[:HELD_OUT])))
     save(mapper, args.out / "metallic_transmission_mapper", MAPPER)
@@ -192,8 +192,8 @@ def main() -> int:
     parser.add_argument("--encoder-steps", type=int, default=500)
     args = parser.parse_args()
     args.device = "cpu"
-    with ranks.joined(args):
-        return explained(lambda: train(args))
+    with ranks.join(args):
+        return report_errors(lambda: train(args))
 
 
 if __name__ == "__main__":

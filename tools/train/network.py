@@ -21,10 +21,10 @@ from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.weights.checkpoint import save_network
 
 from .config import Stage, TrainConfig
-from .curriculum import by_stage
+from .curriculum import iterate_stages
 from .loader import stream
 from .losses import image_loss, lobe_loss, perceptual_term
-from .run import add_arguments, run, status
+from .run import add_arguments, run, run_command
 from .samples import TrainingSample
 from .start import start_from
 from .state import TrainingState
@@ -61,7 +61,8 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
         return stream(options.data, options.cache, mapper, stage, (options.seed, state.step), options.wait * 60,
                       options.workers)
 
-    run(state, config, options, by_stage(config, state, scenes), lambda sample: sample_loss(model, sample, perceptual),
+    run(state, config, options, iterate_stages(config, state, scenes),
+        lambda sample: sample_loss(model, sample, perceptual),
         lambda: save_network(options.out / "weights", model.config, state.average))
 
 
@@ -74,7 +75,7 @@ def main() -> int:
     add_arguments(parser, "rf2_small.json")
     options = parser.parse_args()
     options.cache = options.cache or options.data.parent / "cache"
-    return status(train, options)
+    return run_command(train, options)
 
 
 if __name__ == "__main__":

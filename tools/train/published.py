@@ -28,12 +28,12 @@ from renderformer_v2.model.weights.files import FORMAT
 
 from . import ranks
 from .config import Stage, TrainConfig
-from .curriculum import by_stage
+from .curriculum import iterate_stages
 from .errors import TrainingError
 from .loader import shared_stream
 from .losses import image_loss, perceptual_term
 from .published_samples import Encoded, PublishedSample, picture_size
-from .run import add_arguments, run, status
+from .run import add_arguments, run, run_command
 from .state import TrainingState
 
 WEIGHTS = "model.safetensors"
@@ -62,7 +62,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     del pipeline  # and with it the image encoder
     state = TrainingState(network, config.learning_rate, config.weight_decay, config.average_decay)
     perceptual = perceptual_term(device)
-    if ranks.first():
+    if ranks.is_first():
         others = {*TRANSFORMERS} - {variant} if options.from_scratch else ()
         copy_bundle(options.start, bundle, f"{variant}/{WEIGHTS}", *others)
         if config.network:
@@ -71,7 +71,7 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     def scenes(stage: Stage) -> Iterator[PublishedSample]:
         return shared_stream(options.data, encoded, stage, (options.seed, state.step), 0.0, options.workers)
 
-    run(state, config, options, by_stage(config, state, scenes),
+    run(state, config, options, iterate_stages(config, state, scenes),
         lambda sample: sample_loss(network, sample, perceptual),
         lambda: write_transformer(bundle / variant, network, state.average))
 
@@ -141,7 +141,7 @@ def main() -> int:
                         help="only take the other files of BUNDLE_DIR, and new weights for the transformer")
     parser.add_argument("--cache", type=Path, help="prepared samples (default: OUT/cache)")
     add_arguments(parser, "published.json")
-    return status(train, parser.parse_args())
+    return run_command(train, parser.parse_args())
 
 
 if __name__ == "__main__":

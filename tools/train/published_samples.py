@@ -27,10 +27,8 @@ from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.tensor_group import stacked
 from tools.datagen.sample_files import load_sample, sample_paths
 
-from . import ranks
-from . import sample_cache as cache_key
+from . import ranks, sample_cache
 from .errors import SampleError, TrainingError
-from .sample_cache import keep, kept
 from .samples import unreadable
 
 DAMAGED = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error)  # what such files raise
@@ -73,25 +71,26 @@ class Encoded:
         """Make what is missing, each process its share, for all. A file of no use is named and left out."""
         for path in sample_paths(folder)[ranks.rank()::ranks.count()]:
             try:
-                keep(self._place(path), self._key(path), lambda path=path: build_sample(path, pipeline))
+                sample_cache.make_if_missing(self._stored_path(path), self._key(path),
+                                             lambda path=path: build_sample(path, pipeline))
             except DAMAGED as error:
                 print(f"{unreadable(path, error)} (left out)", flush=True)
                 continue
             print(f"{path.name}: encoded", flush=True)
-        ranks.wait()
+        ranks.wait_for_all()
 
     def __call__(self, path: Path, _: torch.Generator) -> PublishedSample:
         """Raises SampleError for a sample that was not prepared."""
         def missing():
             raise SampleError(f"{path} is not prepared: it is newer than this run, or cannot be read")
 
-        return kept(self._place(path), self._key(path), missing, KINDS)
+        return sample_cache.load_or_make(self._stored_path(path), self._key(path), missing, KINDS)
 
-    def _place(self, path: Path) -> Path:
-        return cache_key.stored_path(path, self.cache)
+    def _stored_path(self, path: Path) -> Path:
+        return sample_cache.cache_path(path, self.cache)
 
     def _key(self, path: Path) -> str:
-        return f"{cache_key.key(path, cache_key.PUBLISHED)}-{self.by}"
+        return f"{sample_cache.sample_key(path, sample_cache.PUBLISHED)}-{self.by}"
 
 
 def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:

@@ -2,7 +2,7 @@
 """The processes that train one network together, as torchrun starts them; without torchrun there is one.
 
 Each has an equal share of the scenes of a step. All hold the same weights: DistributedDataParallel takes the mean of
-their gradients. What is read from a clock or written to a file is the first one's.
+their gradients. The first one reads the clock and writes the files.
 """
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PATIENCE = timedelta(hours=6)  # for one that waits for samples, prepares or sav
 
 
 @contextmanager
-def joined(options: argparse.Namespace):
+def join(options: argparse.Namespace):
     """Inside, this process belongs to those that torchrun started; `options.device` "cuda" becomes its own card."""
     if "TORCHELASTIC_RUN_ID" not in os.environ:
         yield
@@ -39,19 +39,19 @@ def joined(options: argparse.Namespace):
         distributed.destroy_process_group()
 
 
-def _together() -> bool:
+def _has_group() -> bool:
     return distributed.is_available() and distributed.is_initialized()
 
 
 def rank() -> int:
-    return distributed.get_rank() if _together() else 0
+    return distributed.get_rank() if _has_group() else 0
 
 
 def count() -> int:
-    return distributed.get_world_size() if _together() else 1
+    return distributed.get_world_size() if _has_group() else 1
 
 
-def first() -> bool:
+def is_first() -> bool:
     """Whether this process is the one that writes and prints."""
     return rank() == 0
 
@@ -63,43 +63,43 @@ def share(number: int, what: str) -> int:
     return number // count()
 
 
-def agreed(value: float) -> float:
+def broadcast(value: float) -> float:
     """The first process's value."""
-    if not _together():
+    if not _has_group():
         return value
     values = torch.tensor([value], dtype=torch.float64)
     distributed.broadcast(values, 0)
     return float(values)
 
 
-def means(values: dict[str, torch.Tensor]) -> dict[str, float]:
+def compute_means(values: dict[str, torch.Tensor]) -> dict[str, float]:
     """The mean over all processes of each of these scalars."""
     totals = torch.stack([value.detach().double().cpu() for value in values.values()])
-    if _together():
+    if _has_group():
         distributed.all_reduce(totals)
     return dict(zip(values, (totals / count()).tolist(), strict=True))
 
 
-def gathered(found: dict) -> dict:
-    """What all processes found, together."""
-    if not _together():
-        return found
+def gather(own: dict) -> dict:
+    """The entries of all processes, together."""
+    if not _has_group():
+        return own
     parts: list[dict] = [{}] * count()
-    distributed.all_gather_object(parts, found)
+    distributed.all_gather_object(parts, own)
     return {key: value for part in parts for key, value in part.items()}
 
 
-def wait() -> None:
+def wait_for_all() -> None:
     """Until all processes are here."""
-    means({"": torch.zeros(())})
+    compute_means({"": torch.zeros(())})
 
 
 def one_after_another(work: Callable[[], None]) -> None:
     """The first process does it before the others do. What it raises ends them too, as torchrun sees to."""
-    if first():
+    if is_first():
         work()
-    wait()
-    if not first():
+    wait_for_all()
+    if not is_first():
         work()
 
 
@@ -119,11 +119,11 @@ def with_shared_gradients(model: nn.Module, loss: Callable) -> Callable:
 
     Parameters that no process's inputs reach keep no gradient, as without other processes.
     """
-    if not _together():
+    if not _has_group():
         return loss
     return DistributedDataParallel(_Loss(model, loss), find_unused_parameters=True, broadcast_buffers=False)
 
 
 def accumulating(loss: Callable, *, last: bool):
     """Inside, gradients are only added up, unless these are the `last` ones of a step."""
-    return nullcontext() if last or not _together() else loss.no_sync()
+    return nullcontext() if last or not _has_group() else loss.no_sync()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The training loop: steps for some minutes or up to a number, with a diary, saved so that another run goes on from
-there, with as many processes as torchrun starts.
+"""The training loop: steps for some minutes or up to a number, with a log.
+
+Its state is saved, so that another run goes on from there. As many processes take part as torchrun starts.
 """
 from __future__ import annotations
 
@@ -24,15 +25,16 @@ from .errors import TrainingError
 from .log import Log
 from .state import TrainingState
 
+COMPILED = SwiGLU, RMSNorm  # chains of small operations between the products and attentions, which gain by it
 PRECISIONS = {"bf16": torch.bfloat16, "fp32": torch.float32}
 
 
 def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, scenes: Iterator,
-        losses_of: Callable[..., dict[str, Tensor]], write_weights: Callable[[], None]) -> None:
+        compute_losses: Callable[..., dict[str, Tensor]], write_weights: Callable[[], None]) -> None:
     """Go on from what `options.out` holds, for `options.minutes` or until `options.steps` are done in all.
 
-    scenes: endless samples of this process, asked for after the state is restored. losses_of(sample): losses on the
-    sample's device, the one to minimise under "total". write_weights: saves the running average for rendering.
+    scenes: endless samples of this process, the first drawn after the state is restored. compute_losses(sample): losses
+    on the sample's device, the one to minimise under "total". write_weights: saves the running average for rendering.
     Raises TrainingError when training has gone wrong.
     """
     device, saved = torch.device(options.device), options.out / "state.safetensors"
@@ -41,35 +43,35 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
     resume(state, saved)
     if options.compile:
         compile_parts(state.model)
-    losses_of = ranks.with_shared_gradients(state.model, losses_of)
+    compute_losses = ranks.with_shared_gradients(state.model, compute_losses)
     precision = PRECISIONS[options.precision]
-    if ranks.first():
+    if ranks.is_first():
         size = sum(p.numel() for p in state.model.parameters())
         print(f"{ranks.count()} process(es), {size:,} parameters, step {state.step}", flush=True)
     log, begin = Log(options.out / "log.jsonl"), time.monotonic()
     last_save = begin
 
     def save() -> None:
-        if ranks.first():
+        if ranks.is_first():
             state.save(saved)
             write_weights()
 
-    while left := ranks.agreed(_left(options, state.step, time.monotonic() - begin)):
-        rate = config.learning_rate * min(1.0, (state.step + 1) / config.warmup_steps) * left
-        found = []
+    while rate_share := ranks.broadcast(_remaining_share(options, state.step, time.monotonic() - begin)):
+        rate = config.learning_rate * min(1.0, (state.step + 1) / config.warmup_steps) * rate_share
+        scene_losses = []
         for i in range(scenes_per_step):
             sample = next(scenes).to(device)
-            with ranks.accumulating(losses_of, last=i == scenes_per_step - 1):
+            with ranks.accumulating(compute_losses, last=i == scenes_per_step - 1):
                 with torch.autocast(device.type, precision, enabled=precision != torch.float32):
-                    found.append(losses_of(sample))
-                (found[-1]["total"] / scenes_per_step).backward()
-        losses = ranks.means({name: sum(losses[name].detach() for losses in found) / scenes_per_step
-                              for name in found[0]})
+                    scene_losses.append(compute_losses(sample))
+                (scene_losses[-1]["total"] / scenes_per_step).backward()
+        losses = ranks.compute_means({
+            name: sum(losses[name].detach() for losses in scene_losses) / scenes_per_step for name in scene_losses[0]})
         if state.advance(rate, config.clip_norm):
             log.add(losses)
             if state.step % options.log_every == 0:
                 log.write(state.step, skipped=state.skipped)
-        elif ranks.first():
+        elif ranks.is_first():
             print(f"step {state.step + 1}: skipped, its gradients are not finite", flush=True)
         if time.monotonic() - last_save > options.save_every:
             save()
@@ -82,20 +84,27 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
 def resume(state: TrainingState, saved: Path) -> None:
     """Every process reads the file; the first one comes first, because it sets damaged ones aside."""
     ranks.one_after_another(lambda: state.resume(saved))
-    if state.step != ranks.agreed(state.step):
+    if state.step != ranks.broadcast(state.step):
         raise TrainingError(f"{saved} is not the same file for all processes: choose an --out that all machines share")
 
 
-def _left(options: argparse.Namespace, step: int, elapsed: float) -> float:
-    """What remains of the learning rate after so many steps and seconds: 1, falling at the end, 0 when it is over."""
+def _remaining_share(options: argparse.Namespace, step: int, elapsed: float) -> float:
+    """Share of the learning rate after so many steps and seconds: 1, falling at the end, 0 when training is over."""
     if options.steps is not None and step >= options.steps:
         return 0.0
     if options.minutes is None:
         return 1.0
-    left = 60 * options.minutes - elapsed
-    if left <= 0:
+    remaining = 60 * options.minutes - elapsed
+    if remaining <= 0:
         return 0.0
-    return min(1.0, left / (60 * options.cooldown)) if options.cooldown else 1.0
+    return min(1.0, remaining / (60 * options.cooldown)) if options.cooldown else 1.0
+
+
+def compile_parts(model: nn.Module) -> None:
+    """torch.compile for COMPILED at first use, for any number of tokens; the names of the weights stay."""
+    for module in model.modules():
+        if isinstance(module, COMPILED):
+            module.compile(dynamic=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser, config: str) -> None:
@@ -119,18 +128,18 @@ def add_arguments(parser: argparse.ArgumentParser, config: str) -> None:
     parser.add_argument("--seed", type=int, default=0)
 
 
-def status(train: Callable[[argparse.Namespace, TrainConfig], None], options: argparse.Namespace) -> int:
-    """Train with `add_arguments`, and return the exit status as `explained` does."""
+def run_command(train: Callable[[argparse.Namespace, TrainConfig], None], options: argparse.Namespace) -> int:
+    """Train with `add_arguments`, and return the exit status as `report_errors` does."""
     def work() -> None:
         if options.minutes is None and options.steps is None:
             raise TrainingError("--minutes or --steps: say for how long to train")
         train(options, TrainConfig.load(options.config))
 
-    with team(options.threads), ranks.joined(options):
-        return explained(work)
+    with team(options.threads), ranks.join(options):
+        return report_errors(work)
 
 
-def explained(work: Callable[[], None]) -> int:
+def report_errors(work: Callable[[], None]) -> int:
     """The exit status of some work: 2, and one sentence on stderr, for what the user can put right."""
     try:
         work()
@@ -138,13 +147,3 @@ def explained(work: Callable[[], None]) -> int:
         print(error, file=sys.stderr)
         return 2
     return 0
-
-
-PARTS = SwiGLU, RMSNorm
-
-
-def compile_parts(model: nn.Module) -> None:
-    """Compile at first use, for any number of tokens; the names of the weights stay."""
-    for module in model.modules():
-        if isinstance(module, PARTS):
-            module.compile(dynamic=True)

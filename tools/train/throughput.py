@@ -27,7 +27,7 @@ from tools.benchmark.point import random_inputs
 from tools.common.arguments import whole_number
 
 from .cost import tokens, training_flops
-from .curriculum import see
+from .curriculum import set_attention
 from .losses import image_loss, structure_loss
 from .run import PRECISIONS, compile_parts
 from .state import TrainingState
@@ -38,7 +38,7 @@ def measure(config: ModelConfig, options: argparse.Namespace) -> dict:
     device, precision = torch.device(options.device), PRECISIONS[options.precision]
     torch.manual_seed(0)
     network = new_network(config).to(device).train()
-    see(network, dense=options.dense)
+    set_attention(network, dense=options.dense)
     if options.compile:
         compile_parts(network)
     state = TrainingState(network, 1e-4, 0.01, 0.999)

@@ -20,7 +20,7 @@ from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import rf2_200m
 from tests.model.no_host_copies import NoHostCopies
 from tests.model.samples import floor_scene, floor_view
-from tools.benchmark.textures import textured
+from tools.benchmark.textures import make_textured_scene
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(published_
 
 
 def test_a_card_that_is_too_small_encodes_fewer_textures_at_once(published_bundle, monkeypatch):
-    renderer, scene, batches = Renderer(published_bundle, device="cpu", precision="fp32"), textured(9), []
+    renderer, scene, batches = Renderer(published_bundle, device="cpu", precision="fp32"), make_textured_scene(9), []
     real = OneFrameEncoder.forward
 
     def small(self, images):
