@@ -18,12 +18,12 @@ from ..geometry import contracted
 from ..geometry import reflected as reflected_ray
 from ..light.bounce.probes import NOISY, Probes, grid_of
 from ..light.bounce.radiosity import Radiosity
-from ..light.direct.direct_light import SKY_RAYS, LightPrior
+from ..light.direct.direct_light import SKY_RAYS, DirectLight
 from ..light.edges import Edges, edges
 from ..light.effort import FULL, Effort
 from ..light.fresnel import whole
-from ..light.sampling import in_a_row
-from ..light.specular_paths import BLURRED, blur
+from ..light.sampling import r2_starts
+from ..light.specular.paths import BLURRED, blur
 from ..lobes import LOBES
 from ..material.reflectance import normal_reflectance
 from ..progress import part
@@ -83,7 +83,7 @@ class GuideTensors(TensorGroup):
 
     features: Tensor = array("V", len(FEATURES), "H", "W", channels=FEATURES)
     colors: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # [lobe, rgb], premultiplied by coverage
-    prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # radiance of a white lobe (LightPrior)
+    prior: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})   # radiance of a white lobe (DirectLight)
     positions: Tensor = array("V", "R", 3, behaves=POINT)            # mean first hit of every bundle
     bounced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})    # radiosity: radiance of a white diffuse surface
     behind: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})     # the same of its other side, where light passes
@@ -94,7 +94,7 @@ class GuideTensors(TensorGroup):
     exposure: Tensor = array("V")                                    # times network exposure
 
 
-def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
+def guide_tensors(scene: RenderScene, view: View, guides: Guides, prior: DirectLight, radiosity: Radiosity,
                   patch: int, effort: Effort = FULL, direct: bool = True) -> GuideTensors:
     """Tensors of one view (V = 1) on the prior's device, for ray bundles of `patch` pixels along a side.
 
@@ -155,7 +155,7 @@ class _Band:
     pictures: Tensor   # (18, h, W): bounced, behind, reflected, refracted, traced, glow
 
 
-def _band(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity, rows: slice,
+def _band(scene: RenderScene, view: View, guides: Guides, prior: DirectLight, radiosity: Radiosity, rows: slice,
           patch: int, effort: Effort, direct: bool) -> _Band:
     device = prior.radiance.device
     tensor = lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)  # noqa: E731
@@ -234,7 +234,7 @@ def _at_normal(metal: Tensor, layer: Tensor, reflectance: Tensor, cosine: Tensor
     return (metal + layer * reflectance) / (metal + layer).clamp_min(1e-6)
 
 
-def _glow(prior: LightPrior, origin: Tensor, rays: Tensor, position: Tensor, normal: Tensor) -> Tensor:
+def _glow(prior: DirectLight, origin: Tensor, rays: Tensor, position: Tensor, normal: Tensor) -> Tensor:
     """(h, W, 3) radiance of the volumes before what is hit."""
     if prior.in_scattering is None:
         return torch.zeros_like(position)
@@ -248,8 +248,8 @@ def shadow_grid(lamps: int) -> int:
     return next((grid for most, grid in ((SHADOW_RAYS, 1), (4 * SHADOW_RAYS, 2)) if lamps <= most), 4)
 
 
-def _lamps_seen(prior: LightPrior, effort: Effort, probes: Probes, sharp: bool, *glossy: Tensor) -> Tensor:
-    """(h, W, 6) `LightPrior.lamps_share`; where light was traced as well, shadows need not be `sharp`.
+def _lamps_seen(prior: DirectLight, effort: Effort, probes: Probes, sharp: bool, *glossy: Tensor) -> Tensor:
+    """(h, W, 6) `DirectLight.lamps_share`; where light was traced as well, shadows need not be `sharp`.
 
     glossy: (h, W, ...), what that is told of glossy light.
     """
@@ -259,15 +259,15 @@ def _lamps_seen(prior: LightPrior, effort: Effort, probes: Probes, sharp: bool, 
                            tolerance=SAME_SHADOW)
 
 
-def _lamps_share(prior: LightPrior, effort: Effort, x: Tensor, n: Tensor, number: Tensor, outgoing: Tensor,
+def _lamps_share(prior: DirectLight, effort: Effort, x: Tensor, n: Tensor, number: Tensor, outgoing: Tensor,
                  gloss: Tensor) -> Tensor:
-    """`LightPrior.lamps_share` by some rays to every lamp: SHADOW_RAYS of all together, LAMP_RAYS at most."""
+    """`DirectLight.lamps_share` by some rays to every lamp: SHADOW_RAYS of all together, LAMP_RAYS at most."""
     count = max(min(SHADOW_RAYS // max(len(prior.radiance), 1), effort.of(LAMP_RAYS)), 1)
-    start = torch.stack([in_a_row(count * number + k) for k in range(count)], 1)
+    start = torch.stack([r2_starts(count * number + k) for k in range(count)], 1)
     return prior.lamps_share(x, n, start, outgoing, *gloss.unbind(1))
 
 
-def _leaving(radiosity: Radiosity, prior: LightPrior | None, effort: Effort, x: Tensor, n: Tensor,
+def _leaving(radiosity: Radiosity, prior: DirectLight | None, effort: Effort, x: Tensor, n: Tensor,
              number: Tensor) -> Tensor:
     """(P, 3) light that white diffuse surfaces send on: what has bounced before, and with a prior direct light too."""
     with part(0.0, 0.5):

@@ -13,7 +13,7 @@ from ..environment import environment_images
 from ..fields import DIRECTION, array
 from ..geometry import contracted
 from ..light.bounce.radiosity import Radiosity
-from ..light.direct.direct_light import LightPrior
+from ..light.direct.direct_light import DirectLight
 from ..light.effort import FULL, Effort
 from ..network.config import ModelConfig
 from ..network.inputs import EnvironmentInputs, NetworkInputs, ViewInputs, VolumeInputs, encode_light
@@ -65,7 +65,7 @@ def _volumes(volumes: Volumes | None) -> VolumeInputs | None:
     return volume_inputs(volumes and replace(volumes, position=contracted(volumes.position)))
 
 
-def guided_view(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
+def guided_view(scene: RenderScene, view: View, guides: Guides, prior: DirectLight, radiosity: Radiosity,
                 config: ModelConfig, effort: Effort = FULL, direct: bool = True) -> GuidedView:
     """Rays and guides of one view, all normalised, on the prior's device; `direct` as `guide_tensors` has it."""
     rays = view_inputs(view).to(prior.radiance.device)

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from ..light.bounce.radiosity import Radiosity
-from ..light.direct.direct_light import LightPrior
+from ..light.direct.direct_light import DirectLight
 from ..light.effort import DRAFT, FULL, Effort
 from ..network.precision import in_precision
 from ..network.renderformer import SceneContext
@@ -29,7 +29,7 @@ class GuidedContext:
 
     scene: RenderScene
     context: SceneContext | None  # None: a draft, or of a network that adds nothing
-    prior: LightPrior
+    prior: DirectLight
     radiosity: Radiosity
     tokens: int
 
@@ -47,13 +47,13 @@ class GuidedPipeline:
 
     def encode(self, scene: RenderScene, variant: str) -> GuidedContext:
         with part(0.0, 0.05, "Estimating direct light"):
-            prior = LightPrior(scene, self.device)
+            prior = DirectLight(scene, self.device)
         return self.finished(GuidedContext(scene, None, prior, None, self._tokens(scene)))
 
     def draft(self, scene: RenderScene, variant: str) -> GuidedContext:
         """The scene without stage 1: pictures of it show the light of the priors, by fewer rays."""
         with part(0.0, 0.5, "Estimating direct light"):
-            prior = LightPrior(scene, self.device)
+            prior = DirectLight(scene, self.device)
         with part(0.5, 1.0, "Estimating bounced light"):
             return GuidedContext(scene, None, prior, Radiosity(scene, prior, DRAFT), self._tokens(scene))
 

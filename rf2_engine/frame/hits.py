@@ -11,7 +11,7 @@ import numpy as np
 from ...model import progress
 from ...model.camera import sees
 from ...model.first_hits import denoise_media
-from ...model.light.reflections import with_ends
+from ...model.light.specular.ends import add_path_ends
 from ...model.scene import Guides, RenderScene, View
 from ..convert.camera.lens import Lens
 from ..cycles import session as cycles_session
@@ -129,7 +129,7 @@ def _guides(layer: Layer, rendered: dict[str, np.ndarray], scene: RenderScene, v
     if not layer.settings.guided:
         return guides
     with progress.part(0.5, 1.0):
-        return with_ends(guides, scene, view)
+        return add_path_ends(guides, scene, view)
 
 
 def _opacity(layer: Layer, views: dict[str, View]) -> dict[str, np.ndarray | None]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...model import progress
 from ...model.light.effort import FULL, QUICK
-from ...model.light.reflections import with_ends
+from ...model.light.specular.ends import add_path_ends
 from ...model.rays import Rays
 from ...model.scene import RenderScene, View
 from ..convert import compute
@@ -130,7 +130,7 @@ def picture(lit: Lit, view: View, look: Look, divisor: int) -> tuple[np.ndarray,
         guides = cast_guides(lit.scene, view, SPREAD if smooth else CENTRE)
     if settings.guided:
         with progress.part(0.1, 0.2):
-            guides = with_ends(guides, lit.scene, view, lit.rays)
+            guides = add_path_ends(guides, lit.scene, view, lit.rays)
     seen = guides.alpha > 0
     radiance = np.zeros_like(guides.position)
     if lit.encoded is not None and (seen.any() or lit.scene.volumes):

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.light import reflections
+from bl_ext.user_default.renderformer_v2.model.light.specular import ends as reflections
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
@@ -19,10 +19,10 @@ def guides(monkeypatch):
     seen = []
 
     def spy(*given):
-        seen.append(reflections.with_ends(*given))
+        seen.append(reflections.add_path_ends(*given))
         return seen[-1]
 
-    monkeypatch.setattr(hits, "with_ends", spy)
+    monkeypatch.setattr(hits, "add_path_ends", spy)
     return seen
 
 
