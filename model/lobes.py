@@ -10,9 +10,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .box_filter import box_means
 from .color import HALF_MAX
-from .compute.bands import bands
+from .pictures import bands, box_means
 from .scene import Guides
 
 LOBES = ("diffuse", "glossy", "transmission")

@@ -24,19 +24,19 @@ import torch
 from torch import Tensor
 
 from .camera import beyond_sides, padded_view, place_in
+from .compute import inference
 from .compute.devices import choose_device, name_of
 from .compute.precision import NAMES, choose_precision, failure
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
 from .light.effort import FULL, Effort
 from .lobes import Lobes
-from .network import memory
 from .normalize import Normalization
 from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle
 from .published.pipeline import PublishedPipeline
 from .scene import Guides, RenderScene, View
-from .weights.files import explained
+from .weights.files import checkpoint_errors
 from .weights.presets import BUNDLED, weights_folder
 
 T = TypeVar("T")
@@ -53,13 +53,13 @@ class Renderer:
         Raises CheckpointError for unusable weights, ValueError for a device or precision that is not there. `remark`
         says afterwards what automatic choices had to do without, "" for nothing.
         """
-        memory.usual()
+        inference.usual()
         self.device = choose_device(device)
         self.dtype, self.remark = choose_precision(precision, self.device), ""
         if precision == "auto" and self.dtype != torch.float32 and (problem := failure(self.dtype, self.device)):
             self.remark = f"{NAMES[self.dtype]} does not work in this PyTorch ({problem}): Float32 is used"
             self.dtype = torch.float32
-        with explained():
+        with checkpoint_errors():
             published = is_bundle(weights_folder(weights))
         self.pipeline = (PublishedPipeline(weights, self.device, self.dtype, transformer, latents) if published
                          else GuidedPipeline(weights, self.device, self.dtype))
@@ -78,7 +78,7 @@ class Renderer:
             try:
                 return compute()
             except torch.OutOfMemoryError:
-                if not memory.smaller():
+                if not inference.smaller():
                     raise
             gc.collect()
             if self.device.type == "cuda":

@@ -7,11 +7,12 @@ import bpy
 from . import passes, settings
 from .frame import reference, render
 from .registering import classes
+from .runtime.running import ENGINE
 from .viewport import viewport
 
 
 class RenderFormerEngine(bpy.types.RenderEngine):
-    bl_idname = "RENDERFORMER_V2"
+    bl_idname = ENGINE
     bl_label = "RenderFormer-V2"
     bl_use_postprocess = True             # the compositor runs on our passes
     bl_use_shading_nodes_custom = False   # Cycles' shader nodes stay in the Add menu

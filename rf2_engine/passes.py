@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import bpy
+import numpy as np
 
 STORED = "cycles.denoising_store_passes"
 
@@ -157,6 +158,15 @@ def register(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer:
     """Announce the ticked passes: they become sockets of the Render Layers node and layers of the file."""
     for p in of_view_layer(view_layer, lighting, scene):
         engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
+
+
+def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray], view: str = "") -> None:
+    """Hand {key_of its name: (H, W, C), row 0 on top} of one view layer to Blender; view "": of all views."""
+    result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer, view=view)
+    for p in result.layers[0].passes:
+        if (key := key_of(p.name)) in passes:
+            p.rect.foreach_set(np.ascontiguousarray(passes[key][::-1], np.float32).ravel())
+    engine.end_result(result)
 
 
 def _cryptomattes(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:

@@ -2,10 +2,12 @@
 """Register everything in order, and unregister it in reverse order."""
 from . import compare, engine, material_settings, panels, paper_scenes, reference_settings, settings
 from .cycles import world as world_session
-from .frame import model_cache, preflight, running, shot
+from .frame import preflight, shot
+from .preferences import package_operators, preferences, weights_operators
 from .progress import costs, frame_lines, last_render, status_line
 from .registering import modules
-from .setup import command, package_operators, preferences, weights_operators
+from .runtime import model_cache, running
+from .setup import command
 from .viewport import viewport
 
 MODULES = (running, shot, world_session, costs, last_render, frame_lines, status_line, preflight,

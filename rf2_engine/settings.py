@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from enum import Enum, auto
 from pathlib import Path
 
 import bpy
@@ -13,12 +14,10 @@ from ..model.errors import CheckpointError
 from ..model.published.bundle_files import AUTOMATIC, LARGE, SMALL, is_bundle
 from ..model.weights.presets import BUNDLED, weights_folder
 from . import passes
-from .cycles import session as cycles_session
-from .frame.rectangle import size
 from .reference_settings import FrameReference, ReferenceSettings
 from .registering import classes, pairs, pointer
+from .render_size import frame_size
 from .setup import published_weights
-from .viewport.settings import RenderFormerViewportSettings
 
 FEW_PIXELS, MOST_MORE = 512 * 512, 16  # below which pictures have more samples, and how many times as many
 
@@ -27,6 +26,35 @@ def _passes_change(settings: RenderFormerSettings, context: bpy.types.Context) -
     """Sockets of the compositor follow what the weights and the light can give."""
     for view_layer in settings.id_data.view_layers:
         view_layer.update_render_passes()
+
+
+class Light(Enum):
+    """What Cycles computes besides first hits."""
+
+    NONE = auto()
+    TRACED = auto()  # no diffuse and no volume bounce, denoised
+    ALL = auto()     # the scene's own bounces
+
+
+class RenderFormerViewportSettings(bpy.types.PropertyGroup):
+    """Rendered viewports: `scene.renderformer_v2.viewport`."""
+
+    token_budget: IntProperty(
+        name="Max Triangles", default=2048, min=256, soft_max=16384, max=1 << 20,
+        description="Maximum triangles sent to the network for Rendered viewports. Fewer triangles react faster to "
+                    "changes",
+    )
+    resolution: EnumProperty(
+        name="Resolution", default="1",
+        description="The finest picture of a viewport. Pictures of 1/8, 1/4 and 1/2 of its pixels along each side "
+                    "come first",
+        items=(("1", "Full", "All pixels of the viewport", 0), ("2", "1/2", "Half as many along each side", 1),
+               ("4", "1/4", "A quarter along each side", 2), ("8", "1/8", "An eighth along each side", 3)),
+    )
+    time_limit: FloatProperty(
+        name="Time Limit", default=10.0, min=0.0, soft_max=60.0, subtype="TIME_ABSOLUTE",
+        description="Leave out finer pictures that are expected to take longer than this, in seconds. 0 sets no limit",
+    )
 
 
 class RenderFormerSettings(bpy.types.PropertyGroup):
@@ -190,7 +218,7 @@ class FrameSettings:
     paper_lamps: bool
     guide_samples: int
     bake_unknown: bool
-    light: cycles_session.Light
+    light: Light
     light_passes: frozenset[str]  # keys of those that the weights can give
     threads: int  # 0: all
     film_transparent: bool
@@ -226,7 +254,7 @@ class FrameSettings:
 
 def _guide_samples(scene: bpy.types.Scene, of_layer: int) -> int:
     """Of a pixel, those that the view layer has for itself or the scene's, and more where there are few pixels."""
-    samples, (width, height) = of_layer or scene.renderformer_v2.guide_samples, size(scene.render)
+    samples, (width, height) = of_layer or scene.renderformer_v2.guide_samples, frame_size(scene.render)
     if not scene.renderformer_v2.more_when_small:
         return samples
     return round(samples * min(max(FEW_PIXELS / (width * height), 1), MOST_MORE))
@@ -257,10 +285,10 @@ def is_published(settings: RenderFormerSettings) -> bool:
     return settings.weights_source == "FOLDER" and bool(settings.weights_folder) and _is_published(settings.weights())
 
 
-def _light(chosen: str, weights: str) -> cycles_session.Light:
+def _light(chosen: str, weights: str) -> Light:
     """The published network is never guided."""
     alone = chosen == "NETWORK" or _is_published(weights)
-    return cycles_session.Light.NONE if alone else cycles_session.Light.TRACED
+    return Light.NONE if alone else Light.TRACED
 
 
 def _is_published(weights: str) -> bool:

@@ -138,11 +138,11 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
         if len(layers) > 1:
             statistics["layers"] = layers
         if arguments.beside_cycles:
-            from renderformer_v2.rf2_engine.frame import rectangle
+            from renderformer_v2.rf2_engine.render_size import frame_size, render_border
 
             from . import beside
             settings = scene.render
-            border = None if settings.use_crop_to_border else rectangle.border(*rectangle.size(settings), settings)
+            border = None if settings.use_crop_to_border else render_border(*frame_size(settings), settings)
             beside.add(layers, lambda path: save(path, scene), arguments.sheet, border)
             if len(layers) == 1:
                 statistics |= {key: layers[0][key] for key in ("reference_samples", "comparison")}

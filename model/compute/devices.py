@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The devices that PyTorch can compute on: which one to take, what it is called, and why a card is not used."""
+"""The devices that PyTorch can compute on: which one to take, what it is called, why a card is not used, and which
+operators run on the CPU because a device lacks them or gets them wrong.
+"""
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from functools import cache
 
 import torch
+from torch import Tensor
 
 BUILT_FOR = re.compile(r"(sm|compute)_(\d+)(\d)[af]?$")
 
@@ -104,3 +108,23 @@ def free_memory(device: torch.device, with_ours: bool = False) -> int | None:
         return None
     free, _ = torch.cuda.mem_get_info(device)
     return free + torch.cuda.memory_reserved(device) - (0 if with_ours else torch.cuda.memory_allocated(device))
+
+
+# By PyTorch's name of an operator, the release from which on the GPU can do it.
+SINCE = {
+    "_embedding_bag": None,      # of F.embedding_bag
+    "grid_sampler_3d": (2, 13),  # of F.grid_sample; with the padding "border", which came after the operator
+    "sort": None,                # of int64, which comes out wrong on some systems, without a word
+}
+
+
+def device_of_operator(device: torch.device, name: str, release=torch.__version__) -> torch.device:
+    """Where the operator of this name runs for tensors of a device; `release` is PyTorch's, (major, minor)."""
+    lacking = name in SINCE and (SINCE[name] is None or release < SINCE[name])
+    return torch.device("cpu") if device.type == "mps" and lacking else device
+
+
+def run_operator(name: str, function: Callable[..., Tensor], *tensors: Tensor, **options) -> Tensor:
+    """function(*tensors, **options), which calls the operator of this name, on the tensors' device."""
+    device = tensors[0].device
+    return function(*(x.to(device_of_operator(device, name)) for x in tensors), **options).to(device)

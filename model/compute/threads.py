@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The threads that PyTorch computes with on the CPU: set their number, and make them sleep while they wait.
+"""Threads: those that PyTorch computes with on the CPU (their number, and that they sleep while they wait), and one for
+imports that take seconds.
 
 By default a waiting OpenMP thread spins for some milliseconds. If another program uses the processor, it spins on the
 core that the thread it waits for needs, and work that takes 2 s takes 20.
@@ -10,7 +11,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, nullcontext
 
 from ..progress import part, report
@@ -19,9 +20,16 @@ from ..progress import part, report
 _SLEEP = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
 _CHOSEN_BY_USER = (*_SLEEP, "GOMP_SPINCOUNT")
 _GRAIN = 1 << 15  # elements of a tensor that PyTorch does not share between threads
+IMPORT_POLL = 0.05  # seconds between two progress reports
 
-_ours = False
 _this = threading.local()  # has `workers`, how many threads may share this one's work, where that is known
+_importing = ThreadPoolExecutor(1, "RenderFormer-V2 imports")
+
+
+class Waiting:
+    """How OpenMP's threads wait in this process."""
+
+    sleeps_by_us = False  # whether `sleep_while_waiting` made them sleep
 
 
 def sleep_while_waiting() -> None:
@@ -30,10 +38,9 @@ def sleep_while_waiting() -> None:
     It holds for OpenMP libraries that are loaded from now on, which PyTorch's own package brings; for the others there
     is `team`.
     """
-    global _ours
     if not any(name in os.environ for name in _CHOSEN_BY_USER):
         os.environ.update(_SLEEP)
-        _ours = True
+        Waiting.sleeps_by_us = True
 
 
 @contextmanager
@@ -48,7 +55,7 @@ def team(count: int = 0):
     if count:
         torch.set_num_threads(count)
     try:
-        with _crowd(count or before) if _ours else nullcontext():
+        with _crowd(count or before) if Waiting.sleeps_by_us else nullcontext():
             yield
     finally:
         if count:
@@ -164,3 +171,19 @@ def _idle_team(count: int, started: threading.Semaphore, done: threading.Event) 
     finally:
         started.release()
     done.wait()
+
+
+def begin_import(function: Callable) -> Future:
+    """Start function(), which imports something and returns it, on a thread, so that the caller can do other work.
+
+    Imports only: every thread that computes with PyTorch keeps a team of threads of its own, and two of them on one
+    processor halve its speed.
+    """
+    return _importing.submit(function)
+
+
+def finish_import(future: Future):
+    """What the function returned or raised. Progress is reported until then, which may cancel; the import goes on."""
+    while not wait([future], IMPORT_POLL).done:
+        report()
+    return future.result()

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..box_filter import box_sums
 from ..camera import view_rays
 from ..geometry import rotation_matrix
+from ..pictures import box_sums
 from ..scene import CELLS, Guides, View, Volumes
 
 RADIUS = 4           # pixels, of the square that is averaged

@@ -13,9 +13,9 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..camera import beyond_sides
-from ..compute.bands import bands
 from ..fields import COLOR, DIRECTION, Channels
-from ..network.norm import Float32Conv2d
+from ..network.layers import Float32Conv2d
+from ..pictures import bands
 from ..scene import Guides
 from .decoding import shown
 from .exposure import key_exposure

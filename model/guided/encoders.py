@@ -7,7 +7,7 @@ from torch import nn
 
 from ..material.mappers import LATENT_DIM
 from ..network.config import ModelConfig
-from ..network.embed import ENVIRONMENT_GRID
+from ..network.embedding import ENVIRONMENT_GRID
 from ..scene import HEIGHT, NORMAL
 
 TILE_CHANNELS = LATENT_DIM + HEIGHT + 1 - NORMAL.start  # appearance latent, normal, height

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..network.config import ModelConfig
-from ..network.norm import Linear, RMSNorm
+from ..network.layers import Linear, RMSNorm
 from .guide_tensors import FEATURES, band_rows
 
 BEAM_FEATURES = 5  # axis and two cosines of a light triangle's beam

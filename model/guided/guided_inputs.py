@@ -16,9 +16,18 @@ from ..light.bounce.radiosity import Radiosity
 from ..light.direct.direct_light import DirectLight
 from ..light.effort import FULL, Effort
 from ..network.config import ModelConfig
-from ..network.inputs import EnvironmentInputs, NetworkInputs, ViewInputs, VolumeInputs, encode_light
+from ..network.inputs import (
+    EnvironmentInputs,
+    NetworkInputs,
+    ViewInputs,
+    VolumeInputs,
+    encode_light,
+    material_tiles,
+    nearer_lights,
+    view_inputs,
+    volume_inputs,
+)
 from ..scene import Guides, RenderScene, View, Volumes
-from ..tensors import material_tiles, nearer_lights, view_inputs, volume_inputs
 from .encoders import panorama_size, tile_side
 from .guide_tensors import GuideTensors, guide_tensors
 

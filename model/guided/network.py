@@ -5,15 +5,18 @@ Where its transformer has nothing to add to the priors, the kernels for the fini
 """
 from __future__ import annotations
 
+from pathlib import Path
+
 import torch
 from torch import Tensor, nn
 
+from ..compute.inference import chunked
 from ..network.config import ModelConfig
 from ..network.decoder import DPTDecoder
 from ..network.inputs import EnvironmentInputs
-from ..network.memory import chunked
 from ..network.renderformer import RenderFormer
 from ..progress import part
+from ..weights.checkpoint import read_network
 from .antialiasing import KernelPredictor
 from .decoding import OUTPUTS
 from .encoders import EnvironmentEncoder, TileEncoder
@@ -89,3 +92,15 @@ class KernelsAlone(nn.Module):
         super().__init__()
         self.config = config.validate()
         self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)
+
+
+def new_network(config: ModelConfig) -> RenderFormer | KernelsAlone:
+    """The network of a configuration, ready to be trained."""
+    if config.guidance is None:
+        return RenderFormer(config)
+    return GuidedRenderFormer(config) if config.guidance.transformer else KernelsAlone(config)
+
+
+def load_network(folder: Path) -> RenderFormer | KernelsAlone:
+    """The network of a folder in this project's format. Raises CheckpointError."""
+    return read_network(new_network, folder)

@@ -12,15 +12,16 @@ import torch
 from ..light.bounce.radiosity import Radiosity
 from ..light.direct.direct_light import DirectLight
 from ..light.effort import DRAFT, FULL, Effort
-from ..network.precision import in_precision
+from ..material.mappers import load_material_mapper
+from ..network.layers import in_precision
 from ..network.renderformer import SceneContext
 from ..progress import part
 from ..scene import Guides, RenderScene, View
-from ..weights.checkpoint import load_material_mapper, load_network
 from ..weights.presets import weights_folder
 from .antialiasing import antialiased
 from .decoding import OUTPUTS, decode_bands
 from .guided_inputs import guided_inputs, guided_view
+from .network import load_network
 
 
 @dataclass

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..compute.bands import bands
 from ..first_hits.camera_rays import PLACES, CameraRays, Samples
 from ..first_hits.from_rays import lobe_colors
+from ..pictures import bands
 from ..scene import Guides, RenderScene, View
 from .edge_stopping import edge_weights, plane_tolerance
 

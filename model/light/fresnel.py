@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..compute.device_ops import done
+from ..compute.devices import run_operator
 from .sampling import ggx_directions
 
 GRID = 24, 32       # roughnesses and cosines in the table
@@ -52,8 +52,8 @@ def _split_sum(cosine: Tensor, roughness: Tensor, table: Tensor | None = None) -
     """Factor of f0, and what slanting facets add to it; all of one shape."""
     table = _table(cosine.device) if table is None else table
     at = torch.stack([cosine.abs().flatten(), roughness.flatten()], -1) * 2 - 1
-    sampled = done("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear", padding_mode="border",
-                 align_corners=True)
+    sampled = run_operator("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear",
+                         padding_mode="border", align_corners=True)
     return sampled[0, 0].view_as(cosine), sampled[0, 1].view_as(cosine)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..compute.device_ops import done
+from ..compute.devices import run_operator
 
 
 def weighted_rows(table: Tensor, row: Tensor, weight: Tensor) -> Tensor:
@@ -13,7 +13,7 @@ def weighted_rows(table: Tensor, row: Tensor, weight: Tensor) -> Tensor:
 
     By an operator that reads each row where it stands: to select them first takes twenty times as long.
     """
-    return done("_embedding_bag", _sums, table.contiguous(), row, weight)
+    return run_operator("_embedding_bag", _sums, table.contiguous(), row, weight)
 
 
 def _sums(table: Tensor, row: Tensor, weight: Tensor) -> Tensor:

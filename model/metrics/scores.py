@@ -1,24 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compare two pictures: PSNR, SSIM and FLIP in numpy, because Blender's Python has no library for them.
+"""Compare two pictures: PSNR, SSIM, FLIP and noise in numpy, because Blender's Python has no library for them.
 
-LPIPS needs its own network; it is available if its package is installed.
+LPIPS needs a network of its own: it is computed where its package and the AlexNet weights are installed already.
 """
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 
 from .. import progress
-from ..box_filter import box_sums
 from ..color import linear_to_srgb
-from .flip import flip_map
-from .hdr_flip import hdr_flip_map
-from .perceptual import lpips
+from ..pictures import box_sums
+from .flip import flip_map, hdr_flip_map
 
 WINDOW = 7                       # pixels, the side of SSIM's square window
 C1, C2 = 0.01 ** 2, 0.03 ** 2    # SSIM's constants for values in [0, 1]
 SMALLEST_ERROR = 1e-10           # mean square; equal pictures are 100 dB apart
+
+LPIPS_PACKAGES = ("torch", "torchvision", "lpips")
+LPIPS_WEIGHTS = "alexnet-*.pth"  # where torchvision keeps what it downloaded
+
+NOISE_BLOCK = 8      # pixels along the side of a square that is judged as one
+NOISE_TRIMMED = 0.2  # share of blocks left out at either end: edges that one picture smooths look like noise there
+MASK_SQUARES = 36.0  # sum of the squares of the mask's numbers
+FEWEST_BLOCKS = 16
 
 
 def psnr(a: np.ndarray, b: np.ndarray) -> float:
@@ -83,8 +91,46 @@ def closeness(a: np.ndarray, b: np.ndarray) -> Closeness:
     with progress.part(0.0, 0.2):
         similarity = ssim(a, b)
     with progress.part(0.2, 0.3):
-        seen = flip_map(b, a)
+        flip = flip_map(b, a)
     with progress.part(0.3, 1.0):
-        at_exposures = hdr_flip_map(*linear)
+        hdr_flip = hdr_flip_map(*linear)
     progress.report(1.0)
-    return Closeness(psnr(a, b), similarity, float(seen.mean()), float(at_exposures.mean()), lpips(a, b), seen)
+    return Closeness(psnr(a, b), similarity, float(flip.mean()), float(hdr_flip.mean()), lpips(a, b), flip)
+
+
+def lpips(a: np.ndarray, b: np.ndarray) -> float | None:
+    """Between two sRGB-encoded pictures (H, W, 3) in [0, 1]; None where it cannot be computed."""
+    if not all(map(find_spec, LPIPS_PACKAGES)):
+        return None
+    import torch
+    if not any(Path(torch.hub.get_dir(), "checkpoints").glob(LPIPS_WEIGHTS)):
+        return None
+    import lpips as package
+    with torch.inference_mode():
+        distance = package.LPIPS(net="alex", verbose=False).eval()
+        return float(distance(*(torch.from_numpy(x.astype(np.float32)).permute(2, 0, 1)[None] for x in (a, b)),
+                              normalize=True))
+
+
+def excess_noise(a: np.ndarray, b: np.ndarray) -> float:
+    """By how much the variance of the noise in `b` exceeds that in `a`, two pictures (H, W, 3) of one view; at least 0.
+
+    If `b` is a reference, no render comes closer to it than that. 0 where pictures are too small to tell. Noise is what
+    no neighbour predicts (Immerkaer 1996, a Laplacian that shading does not reach); textures are in both.
+    """
+    difference = _squared_mask(b) - _squared_mask(a)
+    height, width = (size // NOISE_BLOCK * NOISE_BLOCK for size in difference.shape[:2])
+    blocks = difference[:height, :width].reshape(height // NOISE_BLOCK, NOISE_BLOCK, width // NOISE_BLOCK, NOISE_BLOCK,
+                                                 -1).mean((1, 3, 4))
+    if blocks.size < FEWEST_BLOCKS:
+        return 0.0
+    trimmed = int(blocks.size * NOISE_TRIMMED)
+    middle = np.sort(blocks, axis=None)[trimmed:-trimmed]
+    return max(float(middle.mean()), 0.0) / MASK_SQUARES
+
+
+def _squared_mask(picture: np.ndarray) -> np.ndarray:
+    """(H - 2, W - 2, 3) squares of the mask [1 -2 1] in both directions."""
+    for _ in range(2):
+        picture = (picture[2:] - 2 * picture[1:-1] + picture[:-2]).swapaxes(0, 1)
+    return picture.astype(np.float64) ** 2

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The projections of the two attention layers, and QK-norm (docs/network.md 3, 7 and 8.2)."""
+"""Attention layers: projections, heads and QK-norm of both stages, and the shifted windows of ray tokens
+(docs/network.md 3, 7 and 8).
+"""
 from __future__ import annotations
+
+from functools import lru_cache
 
 import torch
 from torch import nn
+from torch.nn import functional as F
 
-from .norm import Linear, RMSNorm
-from .rope import Rotation
-from .softmax import KeysValues, attend_to_all
-from .window import Window
+from ..compute.inference import chunked
+from ..progress import part
+from .block_attention import KeysValues, Window, attend_to_all
+from .config import SWIN_WINDOW
+from .layers import Linear, RMSNorm, Rotation
 
 
 class Attention(nn.Module):
@@ -73,3 +79,65 @@ class CrossAttention(Attention):
     def forward(self, x: torch.Tensor, rotation: Rotation, keys: KeysValues) -> torch.Tensor:
         """(n, D) -> (n, D): every row sees all keys."""
         return self.output(attend_to_all(self.queries(x, rotation).transpose(0, 1), keys))
+
+
+WINDOW = SWIN_WINDOW
+SHIFT = 4
+TOKENS = 8192   # of a band of windows: bounds the copies made to shift and partition
+WINDOWS = 32    # that are attended to together, for short polls
+
+
+def to_windows(x: torch.Tensor) -> torch.Tensor:
+    """(V, Hg, Wg, ...) -> (V Hg Wg / 64, 64, ...), windows and their tokens row-major."""
+    x = x.unflatten(2, (-1, WINDOW)).unflatten(1, (-1, WINDOW)).transpose(2, 3)
+    return x.flatten(3, 4).flatten(0, 2) if x.dim() == 5 else x.flatten(0, 2).flatten(1, 2)
+
+
+def from_windows(windows: torch.Tensor, grid: tuple[int, int]) -> torch.Tensor:
+    """Inverse of `to_windows`: (B, 64, D) -> (V, Hg, Wg, D)."""
+    rows, columns = grid[0] // WINDOW, grid[1] // WINDOW
+    x = windows.view(-1, rows, columns, WINDOW, WINDOW, windows.shape[-1])
+    return x.transpose(2, 3).reshape(-1, *grid, windows.shape[-1])
+
+
+@lru_cache(maxsize=8)
+def shift_mask(grid: tuple[int, int]) -> torch.Tensor:
+    """(windows, 64, 64) bool: which tokens of a rolled grid were neighbours before the roll."""
+    rows, columns = (torch.arange(side).ge(side - WINDOW).long() + torch.arange(side).ge(side - SHIFT).long()
+                     for side in grid)
+    region = to_windows((3 * rows[:, None] + columns)[None, :, :, None])[..., 0]
+    return region[:, :, None] == region[:, None, :]
+
+
+class SwinAttention(SelfAttention):
+    """Self-attention in 8x8 windows, shifted by 4 tokens in every other layer; no positional term."""
+
+    def __init__(self, width: int, heads: int, shifted: bool):
+        super().__init__(width, heads)
+        self.shifted = shifted
+
+    def forward(self, x: torch.Tensor, norm: nn.Module) -> torch.Tensor:
+        """(V, Hg, Wg, D), normalised by `norm` window by window -> (V, Hg, Wg, D)."""
+        views, height, width = x.shape[:3]
+        shift = SHIFT if self.shifted else 0
+        rows = height if torch.is_grad_enabled() else WINDOW * max(1, TOKENS // (WINDOW * width * views))
+        result = None
+        for begin in range(0, height, rows):
+            end = min(begin + rows, height)
+            lines = (torch.arange(begin, end, device=x.device) + shift) % height
+            inputs = [to_windows(x.index_select(1, lines).roll(-shift, dims=2))]
+            if shift:
+                mask = shift_mask((height, width)).unflatten(0, (height // WINDOW, -1))[begin // WINDOW:end // WINDOW]
+                inputs.append(mask.flatten(0, 1).to(x.device).repeat(views, 1, 1))
+            with part(begin / height, end / height):
+                windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, size=WINDOWS)
+            band = from_windows(windows, (end - begin, width)).roll(shift, dims=2)
+            if result is None:
+                result = band.new_empty(views, height, *band.shape[2:])
+            result.index_copy_(1, lines, band)
+        return result
+
+    def _attend(self, x: torch.Tensor, mask: torch.Tensor | None = None) -> torch.Tensor:
+        q, k, v = (heads.transpose(1, 2) for heads in (self.queries(x), *self.keys_values(x)))
+        seen = F.scaled_dot_product_attention(q, k, v, attn_mask=None if mask is None else mask[:, None])
+        return self.out_proj(seen.transpose(1, 2).flatten(2))

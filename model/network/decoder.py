@@ -6,11 +6,11 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from ..compute.inference import divided
 from ..progress import part, report
 from .banded import Rows, added, combined, convolved, enlarged, resized, whole
 from .config import ModelConfig
-from .memory import divided
-from .norm import Float32Conv2d
+from .layers import Float32Conv2d
 
 BAND_PIXELS = 1 << 16  # of one band of the picture: about 200 MB of published activations, and short polls
 

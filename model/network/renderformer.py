@@ -7,13 +7,15 @@ from dataclasses import dataclass, field
 import torch
 from torch.nn import functional as F
 
+from ..compute.inference import is_divided
+from ..compute.precision import has_tensor_float_32
 from ..progress import part
+from .block_attention import KeysValues
 from .config import ModelConfig
-from .embed import SceneEmbedding
+from .embedding import SceneEmbedding
 from .inputs import NetworkInputs, ViewInputs
-from .memory import is_divided
+from .layers import in_precision
 from .sequence import Tokens, centroids, pack, scene_centre
-from .softmax import KeysValues
 from .view_dependent import ViewTransformer
 from .view_independent import ViewIndependentTransformer
 
@@ -128,3 +130,11 @@ class RenderFormer(SceneEmbedding):
 def to_radiance(log_image: torch.Tensor) -> torch.Tensor:
     """Log image -> linear radiance, 10^y - 1."""
     return torch.pow(10.0, log_image.float()) - 1
+
+
+def as_released(network: RenderFormer, dtype: torch.dtype, device: torch.device) -> RenderFormer:
+    """In the precision of the authors' `release` profile (docs/network.md 11): stage 2 without its decoder stays in
+    float32 where the device has TensorFloat-32, all else is in `dtype`."""
+    stage2 = network.view_transformer
+    exact = (stage2.ray_map_encoder, stage2.transformer) if has_tensor_float_32(device) else ()
+    return in_precision(network, dtype, exact)

@@ -7,19 +7,15 @@ from collections.abc import Callable
 import torch
 from torch import nn
 
+from ..compute.inference import CHUNK, by_rows, chunked, cuts
 from ..progress import part
-from .attention import CrossAttention
+from .attention import CrossAttention, SwinAttention
+from .block_attention import KeysValues
 from .config import ModelConfig
 from .decoder import DPTDecoder
-from .embed import patches
-from .feed_forward import SwiGLU
-from .memory import CHUNK, by_rows, chunked, cuts
-from .nerf import nerf_encode, nerf_width
-from .norm import Linear, RMSNorm
-from .rope import RotaryEmbedding, Rotation
+from .embedding import patches
+from .layers import Linear, RMSNorm, RotaryEmbedding, Rotation, SwiGLU, nerf_encode, nerf_width
 from .sequence import learned_token
-from .softmax import KeysValues
-from .swin import SwinAttention
 
 
 class ViewDependentLayer(nn.Module):

@@ -5,16 +5,13 @@ from __future__ import annotations
 import torch
 from torch import nn
 
+from ..compute.inference import by_rows
 from ..progress import part
 from .attention import SelfAttention
+from .block_attention import KeysValues, Window
 from .config import ModelConfig
-from .feed_forward import SwiGLU
-from .memory import by_rows
-from .norm import RMSNorm
-from .rope import RotaryEmbedding, Rotation
+from .layers import RMSNorm, RotaryEmbedding, Rotation, SwiGLU
 from .sequence import learned_token
-from .softmax import KeysValues
-from .window import Window
 
 
 class ViewIndependentLayer(nn.Module):

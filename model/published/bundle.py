@@ -10,18 +10,17 @@ from ..material.autoencoder import MaterialAutoencoder
 from ..material.mappers import MAPPERS, Mapper
 from ..network.config import ModelConfig
 from ..network.renderformer import RenderFormer
-from ..weights.checkpoint import build_network, load_component, load_network
+from ..weights.checkpoint import build_network, load_component, read_network
 from ..weights.files import (
     FORMAT,
-    explained,
+    checkpoint_errors,
     read_json,
     require,
     require_folder,
-    require_parts,
     version_one,
     weights_file,
 )
-from .bundle_files import AUTOMATIC, MODEL_CONFIG, TRANSFORMER, transformer_for
+from .bundle_files import AUTOMATIC, MODEL_CONFIG, TRANSFORMER, require_parts, transformer_for
 from .model_config import model_config
 
 SECTIONS = {"model_config", "dataset_config", "trainer_config"}
@@ -37,7 +36,7 @@ class Bundle:
 
     folder: Path
 
-    @explained()
+    @checkpoint_errors()
     def __post_init__(self) -> None:
         """Raises CheckpointError when there is no such folder, or it is of another model."""
         self.folder = Path(self.folder)
@@ -66,7 +65,7 @@ class Bundle:
         return load_component(MaterialAutoencoder, folder)
 
 
-@explained()
+@checkpoint_errors()
 def load_transformer(folder: Path) -> RenderFormer:
     """One transformer folder: model_config.json as it is saved by itself, or config.yaml, beside model.safetensors."""
     present = [name for name in TRANSFORMER if (folder / name).is_file()]
@@ -75,15 +74,16 @@ def load_transformer(folder: Path) -> RenderFormer:
             raise CheckpointError(f"{folder} holds both config.json and {present[0]}: it mixes two checkpoints")
         raise version_one(folder / "config.json")
     if present[:1] != [MODEL_CONFIG]:
-        return build_network(read_yaml_config(require(folder, (present or ["config.yaml"])[0])), weights_file(folder))
+        config = read_yaml_config(require(folder, (present or ["config.yaml"])[0]))
+        return build_network(RenderFormer, config, weights_file(folder))
     file = folder / MODEL_CONFIG
     description = read_json(file)
     found = {key: description.get(key) for key in FORMAT}
     if found == FORMAT:
-        return load_network(folder, MODEL_CONFIG)
+        return read_network(RenderFormer, folder, MODEL_CONFIG)
     if found != STANDALONE:
         raise CheckpointError(f"{file} is of an unknown format: expected {STANDALONE}, found {found}")
-    return build_network(_config(description, file), weights_file(folder))
+    return build_network(RenderFormer, _config(description, file), weights_file(folder))
 
 
 def _config(content: dict, file: Path) -> ModelConfig:

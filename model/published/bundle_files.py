@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files of the published bundle (docs/scene-input.md 12); this module does not import PyTorch."""
+"""The files of the published bundle (docs/scene-input.md 12), and which weights a folder holds; without PyTorch."""
 from __future__ import annotations
 
 from os.path import isdir, isfile
 from pathlib import Path
+
+from ..errors import CheckpointError
+from ..weights.files import checkpoint_errors, described, listing, weights_file
 
 INDEX = "model_index.json"  # of the whole; nothing is read from it
 MODEL_CONFIG = "model_config.json"  # of a transformer that was saved by itself; it counts before the others
@@ -30,7 +33,7 @@ def is_transformer(folder: str | Path) -> bool:
     return any((Path(folder) / name).is_file() for name in TRANSFORMER)
 
 
-def whole(folder: Path, chosen: str = AUTOMATIC) -> tuple[Path, str]:
+def bundle_and_transformer(folder: Path, chosen: str = AUTOMATIC) -> tuple[Path, str]:
     """The bundle, and which of its transformers is chosen: a chosen transformer's folder lies in its bundle."""
     return (folder.absolute().parent, folder.absolute().name) if is_transformer(folder) else (folder, chosen)
 
@@ -60,3 +63,30 @@ def missing_parts(bundle: Path, chosen: str = AUTOMATIC) -> list[str]:
     wanted = TRANSFORMERS if chosen == AUTOMATIC else (chosen,)
     parts = [] if any(map(complete, wanted)) else [" or ".join(wanted)]
     return parts + [name for name in MAPPERS if not complete(name)]
+
+
+@checkpoint_errors()
+def require_parts(bundle: Path, chosen: str = AUTOMATIC) -> None:
+    """Raises CheckpointError unless the bundle holds what a render with the chosen transformer needs."""
+    parts = missing_parts(bundle, chosen)
+    if parts and chosen not in (AUTOMATIC, *parts):
+        raise CheckpointError(f"A render with the transformer {bundle / chosen} also needs {', '.join(parts)} beside "
+                              f"it, but {bundle} holds {listing(bundle)}: download or copy the folder renderformer-v2 "
+                              "whole. A transformer that was saved by itself belongs into it")
+    if parts:
+        raise CheckpointError(f"{bundle} is incomplete: a render needs {', '.join(parts)}, each a folder with its "
+                              f"configuration and model.safetensors, and it holds {listing(bundle)}. Download or copy "
+                              "them again")
+
+
+@checkpoint_errors()
+def check_weights(folder: Path) -> None:
+    """Look for a published bundle or a network of ours in a folder, as a render does before it reads tensors.
+
+    Raises CheckpointError with the path and what to do.
+    """
+    if is_bundle(folder):
+        require_parts(*bundle_and_transformer(folder))
+    else:
+        described(folder)
+        weights_file(folder)

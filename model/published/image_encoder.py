@@ -11,12 +11,12 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..compute import background
+from ..compute.inference import divided
+from ..compute.threads import begin_import, finish_import
 from ..errors import CheckpointError
-from ..network.memory import divided
 from ..progress import report
 from ..weights.checkpoint import load_weights
-from ..weights.files import explained, read_json, require
+from ..weights.files import checkpoint_errors, read_json, require
 
 BATCH = 256
 BATCH_CPU = 64         # with fewer, the layers of 4x4 places are slower; the batch does not change the result
@@ -26,7 +26,7 @@ SMALLEST = 1e-24       # square of what diffusers divides by at least
 CLASS = "AutoencoderKLQwenImage"
 
 
-@explained()
+@checkpoint_errors()
 def find_vae(bundle: Path) -> Path:
     """`vae` inside the bundle, or in a folder `Qwen-Image` beside it. Raises CheckpointError when there is neither."""
     places = [bundle / "vae", bundle.absolute().parent / "Qwen-Image" / "vae"]
@@ -66,7 +66,7 @@ class ImageEncoder:
         self._bytes = 0
 
     @property
-    @explained()
+    @checkpoint_errors()
     def identity(self) -> bytes:
         """Another one for other weights or another precision; most of the file need not be read for it."""
         digest = hashlib.blake2b(f"{sorted(self.config.items())}{self.dtype}".encode(), digest_size=16)
@@ -93,7 +93,7 @@ class ImageEncoder:
 
     def _encode(self, images: torch.Tensor) -> torch.Tensor:
         if self._network is None:
-            kind = background.finish(background.begin(vae_class))
+            kind = finish_import(begin_import(vae_class))
             network = OneFrameEncoder(load_vae(kind, self.config, self.file))
             self._network = network.to(self.device, self.dtype, memory_format=torch.channels_last)
         tile = images.shape[-1] * images.shape[-2]

@@ -12,19 +12,18 @@ from ..camera import padded_view, square_view
 from ..compute.precision import tensor_float_32
 from ..errors import CheckpointError
 from ..light.effort import FULL, Effort
-from ..material.appearance import Appearance
-from ..network.inputs import NetworkInputs
-from ..network.precision import as_released
-from ..network.renderformer import RenderFormer, SceneContext, to_radiance
+from ..material.mappers import Appearance
+from ..network.inputs import NetworkInputs, view_inputs
+from ..network.renderformer import RenderFormer, SceneContext, as_released, to_radiance
 from ..normalize import Normalization
+from ..pipeline import Pipeline
 from ..progress import part, report
 from ..scene import Guides, RenderScene, View
-from ..tensors import view_inputs
-from ..weights.files import explained
+from ..weights.files import checkpoint_errors
 from ..weights.presets import rf2_200m
 from .as_trained import as_trained, emitters
 from .bundle import Bundle, load_transformer
-from .bundle_files import AUTOMATIC, MAPPERS, transformer_for, whole
+from .bundle_files import AUTOMATIC, MAPPERS, bundle_and_transformer, transformer_for
 from .cube_faces import cube_faces, joined
 from .image_encoder import ImageEncoder, find_vae
 from .latent_store import LatentStore
@@ -45,7 +44,7 @@ class PublishedContext:
         return len(self.context.positions)
 
 
-class PublishedPipeline:
+class PublishedPipeline(Pipeline):
     """Two networks, for pictures below and from 2048 pixels, or the chosen one; the one in use is in memory."""
 
     def __init__(self, folder: str | Path, device: torch.device, dtype: torch.dtype, transformer: str = AUTOMATIC,
@@ -54,8 +53,8 @@ class PublishedPipeline:
 
         Raises CheckpointError for what is missing, VAE and diffusers included.
         """
-        with explained():
-            folder, self.chosen = whole(Path(folder), transformer)
+        with checkpoint_errors():
+            folder, self.chosen = bundle_and_transformer(Path(folder), transformer)
         self.device, self.dtype, self.bundle = device, dtype, Bundle(folder).require_parts(self.chosen)
         self.granularity = rf2_200m().granularity
         mappers = (self.bundle.mapper(name).to(device) for name in MAPPERS)

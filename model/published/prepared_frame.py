@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from ..errors import SceneError
-from ..weights.git_lfs import is_pointer
+from ..weights.files import is_lfs_pointer
 
 CONFIG, MESHES = "scene_config.json", "split"
 VERSION = "2.0.0"
@@ -115,7 +115,7 @@ def missing(frame: PreparedFrame, folder: Path) -> list[str]:
 def pointers(frame: PreparedFrame, folder: Path) -> list[str]:
     """Those that a clone without Git LFS has in place of the files themselves. Raises OSError."""
     there = set(named(frame, folder)) - set(missing(frame, folder))
-    return sorted(name for name in there if is_pointer(Path(folder) / name))
+    return sorted(name for name in there if is_lfs_pointer(Path(folder) / name))
 
 
 def maps(material: FrameMaterial) -> tuple[str, ...]:

@@ -10,12 +10,17 @@ import torch
 
 from ..environment import environment_images
 from ..errors import SceneError
-from ..material.appearance import Appearance
-from ..material.mappers import LATENT_DIM
-from ..network.inputs import EnvironmentInputs, NetworkInputs, encode_light
+from ..material.mappers import LATENT_DIM, Appearance
+from ..network.inputs import (
+    EnvironmentInputs,
+    NetworkInputs,
+    encode_light,
+    material_tiles,
+    nearer_lights,
+    volume_inputs,
+)
 from ..progress import part, report
 from ..scene import ENVIRONMENT_SHAPE, RenderScene, constant_tile
-from ..tensors import material_tiles, nearer_lights, volume_inputs
 from .image_encoder import ImageEncoder
 from .latent_store import LatentStore
 from .processed_scene import ProcessedScene

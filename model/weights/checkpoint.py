@@ -2,26 +2,25 @@
 """Load and save weights: strict loading of safetensors, and this project's own format (config.json +
 model.safetensors).
 
-Every function that reads raises CheckpointError with the path and what to do. published/bundle.py reads the published
-bundle; weights_files.py looks into folders without PyTorch.
+Every function that reads raises CheckpointError with the path and what to do. Which networks there are is none of
+this module's business: `kind` makes one of a configuration. published/bundle.py reads the published bundle; files.py
+looks into folders without PyTorch.
 """
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import torch
 from torch import nn
 
 from ..errors import CheckpointError
-from ..guided.network import GuidedRenderFormer, KernelsAlone
-from ..material.mappers import Mapper, MetallicTransmissionMapper
 from ..network.config import ModelConfig
-from ..network.renderformer import RenderFormer
-from .files import FORMAT, described, explained, read_json, require, weights_file
-from .presets import WEIGHTS
+from .files import FORMAT, checkpoint_errors, described, read_json, require, weights_file
 
-MATERIAL_MAPPER = WEIGHTS / "material" / "metallic_transmission_mapper"
+Network = TypeVar("Network", bound=nn.Module)
 FLOATS = ("F16", "BF16", "F32", "F64")  # safetensors' names
 
 
@@ -40,29 +39,17 @@ def save_network(folder: str | Path, config: ModelConfig, state: dict[str, torch
     (folder / "config.json").write_text(json.dumps(FORMAT | {"model_config": config.to_dict()}, indent=1) + "\n")
 
 
-@explained()
-def load_network(folder: Path, name: str = "config.json") -> RenderFormer | KernelsAlone:
+@checkpoint_errors()
+def read_network(kind: Callable[[ModelConfig], Network], folder: Path, name: str = "config.json") -> Network:
     """The network of one folder in this project's format; `name` is the file that describes it."""
-    return build_network(ModelConfig.from_dict(described(folder, name)), weights_file(folder))
+    return build_network(kind, ModelConfig.from_dict(described(folder, name)), weights_file(folder))
 
 
-def build_network(config: ModelConfig, file: Path) -> RenderFormer | KernelsAlone:
+def build_network(kind: Callable[[ModelConfig], Network], config: ModelConfig, file: Path) -> Network:
     """The network of a configuration with the weights of a file."""
     with torch.device("meta"):
-        network = new_network(config)
+        network = kind(config)
     return load_weights(network, file)
-
-
-def new_network(config: ModelConfig) -> RenderFormer | KernelsAlone:
-    """The network of a configuration, ready to be trained."""
-    if config.guidance is None:
-        return RenderFormer(config)
-    return GuidedRenderFormer(config) if config.guidance.transformer else KernelsAlone(config)
-
-
-def load_material_mapper(folder: Path = MATERIAL_MAPPER) -> Mapper:
-    """The bundled mapper from Principled parameters to the 9-D latent."""
-    return load_component(MetallicTransmissionMapper, folder)
 
 
 def load_component(kind: type[nn.Module], folder: Path) -> nn.Module:
@@ -76,7 +63,7 @@ def load_component(kind: type[nn.Module], folder: Path) -> nn.Module:
     return load_weights(module, weights_file(folder))
 
 
-@explained()
+@checkpoint_errors()
 def load_weights(module: nn.Module, file: Path) -> nn.Module:
     """Give a module on the meta device the tensors of a safetensors file, strictly, and switch it to evaluation.
 

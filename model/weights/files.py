@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What lies in a folder of weights, as far as that is seen without PyTorch.
+"""Look into a folder of weights without PyTorch.
 
-Every function raises CheckpointError with the path and what to do.
+Every function but the last two raises CheckpointError with the path and what to do.
 """
 from __future__ import annotations
 
@@ -10,31 +10,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import CheckpointError
-from ..published.bundle_files import AUTOMATIC, is_bundle, missing_parts, whole
-from .git_lfs import is_pointer, remedy
 
 FORMAT = {"format": "renderformer-model", "format_version": 2}
 SOME = 8  # names in a message
+LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # how the text begins that Git LFS has in place of a file
 PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl")
 
 
 @contextmanager
-def explained():
+def checkpoint_errors():
     """What the operating system refuses becomes a CheckpointError; around everything that looks into folders."""
     try:
         yield
     except OSError as error:
         raise CheckpointError(f"{error.filename} cannot be read ({error.strerror}): check its permissions") from error
-
-
-@explained()
-def check(folder: Path) -> None:
-    """Look for a network in a folder, as a render would before it reads tensors."""
-    if is_bundle(folder):
-        require_parts(*whole(folder))
-    else:
-        described(folder)
-        weights_file(folder)
 
 
 def described(folder: Path, name: str = "config.json") -> dict:
@@ -55,7 +44,7 @@ def described(folder: Path, name: str = "config.json") -> dict:
     return model_config
 
 
-@explained()
+@checkpoint_errors()
 def weights_file(folder: Path) -> Path:
     """The folder's model.safetensors; explains why pickled weights are refused."""
     file = folder / "model.safetensors"
@@ -74,14 +63,14 @@ def version_one(file: Path) -> CheckpointError:
                            "no volumes and cannot be used: expected is the folder of RenderFormer/renderformer-v2")
 
 
-@explained()
+@checkpoint_errors()
 def listing(folder: Path) -> str:
     """The first names in a folder, for messages."""
     names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
     return ", ".join(names[:SOME]) + (f" and {len(names) - SOME} more" if len(names) > SOME else "") or "nothing"
 
 
-@explained()
+@checkpoint_errors()
 def require_folder(folder: Path) -> None:
     """The weights folder must exist."""
     if folder.suffix in PICKLES:
@@ -92,21 +81,7 @@ def require_folder(folder: Path) -> None:
         raise CheckpointError(f"There is no weights folder {folder}: choose the one that the weights lie in")
 
 
-@explained()
-def require_parts(bundle: Path, chosen: str = AUTOMATIC) -> None:
-    """A published bundle must hold what a render with the chosen transformer needs."""
-    parts = missing_parts(bundle, chosen)
-    if parts and chosen not in (AUTOMATIC, *parts):
-        raise CheckpointError(f"A render with the transformer {bundle / chosen} also needs {', '.join(parts)} beside "
-                              f"it, but {bundle} holds {listing(bundle)}: download or copy the folder renderformer-v2 "
-                              "whole. A transformer that was saved by itself belongs into it")
-    if parts:
-        raise CheckpointError(f"{bundle} is incomplete: a render needs {', '.join(parts)}, each a folder with its "
-                              f"configuration and model.safetensors, and it holds {listing(bundle)}. Download or copy "
-                              "them again")
-
-
-@explained()
+@checkpoint_errors()
 def require(folder: Path, name: str) -> Path:
     """folder / name, which must exist."""
     require_folder(folder)
@@ -114,12 +89,12 @@ def require(folder: Path, name: str) -> Path:
     if not file.is_file():
         raise CheckpointError(f"{file} is missing: the weights folder is incomplete (it holds {listing(folder)}), "
                               "download or copy it again")
-    if is_pointer(file):
-        raise CheckpointError(f"{file} {remedy(folder)}")
+    if is_lfs_pointer(file):
+        raise CheckpointError(f"{file} {lfs_remedy(folder)}")
     return file
 
 
-@explained()
+@checkpoint_errors()
 def read_json(file: Path) -> dict:
     """A JSON object."""
     try:
@@ -129,3 +104,14 @@ def read_json(file: Path) -> dict:
     if not isinstance(content, dict):
         raise CheckpointError(f"{file} does not hold a JSON object: found {type(content).__name__}")
     return content
+
+
+def is_lfs_pointer(path: str | Path) -> bool:
+    """Whether the file is a text of Git LFS that stands for the real one. Raises OSError."""
+    with open(path, "rb") as file:
+        return file.read(len(LFS_POINTER)) == LFS_POINTER
+
+
+def lfs_remedy(folder: str | Path) -> str:
+    """What to do about such a text, for messages that begin with its name."""
+    return f"stands for a file that was not downloaded: run `git lfs pull` in {folder}, or download it by itself"

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ...model.color import srgb_to_linear
-from ...model.metrics.magma import magma
+from ...model.metrics.flip import magma
 from ..cycles import growing as cycles_growing
 from . import comparison, events, growing, overlay, shader
 

@@ -11,8 +11,8 @@ import numpy as np
 from ...model import progress
 from ...model.color import linear_to_srgb
 from ...model.errors import RenderCancelled
-from ...model.metrics import noise
 from ...model.metrics import scores as metrics
+from ...model.metrics.scores import excess_noise
 from . import header
 from .sources import Picture
 
@@ -125,7 +125,7 @@ def notes(a: np.ndarray, b: np.ndarray, box: Box) -> list[str]:
 def noise_of_b(a: np.ndarray, b: np.ndarray, psnr: float) -> list[str]:
     """A line if much of the difference is noise of the reference."""
     encoded = [linear_to_srgb(pixels[..., :3]) for pixels in (a, b)]  # clipped, as for PSNR
-    share = noise.excess(*encoded) * 10 ** (psnr / 10)
+    share = excess_noise(*encoded) * 10 ** (psnr / 10)
     if share < NOISY:
         return []
     without = f"without its noise PSNR would be about {psnr - 10 * np.log10(1 - share):.0f} dB" if share < MOST else \

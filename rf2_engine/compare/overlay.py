@@ -6,7 +6,7 @@ import textwrap
 
 import blf
 
-from ...model.metrics.magma import STOPS
+from ...model.metrics.flip import MAGMA
 from . import comparison, events, labels
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
@@ -129,9 +129,9 @@ def draw_scale(right: float, y: float, unit: float) -> None:
     from gpu_extras.batch import batch_for_shader
 
     left, height = right - SCALE_WIDTH * unit, 12 * unit
-    places = [left + SCALE_WIDTH * unit * i / (len(STOPS) - 1) for i in range(len(STOPS))]
+    places = [left + SCALE_WIDTH * unit * i / (len(MAGMA) - 1) for i in range(len(MAGMA))]
     corners = [(x, z) for x in places for z in (y, y + height)]
-    colors = [(*map(float, stop), 1.0) for stop in STOPS for _ in range(2)]
+    colors = [(*map(float, stop), 1.0) for stop in MAGMA for _ in range(2)]
     smooth = gpu.shader.from_builtin("SMOOTH_COLOR")
     batch_for_shader(smooth, "TRI_STRIP", {"pos": corners, "color": colors}).draw(smooth)
     for value in (0.0, 0.5, 1.0):

@@ -11,7 +11,7 @@ import imbuf
 import numpy as np
 
 from ...model.metrics import scores as metrics
-from ...model.metrics.magma import magma
+from ...model.metrics.flip import magma
 from .measuring import Box
 from .saving import file_format
 from .sources import Picture

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import bpy
 from bpy.app.handlers import persistent
 
-from ..frame import rectangle
 from ..registering import handlers
+from ..render_size import frame_size, render_region
 
 
 class Window(NamedTuple):
@@ -28,7 +28,7 @@ class Window(NamedTuple):
 
     def selected(self, settings: bpy.types.RenderSettings) -> Window:
         """The part that the render region selects, as far as the picture shows it, in pixels of the picture."""
-        left, right, bottom, top = rectangle.region(self.width, self.height, settings)
+        left, right, bottom, top = render_region(self.width, self.height, settings)
         left, right = (min(max(x, self.left), self.right) - self.left for x in (left, right))
         bottom, top = (min(max(y, self.bottom), self.top) - self.bottom for y in (bottom, top))
         return self.all._replace(left=left, right=max(left, right), bottom=bottom, top=max(bottom, top))
@@ -66,9 +66,9 @@ def _begins(scene, *_):
             _cropped.pop(slot := image.render_slots.active_index + 1, None)
             _bordered.pop(slot, None)
             if scene.render.use_border:
-                width, height = rectangle.size(scene.render)
+                width, height = frame_size(scene.render)
                 of = _cropped if scene.render.use_crop_to_border else _bordered
-                of[slot] = Window(width, height, *rectangle.region(width, height, scene.render))
+                of[slot] = Window(width, height, *render_region(width, height, scene.render))
 
 
 @persistent

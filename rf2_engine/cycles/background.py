@@ -23,8 +23,8 @@ from ...model import progress
 from ...model.errors import RenderCancelled, SceneError
 from .. import exr, main_thread
 from .. import passes as pass_table
-from ..frame import running
-from . import progress as cycles_progress
+from ..progress import cycles_text
+from ..runtime import running
 
 INTERVAL = 0.1  # seconds between two looks at the Esc key
 GRACE = 30.0    # seconds for a Blender that is to hand over what it has
@@ -127,7 +127,7 @@ def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bo
             while reader.is_alive():
                 reader.join(INTERVAL)
                 status = _status(lines)
-                progress.report(cycles_progress.fraction(status), status or "Starting a background Blender")
+                progress.report(cycles_text.fraction(status), status or "Starting a background Blender")
         except RenderCancelled:
             if not partial or running.is_stopping():
                 raise

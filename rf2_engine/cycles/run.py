@@ -11,7 +11,7 @@ from ...model.errors import RenderCancelled, SceneError
 from .. import passes as pass_table
 from ..convert.camera.eyes import view_names
 from ..convert.report import Report
-from ..frame import failure
+from ..runtime import failure
 from . import background as background_cycles
 from . import growing
 

@@ -14,14 +14,13 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-import addon_utils
-
 from ...model.color import HALF_MAX
-from ...model.errors import SceneError
 from .. import compat
 from .. import passes as pass_table
 from ..convert.report import Report
 from ..convert.visibility import catching_hosts, shadow_catchers
+from ..settings import Light
+from ..setup import packages
 from .run import Passes, overrides, run
 
 ALWAYS = {
@@ -59,21 +58,6 @@ _DENOISED = {
 # Only camera rays see anything: none is cast towards a light, and what costs a third of the time is left out.
 _UNLIT = {f"visible_{ray}": False for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")}
 _WORLD_UNLIT = {f"cycles_visibility.{ray}": False for ray in ("diffuse", "glossy", "transmission", "scatter")}
-
-
-def require() -> None:
-    """Raises SceneError when Cycles is switched off."""
-    if not addon_utils.check("cycles")[1]:
-        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on to find what the camera sees: "
-                         "enable 'Cycles Render Engine' in Preferences > Add-ons")
-
-
-class Light(Enum):
-    """What a session computes beside the first hits."""
-
-    NONE = auto()
-    TRACED = auto()  # no diffuse and no volume bounce, denoised
-    ALL = auto()     # the scene's own bounces
 
 
 class Catchers(Enum):
@@ -132,7 +116,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
 
     Raises RenderCancelled after Esc, SceneError when Cycles is switched off or stops with an error.
     """
-    require()
+    packages.require_cycles()
     view_layer = depsgraph.view_layer_eval
     clean = light is Light.TRACED and compat.has_openimagedenoise()
     lobes = {Light.ALL: pass_table.LIGHTING, Light.NONE: (),

@@ -24,7 +24,6 @@ from ..convert.lamps.placed_lamp import rotation
 from ..convert.lamps.suns import Sun, split_suns
 from ..convert.media.grids import shares
 from ..convert.shading.input_nodes import LIT
-from ..frame import output
 from ..progress.status import Status
 from ..registering import handlers
 from . import background as background_cycles
@@ -68,7 +67,7 @@ class CyclesWorld:
         except (cycles_run.CyclesFailed, SceneError):
             return None
         finally:
-            output.write(self.engine, self.depsgraph.view_layer_eval.name, {})  # no panorama is left in the picture
+            pass_table.write(self.engine, self.depsgraph.view_layer_eval.name, {})  # no panorama is left in the picture
             cycles_run.renew(self.engine, self.depsgraph)
         if drawn is not None:
             _known[key] = drawn

@@ -7,9 +7,9 @@ import sys
 from ...model.scene import RenderScene
 from ...model.weights import presets
 from ..convert.report import Report
+from ..runtime import model_cache
 from ..settings import FrameSettings
 from ..setup import importing, wheels
-from . import model_cache
 
 PARAMETERS = {True: 11_000_000, False: 208_000_000}  # of guided networks; of published ones without the image encoder
 IMAGE_ENCODER = 78_500_000  # bytes; it stays in float32 on a card
@@ -33,7 +33,7 @@ def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int]
         importing.import_packages()
     from ...model.compute.devices import choose_device, free_memory
     from ...model.compute.precision import choose_precision, has_tensor_float_32
-    from ...model.network.footprint import card_bytes
+    from ...model.network.memory_estimate import card_bytes
     from ...model.network.renderformer import KEYS_VALUES_BYTES
     try:
         device = choose_device(settings.device)

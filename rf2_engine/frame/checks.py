@@ -5,20 +5,19 @@ from __future__ import annotations
 import bpy
 
 from ...model.errors import SceneError
-from ...model.weights import files as weights_files
+from ...model.published.bundle_files import check_weights
 from ...model.weights.presets import weights_folder
 from .. import compat, passes
 from ..convert.camera.eyes import has_spherical_stereo, no_spherical_stereo
 from ..convert.report import Report
-from ..cycles.session import Light
-from ..settings import FrameSettings
+from ..settings import FrameSettings, Light
 
 LONGEST_NAME = 63  # bytes of view layer, pass and channel together, of every engine, in a multilayer file
 
 
 def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Report) -> None:
     """Report what the whole picture lacks. Raises SceneError and CheckpointError for what cannot be rendered."""
-    weights_files.check(weights_folder(settings.weights))
+    check_weights(weights_folder(settings.weights))
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     if scene.render.use_multiview and scene.render.views_format == "STEREO_3D" and has_spherical_stereo(scene.camera):
         raise SceneError(no_spherical_stereo(scene.camera))

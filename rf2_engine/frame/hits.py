@@ -16,8 +16,9 @@ from ...model.scene import Guides, RenderScene, View
 from ..convert.camera.lens import Lens
 from ..cycles import session as cycles_session
 from ..cycles.run import Passes
-from ..cycles.session import PINHOLE, Catchers, Light, Look
+from ..cycles.session import PINHOLE, Catchers, Look
 from ..progress.stages import ALPHA, CATCHERS, FIRST_HITS, SAMPLE_HITS
+from ..settings import Light
 from . import output
 from .guides import guides_of_no_triangle, inside, make_guides
 from .layer import Layer

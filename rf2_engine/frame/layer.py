@@ -20,11 +20,11 @@ from ..cycles.bake import Baker
 from ..cycles.world import CyclesWorld
 from ..progress.plan import Plan
 from ..progress.status import Status
+from ..render_size import Border, render_border
 from ..settings import FrameSettings
-from . import checks, rectangle, shutter
+from . import checks, shutter
 from .limits import report_limits
 from .optics import Optics
-from .rectangle import Border
 from .shot import Shot
 from .work import layers, work
 
@@ -55,7 +55,7 @@ class Layer:
         report_limits(depsgraph, report)
         optics = optics.possible(settings.light, depsgraph, report)
         width, height = engine.resolution_x, engine.resolution_y
-        border = rectangle.border(width, height, scene.render)
+        border = render_border(width, height, scene.render)
         status.views = view_names(engine)
         plan = Plan(work(width, height, border, settings, optics, lit, count_views(scene)), settings.setup,
                     layers(scene))

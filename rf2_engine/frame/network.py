@@ -12,7 +12,8 @@ from ...model.lobes import Lobes, MeanLobes
 from ...model.scene import Guides, RenderScene, View
 from ...model.weights.presets import BUNDLED
 from ..progress.stages import CONVERT, EDGES, ENCODE, LOAD, TEXTURES, VIEW
-from . import model_cache, shutter
+from ..runtime import model_cache
+from . import shutter
 from .hits import Hits, sample_hits
 from .layer import Layer
 from .output import SHINING

@@ -8,7 +8,8 @@ import bpy
 
 from ..convert.report import Report
 from ..convert.visibility import has_holdouts, shadow_catchers
-from ..cycles.session import Light, Look
+from ..cycles.session import Look
+from ..settings import Light
 from . import shutter
 
 

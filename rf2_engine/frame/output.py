@@ -64,27 +64,19 @@ def light_passes(guides: Guides, lobes: Lobes, rendered: dict[str, np.ndarray], 
     return {key: light * exposure for key, light in passes.items()}
 
 
-def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray], view: str = "") -> None:
-    """Hand {passes.key_of its name: (H, W, C), row 0 on top} of one view layer to Blender; view "": of all views."""
-    result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer, view=view)
-    for p in result.layers[0].passes:
-        if (key := pass_table.key_of(p.name)) in passes:
-            p.rect.foreach_set(np.ascontiguousarray(passes[key][::-1], np.float32).ravel())
-    engine.end_result(result)
-
-
 def write_views(engine: bpy.types.RenderEngine, layer: str, views: dict[str, dict[str, np.ndarray]]) -> None:
-    """As `write`, by view."""
+    """As passes.write, by view."""
     for view, passes in views.items():
-        write(engine, layer, passes, view)
+        pass_table.write(engine, layer, passes, view)
 
 
 @contextmanager
 def unless_stopped(engine: bpy.types.RenderEngine, layer: str, views: Iterable[str]):
-    """By view a dict of passes (as in `write`) to be filled inside; they alone are left if that ends without a picture.
+    """By view a dict of passes, as passes.write takes them, to be filled inside.
 
-    Whatever Cycles or `write` showed in Combined meanwhile is taken back. A Combined among the passes is what there is
-    of the picture so far: it is left when the user ends the render, and not when an error does.
+    If it ends without a picture, they alone are left: whatever Cycles or passes.write showed in Combined meanwhile is
+    taken back. A Combined among the passes is what there is of the picture so far: it is left when the user ends the
+    render, and not when an error does.
     """
     found: dict[str, dict[str, np.ndarray]] = {view: {} for view in views}
     try:

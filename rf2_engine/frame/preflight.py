@@ -19,15 +19,16 @@ from ..convert.camera.camera import convert_camera
 from ..convert.camera.eyes import count_views
 from ..convert.report import SOME, Remark, Report
 from ..convert.scene import convert
-from ..cycles import session as cycles_session
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible
 from ..progress import costs, memory
 from ..progress.stages import CONVERT, ENCODE, TEXTURES, Work
 from ..registering import handlers
+from ..render_size import frame_size, render_border
+from ..runtime import failure, model_cache
 from ..settings import FrameSettings
 from ..setup import packages
-from . import card, checks, failure, model_cache, rectangle
+from . import card, checks
 from .limits import report_limits
 from .optics import Optics
 from .trained import told
@@ -89,12 +90,12 @@ def state_of(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple:
         chosen = FrameSettings.of(scene, layer)
     except CheckpointError as error:
         chosen = str(error)
-    width, height = rectangle.size(blenders)
+    width, height = frame_size(blenders)
     lens = None
     if camera and camera.type == "CAMERA":
         lens = camera.data.type, camera.data.panorama_type, camera.data.stereo.use_spherical_stereo, (
             camera.data.dof.use_dof)
-    return (chosen, ours.device, width, height, rectangle.border(width, height, blenders), scene.frame_current,
+    return (chosen, ours.device, width, height, render_border(width, height, blenders), scene.frame_current,
             blenders.use_motion_blur, count_views(scene), ours.lens_samples, ours.shutter_samples, lens,
             layers(scene), pass_table.of_view_layer(layer, pass_table.LIGHTING, scene))
 
@@ -127,13 +128,13 @@ def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Prefligh
 def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: float) -> Preflight:
     scene = depsgraph.scene_eval
     packages.require()
-    cycles_session.require()
+    packages.require_cycles()
     settings, blenders = FrameSettings.of(scene, depsgraph.view_layer_eval), scene.render
     checks.check(depsgraph, settings, report)
     report_limits(depsgraph, report)
     optics = Optics.of(depsgraph).possible(settings.light, depsgraph, report)
-    width, height = rectangle.size(blenders)
-    border = rectangle.border(width, height, blenders)
+    width, height = frame_size(blenders)
+    border = render_border(width, height, blenders)
     view = convert_camera(depsgraph, width, height, border, report)
     converted = convert(depsgraph, convert_camera(depsgraph, width, height, None), token_budget=settings.token_budget,
                         max_edge=settings.max_edge, report=report,

@@ -22,7 +22,8 @@ from ..cycles import run as cycles_run
 from ..cycles.run import Passes
 from ..progress.stages import REFERENCE
 from ..reference_settings import FrameReference
-from . import failure, model_cache, output, reference_file, running
+from ..runtime import failure, model_cache, running
+from . import output, reference_file
 from .layer import Layer
 
 NAME = REFERENCE.text  # of the pass, too

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from .. import main_thread
-from . import rectangle
+from ..render_size import frame_size, render_region
 from .work import layers
 
 SUFFIX = "_cycles"
@@ -47,10 +47,10 @@ def write(scene: bpy.types.Scene, layer: str, pixels: np.ndarray, view: str = ""
 
 def _whole(scene: bpy.types.Scene, pixels: np.ndarray) -> np.ndarray:
     """The frame around a render region that is not cropped is empty."""
-    width, height = rectangle.size(scene.render)
+    width, height = frame_size(scene.render)
     if pixels.shape[:2] == (height, width) or scene.render.use_crop_to_border:
         return pixels
-    left, right, bottom, top = rectangle.region(width, height, scene.render)
+    left, right, bottom, top = render_region(width, height, scene.render)
     whole = np.zeros((height, width, 4), np.float32)
     whole[height - top:height - bottom, left:right] = pixels
     return whole

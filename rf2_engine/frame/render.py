@@ -15,15 +15,15 @@ from ...model.weights.presets import BUNDLED
 from .. import passes as pass_table
 from ..convert.report import Report, grouped
 from ..cycles import run as cycles_run
-from ..cycles import session as cycles_session
 from ..cycles.run import Passes
 from ..progress import last_render
 from ..progress.last_render import LayerStatistics
 from ..progress.stages import CONVERT, DIVIDE, WRITE
 from ..progress.status import Status
+from ..runtime import failure, model_cache, running
+from ..runtime.worker import worker
 from ..setup import packages
-from ..viewport.worker import worker
-from . import card, failure, model_cache, output, reference, running
+from . import card, output, reference
 from .hits import Hits, first_hits
 from .layer import Layer
 from .network import Network, Picture
@@ -72,7 +72,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     while not worker.wait_until_idle():  # viewports have the same network
         progress.report()
     packages.require()                                                              # 1. Requirements
-    cycles_session.require()
+    packages.require_cycles()
     threads.sleep_while_waiting()
     layer = Layer.of(engine, depsgraph, optics, status, report)
     settings = layer.settings
@@ -110,7 +110,7 @@ def _passes(layer: Layer, views: dict[str, View], scene: RenderScene,
         def show(lobes: dict[str, Lobes]) -> None:
             for name, each in hits.items():
                 combined = {"combined": each.combined(lobes[name].radiance, exposure)}
-                output.write(layer.engine, layer.name, passes[name] | combined, name)
+                pass_table.write(layer.engine, layer.name, passes[name] | combined, name)
                 if each.guides.traced is not None:  # else what is shown at first has no light
                     passes[name].update(combined)
 

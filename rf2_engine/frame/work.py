@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import bpy
 
-from ..cycles.session import Light
 from ..progress import stages
 from ..progress.stages import Stage, Work
-from ..settings import FrameSettings
-from . import model_cache
+from ..render_size import Border
+from ..runtime import model_cache
+from ..settings import FrameSettings, Light
 from .optics import Optics
-from .rectangle import Border
 
 
 def layers(scene: bpy.types.Scene) -> int:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...model.errors import CheckpointError
-from ...model.weights import files as weights_files
-from ..frame import model_cache
+from ...model.published.bundle_files import check_weights
+from ..preferences import package_panel
 from ..registering import classes
+from ..runtime import model_cache
 from ..settings import is_published
-from ..setup import package_panel, packages, published_weights
+from ..setup import packages, published_weights
 from ..setup.display import draw_text
 from .panel import EnginePanel
 from .presets import RENDERFORMER_PT_presets
@@ -59,7 +60,7 @@ class RENDERFORMER_PT_settings(EnginePanel):
 def _problem_of_folder(settings) -> str:
     """Why a render will refuse the chosen folder, as far as that is seen at a glance; or ""."""
     try:
-        weights_files.check(Path(settings.weights()))
+        check_weights(Path(settings.weights()))
     except CheckpointError as error:
         return str(error)
     return ""

@@ -36,8 +36,8 @@ from ..convert.meshes import mesh as meshes
 from ..convert.place import Place
 from ..convert.world import world_light
 from ..cycles.world import CyclesWorld
-from ..frame import rectangle
 from ..progress.status import Status
+from ..render_size import frame_size
 from .depsgraph import in_render
 from .material_maps import LAMP, Described, describe
 from .panorama import write_panorama
@@ -102,7 +102,7 @@ class _Export:
     def _cameras(self) -> list[FrameCamera]:
         """That of the scene, then others that markers switch to."""
         scene = self.depsgraph.scene_eval
-        width, height = rectangle.size(scene.render)
+        width, height = frame_size(scene.render)
         view = convert_camera(self.depsgraph, width, height, None, self.report)
         if width != height:
             self.report.approximated("Camera", "the research code renders squares: the picture is extended to one")

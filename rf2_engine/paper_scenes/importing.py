@@ -22,7 +22,7 @@ from ...model.published.prepared_frame import (
     pointers,
     read_frame,
 )
-from ...model.weights import git_lfs
+from ...model.weights.files import lfs_remedy
 from ..engine import RenderFormerEngine
 from . import material_nodes
 
@@ -41,7 +41,7 @@ def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.type
     for name in missing(frame, folder):
         report.skipped(frame.name, f"{name} is not in {folder}: put it there and import again")
     for name in pointers(frame, folder):
-        report.skipped(frame.name, f"{name} {git_lfs.remedy(folder)}, and import again")
+        report.skipped(frame.name, f"{name} {lfs_remedy(folder)}, and import again")
     meshes = {key: _read(folder / it.mesh, report) for key, it in frame.objects.items()}
     if not frame.cameras:
         raise SceneError(f"{folder} has no camera: add one to its scene_config.json")

@@ -15,6 +15,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..registering import handlers
+from ..runtime.running import ENGINE
 from ..settings import threads
 from . import last_render, memory
 
@@ -75,7 +76,7 @@ def _begin(scene, *_):
 
 def _end(scene: bpy.types.Scene, ended: bool) -> None:
     global _begun
-    if _begun is not None and os.environ.get(VARIABLE) and scene.render.engine == "RENDERFORMER_V2":
+    if _begun is not None and os.environ.get(VARIABLE) and scene.render.engine == ENGINE:
         if ended or _frame is not None:
             write(of_frame(scene, _frame, time.perf_counter() - _begun, ended))
     _begun = None

@@ -9,8 +9,8 @@ from bpy.app.handlers import persistent
 
 from ..convert.report import Remark
 from ..registering import handlers
+from ..runtime.running import ENGINE
 from ..setup import redraw
-from ..viewport import ENGINE
 from . import estimate, stages
 
 REFERENCE = stages.REFERENCE.text  # the pass has its name too

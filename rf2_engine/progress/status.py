@@ -9,9 +9,8 @@ from contextlib import contextmanager
 import bpy
 
 from ...model.errors import RenderCancelled
-from ..cycles import progress as cycles_progress
-from ..frame import running
-from . import estimate, memory, status_line
+from ..runtime import running
+from . import cycles_text, estimate, memory, status_line
 
 REDRAW_INTERVAL = 0.1  # seconds; in background mode every status is a line of output
 HOLD_INTERVAL = 0.02   # seconds between two looks at a bar that somebody else moves too
@@ -44,7 +43,7 @@ class Status:
         done, begin = threading.Event(), time.perf_counter()
         first = _line(words, 0.0, estimate.frame.remaining(0.0))
         self.engine.update_stats("", first)
-        text = cycles_progress.EngineText(self.engine, first)
+        text = cycles_text.EngineText(self.engine, first)
         if len(self.views) > 1:
             self.engine.active_view_set(self.views[0])
         self._has_line = window
@@ -55,7 +54,7 @@ class Status:
             fraction, said = 0.0, begin
             while not done.wait(HOLD_INTERVAL):
                 now = time.perf_counter()
-                fraction = max(fraction, self._of_views(cycles_progress.fraction(text.read(), now - begin, time_limit)))
+                fraction = max(fraction, self._of_views(cycles_text.fraction(text.read(), now - begin, time_limit)))
                 line = _line(words, fraction, estimate.frame.remaining(share * fraction, even=True))
                 if window:
                     self.engine.update_progress(estimate.frame.bar)

@@ -16,6 +16,9 @@ from pathlib import Path
 
 import bpy
 
+import addon_utils
+
+from ...model.errors import SceneError
 from . import distributions, package_install, shared_folders, wheels
 
 PACKAGES = {"torch": "torch", "safetensors": "safetensors", "fast_simplification": "fast-simplification",
@@ -247,3 +250,10 @@ def require() -> None:
             f"Python packages are missing or incomplete: {', '.join(names)}. Use Render Properties > RenderFormer-V2 > "
             f"Install Packages (PyTorch is a large download), or install them into Blender's Python: {sys.executable} "
             "-m pip install " + " ".join(wheels.requirement(PACKAGES[name]) for name in names))
+
+
+def require_cycles() -> None:
+    """Raises SceneError when Blender's Cycles add-on is switched off."""
+    if not addon_utils.check("cycles")[1]:
+        raise SceneError("RenderFormer-V2 needs Blender's Cycles add-on to find what the camera sees: "
+                         "enable 'Cycles Render Engine' in Preferences > Add-ons")

@@ -62,7 +62,7 @@ def bundle_folder() -> Path | None:
 
 def missing_parts(bundle: Path) -> list[str]:
     """What a render would not find, the VAE included."""
-    bundle, chosen = bundle_files.whole(bundle)
+    bundle, chosen = bundle_files.bundle_and_transformer(bundle)
     parts = bundle_files.missing_parts(bundle, chosen)
     # The places where model.image_encoder.find_vae looks; it cannot be asked without importing torch.
     vae = bundle / "vae" if isdir(bundle / "vae") else bundle.parent / VAE / "vae"

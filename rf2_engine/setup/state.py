@@ -8,10 +8,8 @@ from pathlib import Path
 import bpy
 
 from ...model.errors import CheckpointError, SceneError
-from ...model.published.bundle_files import is_bundle
-from ...model.weights import files as weights_files
+from ...model.published.bundle_files import check_weights, is_bundle
 from ...model.weights.presets import BUNDLED, weights_folder
-from ..cycles import session as cycles_session
 from . import importing, packages, published_weights, wheels
 
 
@@ -27,7 +25,7 @@ def status(weights: str = BUNDLED) -> dict:
              "published_weights": _text(published_weights.bundle_folder()),
              "device": _device(problems), "weights": _weights(weights, problems)}
     try:
-        cycles_session.require()
+        packages.require_cycles()
     except SceneError as error:
         problems.append(str(error))
     return found | {"problems": problems, "ready": not problems}
@@ -59,7 +57,7 @@ def _weights(wanted: str, problems: list[str]) -> str:
     try:
         if wanted == "published":
             return str(published_weights.require())
-        weights_files.check(weights_folder(wanted))
+        check_weights(weights_folder(wanted))
         if wanted != BUNDLED and is_bundle(wanted) and (parts := published_weights.missing_parts(Path(wanted))):
             raise CheckpointError(f"The published weights are not complete in {wanted}: {', '.join(parts)}")
     except CheckpointError as error:

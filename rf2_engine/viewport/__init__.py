@@ -1,4 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rendered viewports: the scene as the network alone shows it, while it is edited."""
-
-ENGINE = "RENDERFORMER_V2"

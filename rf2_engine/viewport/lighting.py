@@ -19,9 +19,10 @@ from ..convert.camera.scene_box import box_around
 from ..convert.copied import Copied
 from ..convert.memo import Memo
 from ..convert.report import Report
-from ..frame import model_cache, output
+from ..frame import output
 from ..frame.guides import CENTRE, SPREAD, cast_guides
 from ..frame.shot import has_left
+from ..runtime import model_cache
 from ..settings import FrameSettings
 from .source import State
 

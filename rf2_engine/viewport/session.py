@@ -9,17 +9,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...model import progress
-from ...model.compute import background, threads
+from ...model.compute import threads
 from ...model.errors import RenderCancelled
 from ..convert.copied import Copied
 from ..convert.memo import Memo
 from ..convert.report import Report
-from ..frame import failure, model_cache
+from ..runtime import failure, model_cache
+from ..runtime.worker import Stopped
 from . import levels
 from .lighting import Lit, Look, finished, has_moved_on, light, picture
 from .region_view import RegionView
 from .source import State
-from .worker import Stopped
 
 SCENE, NETWORK = "Updating the scene", "Bouncing light"  # pieces of work; the others are levels
 NAMES = {1: "full resolution", 2: "1/2", 4: "1/4", 8: "1/8"}
@@ -137,7 +137,7 @@ class Session:
         try:
             with progress.reporting(heard), threads.limited(count):
                 with progress.part(0.0, 0.0, "Loading PyTorch"):
-                    background.finish(model_cache.begin_import())
+                    threads.finish_import(model_cache.begin_import())
                 with threads.team(count):
                     if piece == SCENE:
                         self._light(request)

@@ -13,7 +13,7 @@ from ..convert.copied import Copied
 from ..convert.copying.kept import Kept
 from ..convert.copying.scene import copy
 from ..convert.report import Report
-from ..frame import failure
+from ..runtime import failure
 from .changes import Changes
 
 SLICE = 0.05  # seconds that Blender's window waits for us at a time, unless one mesh or image takes longer

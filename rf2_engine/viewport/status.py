@@ -2,7 +2,7 @@
 """The line of text in a viewport that says what is shown."""
 from __future__ import annotations
 
-from ..frame import running
+from ..runtime import running
 from .session import NAMES, Session, Shown
 
 

@@ -9,8 +9,9 @@ from bpy.app.handlers import persistent
 
 from ...model.compute import threads
 from ...model.errors import CheckpointError
-from ..frame import model_cache, running
 from ..registering import handlers
+from ..runtime import model_cache, running
+from ..runtime.worker import worker
 from ..setup import packages
 from . import status
 from .draw import Texture, draw_message
@@ -18,7 +19,6 @@ from .lighting import Look
 from .region_view import RegionView
 from .session import Request, Session
 from .source import Key, Source, hides_in, key_of
-from .worker import worker
 
 _sources: weakref.WeakValueDictionary[Key, Source] = weakref.WeakValueDictionary()
 

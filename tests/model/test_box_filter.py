@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from renderformer_v2.model.box_filter import box_means, box_sums
+from renderformer_v2.model.pictures import box_means, box_sums
 
 
 @pytest.mark.parametrize("shape", [(7, 9), (7, 9, 3), (3, 4, 2)])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderformer_v2.model.compute import bands
+from renderformer_v2.model import pictures
 from renderformer_v2.model.lobes import LOBES, Lobes, light_passes
 from renderformer_v2.model.scene import Guides
 
@@ -100,6 +100,6 @@ def test_bands_do_not_show(monkeypatch):
     sampled = {f"{lobe}_{part}": rng.random((H, W, 3), np.float32) for lobe in LOBES for part in ("direct", "indirect")}
     lobes = Lobes(given.traced, given.traced, dark, dark)
     whole = light_passes(given, lobes, sampled, volumes=False)
-    monkeypatch.setattr(bands, "PIXELS", 3 * W)
+    monkeypatch.setattr(pictures, "BAND_PIXELS", 3 * W)
     for name, light in light_passes(given, lobes, sampled, volumes=False).items():
         np.testing.assert_array_equal(light, whole[name], err_msg=name)

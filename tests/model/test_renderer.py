@@ -9,9 +9,9 @@ import pytest
 from renderformer_v2.model import progress
 from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.errors import RenderCancelled
+from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.renderer import Renderer, padded
 from renderformer_v2.model.scene import Guides
-from renderformer_v2.model.weights.checkpoint import load_network
 from renderformer_v2.model.weights.presets import BUNDLED
 from tests.model.guided.weights import busy_network, write
 from tests.model.samples import floor_scene, floor_view

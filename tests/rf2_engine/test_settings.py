@@ -7,6 +7,7 @@ import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.weights import presets
+from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session as cycles_session
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
@@ -25,10 +26,10 @@ def test_keyframed_settings_are_those_of_each_frame(scene, tmp_path, monkeypatch
     settings.max_edge = 0.02  # fills any budget
     used, triangles = [], []
 
-    def first_hits(*arguments, real=render.cycles_session.render_views, **options):
+    def first_hits(*arguments, real=cycles_session.render_views, **options):
         used.append(options["samples"])
         return real(*arguments, **options)
-    monkeypatch.setattr(render.cycles_session, "render_views", first_hits)
+    monkeypatch.setattr(cycles_session, "render_views", first_hits)
     keep = lambda *_: triangles.append(last_render.last_frame[0].triangles)  # noqa: E731
     bpy.app.handlers.render_post.append(keep)
     scene.frame_start, scene.frame_end, scene.render.filepath = 1, 2, str(tmp_path / "frame_")
@@ -102,7 +103,7 @@ def test_a_weights_folder_that_is_none_is_found_before_cycles_works(scene, tmp_p
     cube(scene)
     scene.renderformer_v2.weights_source, scene.renderformer_v2.weights_folder = "FOLDER", str(tmp_path)
     worked = []
-    monkeypatch.setattr(render.cycles_session, "render_views", lambda *_, **__: worked.append(1))
+    monkeypatch.setattr(cycles_session, "render_views", lambda *_, **__: worked.append(1))
     with pytest.raises(RuntimeError):
         bpy.ops.render.render(scene=scene.name)
     assert last_render.last_frame[0].error and not worked

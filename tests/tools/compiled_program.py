@@ -3,7 +3,7 @@
 import torch
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
-from renderformer_v2.model.network.feed_forward import SwiGLU
+from renderformer_v2.model.network.layers import SwiGLU
 from tools.train.compiled import compile_parts
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from renderformer_v2.model.weights.checkpoint import new_network, save_network
+from renderformer_v2.model.guided.network import new_network
+from renderformer_v2.model.weights.checkpoint import save_network
 from renderformer_v2.model.weights.presets import rf2_small
 from tools.train.errors import TrainingError
 from tools.train.start import start_from

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from renderformer_v2.model.guided.antialiasing import CENTRE, SEEN, KernelPredictor, exposure_of, seen, weighted
+from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.renderer import Renderer
-from renderformer_v2.model.weights.checkpoint import load_network
 from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
 from tests.model.guided.weights import busy_network, write
 from tests.tools.test_train import stored  # noqa: F401 - a fixture

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from safetensors.torch import load_file
 
+from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.published.bundle import load_transformer
-from renderformer_v2.model.weights.checkpoint import new_network
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.tools.test_finetune import options
 from tests.tools.test_train_ranks import write

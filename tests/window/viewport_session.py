@@ -61,7 +61,7 @@ def tick() -> float:
 
 def works() -> list:
     """The sessions of the viewports that there are."""
-    from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.worker import worker
+    from bl_ext.user_default.renderformer_v2.rf2_engine.runtime.worker import worker
     return [work for work in worker.works() if not work.closed]
 
 

@@ -13,9 +13,8 @@ import torch
 from renderformer_v2.model.camera import square_view
 from renderformer_v2.model.compute.devices import choose_device, free_memory, name_of, unused_card
 from renderformer_v2.model.compute.precision import NAMES, choose_precision, failure, tensor_float_32
-from renderformer_v2.model.network.precision import as_released
-from renderformer_v2.model.network.renderformer import RenderFormer
-from renderformer_v2.model.tensors import view_inputs
+from renderformer_v2.model.network.inputs import view_inputs
+from renderformer_v2.model.network.renderformer import RenderFormer, as_released
 from renderformer_v2.model.weights.presets import rf2_200m
 
 from . import ring

@@ -10,8 +10,8 @@ import torch
 from renderformer_v2.model.guided.decoding import OUTPUTS
 from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.network.config import SWIN_WINDOW, ModelConfig
-from renderformer_v2.model.network.embed import ENVIRONMENT_GRID
-from renderformer_v2.model.network.nerf import nerf_width
+from renderformer_v2.model.network.embedding import ENVIRONMENT_GRID
+from renderformer_v2.model.network.layers import nerf_width
 
 ENVIRONMENT_TOKENS = 2 * math.prod(ENVIRONMENT_GRID)  # LDR and HDR
 

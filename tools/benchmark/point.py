@@ -62,9 +62,9 @@ def rf2_200m(point: dict) -> dict:
     from renderformer_v2.model.camera import square_view
     from renderformer_v2.model.compute.devices import choose_device
     from renderformer_v2.model.compute.precision import choose_precision
-    from renderformer_v2.model.network.precision import in_precision
+    from renderformer_v2.model.network.inputs import view_inputs
+    from renderformer_v2.model.network.layers import in_precision
     from renderformer_v2.model.network.renderformer import RenderFormer
-    from renderformer_v2.model.tensors import view_inputs
     from renderformer_v2.model.weights.presets import rf2_200m as preset
     device = choose_device()
     torch.manual_seed(SEED)
@@ -92,7 +92,7 @@ def random_inputs(triangles: int, config):
     import torch
 
     from renderformer_v2.model.geometry import area_vectors
-    from renderformer_v2.model.network.embed import ENVIRONMENT_GRID
+    from renderformer_v2.model.network.embedding import ENVIRONMENT_GRID
     from renderformer_v2.model.network.inputs import EnvironmentInputs, NetworkInputs, encode_light
     corners, lamp = ring.triangle_corners(triangles)
     normal = area_vectors(corners)

@@ -26,8 +26,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from renderformer_v2.model.compute.devices import choose_device, name_of
 from renderformer_v2.model.compute.precision import NAMES, choose_precision
-from renderformer_v2.model.material.appearance import Appearance
-from renderformer_v2.model.material.mappers import MAPPERS
+from renderformer_v2.model.material.mappers import MAPPERS, Appearance
 from renderformer_v2.model.published.image_encoder import BATCH_CPU, ImageEncoder, LastTap, OneFrameEncoder, vae_class
 from renderformer_v2.model.published.latent_store import LatentStore
 from renderformer_v2.model.published.scene_encoder import SceneEncoder

@@ -83,9 +83,9 @@ class _Viewport:
                 key: statistics.median(each[key] for each in found) for key in ("read", *LEVELS) if key in found[0]}
 
     def _begin(self) -> None:
+        from renderformer_v2.rf2_engine.runtime.worker import worker
         from renderformer_v2.rf2_engine.viewport.session import Session
         from renderformer_v2.rf2_engine.viewport.source import Source
-        from renderformer_v2.rf2_engine.viewport.worker import worker
         self.session, self.source = Session(), Source()
         worker.add(self.session)
 
@@ -103,9 +103,9 @@ class _Viewport:
     def _seconds(self) -> dict:
         import bpy
 
+        from renderformer_v2.rf2_engine.runtime.worker import worker
         from renderformer_v2.rf2_engine.viewport.lighting import Look
         from renderformer_v2.rf2_engine.viewport.session import Request
-        from renderformer_v2.rf2_engine.viewport.worker import worker
         depsgraph, begin = bpy.context.evaluated_depsgraph_get(), time.perf_counter()
         while not self.source.refresh(depsgraph):
             pass

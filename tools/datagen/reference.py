@@ -18,10 +18,10 @@ from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera  # n
 from renderformer_v2.rf2_engine.convert.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
 from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa: E402
-from renderformer_v2.rf2_engine.cycles.session import Light  # noqa: E402
 from renderformer_v2.rf2_engine.cycles.world import CyclesWorld  # noqa: E402
 from renderformer_v2.rf2_engine.frame.guides import make_guides  # noqa: E402
 from renderformer_v2.rf2_engine.progress.status import Status  # noqa: E402
+from renderformer_v2.rf2_engine.settings import Light  # noqa: E402
 
 from .cameras import Setup  # noqa: E402
 from .shards import HINT_SAMPLES  # noqa: E402

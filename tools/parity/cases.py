@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from safetensors.torch import load_file
 
+from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.network.inputs import (
     EnvironmentInputs,
@@ -19,9 +20,8 @@ from renderformer_v2.model.network.inputs import (
     VolumeInputs,
     encode_light,
 )
+from renderformer_v2.model.network.layers import rope_frequencies
 from renderformer_v2.model.network.renderformer import RenderFormer
-from renderformer_v2.model.network.rope import rope_frequencies
-from renderformer_v2.model.weights.checkpoint import new_network
 
 VOLUME_FIELDS = ("density", "position", "rotation", "scale", "scattering", "absorption")
 

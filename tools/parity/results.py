@@ -13,11 +13,9 @@ from renderformer_v2.model.material.autoencoder import MaterialAutoencoder, log1
 from renderformer_v2.model.material.latents import dequantise, quantise
 from renderformer_v2.model.material.mappers import MAPPERS
 from renderformer_v2.model.network.inputs import NetworkInputs, ViewInputs, VolumeInputs
-from renderformer_v2.model.network.nerf import nerf_encode
-from renderformer_v2.model.network.ordering import hilbert_codes, hilbert_grid, hilbert_order
-from renderformer_v2.model.network.precision import in_precision
+from renderformer_v2.model.network.layers import in_precision, nerf_encode
 from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
-from renderformer_v2.model.network.sequence import centroids
+from renderformer_v2.model.network.sequence import centroids, hilbert_codes, hilbert_grid, hilbert_order
 from renderformer_v2.model.published.model_config import model_config
 from renderformer_v2.model.published.texture_tiles import sample_tiles
 from renderformer_v2.model.scene import barycentric_grid

@@ -10,19 +10,22 @@ from torch.nn import functional as F
 
 from renderformer_v2.model.camera import square_view, view_rays
 from renderformer_v2.model.environment import direction_map
+from renderformer_v2.model.network.attention import SHIFT, shift_mask, to_windows
+from renderformer_v2.model.network.block_attention import KeysValues, Window
 from renderformer_v2.model.network.decoder import DPTDecoder, resize
-from renderformer_v2.model.network.embed import patches, resize_texture
-from renderformer_v2.model.network.feed_forward import SwiGLU
+from renderformer_v2.model.network.embedding import patches, resize_texture
 from renderformer_v2.model.network.inputs import encode_light
-from renderformer_v2.model.network.nerf import nerf_encode
-from renderformer_v2.model.network.norm import RMSNorm
-from renderformer_v2.model.network.ordering import hilbert_codes, hilbert_grid, hilbert_order
+from renderformer_v2.model.network.layers import RMSNorm, RotaryEmbedding, SwiGLU, nerf_encode, rope_frequencies
 from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
-from renderformer_v2.model.network.rope import RotaryEmbedding, rope_frequencies
-from renderformer_v2.model.network.sequence import Tokens, centroids, pack, scene_centre
-from renderformer_v2.model.network.softmax import KeysValues
-from renderformer_v2.model.network.swin import SHIFT, shift_mask, to_windows
-from renderformer_v2.model.network.window import Window
+from renderformer_v2.model.network.sequence import (
+    Tokens,
+    centroids,
+    hilbert_codes,
+    hilbert_grid,
+    hilbert_order,
+    pack,
+    scene_centre,
+)
 from renderformer_v2.model.weights.presets import rf2_200m
 
 from .cases import Recorder, recipe_tensor, relative_error

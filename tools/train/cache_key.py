@@ -10,12 +10,11 @@ ROOT = Path(__file__).resolve().parents[2]
 # The code between a file of tools.datagen and a prepared sample: if any of it changes, all are prepared again.
 SOURCES = ("model/camera.py", "model/clusters.py", "model/color.py", "model/environment.py", "model/fields.py",
            "model/geometry.py", "model/guided/**/*.py", "model/material/reflectance.py", "model/network/inputs.py",
-           "model/normalize.py", "model/renderer.py", "model/scene.py", "model/tensors.py", "tools/datagen/shards.py",
+           "model/normalize.py", "model/renderer.py", "model/scene.py", "tools/datagen/shards.py",
            "tools/train/antialiasing.py", "tools/train/kept.py", "tools/train/samples.py")
 PUBLISHED = ("model/camera.py", "model/color.py", "model/fields.py", "model/geometry.py", "model/material/*.py",
              "model/network/inputs.py", "model/normalize.py", "model/published/*.py", "model/renderer.py",
-             "model/scene.py", "model/tensors.py", "tools/datagen/shards.py", "tools/train/kept.py",
-             "tools/train/published_samples.py")
+             "model/scene.py", "tools/datagen/shards.py", "tools/train/kept.py", "tools/train/published_samples.py")
 
 
 def stored_path(path: Path, cache: Path, kind: str = "") -> Path:

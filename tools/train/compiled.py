@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from torch import nn
 
-from renderformer_v2.model.network.feed_forward import SwiGLU
-from renderformer_v2.model.network.norm import RMSNorm
+from renderformer_v2.model.network.layers import RMSNorm, SwiGLU
 
 PARTS = SwiGLU, RMSNorm
 

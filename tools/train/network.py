@@ -16,8 +16,9 @@ import torch
 
 from renderformer_v2.model.guided.decoding import decode_light
 from renderformer_v2.model.guided.guide_tensors import FEATURES
-from renderformer_v2.model.guided.network import GuidedRenderFormer
-from renderformer_v2.model.weights.checkpoint import load_material_mapper, new_network, save_network
+from renderformer_v2.model.guided.network import GuidedRenderFormer, new_network
+from renderformer_v2.model.material.mappers import load_material_mapper
+from renderformer_v2.model.weights.checkpoint import save_network
 
 from .config import Stage, TrainConfig
 from .curriculum import by_stage

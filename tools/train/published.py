@@ -18,12 +18,12 @@ import torch
 from safetensors.torch import save_file
 
 from renderformer_v2.model.errors import CheckpointError
+from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
 from renderformer_v2.model.published.bundle_files import MODEL_CONFIG, TRANSFORMERS, is_transformer
 from renderformer_v2.model.published.image_encoder import find_vae
 from renderformer_v2.model.published.pipeline import PublishedPipeline
-from renderformer_v2.model.weights.checkpoint import new_network
 from renderformer_v2.model.weights.files import FORMAT
 
 from . import ranks

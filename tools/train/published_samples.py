@@ -18,13 +18,13 @@ from renderformer_v2.model.network.inputs import (
     ViewInputs,
     VolumeInputs,
     stacked,
+    view_inputs,
 )
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.published.as_trained import as_trained, emitters
 from renderformer_v2.model.published.pipeline import PublishedPipeline, shown
 from renderformer_v2.model.renderer import padded
 from renderformer_v2.model.scene import Guides, View
-from renderformer_v2.model.tensors import view_inputs
 from tools.datagen.shards import load_sample, sample_paths
 
 from . import cache_key, ranks

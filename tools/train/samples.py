@@ -15,10 +15,9 @@ from renderformer_v2.model.guided.guided_inputs import GuidedInputs, GuidedView,
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.lobes import LOBES
-from renderformer_v2.model.network.inputs import EnvironmentInputs, VolumeInputs
+from renderformer_v2.model.network.inputs import EnvironmentInputs, VolumeInputs, material_tiles
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.tensor_group import TensorGroup, stacked
-from renderformer_v2.model.tensors import material_tiles
 from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
 from tools.datagen.shards import load_sample
 

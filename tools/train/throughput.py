@@ -16,10 +16,10 @@ import torch
 
 from renderformer_v2.model.camera import square_view
 from renderformer_v2.model.compute.threads import team
+from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.network.config import ModelConfig
+from renderformer_v2.model.network.inputs import view_inputs
 from renderformer_v2.model.network.renderformer import to_radiance
-from renderformer_v2.model.tensors import view_inputs
-from renderformer_v2.model.weights.checkpoint import new_network
 from renderformer_v2.model.weights.presets import rf2_200m
 from renderformer_v2.rf2_engine.progress.memory import MEBI, held
 from tools.arguments import whole_number

@@ -13,8 +13,7 @@ import numpy as np
 import torch
 
 from ...geometry import area_vectors, dot, facing, reflected, refracted, unit
-from ...material.microfacets import fresnel, unmasked, visible_facets
-from ...material.reflectance import blurred
+from ...material.reflectance import blurred, fresnel, unmasked, visible_facets
 from ...rays import Rays
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...shading import surface

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...compute.device_ops import done
+from ...compute.devices import run_operator
 from ...environment import direction_map
 
 ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -72,8 +72,8 @@ class EnvironmentLight:
         wrapped = (u * SHARP[1] + 1) / (SHARP[1] + 2)
         level = (roughness.clamp(0, 1) * (len(ROUGHNESS_LEVELS) - 1) + 0.5) / len(ROUGHNESS_LEVELS)
         grid = torch.stack([wrapped, w, level], -1) * 2 - 1
-        sampled = done("grid_sampler_3d", F.grid_sample, self.levels, grid[None, :, None, None], mode="bilinear",
-                       padding_mode="border", align_corners=False)
+        sampled = run_operator("grid_sampler_3d", F.grid_sample, self.levels, grid[None, :, None, None],
+                               mode="bilinear", padding_mode="border", align_corners=False)
         return sampled[0, :, :, 0, 0].T
 
 

@@ -7,27 +7,27 @@ from threading import Event
 import pytest
 
 from renderformer_v2.model import progress
-from renderformer_v2.model.compute import background
+from renderformer_v2.model.compute import threads
 from renderformer_v2.model.errors import RenderCancelled
 
 
 def test_giving_up_ends_the_wait_and_not_the_import():
     done = Event()
-    future = background.begin(lambda: done.wait(60))
+    future = threads.begin_import(lambda: done.wait(60))
 
     def cancel(text, fraction):
         raise RenderCancelled()
     with pytest.raises(RenderCancelled), progress.reporting(cancel):
-        background.finish(future)
+        threads.finish_import(future)
     assert not future.done()
     done.set()
-    assert background.finish(future) is True
+    assert threads.finish_import(future) is True
 
 
 def test_errors_come_out_where_the_import_is_needed():
-    future = background.begin(lambda: __import__("a_module_that_is_not_there"))
+    future = threads.begin_import(lambda: __import__("a_module_that_is_not_there"))
     with pytest.raises(ModuleNotFoundError, match="a_module_that_is_not_there"):
-        background.finish(future)
+        threads.finish_import(future)
 
 
 def test_loading_the_bundled_network_leaves_slow_imports_out():

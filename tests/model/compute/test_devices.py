@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from renderformer_v2.model import renderer
-from renderformer_v2.model.compute.device_ops import done, done_on
+from renderformer_v2.model.compute.devices import device_of_operator, run_operator
 from renderformer_v2.model.compute.threads import shared, team
 from renderformer_v2.model.guided import guide_tensors
 from renderformer_v2.model.network import decoder
@@ -107,11 +107,11 @@ def test_a_gpu_works_on_one_row_after_the_other(on_mps):
 
 def test_what_a_gpu_lacks_is_done_on_the_cpu_by_name(on_mps):
     cpu, cuda, codes = torch.device("cpu"), torch.device("cuda"), torch.tensor([2, 1, 0]) + (1 << 47)
-    assert done("sort", torch.argsort, codes.to(on_mps)).cpu().tolist() == [2, 1, 0]
-    assert done("sort", torch.argsort, codes.to(on_mps)).device == on_mps
-    assert (done_on(on_mps, "grid_sampler_3d", (2, 8)), done_on(on_mps, "grid_sampler_3d", (2, 15))) == (cpu, on_mps)
-    assert done_on(on_mps, "add") == on_mps
-    assert done_on(cuda, "sort") == cuda
+    assert run_operator("sort", torch.argsort, codes.to(on_mps)).cpu().tolist() == [2, 1, 0]
+    assert run_operator("sort", torch.argsort, codes.to(on_mps)).device == on_mps
+    assert [device_of_operator(on_mps, "grid_sampler_3d", (2, minor)) for minor in (8, 15)] == [cpu, on_mps]
+    assert device_of_operator(on_mps, "add") == on_mps
+    assert device_of_operator(cuda, "sort") == cuda
 
 
 @pytest.mark.parametrize("refused, error", [

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.compute import bands
 from renderformer_v2.model.guided.antialiasing import (
     CENTRE,
     LEAST,
@@ -21,7 +20,7 @@ from renderformer_v2.model.guided.antialiasing import (
     tensor,
     weighted,
 )
-from renderformer_v2.model.weights.checkpoint import load_network
+from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
 from tests.model.samples import floor_view
 
@@ -96,7 +95,7 @@ def test_all_pictures_get_the_same_kernels_whatever_the_bands(monkeypatch):
     assert found["combined"].shape == (64, 64, 4) and np.abs(found["combined"][..., :3] - radiance).max() > 0.01
     np.testing.assert_allclose(found["combined"][..., :3], 2 * found["half"], rtol=1e-5)
     np.testing.assert_allclose(found["combined"][..., 3], 1, rtol=1e-5)
-    monkeypatch.setattr(bands, "PIXELS", 5 * 64)
+    monkeypatch.setattr("renderformer_v2.model.pictures.BAND_PIXELS", 5 * 64)
     again = antialiased(predictor, pictures, radiance, guides, FEW)
     for name, picture in found.items():
         np.testing.assert_allclose(again[name], picture, rtol=1e-4, atol=1e-5)

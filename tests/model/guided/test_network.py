@@ -8,10 +8,12 @@ import torch
 
 from renderformer_v2.model.guided.decoding import OUTPUTS
 from renderformer_v2.model.guided.guided_inputs import guided_inputs, guided_view
+from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.network.renderformer import RenderFormer
-from renderformer_v2.model.weights.checkpoint import load_material_mapper, load_network
 from renderformer_v2.model.weights.presets import BUNDLED, rf2_small, weights_folder
 from tests.model.guided.weights import busy_network, write
 from tests.model.samples import floor_scene, floor_view

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import torch
 
-from renderformer_v2.model.guided.network import GuidedRenderFormer
-from renderformer_v2.model.weights.checkpoint import load_network, new_network, save_network
+from renderformer_v2.model.guided.network import GuidedRenderFormer, load_network, new_network
+from renderformer_v2.model.weights.checkpoint import save_network
 from renderformer_v2.model.weights.presets import BUNDLED, rf2_small, weights_folder
 
 

@@ -8,11 +8,11 @@ import pytest
 import torch
 
 from renderformer_v2.model.camera import view_rays
-from renderformer_v2.model.compute.bands import bands
 from renderformer_v2.model.first_hits import camera_rays
 from renderformer_v2.model.first_hits.camera_rays import PLACES, CameraRays
 from renderformer_v2.model.first_hits.from_rays import guides_of_hits
 from renderformer_v2.model.light.edges import edges
+from renderformer_v2.model.pictures import bands
 from tests.model.samples import flat, floor_scene, floor_view
 
 SIZE, CPU = 32, torch.device("cpu")

@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from renderformer_v2.model.material.autoencoder import MaterialAutoencoder
-from renderformer_v2.model.weights.checkpoint import MATERIAL_MAPPER, load_component, load_material_mapper
+from renderformer_v2.model.material.mappers import MATERIAL_MAPPER, load_material_mapper
+from renderformer_v2.model.weights.checkpoint import load_component
 
 GREY = (0.5, 0.5, 0.5, 0.0, 0.3, 1.5, 0.0)  # base R, G, B; metallic; roughness; index of refraction; transmission
 

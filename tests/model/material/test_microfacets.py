@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.geometry import dot, unit
-from renderformer_v2.model.material.microfacets import fresnel, unmasked, visible_facets
+from renderformer_v2.model.material.reflectance import fresnel, unmasked, visible_facets
 
 COUNT = 100_000
 

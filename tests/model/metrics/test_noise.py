@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from renderformer_v2.model.metrics import noise
+from renderformer_v2.model.metrics.scores import excess_noise
 
 SIGMA = 0.05
 
@@ -28,18 +28,18 @@ def smoothed(picture):
 
 def test_noise_of_the_reference_is_measured_whatever_else_is_wrong(scene):
     brighter = scene * 1.1
-    assert noise.excess(brighter, noisy(scene)) == pytest.approx(SIGMA ** 2, rel=0.25)
+    assert excess_noise(brighter, noisy(scene)) == pytest.approx(SIGMA ** 2, rel=0.25)
 
 
 def test_only_what_the_reference_has_more_counts(scene):
-    assert noise.excess(noisy(scene), scene) == 0
-    assert noise.excess(noisy(scene), noisy(scene)) == 0
+    assert excess_noise(noisy(scene), scene) == 0
+    assert excess_noise(noisy(scene), noisy(scene)) == 0
 
 
 def test_a_smoothed_edge_is_no_noise_of_the_other_picture(scene):
     plain = scene[:, :64]
-    assert noise.excess(smoothed(plain), plain) < 0.02 * np.mean((smoothed(plain) - plain) ** 2)
+    assert excess_noise(smoothed(plain), plain) < 0.02 * np.mean((smoothed(plain) - plain) ** 2)
 
 
 def test_a_picture_that_is_too_small_tells_nothing(scene):
-    assert noise.excess(scene[:20, :20], noisy(scene)[:20, :20]) == 0
+    assert excess_noise(scene[:20, :20], noisy(scene)[:20, :20]) == 0

@@ -8,8 +8,9 @@ import torch
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from renderformer_v2.model import color, progress
-from renderformer_v2.model.metrics import flip, hdr_flip, magma, perceptual
+from renderformer_v2.model.metrics import flip
 from renderformer_v2.model.metrics import scores as metrics
+from renderformer_v2.model.metrics.scores import lpips
 
 
 def _picture(seed: int, height=90, width=130) -> np.ndarray:
@@ -52,7 +53,7 @@ def test_flip_is_the_authors(pair):
 def test_hdr_flip_is_the_authors(pair):
     bright = [color.srgb_to_linear(picture) * np.float32(scale) for picture, scale in zip(pair, (20, 18))]
     expected, mean, _ = flip_evaluator.evaluate(*bright, "HDR", applyMagma=False)
-    ours = hdr_flip.hdr_flip_map(*bright)
+    ours = flip.hdr_flip_map(*bright)
     assert ours.mean() == pytest.approx(mean, rel=2e-3)
     np.testing.assert_allclose(ours, expected[..., 0], atol=1e-2)
 
@@ -61,7 +62,7 @@ def test_equal_pictures_are_equal():
     picture = _picture(0)
     assert metrics.psnr(picture, picture) == pytest.approx(100)
     assert metrics.ssim(picture, picture) == pytest.approx(1)
-    assert flip.flip_map(picture, picture).max() == 0 and hdr_flip.hdr_flip_map(picture, picture).max() == 0
+    assert flip.flip_map(picture, picture).max() == 0 and flip.hdr_flip_map(picture, picture).max() == 0
 
 
 def test_too_small_for_ssim_is_said():
@@ -87,14 +88,14 @@ def test_closeness_is_that_of_srgb_encoded_pictures():
 
 def test_lpips_is_its_packages_where_that_is_there(tmp_path, monkeypatch):
     monkeypatch.setenv("TORCH_HOME", str(tmp_path))  # nothing was downloaded
-    assert perceptual.lpips(_picture(0), _picture(1)) is None
+    assert lpips(_picture(0), _picture(1)) is None
     package, torchvision = pytest.importorskip("lpips"), pytest.importorskip("torchvision")
     (tmp_path / "hub/checkpoints").mkdir(parents=True)
     file = torchvision.models.AlexNet_Weights.IMAGENET1K_V1.url.rsplit("/")[-1]
     torch.save(torchvision.models.alexnet().state_dict(), tmp_path / "hub/checkpoints" / file)
     a, b = (torch.tensor(_picture(seed)).permute(2, 0, 1)[None] * 2 - 1 for seed in (0, 1))
     expected = package.LPIPS(net="alex", verbose=False)(a, b)
-    assert perceptual.lpips(_picture(0), _picture(1)) == pytest.approx(expected.item(), rel=1e-4)
+    assert lpips(_picture(0), _picture(1)) == pytest.approx(expected.item(), rel=1e-4)
 
 
 def test_pictures_of_different_sizes_are_refused():
@@ -104,4 +105,4 @@ def test_pictures_of_different_sizes_are_refused():
 
 def test_magma_is_matplotlibs():
     values = np.linspace(0, 1, 256)
-    np.testing.assert_allclose(magma.magma(values), matplotlib.colormaps["magma"](values)[:, :3], atol=2.5 / 255)
+    np.testing.assert_allclose(flip.magma(values), matplotlib.colormaps["magma"](values)[:, :3], atol=2.5 / 255)

@@ -8,12 +8,12 @@ import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from renderformer_v2.model.network import memory, precision, softmax, window
-from renderformer_v2.model.network.footprint import card_bytes, view_parameters
+from renderformer_v2.model.compute import inference
+from renderformer_v2.model.network import block_attention, renderformer
+from renderformer_v2.model.network.block_attention import Window
 from renderformer_v2.model.network.inputs import ViewInputs
-from renderformer_v2.model.network.precision import as_released
-from renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer, SceneContext
-from renderformer_v2.model.network.window import Window
+from renderformer_v2.model.network.memory_estimate import card_bytes, view_parameters
+from renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer, SceneContext, as_released
 from renderformer_v2.model.published.image_encoder import OneFrameEncoder
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import rf2_200m
@@ -25,9 +25,8 @@ from tools.benchmark.textures import textured
 @pytest.fixture
 def as_on_a_card(monkeypatch):
     """PyTorch's own attention, and pieces as large as a card gets."""
-    for module in (softmax, window):
-        monkeypatch.setattr(module, "fused", lambda q: True)
-    monkeypatch.setattr(memory, "CHUNK", memory.GPU_CHUNK)
+    monkeypatch.setattr(block_attention, "fused", lambda q: True)
+    monkeypatch.setattr(inference, "CHUNK", inference.GPU_CHUNK)
 
 
 @torch.inference_mode()
@@ -57,7 +56,7 @@ def test_what_makes_a_card_wait_is_found(bad):
 @pytest.fixture
 def usual_pieces():
     yield
-    memory.usual()
+    inference.usual()
 
 
 def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(usual_pieces, published_bundle):
@@ -67,7 +66,7 @@ def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(usual_piec
     tried, encode = [], renderer.pipeline.encode
 
     def small(*given):
-        tried.append((memory.chunk_for(torch.device("cuda")), memory.divided(Window.TOGETHER)))
+        tried.append((inference.chunk_for(torch.device("cuda")), inference.divided(Window.TOGETHER)))
         if len(tried) < 3:
             raise torch.OutOfMemoryError("CUDA out of memory")
         return encode(*given)
@@ -77,7 +76,7 @@ def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(usual_piec
     assert tried == [(4096, 16), (1024, 4), (256, 1)] and "smaller ones" in renderer.remark
     np.testing.assert_allclose(found.view(view, guides), expected, rtol=1e-4, atol=1e-5 * expected.max())
     assert not found.encoded.context.keys_values
-    assert Renderer(published_bundle, device="cpu", precision="fp32").remark == "" and not memory.is_divided()
+    assert Renderer(published_bundle, device="cpu", precision="fp32").remark == "" and not inference.is_divided()
 
 
 def test_a_card_that_is_too_small_encodes_fewer_textures_at_once(usual_pieces, published_bundle, monkeypatch):
@@ -134,8 +133,8 @@ class Held(TorchDispatchMode):
 @pytest.mark.parametrize("tokens, side", [(3000, 256), (20000, 512)])
 @torch.inference_mode()
 def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side, exact, monkeypatch):
-    monkeypatch.setattr(precision, "has_tensor_float_32", lambda device: exact)
-    monkeypatch.setattr(memory, "CHUNK", memory.GPU_CHUNK)
+    monkeypatch.setattr(renderformer, "has_tensor_float_32", lambda device: exact)
+    monkeypatch.setattr(inference, "CHUNK", inference.GPU_CHUNK)
     config = replace(rf2_200m(), num_layers=1)  # all layers of stage 1 use the same memory
     with torch.device("meta"):
         network = as_released(RenderFormer(config), torch.bfloat16, torch.device("cpu"))

@@ -5,8 +5,9 @@ import torch
 from torch.nn import functional as F
 
 from renderformer_v2.model import progress
-from renderformer_v2.model.network import memory, softmax
-from renderformer_v2.model.network.softmax import KeysValues, attend_to_all
+from renderformer_v2.model.compute import inference
+from renderformer_v2.model.network import block_attention
+from renderformer_v2.model.network.block_attention import KeysValues, attend_to_all
 from tools.parity.self_check import window_sink_attention
 
 SIZES = [(1, 0, 2), (9, 9, 2), (12, 3, 2), (40, 0, 3), (300, 7, 1), (513, 0, 256), (600, 20, 256), (700, 30, 8),
@@ -41,7 +42,7 @@ def test_window_sink_attention_equals_a_dense_mask(length, sink, half, dtype, to
 @torch.no_grad()
 def test_large_scores_neither_overflow_nor_vanish(scale, monkeypatch):
     taken = []
-    monkeypatch.setattr(softmax, "below_maximum", lambda *x, real=softmax.below_maximum:
+    monkeypatch.setattr(block_attention, "below_maximum", lambda *x, real=block_attention.below_maximum:
                         taken.append(1) or real(*x))
     q, k, v = sequence(1200, seed=1, scale=scale)
     actual = window_sink_attention(q, k, v, 100, 64)
@@ -61,7 +62,7 @@ def test_no_score_matrix_of_the_whole_sequence_is_made(monkeypatch):
     monkeypatch.setattr(torch, "bmm", watch)
     q = torch.randn(20000, 1, 4)
     window_sink_attention(q, q, q, 100, 64)
-    assert 0 < largest <= memory.CHUNK ** 2
+    assert 0 < largest <= inference.CHUNK ** 2
 
 
 @torch.no_grad()

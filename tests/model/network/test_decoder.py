@@ -6,7 +6,7 @@ import torch
 from renderformer_v2.model import progress
 from renderformer_v2.model.network import decoder
 from renderformer_v2.model.network.decoder import DPTDecoder
-from renderformer_v2.model.network.precision import in_precision
+from renderformer_v2.model.network.layers import in_precision
 from tools.parity.cases import with_recipe_weights
 
 

@@ -2,7 +2,7 @@
 """The spatial order of tokens."""
 import torch
 
-from renderformer_v2.model.network.ordering import hilbert_codes, hilbert_grid, hilbert_order
+from renderformer_v2.model.network.sequence import hilbert_codes, hilbert_grid, hilbert_order
 from tests.model.no_host_copies import NoHostCopies
 
 

@@ -2,10 +2,9 @@
 """Which parts of a network are stored in half precision."""
 import torch
 
-from renderformer_v2.model.network import precision
-from renderformer_v2.model.network.footprint import view_parameters
-from renderformer_v2.model.network.precision import as_released
-from renderformer_v2.model.network.renderformer import RenderFormer
+from renderformer_v2.model.network import renderformer
+from renderformer_v2.model.network.memory_estimate import view_parameters
+from renderformer_v2.model.network.renderformer import RenderFormer, as_released
 from renderformer_v2.model.weights.presets import rf2_200m
 from tools.parity.cases import recipe_network
 
@@ -15,7 +14,7 @@ def test_stage_2_is_as_exact_as_in_the_authors_release(tiny_config, tiny_inputs,
     context = recipe_network(tiny_config).encode_scene(tiny_inputs, keep_keys_values=False)
 
     def features(exact: bool, dtype: torch.dtype):
-        monkeypatch.setattr(precision, "has_tensor_float_32", lambda device: exact)
+        monkeypatch.setattr(renderformer, "has_tensor_float_32", lambda device: exact)
         network, seen = as_released(recipe_network(tiny_config), dtype, torch.device("cpu")).eval(), []
         network.view_transformer.out_dpt.register_forward_pre_hook(lambda module, given: seen.extend(given[0]))
         assert network.render_view(context, rays).isfinite().all()

@@ -6,11 +6,12 @@ import pytest
 import torch
 
 from renderformer_v2.model import progress
-from renderformer_v2.model.network import decoder, memory, renderformer, swin
+from renderformer_v2.model.compute import inference
+from renderformer_v2.model.guided.network import new_network
+from renderformer_v2.model.network import attention, decoder, renderformer
 from renderformer_v2.model.network.inputs import ViewInputs
-from renderformer_v2.model.network.precision import in_precision
+from renderformer_v2.model.network.layers import in_precision
 from renderformer_v2.model.network.renderformer import RenderFormer
-from renderformer_v2.model.weights.checkpoint import new_network
 from renderformer_v2.model.weights.presets import rf2_200m, rf2_small
 
 
@@ -69,8 +70,8 @@ def test_a_view_in_bands_is_the_same_view(tiny_network, tiny_inputs, monkeypatch
     directions = torch.nn.functional.normalize(torch.randn(2, 192, 128, 3), dim=-1)
     view = ViewInputs(torch.zeros(2, 3), directions)
     expected = tiny_network.render_view(context, view)
-    for module, name, small in ((swin, "TOKENS", 1), (swin, "WINDOWS", 3), (decoder, "BAND_PIXELS", 2 * 128 * 40),
-                                (memory, "CHUNK", 100)):
+    for module, name, small in ((attention, "TOKENS", 1), (attention, "WINDOWS", 3),
+                                (decoder, "BAND_PIXELS", 2 * 128 * 40), (inference, "CHUNK", 100)):
         monkeypatch.setattr(module, name, small)
     torch.testing.assert_close(tiny_network.render_view(context, view), expected, atol=1e-6, rtol=1e-5)
 

@@ -13,18 +13,16 @@ import yaml
 from renderformer_v2.model import progress
 from renderformer_v2.model.camera import square_view
 from renderformer_v2.model.errors import CheckpointError, RenderCancelled, SceneError
-from renderformer_v2.model.material.appearance import Appearance
-from renderformer_v2.model.material.mappers import MAPPERS
+from renderformer_v2.model.material.mappers import MAPPERS, Appearance
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.published import image_encoder
-from renderformer_v2.model.published.bundle_files import AUTOMATIC, TRANSFORMERS
+from renderformer_v2.model.published.bundle_files import AUTOMATIC, TRANSFORMERS, check_weights
 from renderformer_v2.model.published.h5 import read_h5, write_h5
 from renderformer_v2.model.published.image_encoder import ImageEncoder, OneFrameEncoder, find_vae
 from renderformer_v2.model.published.processed_scene import square_fov
 from renderformer_v2.model.published.scene_encoder import SceneEncoder
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.scene import BASE_COLOR
-from renderformer_v2.model.weights.files import check
 from tests.model.published.bundles import tiny_vae, write_bundle
 from tests.model.samples import floor_scene, floor_view
 from tools.parity.cases import with_recipe_weights
@@ -202,7 +200,7 @@ def test_a_transformer_beside_the_mappers_may_be_chosen_by_its_own_folder(both, 
     folder = tmp_path / "renderformer-v2"
     shutil.copytree(both, folder, ignore=shutil.ignore_patterns("transformer_512"))
     tuned = saved_by_itself(both, folder / "my tuned one")
-    check(tuned)
+    check_weights(tuned)
     np.testing.assert_array_equal(picture(tuned, 2048), picture(both, 2048, "transformer_512"))
     np.testing.assert_array_equal(picture(folder / "transformer_2048", 512), picture(both, 2048))
 
@@ -210,12 +208,12 @@ def test_a_transformer_beside_the_mappers_may_be_chosen_by_its_own_folder(both, 
 def test_a_transformer_alone_is_told_where_it_belongs(both, tmp_path):
     alone = saved_by_itself(both, tmp_path / "tuned")
     with pytest.raises(CheckpointError, match="tuned also needs diffspec_mapper.*by itself belongs into it"):
-        check(alone)
+        check_weights(alone)
     with pytest.raises(CheckpointError, match="also needs diffspec_mapper"):
         picture(alone, 512)
     (alone / "model.safetensors").unlink()
     with pytest.raises(CheckpointError, match="needs tuned, diffspec_mapper"):
-        check(alone)
+        check_weights(alone)
 
 
 def test_a_border_is_rendered_by_the_network_of_the_whole_picture(both):

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from renderformer_v2.model.published.training_range import remarks
+from renderformer_v2.model.published.as_trained import remarks
 from renderformer_v2.model.scene import RenderScene, Volumes
 from tests.model.samples import floor_scene
 

@@ -8,10 +8,11 @@ import yaml
 from safetensors.torch import load_file, save_file
 
 from renderformer_v2.model.errors import CheckpointError
+from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.material.mappers import MAPPERS
 from renderformer_v2.model.published.bundle import Bundle
 from renderformer_v2.model.renderer import Renderer
-from renderformer_v2.model.weights.checkpoint import load_network, save_network
+from renderformer_v2.model.weights.checkpoint import save_network
 from tests.model.published.bundles import published_mapping
 from tools.parity.cases import with_recipe_weights
 

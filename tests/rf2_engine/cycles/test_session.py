@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
-from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.session import Light
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import make_guides
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings, Light
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12
 

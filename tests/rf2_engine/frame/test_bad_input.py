@@ -8,8 +8,8 @@ import pytest
 
 import addon_utils
 from bl_ext.user_default.renderformer_v2.model.weights import checkpoint, presets
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.last_render import last_frame
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages
 
 from tests.rf2_engine.f12 import cube, mesh_object, press_f12, sun

@@ -10,12 +10,13 @@ import torch
 
 from bl_ext.user_default.renderformer_v2.model.compute import devices, precision
 from bl_ext.user_default.renderformer_v2.model.compute.devices import free_memory
-from bl_ext.user_default.renderformer_v2.model.network.footprint import card_bytes
+from bl_ext.user_default.renderformer_v2.model.network.memory_estimate import card_bytes
 from bl_ext.user_default.renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer
 from bl_ext.user_default.renderformer_v2.model.published.image_encoder import OneFrameEncoder, vae_class
 from bl_ext.user_default.renderformer_v2.model.weights.presets import rf2_200m
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import card, model_cache, preflight
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import card, preflight
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import frame_lines, last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, model_cache, shutter
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, shutter
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.optics import Optics
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 
 from tests.rf2_engine.convert.camera.test_camera import project
 from tests.rf2_engine.f12 import cube, material, press_f12, sun

@@ -12,11 +12,12 @@ from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import run as cycles_run
-from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.progress import EngineText
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache, reference
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress.cycles_text import EngineText
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 from bl_ext.user_default.renderformer_v2.rf2_engine.reference_settings import FrameReference
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 
 from tests.rf2_engine.f12 import press_f12
 

@@ -8,8 +8,9 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.metrics.scores import psnr
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat, exr
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, model_cache, preflight
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, preflight
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 
 from tests.rf2_engine.convert.camera.test_camera import project
 from tests.rf2_engine.f12 import cube, material, read_exr, sun

@@ -8,8 +8,7 @@ from functools import partialmethod
 import bpy
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import progress as cycles_progress
-from bl_ext.user_default.renderformer_v2.rf2_engine.progress import estimate, memory, status_line
+from bl_ext.user_default.renderformer_v2.rf2_engine.progress import cycles_text, estimate, memory, status_line
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.stages import FIRST_HITS, REFERENCE
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
@@ -117,8 +116,8 @@ def test_both_runs_of_cycles_say_how_far_they_are_and_how_long_the_frame_takes(l
     ("", 0),
 ])
 def test_the_status_of_cycles_says_how_far_it_is(text, expected):
-    assert cycles_progress.fraction(text) == pytest.approx(expected)
-    assert cycles_progress.fraction(text, elapsed=3, time_limit=4) == pytest.approx(max(expected, 0.75))
+    assert cycles_text.fraction(text) == pytest.approx(expected)
+    assert cycles_text.fraction(text, elapsed=3, time_limit=4) == pytest.approx(max(expected, 0.75))
 
 
 def test_cycles_cannot_move_the_bar_back(monkeypatch):

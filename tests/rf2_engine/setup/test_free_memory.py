@@ -2,8 +2,8 @@
 """Free Memory, while a render uses the network and afterwards."""
 import bpy
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 
 from tests.rf2_engine.f12 import press_f12
 

@@ -3,7 +3,8 @@
 import bpy
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import package_panel, packages, preferences, wheels
+from bl_ext.user_default.renderformer_v2.rf2_engine.preferences import package_panel, preferences
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import packages, wheels
 
 from tests.rf2_engine.layout import Layout
 

@@ -12,12 +12,8 @@ import pytest
 import addon_utils  # bpy puts it on the path
 from bl_ext.user_default.renderformer_v2.model.errors import CheckpointError
 from bl_ext.user_default.renderformer_v2.model.published.image_encoder import find_vae
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
-    preferences,
-    published_weights,
-    redraw,
-    weights_download,
-)
+from bl_ext.user_default.renderformer_v2.rf2_engine.preferences import preferences
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights, redraw, weights_download
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup.weights_download import Download
 
 from tests.rf2_engine.installed import PACKAGE

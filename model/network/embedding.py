@@ -6,13 +6,12 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from ..compute.inference import chunked
 from ..environment import direction_map
 from ..progress import part
 from .config import ENVIRONMENT_GRID, ModelConfig
 from .inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
-from .memory import chunked
-from .nerf import nerf_encode, nerf_width
-from .norm import Linear, RMSNorm
+from .layers import Linear, RMSNorm, nerf_encode, nerf_width
 from .sequence import centroids, learned_token
 
 

@@ -2,8 +2,8 @@
 """Draw the state of the Python packages: missing, the question before they are installed, being installed."""
 from __future__ import annotations
 
-from . import importing, package_install, packages, wheels
-from .display import amount, draw_progress, draw_text, free_space
+from ..setup import importing, package_install, packages, wheels
+from ..setup.display import amount, draw_progress, draw_text, free_space
 
 
 def draw_packages(layout, group: dict[str, str], published: bool = False) -> None:

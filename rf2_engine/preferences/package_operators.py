@@ -5,8 +5,9 @@ from __future__ import annotations
 import bpy
 
 from ..registering import classes
-from . import package_install, package_panel, packages, redraw, shared_folders, wheels
-from .display import amount, draw_text, free_space
+from ..setup import package_install, packages, redraw, shared_folders, wheels
+from ..setup.display import amount, draw_text, free_space
+from . import package_panel
 
 
 class _Install:

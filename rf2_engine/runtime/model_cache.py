@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...model.compute import background
+from ...model.compute import threads
 from ...model.errors import CheckpointError
 from ...model.progress import part
 from ...model.published.bundle_files import AUTOMATIC
@@ -33,7 +33,7 @@ def begin_import() -> Future:
         importing.import_packages()
         return importlib.import_module("...model.renderer", __package__)
 
-    return background.begin(load)
+    return threads.begin_import(load)
 
 
 def renderer(weights: str, device: str, precision: str, transformer: str = AUTOMATIC):
@@ -44,7 +44,7 @@ def renderer(weights: str, device: str, precision: str, transformer: str = AUTOM
     key = (weights, device, precision, transformer, _state_of_files(weights_folder(weights)))
     if key not in _cached:
         with part(0.0, 1.0, "Loading PyTorch"):
-            network = background.finish(begin_import())
+            network = threads.finish_import(begin_import())
         free()
         try:
             _cached[key] = network.Renderer(weights, device, precision, transformer,

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import failure, render
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import failure
 
 from tests.rf2_engine.f12 import cube, press_f12
 

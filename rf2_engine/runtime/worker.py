@@ -8,7 +8,7 @@ import weakref
 from contextlib import contextmanager
 from typing import Protocol
 
-from ..frame import running
+from . import running
 
 SWITCH = 0.0005       # seconds after which Python's lock is passed on while this thread works, instead of 0.005
 LONGEST_STOP = 10.0   # seconds; until a piece of work has noticed that it is to end

@@ -7,10 +7,11 @@ import shutil
 import bpy
 
 from ...model.published import latent_store
-from ...model.published.training_range import TRIANGLES, WELL_KNOWN
-from ..frame import model_cache, running
+from ...model.published.as_trained import TRIANGLES, WELL_KNOWN
 from ..registering import classes
-from . import packages, preferences, published_weights, redraw, shared_folders, weights_download
+from ..runtime import model_cache, running
+from ..setup import packages, published_weights, redraw, shared_folders, weights_download
+from . import preferences
 
 RENDERING = "A render is running"
 

@@ -10,7 +10,7 @@ import torch
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.scene import RenderScene, constant_tile
 from bl_ext.user_default.renderformer_v2.model.weights.presets import BUNDLED, weights_folder
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import model_cache
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 
 
 @pytest.fixture(autouse=True)

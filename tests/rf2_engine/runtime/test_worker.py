@@ -5,8 +5,8 @@ import weakref
 
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import running
-from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.worker import Stopped, Worker
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import running
+from bl_ext.user_default.renderformer_v2.rf2_engine.runtime.worker import Stopped, Worker
 
 PATIENCE = 20  # seconds, of a machine that does much else
 

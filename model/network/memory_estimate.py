@@ -2,8 +2,8 @@
 """About how much memory a card needs for a picture, before it is asked for it."""
 from __future__ import annotations
 
+from ..compute.inference import GPU_CHUNK
 from .config import ModelConfig
-from .memory import GPU_CHUNK
 
 FULL = 4             # bytes of a float32
 STREAMS = 4          # copies of all tokens or ray tokens that exist at once: residual, result, normalised, rotated

@@ -16,6 +16,7 @@ from bpy.app.handlers import persistent
 
 from ..registering import handlers
 
+ENGINE = "RENDERFORMER_V2"  # bl_idname of our engine
 PATIENCE = 5.0   # seconds; Cycles does not look at our wish to stop, and the window stands still meanwhile
 TIDYING = 0.1    # seconds; what Blender itself does after its last handler
 
@@ -32,7 +33,7 @@ _afterwards: Callable[[], None] | None = None
 def mark(engine: str) -> None:
     """The render under way uses our engine if that is the name of `engine`."""
     global _ours
-    _ours = _ours or engine == "RENDERFORMER_V2"
+    _ours = _ours or engine == ENGINE
 
 
 def is_under_way() -> bool:

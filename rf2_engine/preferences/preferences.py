@@ -8,9 +8,10 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...model.published.bundle_files import LARGE, SMALL, TRANSFORMERS
-from ..frame import model_cache
-from . import package_panel, packages, published_weights, shared_folders, weights_download
-from .display import amount, draw_progress, draw_steps, draw_text, free_space
+from ..runtime import model_cache
+from ..setup import packages, published_weights, shared_folders, weights_download
+from ..setup.display import amount, draw_progress, draw_steps, draw_text, free_space
+from . import package_panel
 
 _token = ""  # only for this session: a property of Blender's own would be saved with the preferences
 

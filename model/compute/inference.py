@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import torch
 
-from ..compute.buffers import like
 from ..progress import part, report
+from .buffers import like
 
 # Rows per chunk: large enough for the matrix products, small enough that a chunk takes well under 0.2 s and that the
 # element-wise work between the products stays in the processor's cache.
