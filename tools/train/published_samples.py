@@ -17,7 +17,6 @@ from renderformer_v2.model.network.inputs import (
     TensorGroup,
     ViewInputs,
     VolumeInputs,
-    stacked,
     view_inputs,
 )
 from renderformer_v2.model.normalize import Normalization
@@ -25,6 +24,7 @@ from renderformer_v2.model.published.as_trained import as_trained, emitters
 from renderformer_v2.model.published.pipeline import PublishedPipeline, shown
 from renderformer_v2.model.renderer import padded
 from renderformer_v2.model.scene import Guides, View
+from renderformer_v2.model.tensor_group import stacked
 from tools.datagen.shards import load_sample, sample_paths
 
 from . import cache_key, ranks
