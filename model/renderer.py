@@ -132,16 +132,15 @@ class EncodedScene:
         another network of the bundle renders.
         """
         image = self.renderer.pipeline.image
-        return self._rendered(view, guides, lambda *given: {"image": image(*given, effort)})["image"]
+        return self._rendered(view, guides, lambda *inputs: {"image": image(*inputs, effort)})["image"]
 
     def lobes(self, view: View, guides: Guides, apart: bool = True) -> Lobes:
         """The same and what is traced light in it, `apart` with the light of each lobe: guided networks alone know it.
 
         Raises as `view` does.
         """
-        keys = ["image"] + ["traced"] * (guides.traced is not None) + ["direct", "indirect"] * apart
-        found = self._rendered(view, guides, lambda *given: self.renderer.pipeline.light(*given, keys))
-        return Lobes(found.pop("image"), **found)
+        lobes = self.renderer.pipeline.lobes
+        return Lobes(**self._rendered(view, guides, lambda *inputs: lobes(*inputs, apart)))
 
     def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
                     samples: int, wraps: bool = False) -> dict[str, np.ndarray]:

@@ -24,7 +24,8 @@ class SurfaceLight(TensorGroup):
     and may be 0.
     """
 
-    PICTURES: ClassVar = ("albedo", "roughness", "direct", "bounced", "behind", "reflected", "refracted", "glow", "traced")
+    PICTURES: ClassVar = ("albedo", "roughness", "direct", "bounced", "behind", "reflected", "refracted", "glow",
+                          "traced")
 
     albedo: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # [lobe, rgb], premultiplied by coverage
     roughness: Tensor = array("V", 1, "H", "W")                      # perceptual

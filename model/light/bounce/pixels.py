@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from ...progress import part
@@ -67,7 +66,7 @@ def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, 
 
 def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: Effort, x: Tensor, n: Tensor,
                       number: Tensor) -> Tensor:
-    """(P, 3) radiance leaving white diffuse surfaces at points x (P, 3): indirect light, and `direct` light if given."""
+    """(P, 3) radiance leaving white diffuse surfaces at points x (P, 3): indirect light, and `direct` if given."""
     with part(0.0, 0.5):
         indirect = radiosity.indirect(x, n, number, effort)
     with part(0.5, 1.0):

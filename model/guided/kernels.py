@@ -17,8 +17,7 @@ from ..fields import COLOR, DIRECTION, Channels
 from ..network.layers import Float32Conv2d
 from ..pictures import bands
 from ..scene import Guides
-from .decoding import shown
-from .exposure import key_exposure
+from .exposure import key_exposure, shown
 
 SEEN = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), colors=(9, COLOR), normal=(3, DIRECTION),
                 alpha=1, noise=1)
