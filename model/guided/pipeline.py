@@ -38,7 +38,7 @@ class GuidedScene:
 
 
 class GuidedPipeline:
-    """One network for every resolution. Without a transformer the picture is the estimated and traced light as it is."""
+    """One network for every resolution. Without a transformer the picture is estimated and traced light as it is."""
 
     def __init__(self, weights: str | Path, device: torch.device, dtype: torch.dtype):
         network = in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
