@@ -149,8 +149,9 @@ class EncodedScene:
         They are made of the view's light or its guides, which have so many samples; wraps: as View's. Guided networks
         alone know how.
         """
+        antialiased = self.renderer.pipeline.antialiased
         with torch.inference_mode():
-            return self.renderer.pipeline.antialiased(pictures, lobes.radiance, guides, samples, wraps)
+            return self.renderer.fitted(lambda: antialiased(pictures, lobes.radiance, guides, samples, wraps))
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""

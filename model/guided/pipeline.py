@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..compute.inference import divided
 from ..light.bounce.radiosity import Radiosity
 from ..light.direct.direct_light import DirectLight
 from ..light.effort import DRAFT, FULL, Effort
@@ -17,7 +18,7 @@ from ..light.surface_light import SurfaceLight
 from ..material.mappers import load_material_mapper
 from ..network.layers import in_precision
 from ..network.renderformer import SceneContext
-from ..pictures import bands
+from ..pictures import BAND_PIXELS, bands
 from ..progress import part
 from ..scene import Guides, RenderScene, View
 from ..weights.presets import weights_folder
@@ -113,7 +114,7 @@ def _in_bands(light: SurfaceLight, apart: bool) -> dict[str, Tensor]:
     """Radiance (3, H, W), and if `apart` indirect light (3, 3, H, W), of one view; the sums need bounded memory."""
     height, width = light.roughness.shape[-2:]
     parts = []
-    for rows, _ in bands(height, width, margin=0):
+    for rows, _ in bands(height, width, margin=0, pixels=divided(BAND_PIXELS)):
         some = light.rows(rows)
         parts.append({"radiance": some.radiance()[0]} | ({"indirect": some.indirect()[0]} if apart else {}))
     return {name: torch.cat([part[name] for part in parts], dim=-2) for name in parts[0]}

@@ -7,14 +7,17 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from ..compute.inference import divided
 from ..compute.threads import shared
 
 
 def in_chunks(size: int, function: Callable[..., Tensor | tuple[Tensor, ...]], *tensors: Tensor):
     """function(*tensors) of tensors (P, ...), by `size` points at a time on several threads.
 
-    function returns a tensor (P, ...) or a tuple of such tensors; so does this.
+    function returns a tensor (P, ...) or a tuple of such tensors; so does this. Chunks are smaller where the memory of
+    a card ran out.
     """
+    size = divided(size)
     results = shared(function, *(x.split(size) for x in tensors))
     if isinstance(results[0], Tensor):
         return torch.cat(results)

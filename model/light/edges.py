@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..first_hits.camera_rays import PLACES, CameraRays, Samples
+from ..first_hits.camera_rays import SAMPLE_POINTS, CameraRays, Samples
 from ..first_hits.from_rays import lobe_colors
 from ..pictures import bands
 from ..scene import Guides, RenderScene, View
@@ -31,7 +31,7 @@ UNSEEN = 1e-3       # weight of the neighbours' colours beside those of the samp
 BLACK = 1e-6        # added to colours, by which light is weighted
 CHUNK = 1 << 14     # pixels at a time
 FALLOFFS = np.exp(-FALLOFF * np.square(  # (K, 9)
-    PLACES[:, None, ::-1] - np.array(NEIGHBOURS) - 0.5).sum(-1)).astype(np.float32)
+    SAMPLE_POINTS[:, None, ::-1] - np.array(NEIGHBOURS) - 0.5).sum(-1)).astype(np.float32)
 
 
 @dataclass
@@ -61,9 +61,9 @@ def find_edges(scene: RenderScene, view: View, guides: Guides, device: torch.dev
         is_own = np.zeros_like(is_edge)
         is_own[inner] = is_edge[inner]
         own = np.flatnonzero(is_own)
-        own = own[camera.end_at(band.position.reshape(-1, 3)[own], AGREEMENT)]
+        own = own[camera.hits_lie_at(band.position.reshape(-1, 3)[own], AGREEMENT)]
         for chunk in np.array_split(own, len(own) // CHUNK + 1):
-            around, share = picture.shares(chunk, camera.samples(first + chunk), albedo)
+            around, share = picture.shares(chunk, camera.sample(first + chunk), albedo)
             pixels.append(torch.from_numpy(first + chunk).to(device))
             neighbours.append(first + around)
             shares.append(share)

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from ..compute.buffers import like
+from ..compute.inference import divided
 from ..lobes import LOBES
 from ..progress import part
 from ..scene import Guides, RenderScene, View
@@ -52,7 +53,8 @@ def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort
     traced light instead.
     """
     height, width = guides.alpha.shape
-    effort, rows = effort.of_picture(view.width * view.height), max(BAND_PIXELS // width // BAND_ROWS, 1) * BAND_ROWS
+    effort = effort.of_picture(view.width * view.height)
+    rows = max(divided(BAND_PIXELS) // width // BAND_ROWS, 1) * BAND_ROWS
     picture = None
     for begin in range(0, height, rows):
         band = slice(begin, min(begin + rows, height))

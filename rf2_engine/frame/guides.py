@@ -107,7 +107,7 @@ def _behind(scene: RenderScene, camera: CameraRays, seen: np.ndarray, triangle: 
     share = known.astype(np.float32)
     at = np.flatnonzero(denoise_media.varies(np.concatenate([*colors, share[..., None]], axis=-1)))
     for some in np.array_split(at, len(at) // AT_ONCE + 1):
-        samples = camera.samples(some)
+        samples = camera.sample(some)
         colors.reshape(3, -1, 3)[:, some], share.reshape(-1)[some] = samples.colors.mean(2), samples.hit.mean(1)
     return Behind(colors, share)
 

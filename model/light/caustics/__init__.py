@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Caustics."""
+"""Light that glass focuses, by photons."""
