@@ -30,7 +30,7 @@ from .compute.precision import NAMES, choose_precision, failure
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
 from .light.effort import FULL, Effort
-from .lobes import Lobes
+from .light_passes import Lobes
 from .normalize import Normalization
 from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ..compute.buffers import like
 from ..compute.inference import divided
-from ..lobes import LOBES
+from ..light_passes import LOBES
 from ..progress import part
 from ..scene import Guides, RenderScene, View
 from .bounce.pixels import diffuse_bounces, glossy_bounces, outgoing_radiance

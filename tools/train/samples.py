@@ -14,7 +14,7 @@ from renderformer_v2.model.guided.guide_tensors import GuideTensors
 from renderformer_v2.model.guided.guided_inputs import GuidedInputs, GuidedView, guided_inputs, guided_view
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
-from renderformer_v2.model.lobes import LOBES
+from renderformer_v2.model.light_passes import LOBES
 from renderformer_v2.model.network.inputs import EnvironmentInputs, VolumeInputs, material_tiles
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.tensor_group import TensorGroup, stacked
