@@ -24,8 +24,8 @@ import torch
 from torch import Tensor
 
 from .camera import beyond_sides, padded_view, place_in
-from .compute import inference
 from .compute.devices import choose_device, name_of
+from .compute.inference import Pieces, inference
 from .compute.precision import NAMES, choose_precision, failure
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
@@ -53,7 +53,7 @@ class Renderer:
         Raises CheckpointError for unusable weights, ValueError for a device or precision that is not there. `remark`
         says afterwards what automatic choices had to do without, "" for nothing.
         """
-        inference.usual()
+        self.pieces = Pieces()
         self.device = choose_device(device)
         self.dtype, self.remark = choose_precision(precision, self.device), ""
         if precision == "auto" and self.dtype != torch.float32 and (problem := failure(self.dtype, self.device)):
@@ -78,7 +78,7 @@ class Renderer:
             try:
                 return compute()
             except torch.OutOfMemoryError:
-                if not inference.smaller():
+                if not self.pieces.shrink():
                     raise
             gc.collect()
             if self.device.type == "cuda":
@@ -90,7 +90,7 @@ class Renderer:
         """What `encode` can keep of a scene in world units for later renders: published weights' textures."""
         if isinstance(self.pipeline, PublishedPipeline):
             normalized = Normalization.of(scene).scene(scene)
-            with torch.inference_mode():
+            with inference(self.pieces):
                 self.fitted(lambda: self.pipeline.prepare(normalized))
 
     def encode(self, scene: RenderScene, picture_size: int = 512, draft: bool = False) -> EncodedScene:
@@ -101,7 +101,7 @@ class Renderer:
         report(0.0, "Preparing the scene")
         normalization, variant = Normalization.of(scene), self.pipeline.variant(picture_size)
         draft = draft and isinstance(self.pipeline, GuidedPipeline)
-        with torch.inference_mode():
+        with inference(self.pieces):
             normalized, make = normalization.scene(scene), self.pipeline.draft if draft else self.pipeline.encode
             encoded = self.fitted(lambda: make(normalized, variant))
         return EncodedScene(self, normalization, variant, encoded, draft)
@@ -120,7 +120,7 @@ class EncodedScene:
     def finished(self) -> EncodedScene:
         """Of a draft, the scene after stage 1."""
         renderer = self.renderer
-        with torch.inference_mode():
+        with inference(self.renderer.pieces):
             return replace(self, encoded=renderer.fitted(lambda: renderer.pipeline.finished(self.encoded)),
                            is_draft=False)
 
@@ -150,7 +150,7 @@ class EncodedScene:
         alone know how.
         """
         antialiased = self.renderer.pipeline.antialiased
-        with torch.inference_mode():
+        with inference(self.renderer.pieces):
             return self.renderer.fitted(lambda: antialiased(pictures, lobes.radiance, guides, samples, wraps))
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
@@ -161,7 +161,7 @@ class EncodedScene:
             raise ValueError(f"the scene was encoded for {self.variant}, this view needs {wanted}")
         larger, guides = padded(view, guides, pipeline.granularity)
         place = (..., *place_in(larger, view))
-        with torch.inference_mode():
+        with inference(self.renderer.pieces):
             given = self.normalization.view(larger), self.normalization.guides(guides)
             found = self.renderer.fitted(lambda: run(self.encoded, *given))
             found = {key: radiance[place] / self.normalization.exposure for key, radiance in found.items()}

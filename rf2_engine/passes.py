@@ -41,7 +41,7 @@ class Pass(NamedTuple):
             return "Other", "AO"  # all of it would be cut at the usual width
         return "Other" if self.key in ("emission", "environment") else "Data", self.name_5
 
-    def is_asked(self, view_layer: bpy.types.ViewLayer) -> bool:
+    def is_ticked(self, view_layer: bpy.types.ViewLayer) -> bool:
         """True if the view layer has it ticked; Cycles' own properties are there while Cycles is enabled."""
         owner, _, name = self.setting.rpartition(".")
         return not name or bool(getattr(getattr(view_layer, owner, None) if owner else view_layer, name, False))
@@ -96,12 +96,12 @@ REFERENCE_NAMES = frozenset(p.blender_name for p in REFERENCE)
 _KEYS = {p.blender_name: p.key for p in (*PASSES, NOISY, *REFERENCE)}
 
 
-def key_of(blender_name: str) -> str:
+def pass_key(blender_name: str) -> str:
     """Key of the pass that Blender calls so; Cryptomattes and shader AOVs have no row in the table."""
     return _KEYS.get(blender_name, f"own {blender_name}")
 
 
-def of_view_layer(view_layer: bpy.types.ViewLayer, lighting: Collection[str],
+def ticked_passes(view_layer: bpy.types.ViewLayer, lighting: Collection[str],
                   scene: bpy.types.Scene | None = None) -> list[Pass]:
     """The passes that were ticked for this view layer, of the light passes those whose keys are in `lighting`.
 
@@ -110,12 +110,12 @@ def of_view_layer(view_layer: bpy.types.ViewLayer, lighting: Collection[str],
     """
     taken = {aov.name for aov in view_layer.aovs}
     ticked = [p for p in PASSES if (p.source != "lighting" or p.key in lighting) and (
-        p.is_asked(view_layer) or p.source in ("guide", "lighting") and p.blender_name in taken)]
-    noisy = [NOISY] if _is_noisy_asked(view_layer, scene or view_layer.id_data) else []
+        p.is_ticked(view_layer) or p.source in ("guide", "lighting") and p.blender_name in taken)]
+    noisy = [NOISY] if _is_noisy_ticked(view_layer, scene or view_layer.id_data) else []
     return ticked + noisy + [*_cryptomattes(view_layer), *_shader_aovs(view_layer)]
 
 
-def _is_noisy_asked(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
+def _is_noisy_ticked(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
     """True where Cycles has it, but only with Denoising Data."""
     of_cycles = getattr(view_layer, "cycles", None)
     return bool(of_cycles and of_cycles.denoising_store_passes and of_cycles.use_denoising
@@ -129,42 +129,42 @@ def absent(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, lighting: Co
         of_cycles = [name for name, *_ in list_render_passes(scene, view_layer)]
     except (ImportError, AttributeError, TypeError):
         return []  # a Cycles that does not tell
-    ours = {p.blender_name for p in of_view_layer(view_layer, lighting, scene)}
+    ours = {p.blender_name for p in ticked_passes(view_layer, lighting, scene)}
     return [name for name in of_cycles if name not in ours and not name.startswith("Noisy ")]
 
 
-def asked_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> bool:
+def is_light_requested(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> bool:
     """True if one of the light passes with these keys is ticked."""
-    return any(p.key in lighting for p in of_view_layer(view_layer, lighting))
+    return any(p.key in lighting for p in ticked_passes(view_layer, lighting))
 
 
-def divided_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> frozenset[str]:
+def needed_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> frozenset[str]:
     """Keys of the light passes that Cycles has to give so that those with these keys that are ticked can be made.
 
     An added pass stays in the file. Volume Indirect alone needs all: it is what they leave of the picture.
     """
-    asked = {p.key for p in of_view_layer(view_layer, lighting) if p.source == "lighting"}
+    asked = {p.key for p in ticked_passes(view_layer, lighting) if p.source == "lighting"}
     return LIGHTING if "volume_indirect" in asked else frozenset(asked)
 
 
-def of_session(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[Pass]:
+def session_passes(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[Pass]:
     """The passes of one Cycles session: first hits, what the user ticked, and the light passes with these keys."""
     always = [p for p in PASSES if p.source in ("network", "guide") or p.key in lighting]
-    return always + [p for p in of_view_layer(view_layer, ()) if p not in always]
+    return always + [p for p in ticked_passes(view_layer, ()) if p not in always]
 
 
 def register(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer,
              lighting: Collection[str] = ()) -> None:
     """Announce the ticked passes: they become sockets of the Render Layers node and layers of the file."""
-    for p in of_view_layer(view_layer, lighting, scene):
+    for p in ticked_passes(view_layer, lighting, scene):
         engine.register_pass(scene, view_layer, p.blender_name, len(p.channels), p.channels, p.kind)
 
 
 def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarray], view: str = "") -> None:
-    """Hand {key_of its name: (H, W, C), row 0 on top} of one view layer to Blender; view "": of all views."""
+    """Hand {pass_key its name: (H, W, C), row 0 on top} of one view layer to Blender; view "": of all views."""
     result = engine.begin_result(0, 0, engine.resolution_x, engine.resolution_y, layer=layer, view=view)
     for p in result.layers[0].passes:
-        if (key := key_of(p.name)) in passes:
+        if (key := pass_key(p.name)) in passes:
             p.rect.foreach_set(np.ascontiguousarray(passes[key][::-1], np.float32).ravel())
     engine.end_result(result)
 
@@ -184,4 +184,4 @@ def _shader_aovs(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
 
 
 def _own(name: str, channels: str, kind: str) -> Pass:
-    return Pass(key_of(name), name, name, channels, kind, "data")
+    return Pass(pass_key(name), name, name, channels, kind, "data")

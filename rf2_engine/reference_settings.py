@@ -72,7 +72,7 @@ class FrameReference:
     settings: tuple[tuple[str, object], ...]  # of the scene, that are others than Cycles' own
 
     @classmethod
-    def of(cls, scene: bpy.types.Scene) -> FrameReference | None:
+    def read(cls, scene: bpy.types.Scene) -> FrameReference | None:
         """The settings of an evaluated scene; None if no reference is wanted."""
         chosen = scene.renderformer_v2.reference
         if not chosen.use:

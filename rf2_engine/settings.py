@@ -17,9 +17,10 @@ from . import passes
 from .reference_settings import FrameReference, ReferenceSettings
 from .registering import classes, pairs, pointer
 from .render_size import frame_size
-from .setup import published_weights
+from .setup import packages, published_weights
 
-FEW_PIXELS, MOST_MORE = 512 * 512, 16  # below which pictures have more samples, and how many times as many
+FEW_PIXELS = 512 * 512  # pictures of fewer pixels have more samples
+MOST_MORE = 16          # times as many, at most
 
 
 def _passes_change(settings: RenderFormerSettings, context: bpy.types.Context) -> None:
@@ -34,6 +35,33 @@ class Light(Enum):
     NONE = auto()
     TRACED = auto()  # no diffuse and no volume bounce, denoised
     ALL = auto()     # the scene's own bounces
+
+
+class Network(Enum):
+    """The two kinds of networks, and what a render does for each."""
+
+    GUIDED = auto()     # the bundled one, and others of this project's format: first hits and estimated light go in
+    PUBLISHED = auto()  # the paper's: the scene alone goes in
+
+    @property
+    def has_lobes(self) -> bool:
+        """Whether it gives the light of each lobe, for light passes and smooth edges."""
+        return self is Network.GUIDED
+
+    @property
+    def follows_specular_paths(self) -> bool:
+        """Whether it is given what mirrors and glass show."""
+        return self is Network.GUIDED
+
+    @property
+    def encodes_textures(self) -> bool:
+        """Whether an image encoder runs over the textures of all triangles before stage 1."""
+        return self is Network.PUBLISHED
+
+    @property
+    def depends_on_size(self) -> bool:
+        """Whether the size of the whole picture decides which of its transformers renders it."""
+        return self is Network.PUBLISHED
 
 
 class RenderFormerViewportSettings(bpy.types.PropertyGroup):
@@ -209,6 +237,7 @@ class FrameSettings:
     """What was chosen for one frame, keyframes included; it outlives the evaluated scene that it was read from."""
 
     weights: str
+    network: Network
     transformer: str  # of published weights: one of bundle_files.TRANSFORMERS, or AUTOMATIC
     device: str
     precision: str
@@ -226,35 +255,32 @@ class FrameSettings:
     reference: FrameReference | None
 
     @property
-    def guided(self) -> bool:
-        """Whether the network may be helped: the published one draws its picture alone."""
-        return bool(self.light_passes)
-
-    @property
     def setup(self) -> str:
         """What the costs of a render belong to (costs.py)."""
         return " ".join([Path(self.weights).name, self.device, self.precision, f"{self.threads or 'all'} threads",
                          self.light.name.lower()])
 
     @classmethod
-    def of(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> FrameSettings:
+    def read(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> FrameSettings:
         """Read from an evaluated scene and the view layer that is rendered, which may have its own samples.
 
-        Raises CheckpointError as RenderFormerSettings.weights does.
+        Raises SceneError when the Cycles add-on is switched off, CheckpointError as RenderFormerSettings.weights does.
         """
+        packages.require_cycles()
         ours, blenders = scene.renderformer_v2, scene.render
         weights = ours.weights()
+        network = _network(weights)
         samples = view_layer.renderformer_v2.samples if view_layer else 0
         device = f"cuda:{ours.card - 1}" if ours.card and ours.device == "cuda" else ours.device
-        return cls(weights, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
-                   ours.as_is, ours.paper_lamps and _is_published(weights), _guide_samples(scene, samples),
-                   ours.bake_unknown, _light(ours.light, weights), light_passes(scene), threads(scene),
-                   blenders.film_transparent, scene.cycles.film_exposure, FrameReference.of(scene))
+        return cls(weights, network, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
+                   ours.as_is, ours.paper_lamps and network is Network.PUBLISHED, _guide_samples(scene, samples),
+                   ours.bake_unknown, _light(ours.light, network), light_passes(scene), threads(scene),
+                   blenders.film_transparent, scene.cycles.film_exposure, FrameReference.read(scene))
 
 
-def _guide_samples(scene: bpy.types.Scene, of_layer: int) -> int:
-    """Of a pixel, those that the view layer has for itself or the scene's, and more where there are few pixels."""
-    samples, (width, height) = of_layer or scene.renderformer_v2.guide_samples, frame_size(scene.render)
+def _guide_samples(scene: bpy.types.Scene, layer_samples: int) -> int:
+    """Samples of a pixel: the view layer's own or the scene's, and more of them in a picture of few pixels."""
+    samples, (width, height) = layer_samples or scene.renderformer_v2.guide_samples, frame_size(scene.render)
     if not scene.renderformer_v2.more_when_small:
         return samples
     return round(samples * min(max(FEW_PIXELS / (width * height), 1), MOST_MORE))
@@ -268,12 +294,12 @@ def threads(scene: bpy.types.Scene) -> int:
 
 
 def light_passes(scene: bpy.types.Scene) -> frozenset[str]:
-    """Keys of the light passes that the chosen weights can give. Without traced light nobody tells volumes' apart."""
+    """Keys of the light passes that the chosen weights can give; light in volumes is apart only where it is traced."""
     try:
-        weights = scene.renderformer_v2.weights()
+        network = _network(scene.renderformer_v2.weights())
     except CheckpointError:
         return frozenset()  # published weights that are not complete, or none at all
-    if _is_published(weights):
+    if not network.has_lobes:
         return frozenset()
     return passes.LIGHTING - ({"volume_direct"} if scene.renderformer_v2.light == "NETWORK" else set())
 
@@ -282,20 +308,20 @@ def is_published(settings: RenderFormerSettings) -> bool:
     """Whether the published network is chosen, complete or not."""
     if settings.weights_source == "PUBLISHED":
         return True
-    return settings.weights_source == "FOLDER" and bool(settings.weights_folder) and _is_published(settings.weights())
+    has_folder = settings.weights_source == "FOLDER" and bool(settings.weights_folder)
+    return has_folder and _network(settings.weights()) is Network.PUBLISHED
 
 
-def _light(chosen: str, weights: str) -> Light:
-    """The published network is never guided."""
-    alone = chosen == "NETWORK" or _is_published(weights)
-    return Light.NONE if alone else Light.TRACED
+def _light(choice: str, network: Network) -> Light:
+    """The published network draws its picture alone, whatever was chosen."""
+    return Light.NONE if choice == "NETWORK" or network is Network.PUBLISHED else Light.TRACED
 
 
-def _is_published(weights: str) -> bool:
+def _network(weights: str) -> Network:
     try:
-        return is_bundle(weights_folder(weights))
+        return Network.PUBLISHED if is_bundle(weights_folder(weights)) else Network.GUIDED
     except OSError:
-        return False  # the loader will explain it
+        return Network.GUIDED  # the loader will explain it
 
 
 register, unregister = pairs(

@@ -12,8 +12,6 @@ from tests.sources import ROOT
 
 # Rooms whose inner folders count as one. Delete a name to check the folders in it as well.
 AS_ONE = {"rf2_engine": set(), "model": {"light"}}
-# weights/ finds out which network the files of a folder hold, and builds it.
-BUILDERS = {("model/weights", "model/guided"), ("model/weights", "model/published")}
 # Floors of the conversion, from the ground: folders import from lower floors alone.
 CONVERT = (["data"], ["shading/noise"], ["shading"], ["camera", "meshes", "lamps", "media"], ["fitting", "copying"])
 
@@ -73,7 +71,7 @@ def test_a_circle_is_found():
 
 @pytest.mark.parametrize("package", ["rf2_engine", "model"])
 def test_folders_import_one_another_in_one_direction(package):
-    edges = {rooms: lines for rooms, lines in room_edges(package).items() if rooms not in BUILDERS}
+    edges = room_edges(package)
     assert edges
     assert circle(edges) == []
 

@@ -47,7 +47,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def _pictures(scene, depsgraph, arguments: argparse.Namespace):
-    from renderformer_v2.rf2_engine.viewport.lighting import Look
+    from renderformer_v2.rf2_engine.viewport.pictures import ViewportSettings
     from renderformer_v2.rf2_engine.viewport.region_view import RegionView
     from renderformer_v2.rf2_engine.viewport.session import Request, Session
     from renderformer_v2.rf2_engine.viewport.source import Source
@@ -62,12 +62,12 @@ def _pictures(scene, depsgraph, arguments: argparse.Namespace):
         turned = _turned(matrix, center, math.radians(arguments.angle) * math.sin(2 * math.pi * number
                                                                                   / arguments.frames))
         view = RegionView(_frozen(projection), _frozen(turned), (0, width, 0, height), (width, height))
-        session.ask(Request(source.copied, source.state, view, Look.of(scene, depsgraph.view_layer)))
-        while session.wants():
+        session.submit(Request(source.copied, source.state, view, ViewportSettings.read(scene, depsgraph.view_layer)))
+        while session.has_work():
             session.step(lambda *_: None)
         if session.error:
             raise RuntimeError(session.error)
-        yield session.shown
+        yield session.displayed
 
 
 def _looked_at(scene, depsgraph, matrix: np.ndarray) -> np.ndarray:

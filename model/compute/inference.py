@@ -1,55 +1,96 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Process long sequences in pieces: this bounds memory, and every piece reports progress (which may cancel)."""
+"""Inference says so itself: what bounds memory and keeps no gradients is chosen inside `inference()`, and only there.
+
+    with inference():                           # a renderer: `inference(self.pieces)`
+        context = network.encode_scene(inputs)
+
+Inside, PyTorch records no gradients (`torch.inference_mode`), and
+- long sequences and large pictures are computed in pieces (`cuts`, `by_rows`, `chunked`, and bands of the decoder and
+  of ray tokens), between which progress is reported, which may cancel;
+- results may take the place of inputs that are not needed any more (`into`);
+- attention on the CPU runs over blocks of keys that stay in its caches (network/block_attention.py);
+- rows of small operations are shared between threads (`threads.shared`).
+Outside, all is computed whole and gradients pass through it, whether they are recorded or not: training, its validation
+and gradient tests need to say nothing. Code that has to choose asks `is_inference()`.
+
+How large the pieces are belongs to whoever renders: `Pieces`.
+"""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 import torch
 
-from ..progress import part, report
+from ..progress import report, steps
 from .buffers import like
 
-# Rows per chunk: large enough for the matrix products, small enough that a chunk takes well under 0.2 s and that the
+# Rows per piece: large enough for the matrix products, small enough that a piece takes well under 0.2 s and that the
 # element-wise work between the products stays in the processor's cache.
 CHUNK = 512
 GPU_CHUNK = 4096
 
 
-SMALLEST = 16   # part of the usual pieces that is tried last
-_divisor = 1    # of the pieces on a card, since its memory ran out
+class Pieces:
+    """How large the pieces of a renderer are. They shrink when the memory of its card runs out."""
+
+    SMALLEST = 16  # part of the usual size that is tried last
+
+    def __init__(self) -> None:
+        self._divisor = 1
+
+    @property
+    def are_small(self) -> bool:
+        """Whether they have shrunk."""
+        return self._divisor > 1
+
+    def shrink(self) -> bool:
+        """Make them a quarter as large; False when they are as small as they get."""
+        if self._divisor >= self.SMALLEST:
+            return False
+        self._divisor *= 4
+        return True
+
+    def rows(self, device: torch.device) -> int:
+        """Rows of a sequence in a piece."""
+        return self.limit(GPU_CHUNK) if device.type == "cuda" else CHUNK
+
+    def limit(self, size: int) -> int:
+        """What becomes of any other size on a card."""
+        return max(size // self._divisor, 1)
 
 
-def chunk_for(device: torch.device) -> int:
-    return GPU_CHUNK // _divisor if device.type == "cuda" else CHUNK
+_pieces: ContextVar[Pieces | None] = ContextVar("pieces", default=None)
 
 
-def divided(size: int) -> int:
-    """The same, or as much less as the memory of a card asked for."""
-    return max(size // _divisor, 1)
+@contextmanager
+def inference(pieces: Pieces | None = None) -> Iterator[None]:
+    """Inside, this thread computes as the module describes. May decorate a function.
+
+    pieces: of the surrounding `inference()`, or of the usual size, when not given.
+    """
+    token = _pieces.set(pieces or current_pieces())
+    try:
+        with torch.inference_mode():
+            yield
+    finally:
+        _pieces.reset(token)
 
 
-def smaller() -> bool:
-    """From now on pieces are a quarter as large; False when they are as small as they get."""
-    global _divisor
-    if _divisor >= SMALLEST:
-        return False
-    _divisor *= 4
-    return True
+def is_inference() -> bool:
+    """Whether this thread is inside `inference()`."""
+    return _pieces.get() is not None
 
 
-def usual() -> None:
-    """Pieces of the usual size again."""
-    global _divisor
-    _divisor = 1
-
-
-def is_divided() -> bool:
-    return _divisor > 1
+def current_pieces() -> Pieces:
+    """Those of the surrounding `inference()`; usual ones outside."""
+    return _pieces.get() or Pieces()
 
 
 def cuts(begin: int, end: int, device: torch.device) -> list[slice]:
-    """begin..end in pieces that are computed one after the other: a single one where gradients are wanted."""
-    size = max(end - begin, 1) if torch.is_grad_enabled() else chunk_for(device)
+    """begin..end in pieces that are computed one after the other: a single one outside of `inference()`."""
+    size = current_pieces().rows(device) if is_inference() else max(end - begin, 1)
     return [slice(first, min(first + size, end)) for first in range(begin, end, size)]
 
 
@@ -57,40 +98,38 @@ def by_rows(function: Callable[[slice], torch.Tensor], pieces: list[slice],
             into: torch.Tensor | None = None) -> torch.Tensor:
     """function(rows) of all pieces of a sequence, one below the other.
 
-    into: memory for the result, if the rows of a piece are made of nothing there but themselves; with gradients it is
-    left alone. Memory that is new to the process costs as much time as an attention.
+    into: memory for the result, if the rows of a piece are computed from nothing there but themselves; left alone
+    outside of `inference()`.
     """
-    length, result = pieces[-1].stop, into
-    if torch.is_grad_enabled():
+    if not is_inference():
         return torch.cat([function(rows) for rows in pieces])
-    for rows in pieces:
-        with part(rows.start / length, rows.stop / length):
-            report()
-            done = function(rows)
-        if len(done) == length:
-            return done
-        result = like(done, length, 0) if result is None else result
-        result[rows] = done
+    length, result = pieces[-1].stop, into
+    for rows in steps(pieces):
+        piece = function(rows)
+        if len(piece) == length:
+            return piece
+        result = like(piece, length, 0) if result is None else result
+        result[rows] = piece
     return result
 
 
-def chunked(function, *tensors: torch.Tensor, size: int = 0, axis: int = 0, into: torch.Tensor | None = None):
+def chunked(function: Callable, *tensors: torch.Tensor, size: int = 0, axis: int = 0,
+            into: torch.Tensor | None = None):
     """function(*tensors), computed for `size` rows (0: as suit the device) at a time and concatenated along `axis`.
 
-    `function` returns a tensor or a tuple of tensors with as many rows (on that axis) as it was given. into: as for
+    `function` returns a tensor or a tuple of tensors with as many rows (on that axis) as its arguments. into: as for
     `by_rows`.
     """
-    rows, size = len(tensors[0]), size or chunk_for(tensors[0].device)
-    if torch.is_grad_enabled():
-        size = max(rows, 1)  # autograd would hold a gradient of full length for every slice
+    rows = len(tensors[0])
+    size = (size or current_pieces().rows(tensors[0].device)) if is_inference() else max(rows, 1)
     results = None if into is None else [into]
     for begin in range(0, max(rows, 1), size):
-        report(begin / max(rows, 1))
+        report()
         result = function(*(t[begin:begin + size] for t in tensors))
         if size >= rows:
             return result
-        parts = result if isinstance(result, tuple) else (result,)
-        results = results or [like(piece, rows, axis) for piece in parts]
-        for whole, piece in zip(results, parts):
-            whole.narrow(axis, begin, piece.shape[axis]).copy_(piece)
+        pieces = result if isinstance(result, tuple) else (result,)
+        results = results or [like(piece, rows, axis) for piece in pieces]
+        for full, piece in zip(results, pieces):
+            full.narrow(axis, begin, piece.shape[axis]).copy_(piece)
     return tuple(results) if isinstance(result, tuple) else results[0]

@@ -74,3 +74,17 @@ def tensor_float_32(device: torch.device) -> Iterator[None]:
         yield
     finally:
         settings.allow_tf32 = before
+
+
+@contextmanager
+def exact_float_32() -> Iterator[None]:
+    """Inside, convolutions of float32 use all its bits, which on cards from Ampere on they do not by default."""
+    convolutions = getattr(torch.backends.cudnn, "conv", None)  # PyTorch 2.9 has a setting for them by themselves
+    settings, name, exact = ((convolutions, "fp32_precision", "ieee") if hasattr(convolutions, "fp32_precision") else
+                             (torch.backends.cudnn, "allow_tf32", False))
+    before = getattr(settings, name)
+    setattr(settings, name, exact)
+    try:
+        yield
+    finally:
+        setattr(settings, name, before)

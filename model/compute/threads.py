@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, nullcontext
 
-from ..progress import part, report
+from ..progress import report, steps
 
 # For GNU's and LLVM's library, and for Intel's.
 _SLEEP = {"OMP_WAIT_POLICY": "PASSIVE", "KMP_BLOCKTIME": "0"}
@@ -66,16 +66,18 @@ def shared(function: Callable, *tensors: Sequence) -> list:
     """[function(*row) for row in zip(*tensors)], the rows shared between the threads of this one's team.
 
     For long rows of small operations, which PyTorch's own threads would share one by one or not at all. A GPU works on
-    one row after the other, as do gradients. What is reported is how many rows are done.
+    one row after the other, and so does training (inference.py). What is reported is how many rows are done.
     """
     import torch
+
+    from .inference import current_pieces, inference, is_inference
     rows, workers = list(zip(*tensors, strict=True)), torch.get_num_threads()
-    if workers == 1 or len(rows) < 2 or torch.is_grad_enabled() or rows[0][0].device.type != "cpu":
+    if workers == 1 or len(rows) < 2 or not is_inference() or rows[0][0].device.type != "cpu":
         return _in_turn(function, rows)
-    inference = torch.is_inference_mode_enabled()
+    pieces = current_pieces()
 
     def one(row: tuple):
-        with torch.inference_mode(inference), torch.no_grad():  # each thread's own, and the former sets the latter
+        with inference(pieces):  # which holds for one thread
             return function(*row)
 
     def begin():
@@ -123,12 +125,7 @@ def _team_size() -> int:
 
 
 def _in_turn(function: Callable, rows: Sequence[tuple]) -> list:
-    results = []
-    for i, row in enumerate(rows):
-        report(i / len(rows))
-        with part(i / len(rows), (i + 1) / len(rows)):  # what a row reports itself goes on from there
-            results.append(function(*row))
-    return results
+    return [function(*row) for row in steps(rows)]
 
 
 def _pooled(function: Callable, rows: Sequence[tuple], workers: int, begin: Callable) -> list:

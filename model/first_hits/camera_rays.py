@@ -1,21 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays from a camera to the token triangles that it sees."""
+"""Rays from a camera to the token triangles that it sees, and guides from these alone."""
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ..camera import view_rays_at
+from ..camera import view_rays, view_rays_at
 from ..geometry import corner_weights
+from ..progress import part
 from ..rays import Hits, Rays
-from ..scene import RenderScene, View
+from ..scene import Guides, RenderScene, View
 from ..shading import shading_normals
-from .from_rays import lobe_colors
+from .from_rays import guides_of_hits, lobe_colors, mean_guides
 
 SAMPLES = 16        # of a pixel
 BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of Cycles' default pixel filter
 FILTER_WIDTH = 1.5  # pixels, of the same
+FINDING = "Finding visible triangles"
+CENTER = ((0.5, 0.5),)
+# Positions in a pixel, no two in a row or column.
+SPREAD = ((0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625))
 
 
 class Samples(NamedTuple):
@@ -58,6 +65,21 @@ class CameraRays:
         values[2:, hit] = lobe_colors(self._scene, triangle, weights)
         position, normal, *colors = values.reshape(5, len(pixel), len(SAMPLE_POINTS), 3)
         return Samples(hit.reshape(position.shape[:2]), position, normal, np.stack(colors))
+
+
+def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float, float]] = CENTER) -> Guides:
+    """First-hit guides of one view of `scene` (world frame) by rays through these positions in each pixel.
+
+    For pictures without passes of Cycles, such as a viewport's: they show only what is in a token.
+    """
+    camera, samples = CameraRays(scene, view), []
+    for i, position in enumerate(positions):
+        rays = view_rays(replace(view, principal=view.principal - np.subtract(position, 0.5)))[1]
+        with part(i / len(positions), (i + 1) / len(positions), FINDING):
+            hits = camera.closest(rays.reshape(-1, 3))
+        samples.append(guides_of_hits(scene, view, rays, hits.triangle.reshape(view.height, view.width),
+                                      hits.weights.reshape(view.height, view.width, 2)))
+    return mean_guides(samples)
 
 
 def _sample_points(count: int) -> np.ndarray:

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..camera import beyond_sides
-from ..compute.inference import divided
+from ..compute.inference import current_pieces
 from ..fields import COLOR, DIRECTION, Channels
 from ..network.layers import Float32Conv2d
 from ..pictures import BAND_PIXELS, bands
@@ -110,7 +110,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], rad
                            Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}), samples)
         return {key: picture[:, REACH:-REACH] for key, picture in done.items()}
     device, exposure, done = predictor.enter.weight.device, exposure_of(radiance, guides), []
-    for outer, inner in bands(*guides.alpha.shape, margin=REACH, pixels=divided(BAND_PIXELS)):
+    for outer, inner in bands(*guides.alpha.shape, margin=REACH, pixels=current_pieces().limit(BAND_PIXELS)):
         kernels = predictor(seen(radiance[outer], guides.rows(outer), exposure, samples).to(device))
         kernels = kernels * ~beside_lamps(guides.emission[outer] * np.float32(exposure)).to(device)
         joined = tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)

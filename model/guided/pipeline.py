@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..compute.inference import divided
+from ..compute.inference import current_pieces
 from ..light.bounce.radiosity import Radiosity
 from ..light.direct.direct_light import DirectLight
 from ..light.effort import DRAFT, FULL, Effort
@@ -114,7 +114,7 @@ def _in_bands(light: SurfaceLight, apart: bool) -> dict[str, Tensor]:
     """Radiance (3, H, W), and if `apart` indirect light (3, 3, H, W), of one view; the sums need bounded memory."""
     height, width = light.roughness.shape[-2:]
     parts = []
-    for rows, _ in bands(height, width, margin=0, pixels=divided(BAND_PIXELS)):
+    for rows, _ in bands(height, width, margin=0, pixels=current_pieces().limit(BAND_PIXELS)):
         some = light.rows(rows)
         parts.append({"radiance": some.radiance()[0]} | ({"indirect": some.indirect()[0]} if apart else {}))
     return {name: torch.cat([part[name] for part in parts], dim=-2) for name in parts[0]}

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from ..compute.inference import divided
+from ..compute.inference import current_pieces
 from ..compute.threads import shared
 
 
@@ -17,7 +17,7 @@ def in_chunks(size: int, function: Callable[..., Tensor | tuple[Tensor, ...]], *
     function returns a tensor (P, ...) or a tuple of such tensors; so does this. Chunks are smaller where the memory of
     a card ran out.
     """
-    size = divided(size)
+    size = current_pieces().limit(size)
     results = shared(function, *(x.split(size) for x in tensors))
     if isinstance(results[0], Tensor):
         return torch.cat(results)

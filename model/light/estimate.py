@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from ..compute.buffers import like
-from ..compute.inference import divided
+from ..compute.inference import current_pieces
 from ..light_passes import LOBES
 from ..progress import part
 from ..scene import Guides, RenderScene, View
@@ -54,7 +54,7 @@ def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort
     """
     height, width = guides.alpha.shape
     effort = effort.of_picture(view.width * view.height)
-    rows = max(divided(BAND_PIXELS) // width // BAND_ROWS, 1) * BAND_ROWS
+    rows = max(current_pieces().limit(BAND_PIXELS) // width // BAND_ROWS, 1) * BAND_ROWS
     picture = None
     for begin in range(0, height, rows):
         band = slice(begin, min(begin + rows, height))

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..compute.inference import divided
+from ..compute.inference import current_pieces
 from ..compute.threads import shared
 from .edge_stopping import edge_weights, neighbour_weights, plane_tolerance
 from .weighted_rows import weighted_rows
@@ -97,7 +97,7 @@ class Probes:
         inputs = (*self.surfaces, *map(self.at_probes, per_pixel))
         position, normal, *inputs = (x.flatten(0, 1).index_select(0, at) for x in inputs)
         inputs = position, normal, self.number.flatten()[at], *inputs
-        chunks = shared(compute, *(x.split(divided(CHUNK)) for x in inputs))
+        chunks = shared(compute, *(x.split(current_pieces().limit(CHUNK)) for x in inputs))
         sizes = {name: light.shape[1] for name, light in chunks[0].items()}
         return at, torch.cat([torch.cat(list(light.values()), 1) for light in chunks]), sizes
 

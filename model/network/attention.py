@@ -10,11 +10,15 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..compute.inference import chunked
-from ..progress import part
+from ..compute.inference import chunked, is_inference
 from .block_attention import KeysValues, Window, attend_to_all
 from .config import SWIN_WINDOW
 from .layers import Linear, RMSNorm, Rotation
+
+WINDOW = SWIN_WINDOW
+SHIFT = 4
+TOKENS = 8192   # of a band of windows: bounds the copies made to shift and partition
+WINDOWS = 32    # attended to together, for short polls
 
 
 class Attention(nn.Module):
@@ -32,9 +36,9 @@ class Attention(nn.Module):
         heads = (x if norm is None else norm(x)).unflatten(-1, (self.heads, -1))
         return (heads if rotation is None else rotation(heads)).to(x.dtype)
 
-    def output(self, seen: torch.Tensor) -> torch.Tensor:
+    def output(self, heads: torch.Tensor) -> torch.Tensor:
         """(heads, n, head width) -> (n, D)."""
-        return self.out_proj(seen.transpose(0, 1).flatten(-2))
+        return self.out_proj(heads.transpose(0, 1).flatten(-2))
 
 
 class SelfAttention(Attention):
@@ -81,12 +85,6 @@ class CrossAttention(Attention):
         return self.output(attend_to_all(self.queries(x, rotation).transpose(0, 1), keys))
 
 
-WINDOW = SWIN_WINDOW
-SHIFT = 4
-TOKENS = 8192   # of a band of windows: bounds the copies made to shift and partition
-WINDOWS = 32    # that are attended to together, for short polls
-
-
 def to_windows(x: torch.Tensor) -> torch.Tensor:
     """(V, Hg, Wg, ...) -> (V Hg Wg / 64, 64, ...), windows and their tokens row-major."""
     x = x.unflatten(2, (-1, WINDOW)).unflatten(1, (-1, WINDOW)).transpose(2, 3)
@@ -120,7 +118,7 @@ class SwinAttention(SelfAttention):
         """(V, Hg, Wg, D), normalised by `norm` window by window -> (V, Hg, Wg, D)."""
         views, height, width = x.shape[:3]
         shift = SHIFT if self.shifted else 0
-        rows = height if torch.is_grad_enabled() else WINDOW * max(1, TOKENS // (WINDOW * width * views))
+        rows = WINDOW * max(1, TOKENS // (WINDOW * width * views)) if is_inference() else height
         result = None
         for begin in range(0, height, rows):
             end = min(begin + rows, height)
@@ -129,8 +127,7 @@ class SwinAttention(SelfAttention):
             if shift:
                 mask = shift_mask((height, width)).unflatten(0, (height // WINDOW, -1))[begin // WINDOW:end // WINDOW]
                 inputs.append(mask.flatten(0, 1).to(x.device).repeat(views, 1, 1))
-            with part(begin / height, end / height):
-                windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, size=WINDOWS)
+            windows = chunked(lambda x, *mask: self._attend(norm(x), *mask), *inputs, size=WINDOWS)
             band = from_windows(windows, (end - begin, width)).roll(shift, dims=2)
             if result is None:
                 result = band.new_empty(views, height, *band.shape[2:])
@@ -139,5 +136,5 @@ class SwinAttention(SelfAttention):
 
     def _attend(self, x: torch.Tensor, mask: torch.Tensor | None = None) -> torch.Tensor:
         q, k, v = (heads.transpose(1, 2) for heads in (self.queries(x), *self.keys_values(x)))
-        seen = F.scaled_dot_product_attention(q, k, v, attn_mask=None if mask is None else mask[:, None])
-        return self.out_proj(seen.transpose(1, 2).flatten(2))
+        heads = F.scaled_dot_product_attention(q, k, v, attn_mask=None if mask is None else mask[:, None])
+        return self.out_proj(heads.transpose(1, 2).flatten(2))

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Convolutions and resizes of tall maps in horizontal bands, with the numbers of the whole map.
+"""Convolutions and resizes of maps, whole or in horizontal bands with the numbers of the whole map.
 
+Every function takes tensors (V, C, H, W), or `Rows` for a map that is too tall to be in memory, and returns the like.
 A band takes the rows that its neighbours own instead of padding, and resizes by the whole map's coordinates. Rows that
-two bands need are kept between them, so nothing is computed twice. For inference only.
+two bands need are kept between them, so nothing is computed twice. Rows are for inference only.
 """
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..progress import report
+from ..progress import report, steps
+from .layers import Conv2d
 
 
 class Rows:
@@ -24,7 +26,7 @@ class Rows:
     def __init__(self, size: tuple[int, int], compute: Callable[[int, int], torch.Tensor]):
         self.size, self.compute = size, compute
         self.begin = self.end = 0
-        self.held: torch.Tensor | None = None
+        self.latest: torch.Tensor | None = None
 
     def __call__(self, begin: int, end: int) -> torch.Tensor:
         """Rows begin..end - 1, those outside of the map left out."""
@@ -32,82 +34,113 @@ class Rows:
         if begin >= self.end:
             rows = self.compute(begin, end)
         elif end > self.end:
-            rows = torch.cat([self.held[:, :, begin - self.begin:], self.compute(self.end, end)], dim=2)
+            rows = torch.cat([self.latest[:, :, begin - self.begin:], self.compute(self.end, end)], dim=2)
         else:
             rows = self.again(begin, self.end)
-        self.begin, self.end, self.held = begin, max(end, self.end), rows
+        self.begin, self.end, self.latest = begin, max(end, self.end), rows
         report()
         return self.again(begin, end)
 
     def again(self, begin: int, end: int) -> torch.Tensor:
-        """A part of what the reader has just been given."""
-        return self.held[:, :, begin - self.begin:end - self.begin]
+        """A part of the latest reading."""
+        return self.latest[:, :, begin - self.begin:end - self.begin]
+
+    def tensor(self, count: int) -> torch.Tensor:
+        """The whole map, computed `count` rows at a time; progress is reported, and may cancel."""
+        result = None
+        for begin in steps(range(0, self.size[0], count)):
+            band = self(begin, begin + count)
+            if result is None:
+                result = band.new_empty(*band.shape[:2], *self.size)
+            result[:, :, begin:begin + count] = band
+        return result
 
 
-def whole(x: torch.Tensor) -> Rows:
-    """A map that is already there."""
-    return Rows(tuple(x.shape[-2:]), lambda begin, end: x[:, :, begin:end])
+Map = torch.Tensor | Rows
 
 
-def convolved(conv: nn.Conv2d, source: Rows, activation=None) -> Rows:
-    """conv(activation(source)) with zero padding outside of the map, in the format of the weights."""
+def rows_of(x: torch.Tensor) -> Rows:
+    """A map that is in memory."""
+    return Rows(size(x), lambda begin, end: x[:, :, begin:end])
+
+
+def size(x: Map) -> tuple[int, int]:
+    """Height and width."""
+    return x.size if isinstance(x, Rows) else tuple(x.shape[-2:])
+
+
+def convolve(conv: Conv2d, x: Map, activation: Callable | None = None) -> Map:
+    """conv(activation(x)), whose padding is zeros outside of the map."""
+    if not isinstance(x, Rows):
+        report()
+        return conv(x if activation is None else activation(x))
     (side, _), (stride, _), (pad, _) = conv.kernel_size, conv.stride, conv.padding
 
     def compute(begin: int, end: int) -> torch.Tensor:
         first, last = begin * stride - pad, (end - 1) * stride - pad + side
-        x = source(first, last)
-        x = x if activation is None else activation(x)
-        above, below = max(-first, 0), max(last - source.size[0], 0)
+        band = x(first, last)
+        band = band if activation is None else activation(band)
+        above, below = max(-first, 0), max(last - x.size[0], 0)
         if above or below:
-            x = F.pad(x, (0, 0, above, below))
-        return F.conv2d(x.to(conv.weight.dtype), conv.weight, conv.bias, stride, (0, pad))
+            band = F.pad(band, (0, 0, above, below))
+        return conv(band, (0, pad))
 
-    return Rows(tuple((n + 2 * pad - side) // stride + 1 for n in source.size), compute)
+    return Rows(tuple((n + 2 * pad - side) // stride + 1 for n in x.size), compute)
 
 
-def enlarged(conv: nn.ConvTranspose2d, source: Rows) -> Rows:
-    """A transposed convolution whose kernel is as large as its stride: every row comes from one row of the source."""
+def enlarge(conv: nn.ConvTranspose2d, x: Map) -> Map:
+    """A transposed convolution whose kernel is as large as its stride: every row comes from one row of x."""
+    if not isinstance(x, Rows):
+        return conv(x)
     stride = conv.stride[0]
 
     def compute(begin: int, end: int) -> torch.Tensor:
         first = begin // stride
-        x = conv(source(first, -(-end // stride)))
-        return x[:, :, begin - first * stride:end - first * stride]
+        band = conv(x(first, -(-end // stride)))
+        return band[:, :, begin - first * stride:end - first * stride]
 
-    return Rows(tuple(stride * n for n in source.size), compute)
+    return Rows(tuple(stride * n for n in x.size), compute)
 
 
-def resized(source: Rows, size: tuple[int, int]) -> Rows:
-    """Bilinear with aligned corners."""
-    if source.size == size:
-        return source
-    height = source.size[0]
-    # float32, as the whole picture's resize computes them: float64 would move the samples by more than rounding.
-    scale = torch.tensor(height - 1, dtype=torch.float32) / max(size[0] - 1, 1)
+def resize(x: Map, target: tuple[int, int]) -> Map:
+    """Bilinear with aligned corners, to that height and width."""
+    if size(x) == target:
+        return x
+    if not isinstance(x, Rows):
+        return F.interpolate(x, size=target, mode="bilinear", align_corners=True)
+    height = x.size[0]
+    # float32, as the whole map's resize computes them: float64 would move the samples by more than rounding.
+    scale = torch.tensor(height - 1, dtype=torch.float32) / max(target[0] - 1, 1)
 
     def compute(begin: int, end: int) -> torch.Tensor:
         position = torch.arange(begin, end, dtype=torch.float32) * scale
         low = position.long().clamp(max=height - 1)
         high = (low + 1).clamp(max=height - 1)
         first = int(low[0])
-        x = source(first, int(high[-1]) + 1)
-        narrow = x.float()
-        upper, lower = (narrow.index_select(2, (rows - first).to(x.device)) for rows in (low, high))
-        tall = upper.lerp_(lower, (position - low)[:, None].to(x.device))
-        return F.interpolate(tall, size=(end - begin, size[1]), mode="bilinear", align_corners=True).to(x.dtype)
+        band = x(first, int(high[-1]) + 1)
+        narrow = band.float()
+        upper, lower = (narrow.index_select(2, (rows - first).to(band.device)) for rows in (low, high))
+        tall = upper.lerp_(lower, (position - low)[:, None].to(band.device))
+        return F.interpolate(tall, size=(end - begin, target[1]), mode="bilinear", align_corners=True).to(band.dtype)
 
-    return Rows(size, compute)
+    return Rows(target, compute)
 
 
-def added(source: Rows, update: Rows) -> Rows:
-    """source + update, where `update` is the one that reads `source` and needs the rows at its own place."""
+def add_update(x: Map, function: Callable[[Map], Map]) -> Map:
+    """x + function(x), whose rows need those of x around them."""
+    update = function(x)
+    if not isinstance(x, Rows):
+        return x + update
+
     def compute(begin: int, end: int) -> torch.Tensor:
         change = update(begin, end)
-        return source.again(begin, end) + change
+        return x.again(begin, end) + change
 
-    return Rows(source.size, compute)
+    return Rows(x.size, compute)
 
 
-def combined(a: Rows, b: Rows, function) -> Rows:
+def combine(function: Callable, a: Map, b: Map) -> Map:
     """function(a, b) of two independent maps of one size."""
+    if not isinstance(a, Rows):
+        return function(a, b)
     return Rows(a.size, lambda begin, end: function(a(begin, end), b(begin, end)))

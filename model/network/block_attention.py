@@ -16,8 +16,8 @@ import torch
 from torch.nn import functional as F
 
 from ..compute.buffers import room
-from ..compute.inference import cuts, divided
-from ..progress import part, report
+from ..compute.inference import current_pieces, cuts, is_inference
+from ..progress import report
 
 SAFE_EXPONENT = 60.0  # exp of it, and of its negative, times the longest sequence, is far inside of float32
 
@@ -34,7 +34,7 @@ class Visible:
 class KeysValues:
     """Keys and values of a token sequence: one block where PyTorch's own attention is used, else many.
 
-    Those are contiguous each, because a CPU's matrix products copy other layouts.
+    Each of many is contiguous, because a CPU's matrix products copy other layouts.
     """
 
     def __init__(self, blocks: list[tuple[torch.Tensor, torch.Tensor]]):
@@ -46,11 +46,11 @@ class KeysValues:
         """project(rows) -> keys and values (n, heads, head width), once for each of the pieces of a sequence."""
         length, blocks, memory = pieces[-1].stop, [], None
         for rows in pieces:
-            report(rows.start / length)
+            report()
             pair = [x.transpose(0, 1) for x in project(rows)]
-            if not fused(pair[0]):
+            if not uses_fused_attention(pair[0]):
                 memory = memory or [room((length, *x.shape[::2]), x) for x in pair]
-                pair = [place[rows].view(x.shape).copy_(x) for place, x in zip(memory, pair)]
+                pair = [block[rows].view(x.shape).copy_(x) for block, x in zip(memory, pair)]
             blocks.append(pair)
         return cls(blocks if memory else [[torch.cat(parts, dim=1) for parts in zip(*blocks)]])
 
@@ -69,17 +69,17 @@ class KeysValues:
     def before(self, end: int) -> list[Visible]:
         """Tokens 0..end - 1 in their blocks."""
         count = bisect_right(self.ends, end)
-        done = self.ends[count - 1] if count else 0
-        return self.blocks[:count] + ([self.rows(done, end)] if end > done else [])
+        covered = self.ends[count - 1] if count else 0
+        return self.blocks[:count] + ([self.rows(covered, end)] if end > covered else [])
 
     def rows(self, begin: int, end: int) -> Visible:
         """Tokens begin..end - 1 as one block."""
-        found = []
+        parts = []
         for i in range(bisect_right(self.ends, begin), bisect_left(self.ends, end) + 1):
             block, first = self.blocks[i], self.ends[i - 1] if i else 0
             cut = slice(max(begin - first, 0), end - first)
-            found.append((block.keys[:, cut], block.values[:, cut]))
-        return Visible(*(x[0] if len(x) == 1 else torch.cat(x, dim=1) for x in zip(*found)))
+            parts.append((block.keys[:, cut], block.values[:, cut]))
+        return Visible(*(x[0] if len(x) == 1 else torch.cat(x, dim=1) for x in zip(*parts)))
 
 
 def attend(q: torch.Tensor, visible: list[Visible], longest: torch.Tensor | None = None) -> torch.Tensor:
@@ -88,15 +88,15 @@ def attend(q: torch.Tensor, visible: list[Visible], longest: torch.Tensor | None
     longest: (heads, 1, 1), at least the norm of every key; computed when not given. Where PyTorch's own attention is
     used, q may be (several, heads, n, width), and so may be some of the blocks.
     """
-    if fused(q):
+    if uses_fused_attention(q):
         several = q if q.ndim == 4 else q[None]
-        keys, values = (torch.cat([x.expand(*several.shape[:2], *x.shape[-2:]) for x in each], dim=2)
-                        for each in ([b.keys for b in visible], [b.values for b in visible]))
+        keys, values = (torch.cat([x.expand(*several.shape[:2], *x.shape[-2:]) for x in blocks], dim=2)
+                        for blocks in ([b.keys for b in visible], [b.values for b in visible]))
         biases = [q.new_zeros(q.shape[-2], b.keys.shape[-2]) if b.bias is None else b.bias for b in visible]
         leading = max((b.shape[:-2] for b in biases), key=len)
         mask = torch.cat([b.expand(*leading, *b.shape[-2:]) for b in biases], dim=-1)
-        found = F.scaled_dot_product_attention(several, keys, values, attn_mask=mask)
-        return found if q.ndim == 4 else found[0]
+        result = F.scaled_dot_product_attention(several, keys, values, attn_mask=mask)
+        return result if q.ndim == 4 else result[0]
     # PyTorch's fused CPU kernel runs bfloat16 at the speed of float32 on processors without AMX; products of blocks
     # whose scores stay in the cache are three times as fast. Where no score can overflow (Cauchy-Schwarz), no running
     # maximum is needed.
@@ -105,7 +105,7 @@ def attend(q: torch.Tensor, visible: list[Visible], longest: torch.Tensor | None
     bounded = bool((largest_norm(q) * longest).max() <= SAFE_EXPONENT)
     total = weight = top = None
     for i, block in enumerate(visible):
-        report(i / len(visible))
+        report()
         scores = torch.bmm(q, block.keys.transpose(1, 2))
         if block.bias is not None:
             scores += block.bias
@@ -113,29 +113,29 @@ def attend(q: torch.Tensor, visible: list[Visible], longest: torch.Tensor | None
             scores, top, shrink = below_maximum(scores, top)
             if i:
                 total, weight = total * shrink, weight * shrink
-        seen, weights = torch.bmm(scores.exp_(), block.values), scores.sum(dim=-1, keepdim=True)
-        total, weight = (total.add_(seen), weight.add_(weights)) if i else (seen.float(), weights.float())
+        sums, weights = torch.bmm(scores.exp_(), block.values), scores.sum(dim=-1, keepdim=True)
+        total, weight = (total.add_(sums), weight.add_(weights)) if i else (sums.float(), weights.float())
     return total.div_(weight).to(q.dtype)
 
 
 def attend_to_all(q: torch.Tensor, keys: KeysValues) -> torch.Tensor:
     """Every query sees every key. (heads, n, width) -> same."""
-    if fused(q):
-        whole = keys.rows(0, len(keys))
-        return F.scaled_dot_product_attention(q[None], whole.keys[None], whole.values[None])[0]
+    if uses_fused_attention(q):
+        block = keys.rows(0, len(keys))
+        return F.scaled_dot_product_attention(q[None], block.keys[None], block.values[None])[0]
     return attend(q, keys.blocks, keys.longest)
 
 
-def fused(q: torch.Tensor) -> bool:
-    """Whether PyTorch's own attention is to be used: where gradients are wanted, and on a GPU."""
-    return torch.is_grad_enabled() or q.device.type != "cpu"
+def uses_fused_attention(q: torch.Tensor) -> bool:
+    """Whether PyTorch's own attention is used: in training, and on a GPU."""
+    return not is_inference() or q.device.type != "cpu"
 
 
 def below_maximum(scores: torch.Tensor, top: torch.Tensor | None) -> tuple[torch.Tensor, ...]:
-    """(scores - maximum so far, that maximum, what earlier sums are worth now); `top` is the maximum before."""
-    now = scores.amax(dim=-1, keepdim=True)
-    now = now if top is None else torch.maximum(now, top)
-    return scores.sub_(now), now, None if top is None else (top.float() - now.float()).exp_()
+    """(scores - maximum so far, that maximum, factor of earlier sums); `top` is the maximum before."""
+    maximum = scores.amax(dim=-1, keepdim=True)
+    maximum = maximum if top is None else torch.maximum(maximum, top)
+    return scores.sub_(maximum), maximum, None if top is None else (top.float() - maximum.float()).exp_()
 
 
 def longest_key(visible: list[Visible]) -> torch.Tensor:
@@ -158,52 +158,50 @@ class Window:
         self.length, self.half = length, half
         self.sink = length if half is None or length - sink <= half + 1 else sink
         self.pieces = cuts(0, self.sink, device) + cuts(self.sink, length, device)
-        self.biases: dict[tuple[int, ...], torch.Tensor] = {}  # those of all bands in the interior are one
+        self.biases: dict[tuple[int, ...], torch.Tensor] = {}  # bands in the interior share one
 
     def attend(self, q: torch.Tensor, keys: KeysValues, begin: int) -> torch.Tensor:
-        """Queries begin, begin + 1, ... of one of the `pieces`. (heads, n, width) -> same."""
+        """Queries begin, begin + 1, ... of one of the `pieces`, (heads, n, width) -> same."""
         if begin < self.sink:
             return attend_to_all(q, keys)
-        size, n, seen = self.QUERIES * (divided(self.TOGETHER) if fused(q) else 1), q.shape[1], []
-        for first in range(0, n, size):
-            with part(first / n, min(first + size, n) / n):
-                seen.append(self.bands(q[:, first:first + size], keys, begin + first))
-        return torch.cat(seen, dim=1)
+        count = self.QUERIES * (current_pieces().limit(self.TOGETHER) if uses_fused_attention(q) else 1)
+        return torch.cat([self._attend_in_bands(q[:, first:first + count], keys, begin + first)
+                          for first in range(0, q.shape[1], count)], dim=1)
 
-    def bands(self, q: torch.Tensor, keys: KeysValues, begin: int) -> torch.Tensor:
-        """Sorted queries begin, begin + 1, ..., (heads, n, width) -> same: some bands at once, no card waits."""
+    def _attend_in_bands(self, q: torch.Tensor, keys: KeysValues, begin: int) -> torch.Tensor:
+        """Sorted queries begin, begin + 1, ..., (heads, n, width) -> same: several bands at once, and no card waits."""
         n, sink = q.shape[1], keys.before(self.sink)
         rows, count = min(n, self.QUERIES), -(-n // self.QUERIES)
-        band = self.band(begin, rows, count, keys)
+        band = self._visible_band(begin, rows, count, keys)
         if count == 1:
-            return attend(q, [*sink, band], None if fused(q) else keys.longest)
+            return attend(q, [*sink, band], None if uses_fused_attention(q) else keys.longest)
         q = F.pad(q, (0, 0, 0, count * rows - n)).unflatten(1, (count, rows)).transpose(0, 1)
         return attend(q, [*sink, band]).transpose(0, 1).flatten(1, 2)[:, :n]
 
-    def band(self, begin: int, rows: int, count: int, keys: KeysValues) -> Visible:
+    def _visible_band(self, begin: int, rows: int, count: int, keys: KeysValues) -> Visible:
         """What `count` times `rows` sorted queries from `begin` on see beyond the sink.
 
-        Keys and values are (heads, m, width) for one time, else (count, heads, m, width).
+        Keys and values are (heads, m, width) for a `count` of 1, else (count, heads, m, width).
         """
         low, high = begin - self.half, begin + rows * count + self.half
         before, after = max(self.sink - low, 0), max(high - self.length, 0)
-        whole = keys.rows(low + before, high - after)
-        pair = [F.pad(x, (0, 0, before, after)) if before or after else x for x in (whole.keys, whole.values)]
+        block = keys.rows(low + before, high - after)
+        pair = [F.pad(x, (0, 0, before, after)) if before or after else x for x in (block.keys, block.values)]
         if count > 1:
             pair = [x.unfold(1, rows + 2 * self.half, rows).permute(1, 0, 3, 2) for x in pair]
-        place = rows, count, before, after
-        if place not in self.biases:
-            self.biases[place] = band_bias(*place, self.half, whole.keys)
-        return Visible(*pair, self.biases[place])
+        layout = rows, count, before, after
+        if layout not in self.biases:
+            self.biases[layout] = band_bias(*layout, self.half, block.keys)
+        return Visible(*pair, self.biases[layout])
 
 
 def band_bias(rows: int, count: int, before: int, after: int, half: int, like: torch.Tensor) -> torch.Tensor:
     """0 where query i and key j of a band are at most `half` apart, else -inf: (rows, rows + 2 half) where that is the
-    same for all, (count, 1, rows, rows + 2 half) where the first `before` and the last `after` keys are none."""
+    same for all, (count, 1, rows, rows + 2 half) where the first `before` and the last `after` keys are padding."""
     key = torch.arange(rows + 2 * half, device=like.device)
-    unseen = (torch.arange(rows, device=like.device)[:, None] + half - key).abs() > half
+    hidden = (torch.arange(rows, device=like.device)[:, None] + half - key).abs() > half
     if before or after:
-        place = key + rows * torch.arange(count, device=like.device)[:, None]
-        none = (place < before) | (place >= rows * count + 2 * half - after)
-        unseen = (unseen | none[:, None])[:, None] if count > 1 else unseen | none
-    return torch.zeros(unseen.shape, dtype=like.dtype, device=like.device).masked_fill_(unseen, -torch.inf)
+        position = key + rows * torch.arange(count, device=like.device)[:, None]
+        padding = (position < before) | (position >= rows * count + 2 * half - after)
+        hidden = (hidden | padding[:, None])[:, None] if count > 1 else hidden | padding
+    return torch.zeros(hidden.shape, dtype=like.dtype, device=like.device).masked_fill_(hidden, -torch.inf)

@@ -6,18 +6,12 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..compute.inference import divided
-from ..progress import part, report
-from .banded import Rows, added, combined, convolved, enlarged, resized, whole
+from ..compute.inference import current_pieces, is_inference
+from .banded import Map, add_update, combine, convolve, enlarge, resize, rows_of, size
 from .config import ModelConfig
-from .layers import Float32Conv2d
+from .layers import Conv2d, Float32Conv2d
 
 BAND_PIXELS = 1 << 16  # of one band of the picture: about 200 MB of published activations, and short polls
-
-
-def resize(x: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
-    """Bilinear with aligned corners."""
-    return x if x.shape[-2:] == size else F.interpolate(x, size=size, mode="bilinear", align_corners=True)
 
 
 class ResidualConvUnit(nn.Module):
@@ -25,15 +19,11 @@ class ResidualConvUnit(nn.Module):
 
     def __init__(self, width: int):
         super().__init__()
-        self.conv1 = nn.Conv2d(width, width, 3, padding=1)
-        self.conv2 = nn.Conv2d(width, width, 3, padding=1)
+        self.conv1 = Conv2d(width, width, 3, padding=1)
+        self.conv2 = Conv2d(width, width, 3, padding=1)
 
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return x + self.conv2(F.silu(self.conv1(F.silu(x))))
-
-    def rows(self, x: Rows) -> Rows:
-        """The same by rows."""
-        return added(x, convolved(self.conv2, convolved(self.conv1, x, F.silu), F.silu))
+    def forward(self, x: Map) -> Map:
+        return add_update(x, lambda x: convolve(self.conv2, convolve(self.conv1, x, F.silu), F.silu))
 
 
 class FeatureFusion(nn.Module):
@@ -44,17 +34,12 @@ class FeatureFusion(nn.Module):
         if not coarsest:
             self.resConvUnit1 = ResidualConvUnit(width)
         self.resConvUnit2 = ResidualConvUnit(width)
-        self.out_conv = nn.Conv2d(width, width, 1)
+        self.out_conv = Conv2d(width, width, 1)
 
-    def forward(self, level: torch.Tensor, coarser: torch.Tensor | None, size: tuple[int, int]) -> torch.Tensor:
-        x = level if coarser is None else coarser + self.resConvUnit1(level)
+    def forward(self, level: Map, coarser: Map | None, target: tuple[int, int]) -> Map:
+        x = level if coarser is None else combine(torch.add, coarser, self.resConvUnit1(level))
         # A 1x1 convolution commutes with the resize, and is cheaper before it.
-        return resize(self.out_conv(self.resConvUnit2(x)), size)
-
-    def rows(self, level: Rows, coarser: Rows | None, size: tuple[int, int]) -> Rows:
-        """The same by rows."""
-        x = level if coarser is None else combined(coarser, self.resConvUnit1.rows(level), torch.add)
-        return resized(convolved(self.out_conv, self.resConvUnit2.rows(x)), size)
+        return resize(convolve(self.out_conv, self.resConvUnit2(x)), target)
 
 
 class DPTDecoder(nn.Module):
@@ -64,79 +49,53 @@ class DPTDecoder(nn.Module):
         super().__init__()
         d, width, channels = config.view_transformer_latent_dim, config.dpt_features, config.dpt_out_channels
         self.patch_size = config.patch_size
-        self.projects = nn.ModuleList(nn.Conv2d(d, c, 1) for c in channels)
+        self.projects = nn.ModuleList(Conv2d(d, c, 1) for c in channels)
         self.resize_layers = nn.ModuleList([
             nn.ConvTranspose2d(channels[0], channels[0], 4, stride=4),
             nn.ConvTranspose2d(channels[1], channels[1], 2, stride=2),
             nn.Identity(),
-            nn.Conv2d(channels[3], channels[3], 3, stride=2, padding=1),
+            Conv2d(channels[3], channels[3], 3, stride=2, padding=1),
         ])
         self.scratch = nn.Module()
         for i, c in enumerate(channels, start=1):
-            setattr(self.scratch, f"layer{i}_rn", nn.Conv2d(c, width, 3, padding=1, bias=False))
+            setattr(self.scratch, f"layer{i}_rn", Conv2d(c, width, 3, padding=1, bias=False))
             setattr(self.scratch, f"refinenet{i}", FeatureFusion(width, coarsest=i == 4))
-        self.scratch.output_conv1 = nn.Conv2d(width, width // 2, 3, padding=1)
+        self.scratch.output_conv1 = Conv2d(width, width // 2, 3, padding=1)
         self.scratch.output_conv2 = nn.Sequential(
-            nn.Conv2d(width // 2 + extra_channels, 32, 3, padding=1), nn.SiLU(),
+            Conv2d(width // 2 + extra_channels, 32, 3, padding=1), nn.SiLU(),
             Float32Conv2d(32, out_channels, 1))  # log radiance needs more bits than bfloat16 has
 
     def forward(self, features: list[torch.Tensor], extra: torch.Tensor | None = None) -> torch.Tensor:
         """Four (V, D, Hg, Wg) -> (V, out_channels, 8 Hg, 8 Wg) float32.
 
-        `extra` (V, extra_channels, 8 Hg, 8 Wg) joins the features before the last two convolutions. Without gradients a
-        large picture is decoded in bands: the same numbers in bounded memory.
+        `extra` (V, extra_channels, 8 Hg, 8 Wg) joins the features before the last two convolutions. Inference decodes a
+        large picture in bands: the same numbers in bounded memory.
         """
-        size = tuple(self.patch_size * side for side in features[0].shape[-2:])
-        rows = max(divided(BAND_PIXELS) // (size[1] * len(features[0])), self.patch_size)
-        if torch.is_grad_enabled() or rows >= size[0]:
-            return self._whole(features, size, extra)
-        return self._bands(features, size, extra, rows)
+        height, width = (self.patch_size * side for side in features[0].shape[-2:])
+        rows = max(current_pieces().limit(BAND_PIXELS) // (width * len(features[0])), self.patch_size)
+        if not is_inference() or rows >= height:
+            return self._decode(features, (height, width), extra)
+        picture = self._decode([rows_of(feature) for feature in features], (height, width), extra)
+        return picture.tensor(rows)
 
-    def _whole(self, features, size, extra) -> torch.Tensor:
-        scratch, dtype = self.scratch, self.projects[0].weight.dtype
-        levels = []
-        for i, feature in enumerate(features):
-            level = self.resize_layers[i](self.projects[i](feature.to(dtype)))
-            levels.append(getattr(scratch, f"layer{i + 1}_rn")(level))
-            report(0.05 * i)
-        x = None
-        for i in (4, 3, 2, 1):
-            level = levels[i - 1]
-            target = levels[i - 2].shape[-2:] if i > 1 else tuple(2 * side for side in level.shape[-2:])
-            x = getattr(scratch, f"refinenet{i}")(level, x, target)
-            report(1.0 - 0.2 * i)
-        x = resize(scratch.output_conv1(x), size)
+    def _decode(self, features: list[Map], target: tuple[int, int], extra: torch.Tensor | None) -> Map:
+        scratch = self.scratch
+        levels = [convolve(getattr(scratch, f"layer{i}_rn"), _resample(layer, convolve(project, feature)))
+                  for i, (layer, project, feature) in enumerate(zip(self.resize_layers, self.projects, features), 1)]
+        x = scratch.refinenet4(levels[3], None, size(levels[2]))
+        x = scratch.refinenet3(levels[2], x, size(levels[1]))
+        x = scratch.refinenet2(levels[1], x, size(levels[0]))
+        height, width = size(levels[0])
+        x = scratch.refinenet1(levels[0], x, (2 * height, 2 * width))
+        x = resize(convolve(scratch.output_conv1, x), target)
         if extra is not None:
-            x = torch.cat([x, extra.to(x.dtype)], dim=1)
-        return scratch.output_conv2(x)
+            extra = extra if isinstance(x, torch.Tensor) else rows_of(extra)
+            x = combine(lambda x, extra: torch.cat([x, extra.to(x.dtype)], dim=1), x, extra)
+        return convolve(scratch.output_conv2[2], convolve(scratch.output_conv2[0], x), F.silu)
 
-    def _bands(self, features, size, extra, rows: int) -> torch.Tensor:
-        result, x = None, self._rows(features, size, extra)
-        for begin in range(0, size[0], rows):
-            with part(begin / size[0], min(begin + rows, size[0]) / size[0]):
-                band = x(begin, begin + rows)
-            if result is None:
-                result = band.new_empty(*band.shape[:2], *size)
-            result[:, :, begin:begin + rows] = band
-        return result
 
-    def _rows(self, features, size, extra) -> Rows:
-        """What `_whole` returns, by rows."""
-        scratch, levels = self.scratch, []
-        for i, feature in enumerate(features):
-            level = convolved(self.projects[i], whole(feature))
-            resample = self.resize_layers[i]
-            if isinstance(resample, nn.ConvTranspose2d):
-                level = enlarged(resample, level)
-            elif isinstance(resample, nn.Conv2d):
-                level = convolved(resample, level)
-            levels.append(convolved(getattr(scratch, f"layer{i + 1}_rn"), level))
-        x = None
-        for i in (4, 3, 2, 1):
-            level = levels[i - 1]
-            target = levels[i - 2].size if i > 1 else tuple(2 * side for side in level.size)
-            x = getattr(scratch, f"refinenet{i}").rows(level, x, target)
-        x = resized(convolved(scratch.output_conv1, x), size)
-        if extra is not None:
-            x = combined(x, whole(extra), lambda x, extra: torch.cat([x, extra.to(x.dtype)], dim=1))
-        return convolved(scratch.output_conv2[2], convolved(scratch.output_conv2[0], x), F.silu)
+def _resample(layer: nn.Module, x: Map) -> Map:
+    """A level of the pyramid from tokens: larger, as it is, or smaller."""
+    if isinstance(layer, nn.Identity):
+        return x
+    return enlarge(layer, x) if isinstance(layer, nn.ConvTranspose2d) else convolve(layer, x)

@@ -8,11 +8,10 @@ from torch.nn import functional as F
 
 from ..compute.inference import chunked
 from ..environment import direction_map
-from ..progress import part
 from .config import ENVIRONMENT_GRID, ModelConfig
 from .inputs import EnvironmentInputs, NetworkInputs, VolumeInputs
-from .layers import Linear, RMSNorm, nerf_encode, nerf_width
-from .sequence import centroids, learned_token
+from .layers import Linear, RMSNorm, learned_token, nerf_encode, nerf_width
+from .sequence import centroids
 
 
 class VolumeEncoder(nn.Module):
@@ -65,8 +64,7 @@ class SceneEmbedding(nn.Module):
 
     def embed_triangles(self, inputs: NetworkInputs) -> torch.Tensor:
         """N triangles -> (N, D) float32 (docs/network.md 4.1)."""
-        with part(0.0, 0.5):
-            textures = self.embed_textures(inputs.texture)
+        textures = self.embed_textures(inputs.texture)
         lights, light_index = self.embed_light(inputs.light)
 
         def embed(triangles, normals, texture_index, light_index):
@@ -74,8 +72,7 @@ class SceneEmbedding(nn.Module):
             tokens = tokens + (textures[texture_index] + lights[light_index])
             return tokens + self.embed_normals(normals)
 
-        with part(0.5, 1.0):
-            return chunked(embed, inputs.triangles, inputs.normals, inputs.texture_index, light_index)
+        return chunked(embed, inputs.triangles, inputs.normals, inputs.texture_index, light_index)
 
     def embed_shape(self, triangles: torch.Tensor) -> torch.Tensor:
         """Corners relative to their centroid."""
@@ -93,11 +90,11 @@ class SceneEmbedding(nn.Module):
         return chunked(lambda t: self.texture_encoder_norm(self.texture_encoder(t)), texture.flatten(1))
 
     def embed_light(self, light: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """(N, 3) encoded radiance -> (k + 1, D), and which of these is each one's, (N,). All dark ones share one."""
-        lit = (light != 0).any(dim=-1)
-        rows = torch.cat([light.new_zeros(1, 3), light[lit]])
+        """(N, 3) encoded radiance -> (k + 1, D) embeddings, and (N,) each triangle's row; dark ones share row 0."""
+        shines = (light != 0).any(dim=-1)
+        rows = torch.cat([light.new_zeros(1, 3), light[shines]])
         embedded = self.light_strength_encoder_norm(self.light_strength_encoder(rows))
-        return embedded, torch.where(lit, lit.cumsum(0), 0)
+        return embedded, torch.where(shines, shines.cumsum(0), 0)
 
     def embed_environment(self, environment: EnvironmentInputs) -> torch.Tensor:
         """LDR and HDR panorama -> (64, D) float32 (docs/network.md 4.3)."""

@@ -13,6 +13,8 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from ..compute.precision import exact_float_32
+
 
 class RMSNorm(nn.Module):
     """x / sqrt(mean(x^2) + eps) * weight over the last axis, computed and returned in float32."""
@@ -40,11 +42,29 @@ class Linear(nn.Linear):
         return F.linear(x.to(self.weight.dtype), self.weight[outputs], bias)
 
 
-class Float32Conv2d(nn.Conv2d):
-    """nn.Conv2d that stays in float32 when `in_precision` stores the others in half precision."""
+class Conv2d(nn.Conv2d):
+    """nn.Conv2d that takes any input dtype, and another padding for a part of a map."""
 
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return super().forward(x.float())
+    def forward(self, x: torch.Tensor, padding: tuple[int, int] | None = None) -> torch.Tensor:
+        padding = self.padding if padding is None else padding
+        return F.conv2d(x.to(self.weight.dtype), self.weight, self.bias, self.stride, padding, self.dilation,
+                        self.groups)
+
+
+class Float32Conv2d(Conv2d):
+    """Conv2d that stays in float32 when `in_precision` stores the others in half precision, with all its bits: cards
+    compute other convolutions of float32 in TensorFloat-32."""
+
+    def forward(self, x: torch.Tensor, padding: tuple[int, int] | None = None) -> torch.Tensor:
+        with exact_float_32():
+            return super().forward(x, padding)
+
+
+def learned_token(count: int, width: int) -> nn.Parameter:
+    """(1, count, width) tokens to be learned."""
+    token = torch.empty(1, count, width)
+    # For random numbers on the meta device PyTorch would import its compiler, which takes a second.
+    return nn.Parameter(token if token.is_meta else token.normal_(std=0.02))
 
 
 def nerf_encode(x: torch.Tensor, octaves: int) -> torch.Tensor:
@@ -102,7 +122,7 @@ class RotaryEmbedding(nn.Module):
         return self
 
     def forward(self, positions: torch.Tensor) -> Rotation:
-        """(..., 3) positions -> the rotation of tokens there."""
+        """(..., 3) positions -> the rotation of tokens at them."""
         angles = (positions.float()[..., None] * self.freqs.float()).flatten(-2)
         angles = F.pad(angles, (0, self.idle))[..., None, :]
         return Rotation(angles.cos(), angles.sin())
@@ -119,17 +139,15 @@ class SwiGLU(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         x = x.to(self.w1.weight.dtype)
-        gate = F.silu(self.w1(x), inplace=not torch.is_grad_enabled())
-        return self.w2(gate * self.w3(x))
+        return self.w2(F.silu(self.w1(x)) * self.w3(x))
 
 
-def in_precision(model: nn.Module, dtype: torch.dtype, but: Iterable[nn.Module] = ()) -> nn.Module:
+def in_precision(model: nn.Module, dtype: torch.dtype, exact: Iterable[nn.Module] = ()) -> nn.Module:
     """Store the weights of matrix products and convolutions in `dtype`; norms, tokens and last layer stay float32.
 
-    but: parts of the model that stay as they are.
+    exact: parts of the model that stay as they are.
     """
-    left = {module for part in but for module in part.modules()}
-    for module in set(model.modules()) - left:
+    for module in set(model.modules()) - {module for part in exact for module in part.modules()}:
         if isinstance(module, (Linear, nn.Conv2d, nn.ConvTranspose2d)) and not isinstance(module, Float32Conv2d):
             module.to(dtype)
     return model

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import torch
 from torch.nn import functional as F
 
-from ..compute.inference import is_divided
+from ..compute.inference import current_pieces
 from ..compute.precision import has_tensor_float_32
 from ..progress import part
 from .block_attention import KeysValues
@@ -19,19 +19,19 @@ from .sequence import Tokens, centroids, pack, scene_centre
 from .view_dependent import ViewTransformer
 from .view_independent import ViewIndependentTransformer
 
-KEYS_VALUES_BYTES = 5 << 29  # that stage 2 may keep of a scene between views: 65,536 published tokens in float32
+KEYS_VALUES_BYTES = 5 << 29  # that stage 2 may cache of a scene between views: 65,536 published tokens in float32
 
 
 @dataclass
 class SceneContext:
-    """A scene after stage 1: all that a view needs, reusable for any number of views."""
+    """A scene after stage 1, which any number of views share."""
 
     tokens: torch.Tensor     # (L, D) float32, packed order
     positions: torch.Tensor  # (L, 3) float32
     triangle: torch.Tensor   # (L,) int64, input row of a triangle token, else -1
     sink: int                # length of the part before the sorted tokens
+    caches: bool = True      # whether `keys_values` are cached between views (L D numbers twice per layer)
     keys_values: dict[int, KeysValues] = field(default_factory=dict)  # by stage-2 layer
-    keep: bool = True        # keep keys and values between views (L D numbers twice per layer)
 
 
 class RenderFormer(SceneEmbedding):
@@ -44,28 +44,24 @@ class RenderFormer(SceneEmbedding):
 
     def forward(self, inputs: NetworkInputs, rays: ViewInputs) -> torch.Tensor:
         """A scene and V views of it -> (V, 3, H, W) log10(1 + radiance); the inverse is 10^y - 1."""
-        with part(0.0, 0.5):
-            context = self.encode_scene(inputs)
-        with part(0.5, 1.0):
-            return self.render_view(context, rays)
+        return self.render_view(self.encode_scene(inputs), rays)
 
-    def encode_scene(self, inputs: NetworkInputs, keep_keys_values: bool | None = None) -> SceneContext:
+    def encode_scene(self, inputs: NetworkInputs, cache_keys_values: bool | None = None) -> SceneContext:
         """Embed, sort, summarise, pack, stage 1.
 
-        keep_keys_values: whether views share what stage 2 makes of the tokens; by its size when not given.
+        cache_keys_values: whether views share stage 2's keys and values of the tokens; by their size when not given.
         """
         with part(0.0, 0.1, "Reading the scene"):
             sequence, sink = self.embed_scene(inputs)
         with part(0.1, 1.0):
             tokens = self.transformer(sequence.embedding, sequence.position, sink)
-        if keep_keys_values is None:
-            keep_keys_values = self.keys_values_bytes(len(tokens)) <= KEYS_VALUES_BYTES
-        return SceneContext(tokens, sequence.position, sequence.triangle, sink, keep=keep_keys_values)
+        if cache_keys_values is None:
+            cache_keys_values = self.keys_values_bytes(len(tokens)) <= KEYS_VALUES_BYTES
+        return SceneContext(tokens, sequence.position, sequence.triangle, sink, cache_keys_values)
 
     def embed_scene(self, inputs: NetworkInputs) -> tuple[Tokens, int]:
         """The packed sequence before stage 1, and the length of its sink."""
-        with part(0.0, 0.8):
-            embedded = self.embed_triangles(inputs)
+        embedded = self.embed_triangles(inputs)
         triangles = Tokens(embedded, centroids(inputs.triangles), torch.arange(len(embedded), device=embedded.device))
         centre = scene_centre(inputs.triangles)
         fixed = [Tokens.at(self.reg_tokens.float()[0], centre)]
@@ -74,10 +70,9 @@ class RenderFormer(SceneEmbedding):
         volumes = []
         if inputs.volumes is not None:
             volumes.append(Tokens.at(self.volume_encoder(inputs.volumes), inputs.volumes.position))
-        with part(0.8, 1.0):
-            first = inputs.is_light if self.config.light_sinks else torch.zeros_like(inputs.is_light)
-            block = self.config.summary_block_size if self.config.summaries else 0
-            return pack(fixed, triangles, first, volumes, block, self.transformer.summary_token_embed.float()[0])
+        first = inputs.is_light if self.config.light_sinks else torch.zeros_like(inputs.is_light)
+        block = self.config.summary_block_size if self.config.summaries else 0
+        return pack(fixed, triangles, first, volumes, block, self.transformer.summary_token_embed.float()[0])
 
     def render_view(self, context: SceneContext, rays: ViewInputs) -> torch.Tensor:
         """Stage 2 and decoder for V views -> (V, C, H, W) float32, what `decode` returns.
@@ -110,14 +105,15 @@ class RenderFormer(SceneEmbedding):
         return F.elu(self.view_transformer.out_dpt(features), alpha=0.001)
 
     def scene_keys_values(self, context: SceneContext, index: int) -> KeysValues:
-        """What stage-2 layer `index` attends to."""
-        if is_divided():  # a card that is too small keeps nothing
+        """Keys and values of the scene for stage-2 layer `index`."""
+        caches = context.caches and not current_pieces().are_small  # a card that is too small caches nothing
+        if not caches:
             context.keys_values.clear()
         if index in context.keys_values:
             return context.keys_values[index]
         stage = self.view_transformer.transformer
         result = stage.layers[index].keys_values(context.tokens, stage.rope_emb(context.positions))
-        if context.keep and not is_divided():
+        if caches:
             context.keys_values[index] = result
         return result
 

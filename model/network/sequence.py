@@ -7,21 +7,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from torch import nn
 
-from ..compute.buffers import like
 from ..compute.devices import run_operator
-from ..compute.inference import chunked
-from ..progress import part, report
 
-COPIED = 8192  # embeddings between two polls
-
-
-def learned_token(count: int, width: int) -> nn.Parameter:
-    """(1, count, width) tokens that training finds, at their start."""
-    token = torch.empty(1, count, width)
-    # For random numbers on the meta device PyTorch would import its compiler, which takes a second.
-    return nn.Parameter(token if token.is_meta else token.normal_(std=0.02))
+BITS = 16  # of an axis of the Hilbert curve; the order depends on it
 
 
 @dataclass
@@ -74,33 +63,12 @@ def pack(fixed: list[Tokens], triangles: Tokens, is_light: torch.Tensor, volumes
 
     block: sorted tokens for one summary; 0: no summaries.
     """
-    everything = Tokens.concatenate([triangles, *volumes]) if volumes else triangles
-    rows = torch.cat([~is_light, is_light.new_ones(len(everything) - len(triangles))]).nonzero()[:, 0]
-    rows = rows[hilbert_order(everything.position[rows])]
-    with part(0.0, 0.5):
-        embedding = chunked(lambda rows: everything.embedding[rows], rows, size=COPIED)
-    ordered = Tokens(embedding, everything.position[rows], everything.triangle[rows])
+    candidates = Tokens.concatenate([triangles, *volumes]) if volumes else triangles
+    rows = torch.cat([~is_light, is_light.new_ones(len(candidates) - len(triangles))]).nonzero()[:, 0]
+    ordered = candidates[rows[hilbert_order(candidates.position[rows])]]
     summaries = [summarise(ordered, block, summary_embedding)] if block else []
     sink = Tokens.concatenate([*fixed, *summaries, triangles[is_light]])
-    with part(0.5, 1.0):
-        packed = _stacked(sink.embedding, ordered.embedding)
-    return Tokens(packed, torch.cat([sink.position, ordered.position]),
-                  torch.cat([sink.triangle, ordered.triangle])), len(sink)
-
-
-def _stacked(above: torch.Tensor, below: torch.Tensor) -> torch.Tensor:
-    """The two, one below the other, with polls on the way."""
-    if torch.is_grad_enabled():
-        return torch.cat([above, below])
-    result = like(above, len(above) + len(below), 0)
-    result[:len(above)] = above
-    for begin in range(0, len(below), COPIED):
-        report(begin / len(below))
-        result[len(above) + begin:len(above) + begin + COPIED] = below[begin:begin + COPIED]
-    return result
-
-
-BITS = 16  # the order depends on it
+    return Tokens.concatenate([sink, ordered]), len(sink)
 
 
 def hilbert_grid(positions: torch.Tensor) -> torch.Tensor:

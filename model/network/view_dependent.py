@@ -8,14 +8,13 @@ import torch
 from torch import nn
 
 from ..compute.inference import CHUNK, by_rows, chunked, cuts
-from ..progress import part
+from ..progress import steps
 from .attention import CrossAttention, SwinAttention
 from .block_attention import KeysValues
 from .config import ModelConfig
 from .decoder import DPTDecoder
 from .embedding import patches
-from .layers import Linear, RMSNorm, RotaryEmbedding, Rotation, SwiGLU, nerf_encode, nerf_width
-from .sequence import learned_token
+from .layers import Linear, RMSNorm, RotaryEmbedding, Rotation, SwiGLU, learned_token, nerf_encode, nerf_width
 
 
 class ViewDependentLayer(nn.Module):
@@ -33,7 +32,7 @@ class ViewDependentLayer(nn.Module):
         self.ffn_norm = RMSNorm(d)
 
     def keys_values(self, tokens: torch.Tensor, rotation: Rotation) -> KeysValues:
-        """What (L, D) scene tokens show to every ray bundle of every view."""
+        """Keys and values of (L, D) scene tokens, the same for every view."""
         def project(rows: slice) -> tuple[torch.Tensor, torch.Tensor]:
             return self.multihead_attn.keys_values(self.kv_norm(tokens[rows]), rotation[rows])
 
@@ -46,12 +45,9 @@ class ViewDependentLayer(nn.Module):
         def gather(rows: slice) -> torch.Tensor:
             return x[rows] + self.multihead_attn(self.query_norm(x[rows]), rotation[rows], keys)
 
-        with part(0.0, 0.5):
-            rays = by_rows(gather, cuts(0, len(x), x.device)).view(grid)
-        with part(0.5, 0.7):
-            x = (rays + self.self_attn(rays, self.self_attn_norm)).flatten(0, 2)
-        with part(0.7, 1.0):
-            return chunked(lambda x: x + self.ffn(self.ffn_norm(x)), x, into=x).view(grid)
+        rays = by_rows(gather, cuts(0, len(x), x.device)).view(grid)
+        x = (rays + self.self_attn(rays, self.self_attn_norm)).flatten(0, 2)
+        return chunked(lambda x: x + self.ffn(self.ffn_norm(x)), x, into=x).view(grid)
 
 
 class ViewDependentTransformer(nn.Module):
@@ -66,7 +62,7 @@ class ViewDependentTransformer(nn.Module):
 
 
 class ViewTransformer(nn.Module):
-    """Ray bundles -> features of four layers, and the decoder that makes a picture of them."""
+    """Ray bundles -> features of four layers, and the decoder from these to a picture."""
 
     def __init__(self, config: ModelConfig):
         super().__init__()
@@ -94,17 +90,13 @@ class ViewTransformer(nn.Module):
                 keys_values: Callable[[int], KeysValues]) -> list[torch.Tensor]:
         """(V, R, D) ray tokens at (V, R, 3) -> four (V, D, Hg, Wg) for the decoder.
 
-        `keys_values(i)` gives what layer i sees of the scene.
+        `keys_values(i)` returns the scene's keys and values for layer i.
         """
         rotation = self.transformer.rope_emb(positions.flatten(0, 1))
         rays = rays.unflatten(1, grid)
-        count, features = len(self.transformer.layers), {}
-        for i, layer in enumerate(self.transformer.layers):
-            with part(i / count, (i + 1) / count, f"Gathering light, {i + 1} of {count}"):
-                with part(0.0, 0.3):
-                    keys = keys_values(i)
-                with part(0.3, 1.0):
-                    rays = layer(rays, rotation, keys)
+        features = {}
+        for i, layer in enumerate(steps(self.transformer.layers, "Gathering light")):
+            rays = layer(rays, rotation, keys_values(i))
             if i in self.config.decoder_layers:
                 features[i] = rays.permute(0, 3, 1, 2)
         return [features[i] for i in self.config.decoder_layers]

@@ -6,12 +6,11 @@ import torch
 from torch import nn
 
 from ..compute.inference import by_rows
-from ..progress import part
+from ..progress import steps
 from .attention import SelfAttention
 from .block_attention import KeysValues, Window
 from .config import ModelConfig
-from .layers import RMSNorm, RotaryEmbedding, Rotation, SwiGLU
-from .sequence import learned_token
+from .layers import RMSNorm, RotaryEmbedding, Rotation, SwiGLU, learned_token
 
 
 class ViewIndependentLayer(nn.Module):
@@ -26,7 +25,7 @@ class ViewIndependentLayer(nn.Module):
         self.ffn_norm = RMSNorm(d)
 
     def forward(self, tokens: torch.Tensor, rotation: Rotation, window: Window) -> torch.Tensor:
-        """(L, D) float32 -> (L, D) float32; without gradients the result takes the place of the tokens."""
+        """(L, D) float32 -> (L, D) float32; inference writes the result over the tokens."""
         attention = self.multihead_attn
 
         def keys_values(rows: slice) -> tuple[torch.Tensor, torch.Tensor]:
@@ -37,10 +36,8 @@ class ViewIndependentLayer(nn.Module):
             x = x + attention(self.query_norm(x), rotation[rows], keys, window, rows.start)
             return x + self.ffn(self.ffn_norm(x))
 
-        with part(0.0, 0.2):
-            keys = KeysValues.collect(keys_values, window.pieces)
-        with part(0.2, 1.0):
-            return by_rows(layer, window.pieces, into=tokens)
+        keys = KeysValues.collect(keys_values, window.pieces)
+        return by_rows(layer, window.pieces, into=tokens)
 
 
 class ViewIndependentTransformer(nn.Module):
@@ -56,11 +53,9 @@ class ViewIndependentTransformer(nn.Module):
     def forward(self, tokens: torch.Tensor, positions: torch.Tensor, sink: int) -> torch.Tensor:
         """(L, D) float32 tokens at (L, 3) positions, the first `sink` of them dense -> (L, D) float32.
 
-        Without gradients the result takes the place of the tokens.
+        Inference writes the result over the tokens.
         """
         rotation, window = self.rope_emb(positions), Window(len(tokens), sink, self.half, tokens.device)
-        count = len(self.layers)
-        for i, layer in enumerate(self.layers):
-            with part(i / count, (i + 1) / count, f"Spreading light, {i + 1} of {count}"):
-                tokens = layer(tokens, rotation, window)
+        for layer in steps(self.layers, "Spreading light"):
+            tokens = layer(tokens, rotation, window)
         return tokens

@@ -11,7 +11,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from ..compute.inference import divided
+from ..compute.inference import current_pieces
 from ..compute.threads import begin_import, finish_import
 from ..errors import CheckpointError
 from ..progress import report
@@ -97,7 +97,7 @@ class ImageEncoder:
             network = OneFrameEncoder(load_vae(kind, self.config, self.file))
             self._network = network.to(self.device, self.dtype, memory_format=torch.channels_last)
         tile = images.shape[-1] * images.shape[-2]
-        size = max(1, divided(BATCH if self.device.type == "cuda" else BATCH_CPU) * 32 * 32 // tile)
+        size = max(1, current_pieces().limit(BATCH if self.device.type == "cuda" else BATCH_CPU) * 32 * 32 // tile)
         return torch.cat([self._network(batch.to(self.device, self.dtype)).float().cpu()
                           for batch in images.split(size)])
 

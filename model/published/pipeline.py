@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from ..camera import padded_view, square_view
+from ..compute.inference import inference
 from ..compute.precision import tensor_float_32
 from ..errors import CheckpointError
 from ..light.effort import FULL, Effort
@@ -90,7 +91,7 @@ class PublishedPipeline(Pipeline):
         """
         normalization = Normalization.of(scene)
         fov = np.float32([square_fov(view) for view in views])
-        with torch.inference_mode():
+        with inference():
             normalized = normalization.scene(scene)
             processed = self.encoder.process(as_trained(normalized, emitters(normalized)))
         cameras = np.stack([normalization.view(view).camera_to_world for view in views])
@@ -107,7 +108,7 @@ class PublishedPipeline(Pipeline):
         """
         views = [square_view(c2w, fov, resolution) for c2w, fov in zip(scene.camera_to_world, scene.fov)]
         images = []
-        with torch.inference_mode():
+        with inference():
             with part(0.0, 0.3):
                 inputs = self.encoder.inputs(scene)
             with part(0.3, 0.6):

@@ -48,7 +48,7 @@ class Job:
     devices: list[str] = field(default_factory=list)            # Cycles' names of those that are switched on
 
     @classmethod
-    def of(cls, depsgraph: bpy.types.Depsgraph, layer: str, wanted: list[pass_table.Pass], changes: list) -> Job:
+    def create(cls, depsgraph: bpy.types.Depsgraph, layer: str, wanted: list[pass_table.Pass], changes: list) -> Job:
         scene = depsgraph.scene_eval
         job = cls(scene.original.name, layer, scene.frame_current, scene.frame_subframe,
                   [(p.blender_name, p.setting) for p in wanted], list(changes))

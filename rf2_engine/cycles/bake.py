@@ -32,7 +32,7 @@ class Baker:
     """Bakes while it is open as a context; asks for nothing before `bake` is called."""
 
     def __init__(self, depsgraph: bpy.types.Depsgraph):
-        job = background_cycles.Job.of(depsgraph, depsgraph.view_layer_eval.name, [], [])
+        job = background_cycles.Job.create(depsgraph, depsgraph.view_layer_eval.name, [], [])
         self._scene = depsgraph.scene_eval.original
         self._settings = {**{name: getattr(job, name) for name in (
             "scene", "layer", "frame", "subframe", "compute_device_type", "devices")},

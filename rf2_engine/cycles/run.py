@@ -81,7 +81,7 @@ def run(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, layer: s
     After Esc it raises RenderCancelled, or gives what was `partial`ly rendered where that is wanted.
     Raises SceneError when Cycles stops with an error.
     """
-    job = background_cycles.Job.of(depsgraph, layer, wanted, changes)
+    job = background_cycles.Job.create(depsgraph, layer, wanted, changes)
     try:
         rendered = inside(engine, depsgraph, layer, wanted, partial)
     except CyclesFailed as error:

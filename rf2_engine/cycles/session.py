@@ -68,22 +68,22 @@ class Catchers(Enum):
     CATCH = auto()  # what they are for
 
 
-class Look(NamedTuple):
-    """How a session looks: by default through a pinhole where the camera is, at one moment, on a transparent film.
+class CameraModel(NamedTuple):
+    """The camera of a session: by default a pinhole where the scene has its camera, one moment, a transparent film.
 
     Cycles then gives coverage as alpha, while the Environment pass still holds the world seen directly (measured: Env =
     world * (1 - alpha) in both film modes), so an opaque film is combined + environment.
     """
 
-    lens: bool = False     # with the depth of field of the scene
-    shutter: bool = False  # with its motion blur
-    glass: bool = False    # the film is transparent behind glass too
-    opaque: bool = False   # the film is opaque: alpha is 1, but for holdouts
+    depth_of_field: bool = False     # as the scene has it
+    motion_blur: bool = False        # as the scene has it
+    transparent_glass: bool = False  # the film is transparent behind glass too
+    opaque_film: bool = False        # alpha is 1, but for holdouts
     catchers: Catchers = Catchers.SHOWN
-    place: Callable[[Callable], None] | None = None  # moves the camera: given the function of cycles_run.overrides
+    move_cameras: Callable[[Callable], None] | None = None  # called with the function of run.overrides
 
 
-PINHOLE = Look()
+PINHOLE = CameraModel()
 
 
 def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, **options) -> Passes:
@@ -93,17 +93,17 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
 
 
 def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
-                 look: Look = PINHOLE, denoise: bool = False, hazy: bool = False,
+                 model: CameraModel = PINHOLE, denoise: bool = False, hazy: bool = False,
                  threads: int = 0, report: Report | None = None) -> dict[str, Passes]:
     """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render, by view.
 
     `engine` is the RenderEngine inside whose `render` this is called; the camera of Light.ALL is the scene's, whatever
-    `look` says; `threads` 0 leaves them to Blender's setting;
+    `model` says; `threads` 0 leaves them to Blender's setting;
     `hazy` says that smoke or fog leaves noise in the first hits, which the denoiser then must not take for texture.
     With Light.NONE no ray is cast towards a light and the result holds first-hit data only. With Light.TRACED it also
     holds "traced" (H, W, 3), the radiance of direct light and of what smooth mirrors and glass show, without emitters
     seen directly, denoised where Blender can, "noise" (H, W, 3), what the denoiser took away, if the view layer wants
-    the noisy picture, and the light passes (never denoised) of passes.divided_light; where shadow catchers catch
+    the noisy picture, and the light passes (never denoised) of passes.needed_light; where shadow catchers catch
     also "combined", as with Light.ALL.
     With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
     if `denoise`) and all light passes.
@@ -120,22 +120,23 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     view_layer = depsgraph.view_layer_eval
     clean = light is Light.TRACED and compat.has_openimagedenoise()
     lobes = {Light.ALL: pass_table.LIGHTING, Light.NONE: (),
-             Light.TRACED: pass_table.divided_light(view_layer, pass_table.LIGHTING)}[light]
-    layer_name, wanted = view_layer.name, pass_table.of_session(view_layer, lobes)
+             Light.TRACED: pass_table.needed_light(view_layer, pass_table.LIGHTING)}[light]
+    layer_name, wanted = view_layer.name, pass_table.session_passes(view_layer, lobes)
     if not clean:
         wanted = [p for p in wanted if p != pass_table.NOISY]
     for p in wanted:  # those that were registered are there already, and stay as they are
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
     settings = ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise,
-                          "render.film_transparent": not look.opaque, "cycles.film_transparent_glass": look.glass}
+                         "render.film_transparent": not model.opaque_film,
+                         "cycles.film_transparent_glass": model.transparent_glass}
     if threads:
         settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
     with overrides(engine, depsgraph) as override:
         override(depsgraph.scene_eval, settings)
         if light is not Light.ALL:
-            _set_camera(depsgraph, look, override)
-            _set_catchers(depsgraph, look.catchers, override)
+            _set_camera(depsgraph, model, override)
+            _set_catchers(depsgraph, model.catchers, override)
         if light is Light.NONE:
             _leave_out_light(depsgraph, override, occluding=view_layer.use_pass_ambient_occlusion)
         elif light is Light.TRACED:
@@ -152,7 +153,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
             rendered["traced"] = (combined[..., :3] - rendered["emission"]).clip(0)
         if pass_table.NOISY.key in rendered:
             rendered["noise"] = rendered.pop(pass_table.NOISY.key)[..., :3] - combined[..., :3]
-        if light is not Light.ALL and look.catchers is not Catchers.CATCH:
+        if light is not Light.ALL and model.catchers is not Catchers.CATCH:
             del rendered["combined"]
     return views
 
@@ -167,16 +168,16 @@ def _make_finite(rendered: Passes, report: Report) -> None:
             rendered[key] = np.nan_to_num(values, posinf=HALF_MAX, neginf=-HALF_MAX)
 
 
-def _set_camera(depsgraph: bpy.types.Depsgraph, look: Look, override) -> None:
+def _set_camera(depsgraph: bpy.types.Depsgraph, model: CameraModel, override) -> None:
     scene, layer = depsgraph.scene_eval, bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
     override(scene, {"cycles.rolling_shutter_type": "NONE"})
-    if not look.shutter:
+    if not model.motion_blur:
         override(scene, {f'view_layers["{layer}"].use_motion_blur': False})
-    if not look.lens:
+    if not model.depth_of_field:
         for data in {obj.data for obj in _objects(depsgraph) if obj.type == "CAMERA"}:  # each may be an eye
             override(data, {"dof.use_dof": False})
-    if look.place is not None:
-        look.place(override)
+    if model.move_cameras is not None:
+        model.move_cameras(override)
 
 
 def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override) -> None:

@@ -102,7 +102,7 @@ class CyclesWorld:
     def _drawn(self, frame: np.ndarray, half: tuple[float, float], discs: bool) -> np.ndarray | None:
         """(H, W, 3) of half so many radians of longitude and latitude; the columns of `frame` are the window's axes."""
         engine, depsgraph = self.engine, self.depsgraph
-        wanted = [p for p in pass_table.of_session(depsgraph.view_layer_eval, ()) if p.key == "combined"]
+        wanted = [p for p in pass_table.session_passes(depsgraph.view_layer_eval, ()) if p.key == "combined"]
         samples = (RAYS_OF_SUN if discs else RAYS) // max(engine.resolution_x * engine.resolution_y, 1)
         kept, engine.bl_use_gpu_context = engine.bl_use_gpu_context, True
         try:
@@ -127,7 +127,7 @@ class CyclesWorld:
         if not scene.render.use_border:
             return cycles_run.inside(self.engine, self.depsgraph, layer, wanted)
         whole = [*changes, background_cycles.changed(scene, "render.use_border", False)]
-        job = background_cycles.Job.of(self.depsgraph, layer, wanted, whole)
+        job = background_cycles.Job.create(self.depsgraph, layer, wanted, whole)
         return {"": background_cycles.run(self.engine, job, wanted)}
 
 

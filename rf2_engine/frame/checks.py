@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Check a view layer before it is rendered: report what will be missing, and raise for what cannot be rendered."""
+"""Check a view layer before it is rendered: what cannot be rendered, what will be missing, what is ignored."""
 from __future__ import annotations
 
 import bpy
@@ -13,10 +13,14 @@ from ..convert.data.report import Report
 from ..settings import FrameSettings, Light
 
 LONGEST_NAME = 63  # bytes of view layer, pass and channel together, of every engine, in a multilayer file
+USUAL_BOUNCES = 4  # diffuse bounces that Cycles traces by default
 
 
 def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Report) -> None:
-    """Report what the whole picture lacks. Raises SceneError and CheckpointError for what cannot be rendered."""
+    """Report what the picture lacks and which settings of scene, view layer, objects and lamps are ignored.
+
+    Raises SceneError and CheckpointError for what cannot be rendered.
+    """
     check_weights(weights_folder(settings.weights))
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     if scene.render.use_multiview and scene.render.views_format == "STEREO_3D" and has_spherical_stereo(scene.camera):
@@ -24,9 +28,29 @@ def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Repor
     if settings.light is Light.TRACED and not compat.has_openimagedenoise():
         report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so direct light is noisy: raise "
                                         "Samples, or set Light to Network Alone")
-    names = passes.of_session(layer, passes.divided_light(layer, settings.light_passes))
+    names = passes.session_passes(layer, passes.needed_light(layer, settings.light_passes))
     names += passes.REFERENCE if settings.reference else ()
     longest = max((p.blender_name for p in names), key=len)
     if (room := LONGEST_NAME - len(f".{longest}.X")) < len(layer.name.encode()):
         report.approximated(layer.name, "Blender shortens names in multilayer files: give the view layer a name of at "
                                         f'most {room} letters, or passes such as "{longest}" are lost')
+    report_ignored_settings(depsgraph, settings.light_passes, report)
+
+
+def report_ignored_settings(depsgraph: bpy.types.Depsgraph, light_passes: frozenset[str], report: Report) -> None:
+    """light_passes: keys of those that the weights can give."""
+    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+    cycles = scene.cycles
+    if min(cycles.max_bounces, cycles.diffuse_bounces) < USUAL_BOUNCES:
+        report.approximated(scene.name, "the bounces set in Light Paths are ignored")
+    if cycles.use_fast_gi:
+        report.approximated(scene.name, "Fast GI Approximation is ignored")
+    if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
+        report.approximated(scene.name, "objects that Simplify's culling hides still light the scene and cast shadows")
+    if absent := passes.absent(scene, layer, light_passes):
+        report.skipped(layer.name, f"these passes of Cycles are not available: {', '.join(absent)}")
+    for obj in depsgraph.objects:
+        if obj.type == "LIGHT" and obj.data.cycles.max_bounces < USUAL_BOUNCES:
+            report.approximated(obj.name, "its Max Bounces is ignored")
+        elif obj.type == "MESH" and compat.is_diced(obj, scene):
+            report.approximated(obj.name, "the network gets a coarser mesh than Adaptive Subdivision makes")

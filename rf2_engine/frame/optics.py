@@ -8,7 +8,7 @@ import bpy
 
 from ..convert.copying.visibility import has_holdouts, shadow_catchers
 from ..convert.data.report import Report
-from ..cycles.session import Look
+from ..cycles.session import CameraModel
 from ..settings import Light
 from . import shutter
 
@@ -17,98 +17,101 @@ from . import shutter
 class Optics:
     """The number of samples that a picture is the mean of; 1 disables that kind of blur.
 
-    With any of it Cycles sees the whole picture as it should be, and the network the samples, by a pinhole each.
+    True if there is any blur or transparent glass: Cycles then renders the whole picture with it, and the network each
+    sample with a pinhole.
     """
 
-    lens: int = 1
-    shutter: int = 1
-    glass: bool = False  # the film is transparent behind glass
-    holes: bool = False  # the film is opaque, but for holdouts: Cycles is asked for alpha alone
-    catchers: bool = False  # some objects show nothing but the shadows on them
+    lens_samples: int = 1
+    shutter_samples: int = 1
+    transparent_glass: bool = False  # the film is transparent behind glass
+    holdouts: bool = False           # the film is opaque but for holdouts: one more session of Cycles finds its alpha
+    shadow_catchers: bool = False    # some objects show nothing but the shadows on them
 
     @property
     def samples(self) -> int:
-        """Each is at a place of its own; those of one moment follow each other."""
-        return max(self.lens, self.shutter)
+        """Each has its own position on the lens; those of one moment follow each other."""
+        return max(self.lens_samples, self.shutter_samples)
 
-    def rays_of_each(self, guide_samples: int) -> int:
-        """Rays of Cycles through a pixel for one of the samples; together they are as many as a sharp picture has."""
+    def rays_of_sample(self, guide_samples: int) -> int:
+        """Cycles' rays through a pixel for one of the samples; together they are as many as a sharp picture has."""
         return -(-guide_samples // self.samples)
 
-    def rays_of_all(self, guide_samples: int) -> int:
+    def rays_of_picture(self, guide_samples: int) -> int:
         """Rays through a pixel of the whole picture: two samples have twice a sharp picture's, with those of each."""
         return guide_samples * (self.samples if self.samples > 2 else 1)
 
     @property
     def sessions(self) -> int:
         """How often Cycles runs for the picture."""
-        return (self.samples if self else 0) + 1 + self.holes + 2 * self.catchers
+        return (self.samples if self else 0) + 1 + self.holdouts + 2 * self.shadow_catchers
 
     @property
     def scenes(self) -> int:
         """How many scenes there are to convert, that of the frame itself among them, if anything moves."""
-        return self.shutter + 1 if self.shutter > 1 else 1
+        return self.shutter_samples + 1 if self.shutter_samples > 1 else 1
 
     def __bool__(self) -> bool:
-        return self.samples > 1 or self.glass
+        return self.samples > 1 or self.transparent_glass
 
     @classmethod
-    def of(cls, depsgraph: bpy.types.Depsgraph) -> Optics:
-        """What the scene wants and our settings allow."""
-        wanted, scene = _wanted(depsgraph), depsgraph.scene_eval
+    def read(cls, depsgraph: bpy.types.Depsgraph) -> Optics:
+        """What the scene has and our settings allow."""
+        effects, scene = _effects(depsgraph), depsgraph.scene_eval
         cycles = getattr(scene, "cycles", None)  # an add-on, which may be switched off
-        return cls(scene.renderformer_v2.lens_samples if "lens" in wanted else 1,
-                   scene.renderformer_v2.shutter_samples if "shutter" in wanted else 1,
+        return cls(scene.renderformer_v2.lens_samples if "lens" in effects else 1,
+                   scene.renderformer_v2.shutter_samples if "shutter" in effects else 1,
                    scene.render.film_transparent and getattr(cycles, "film_transparent_glass", False),
                    not scene.render.film_transparent and has_holdouts(depsgraph), bool(shadow_catchers(depsgraph)))
 
     def possible(self, light: Light, depsgraph: bpy.types.Depsgraph, report: Report) -> Optics:
-        """What can be had with this light; `report` says what the scene wants beyond that."""
-        scene, wanted = depsgraph.scene_eval, _wanted(depsgraph)
-        if "lens" in wanted and self.lens == 1:
+        """What of it is possible with this light; reports what the scene has beyond that."""
+        scene, effects = depsgraph.scene_eval, _effects(depsgraph)
+        if "lens" in effects and self.lens_samples == 1:
             report.approximated(scene.camera.name, "no depth of field: raise Samples in Render Properties > "
                                                    "Depth of Field")
         if scene.camera and _is_panoramic(scene) and scene.camera.data.dof.use_dof:
             report.approximated(scene.camera.name, "no depth of field: a panoramic camera has none")
-        if "shutter" in wanted and self.shutter == 1:
+        if "shutter" in effects and self.shutter_samples == 1:
             report.approximated(scene.name, "no motion blur: raise Samples in Render Properties > Motion Blur")
-        for still in (obj for obj in depsgraph.objects if self.shutter > 1 and not obj.cycles.use_motion_blur):
+        has_blur = self.shutter_samples > 1
+        for still in (obj for obj in depsgraph.objects if has_blur and not obj.cycles.use_motion_blur):
             report.approximated(still.name, "its Motion Blur is off, but it is blurred")
-        if self.shutter > 1 and scene.cycles.rolling_shutter_type != "NONE":
+        if has_blur and scene.cycles.rolling_shutter_type != "NONE":
             report.approximated(scene.name, "Rolling Shutter is ignored")
-        allowed = self
+        possible = self
         for catcher in shadow_catchers(depsgraph):
             report.approximated(catcher.name, "a shadow catcher catches only shadows of direct light"
                                 if light is Light.TRACED else
                                 "a shadow catcher is shown like any object: its shadows need Light > With Cycles")
-            allowed = replace(allowed, catchers=light is Light.TRACED)
-        if self.glass and light is not Light.TRACED:
+            possible = replace(possible, shadow_catchers=light is Light.TRACED)
+        if self.transparent_glass and light is not Light.TRACED:
             report.approximated(scene.name, "the film is opaque behind glass: Transparent Glass needs Light > With "
                                             "Cycles")
-            return replace(allowed, glass=False)
-        return allowed
+            return replace(possible, transparent_glass=False)
+        return possible
 
-    def look(self) -> Look:
-        """How Cycles sees all samples at once."""
-        return Look(lens=self.lens > 1, shutter=self.shutter > 1, glass=self.glass)
+    def camera_model(self) -> CameraModel:
+        """The camera with which Cycles renders all samples at once."""
+        return CameraModel(depth_of_field=self.lens_samples > 1, motion_blur=self.shutter_samples > 1,
+                           transparent_glass=self.transparent_glass)
 
     def frames(self, depsgraph: bpy.types.Depsgraph) -> list[float]:
-        """When each sample is seen, in the order of time."""
-        if self.shutter == 1:
+        """The moment of each sample, in the order of time."""
+        if self.shutter_samples == 1:
             return [depsgraph.scene_eval.frame_current_final] * self.samples
-        moments = shutter.moments(depsgraph.scene_eval, self.shutter).tolist()
-        return [moments[i * self.shutter // self.samples] for i in range(self.samples)]
+        moments = shutter.moments(depsgraph.scene_eval, self.shutter_samples).tolist()
+        return [moments[i * self.shutter_samples // self.samples] for i in range(self.samples)]
 
 
 def _is_panoramic(scene: bpy.types.Scene) -> bool:
     return scene.camera.type == "CAMERA" and scene.camera.data.type == "PANO"
 
 
-def _wanted(depsgraph: bpy.types.Depsgraph) -> set[str]:
-    """What the scene and its view layer ask for: {"lens", "shutter"}."""
-    scene, wanted = depsgraph.scene_eval, set()
+def _effects(depsgraph: bpy.types.Depsgraph) -> set[str]:
+    """What the scene and its view layer switch on: {"lens", "shutter"}."""
+    scene, effects = depsgraph.scene_eval, set()
     if scene.camera and scene.camera.type == "CAMERA" and scene.camera.data.dof.use_dof and not _is_panoramic(scene):
-        wanted.add("lens")
+        effects.add("lens")
     if scene.render.use_motion_blur and depsgraph.view_layer_eval.use_motion_blur:
-        wanted.add("shutter")
-    return wanted
+        effects.add("shutter")
+    return effects

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Write the network's radiance to Blender's render result."""
+"""Compose the passes of the picture, and write them to Blender's render result."""
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -15,52 +15,53 @@ from ...model.light_passes import Lobes
 from ...model.scene import Guides
 from .. import passes as pass_table
 
-SHINING = ("emission", "environment")  # first-hit passes in units of light
+EMITTED = ("emission", "environment")  # first-hit passes in units of radiance
 ERROR_CHECKER = 16  # pixels
 ERROR_COLORS = np.array([[0.6, 0.0, 0.4, 1.0], [0.05, 0.0, 0.04, 1.0]], np.float32)
 
 
-class Catch(NamedTuple):
+class CaughtShadows(NamedTuple):
     """What shadow catchers show."""
 
-    picture: np.ndarray  # (H, W, 4) Combined of a session in which they catch, premultiplied
-    others: np.ndarray   # (H, W) coverage by everything else, as seen with them
+    picture: np.ndarray   # (H, W, 4) Combined of a session in which they catch, premultiplied
+    coverage: np.ndarray  # (H, W) by everything else, as visible with them
 
 
-def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, catch: Catch | None,
+def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, shadows: CaughtShadows | None,
               exposure: float) -> np.ndarray:
     """(H, W, 4) f32 Combined, premultiplied: surfaces and volumes + emitters seen directly + the world behind them.
 
-    opacity (H, W): alpha of an opaque film, 1 but where holdouts are; None of a transparent one.
+    radiance: (H, W, 3) of surfaces and volumes. opacity: (H, W) alpha of an opaque film, 1 but where holdouts are;
+    None of a transparent one.
     """
     color = radiance + guides.emission
     alpha = guides.alpha
     if opacity is not None:
         color, alpha = color + guides.environment, opacity
     picture = np.dstack([color, alpha])
-    if catch is not None:
-        share = 1 - catch.others / guides.alpha.clip(1e-6)  # of what covers the pixel, that catchers are
-        picture += share.clip(0, 1)[..., None] * (catch.picture - picture)
+    if shadows is not None:
+        share = 1 - shadows.coverage / guides.alpha.clip(1e-6)  # of what covers the pixel, that catchers are
+        picture += share.clip(0, 1)[..., None] * (shadows.picture - picture)
     return (picture * (exposure, exposure, exposure, 1)).astype(np.float32)
 
 
 def noisy(combined: np.ndarray, rendered: dict[str, np.ndarray], exposure: float) -> np.ndarray:
-    """(H, W, 4) the picture with the noise that the denoiser took from what Cycles `rendered`."""
+    """(H, W, 4) the picture with the noise that the denoiser removed from what Cycles `rendered`."""
     noise = rendered.get("noise", np.zeros_like(combined[..., :3]))
     return combined + np.pad(noise * exposure, ((0, 0), (0, 0), (0, 1)))
 
 
-def first_hits(rendered: dict[str, np.ndarray], exposure: float) -> dict[str, np.ndarray]:
-    """First hits as passes of the picture. Of them Cycles, too, exposes what shines, and no more."""
-    return {key: pixels * exposure if key in SHINING else pixels for key, pixels in rendered.items()
+def first_hit_passes(rendered: dict[str, np.ndarray], exposure: float) -> dict[str, np.ndarray]:
+    """First hits as passes of the picture. Of them Cycles, too, exposes emission and environment alone."""
+    return {key: pixels * exposure if key in EMITTED else pixels for key, pixels in rendered.items()
             if key not in pass_table.LIGHTING}
 
 
-def light_passes(guides: Guides, lobes: Lobes, rendered: dict[str, np.ndarray], volumes: bool,
+def light_passes(guides: Guides, lobes: Lobes, rendered: dict[str, np.ndarray], has_volumes: bool,
                  exposure: float) -> dict[str, np.ndarray]:
-    """Light passes of the picture; `rendered` is what the session of Cycles gave, the noisy light of each included."""
+    """Light passes of the picture; `rendered` are the passes of Cycles' session, with the noisy light of each lobe."""
     sampled = {key: pixels for key, pixels in rendered.items() if key in pass_table.LIGHTING}
-    passes = model_light_passes.light_passes(guides, lobes, sampled, volumes)
+    passes = model_light_passes.light_passes(guides, lobes, sampled, has_volumes)
     return {key: light * exposure for key, light in passes.items()}
 
 
@@ -74,21 +75,21 @@ def write_views(engine: bpy.types.RenderEngine, layer: str, views: dict[str, dic
 def unless_stopped(engine: bpy.types.RenderEngine, layer: str, views: Iterable[str]):
     """By view a dict of passes, as passes.write takes them, to be filled inside.
 
-    If it ends without a picture, they alone are left: whatever Cycles or passes.write showed in Combined meanwhile is
-    taken back. A Combined among the passes is what there is of the picture so far: it is left when the user ends the
+    If it ends without a picture, they alone remain: whatever Cycles or passes.write showed in Combined meanwhile is
+    taken back. A Combined among the passes is what there is of the picture so far: it remains when the user ends the
     render, and not when an error does.
     """
-    found: dict[str, dict[str, np.ndarray]] = {view: {} for view in views}
+    by_view: dict[str, dict[str, np.ndarray]] = {view: {} for view in views}
     try:
-        yield found
+        yield by_view
     except BaseException as error:
         if not isinstance(error, RenderCancelled):
-            for passes in found.values():
+            for passes in by_view.values():
                 passes.pop("combined", None)
-        elif any("combined" in passes for passes in found.values()):
+        elif any("combined" in passes for passes in by_view.values()):
             engine.report({"INFO"}, "RenderFormer-V2 was stopped: the picture has the light that was traced, and not "
                                     "all of the network's")
-        write_views(engine, layer, found)
+        write_views(engine, layer, by_view)
         raise
 
 

@@ -13,7 +13,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...model import progress
-from ...model.errors import CheckpointError, RenderCancelled
+from ...model.errors import CheckpointError, RenderCancelled, SceneError
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
 from ..convert.camera.eyes import count_views
@@ -29,10 +29,9 @@ from ..runtime import failure, model_cache
 from ..settings import FrameSettings
 from ..setup import packages
 from . import card, checks
-from .limits import report_limits
 from .optics import Optics
-from .trained import told
-from .work import layers, work
+from .published_scene import network_input
+from .work import count_layers, stage_work
 
 LONGEST = 10.0  # seconds
 
@@ -87,17 +86,17 @@ def state_of(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple:
     """Whatever of the settings decides what `run` finds, the frame included; the objects of the scene are not in it."""
     ours, blenders, camera = scene.renderformer_v2, scene.render, scene.camera
     try:
-        chosen = FrameSettings.of(scene, layer)
-    except CheckpointError as error:
-        chosen = str(error)
+        settings = FrameSettings.read(scene, layer)
+    except (CheckpointError, SceneError) as error:
+        settings = str(error)
     width, height = frame_size(blenders)
     lens = None
     if camera and camera.type == "CAMERA":
         lens = camera.data.type, camera.data.panorama_type, camera.data.stereo.use_spherical_stereo, (
             camera.data.dof.use_dof)
-    return (chosen, ours.device, width, height, render_border(width, height, blenders), scene.frame_current,
+    return (settings, ours.device, width, height, render_border(width, height, blenders), scene.frame_current,
             blenders.use_motion_blur, count_views(scene), ours.lens_samples, ours.shutter_samples, lens,
-            layers(scene), pass_table.of_view_layer(layer, pass_table.LIGHTING, scene))
+            count_layers(scene), pass_table.ticked_passes(layer, pass_table.LIGHTING, scene))
 
 
 def as_text(scene: bpy.types.Scene) -> str:
@@ -117,7 +116,7 @@ def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Prefligh
 
     try:
         with progress.reporting(in_time):
-            return replace(_look(depsgraph, layer, report, begin), state=state)
+            return replace(_inspect(depsgraph, layer, report, begin), state=state)
     except RenderCancelled:
         return Preflight(layer, state=state, remarks=report.entries, error="This scene takes longer than "
                          f"{LONGEST:.0f} s to convert, so this is incomplete. Found so far:")
@@ -125,14 +124,13 @@ def run(depsgraph: bpy.types.Depsgraph, listener: progress.Listener) -> Prefligh
         return Preflight(layer, state=state, error=failure.message(error), remarks=report.entries)
 
 
-def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: float) -> Preflight:
+def _inspect(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: float) -> Preflight:
     scene = depsgraph.scene_eval
     packages.require()
     packages.require_cycles()
-    settings, blenders = FrameSettings.of(scene, depsgraph.view_layer_eval), scene.render
+    settings, blenders = FrameSettings.read(scene, depsgraph.view_layer_eval), scene.render
     checks.check(depsgraph, settings, report)
-    report_limits(depsgraph, report)
-    optics = Optics.of(depsgraph).possible(settings.light, depsgraph, report)
+    optics = Optics.read(depsgraph).possible(settings.light, depsgraph, report)
     width, height = frame_size(blenders)
     border = render_border(width, height, blenders)
     view = convert_camera(depsgraph, width, height, border, report)
@@ -142,21 +140,22 @@ def _look(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: flo
                         baker=Promise() if settings.bake_unknown else None, as_is=settings.as_is,
                         paper_lamps=settings.paper_lamps)
     _report_differences(depsgraph, report)
-    converting, count, loaded = time.perf_counter() - begin, layers(scene), model_cache.is_loaded()
-    lit = pass_table.asked_light(depsgraph.view_layer_eval, settings.light_passes)
+    converting, count, loaded = time.perf_counter() - begin, count_layers(scene), model_cache.is_loaded()
+    with_lobes = pass_table.is_light_requested(depsgraph.view_layer_eval, settings.light_passes)
     views = count_views(scene)
-    to_do = work(width, height, border, settings, optics, lit, views) | {
-        CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter),
-        TEXTURES: Work(len(converted), 0 if settings.guided else optics.shutter)}
-    others = costs.measured_seconds(to_do, settings.setup)
-    unblurred = replace(optics, lens=1, shutter=1)
-    sharp = costs.measured_seconds(work(width, height, border, settings, unblurred, lit, views), settings.setup)
+    remaining = stage_work(width, height, border, settings, optics, with_lobes, views) | {
+        CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter_samples),
+        TEXTURES: Work(len(converted), optics.shutter_samples * settings.network.encodes_textures)}
+    seconds = costs.measured_seconds(remaining, settings.setup)
+    unblurred = replace(optics, lens_samples=1, shutter_samples=1)
+    sharp_work = stage_work(width, height, border, settings, unblurred, with_lobes, views)
+    sharp = costs.measured_seconds(sharp_work, settings.setup)
     added = costs.measured_memory(settings.setup, loaded, views * view.width * view.height, len(converted))
-    length = card.length(told(converted, view, settings, report), settings)
-    return Preflight(layer, count, views, size=(view.width, view.height), triangles=len(converted), tokens=length,
-                     card=card.line(card.memory(settings, length, view.width * view.height)),
-                     blur=_blur(optics, others, sharp),
-                     seconds=None if others is None else count * (converting + others),
+    tokens = card.count_tokens(network_input(converted, view, settings, report), settings)
+    return Preflight(layer, count, views, size=(view.width, view.height), triangles=len(converted), tokens=tokens,
+                     card=card.describe(card.memory(settings, tokens, view.width * view.height)),
+                     blur=_blur(optics, seconds, sharp),
+                     seconds=None if seconds is None else count * (converting + seconds),
                      memory=None if added is None else memory.held()[0] + added, remarks=report.entries)
 
 
@@ -164,7 +163,8 @@ def _blur(optics: Optics, seconds: float | None, sharp: float | None) -> str:
     """What depth of field and motion blur cost; "" without them."""
     if optics.samples == 1:
         return ""
-    kinds = [name for name, count in (("depth of field", optics.lens), ("motion blur", optics.shutter)) if count > 1]
+    effects = ("depth of field", optics.lens_samples), ("motion blur", optics.shutter_samples)
+    kinds = [name for name, count in effects if count > 1]
     times = f"{seconds / sharp:.1f}" if seconds and sharp else optics.samples
     return f"{' and '.join(kinds).capitalize()}: {optics.samples} pictures for one, about {times} times as long"
 

@@ -30,19 +30,19 @@ NAME = REFERENCE.text  # of the pass, too
 LOST = "a movie does not have it: choose an image format, or switch it off"
 
 
-def is_wanted(scene: bpy.types.Scene) -> bool:
+def is_requested(scene: bpy.types.Scene) -> bool:
     return scene.renderformer_v2.reference.use
 
 
 def is_lost(scene: bpy.types.Scene) -> bool:
     """Whether no file of an animation will have the reference."""
     composed = scene.render.use_compositing and compat.compositor(scene)
-    return is_wanted(scene) and scene.render.is_movie_format and not composed
+    return is_requested(scene) and scene.render.is_movie_format and not composed
 
 
 def register_passes(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
     """Announce the passes of the reference that `scene` asks for."""
-    if is_wanted(scene):
+    if is_requested(scene):
         light_passes = scene.renderformer_v2.reference.use_light_passes
         aovs = view_layer.aovs if scene.is_evaluated else ()  # cycles_run tells Cycles of the passes as AOVs
         for p in pass_table.REFERENCE if light_passes else pass_table.REFERENCE[:1]:
@@ -75,7 +75,7 @@ def add(layer: Layer, pictures: dict[str, Passes], report: Report) -> int:
                     samples = status.samples(chosen.samples)
                     raise RenderCancelled()
     except RenderCancelled as stop:  # it may have come after the last sample, too
-        rendered = _kept(rendered, samples, pictures, chosen, report, why=str(stop))
+        rendered = _stopped_reference(rendered, samples, pictures, chosen, report, why=str(stop))
         if running.is_stopping():
             raise
     except Exception as error:
@@ -109,7 +109,7 @@ def _save(layer: Layer, view: str, pixels: np.ndarray, report: Report) -> None:
             report.skipped(NAME, f"it cannot be saved beside the frame: {error}")
 
 
-def _kept(rendered: dict[str, Passes], samples: int, pictures: dict[str, Passes], chosen: FrameReference,
+def _stopped_reference(rendered: dict[str, Passes], samples: int, pictures: dict[str, Passes], chosen: FrameReference,
           report: Report, why: str = "") -> dict[str, Passes]:
     """What there is of a reference that was stopped: nothing before its first sample, as Combined was ours then.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import main_thread
 from ..render_size import frame_size, render_region
-from .work import layers
+from .work import count_layers
 
 SUFFIX = "_cycles"
 
@@ -27,9 +27,9 @@ def path(scene: bpy.types.Scene, layer: str, view: str = "") -> Path:
     frame, ending = Path(scene.render.frame_path(frame=scene.frame_current)), scene.render.file_extension
     has_ending = scene.render.use_file_extension and frame.name.lower().endswith(ending)
     stem, ending = (frame.name[:-len(ending)], frame.name[-len(ending):]) if has_ending else (frame.name, "")
-    of_layer = f"_{bpy.path.clean_name(layer)}" if layers(scene) > 1 else ""
-    of_view = scene.render.views[view].file_suffix if view in scene.render.views else ""
-    return frame.with_name(f"{stem}{SUFFIX}{of_layer}{of_view}{ending}")
+    layer_suffix = f"_{bpy.path.clean_name(layer)}" if count_layers(scene) > 1 else ""
+    view_suffix = scene.render.views[view].file_suffix if view in scene.render.views else ""
+    return frame.with_name(f"{stem}{SUFFIX}{layer_suffix}{view_suffix}{ending}")
 
 
 def write(scene: bpy.types.Scene, layer: str, pixels: np.ndarray, view: str = "") -> None:
@@ -41,19 +41,19 @@ def write(scene: bpy.types.Scene, layer: str, pixels: np.ndarray, view: str = ""
     if target.is_file() and not scene.render.use_overwrite:
         return
     target.parent.mkdir(parents=True, exist_ok=True)
-    pixels = _whole(scene, pixels)
+    pixels = _full_frame(scene, pixels)
     main_thread.call(lambda: _save(scene, target, pixels))
 
 
-def _whole(scene: bpy.types.Scene, pixels: np.ndarray) -> np.ndarray:
+def _full_frame(scene: bpy.types.Scene, pixels: np.ndarray) -> np.ndarray:
     """The frame around a render region that is not cropped is empty."""
     width, height = frame_size(scene.render)
     if pixels.shape[:2] == (height, width) or scene.render.use_crop_to_border:
         return pixels
     left, right, bottom, top = render_region(width, height, scene.render)
-    whole = np.zeros((height, width, 4), np.float32)
-    whole[height - top:height - bottom, left:right] = pixels
-    return whole
+    full = np.zeros((height, width, 4), np.float32)
+    full[height - top:height - bottom, left:right] = pixels
+    return full
 
 
 def _save(scene: bpy.types.Scene, target: Path, pixels: np.ndarray) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import NamedTuple
 
 import bpy
 
@@ -14,6 +15,7 @@ from ...model.scene import RenderScene, View
 from ...model.weights.presets import BUNDLED
 from .. import passes as pass_table
 from ..convert.data.report import Report, grouped
+from ..convert.fitting.framing import Framing
 from ..cycles import run as cycles_run
 from ..cycles.run import Passes
 from ..progress import last_render
@@ -24,12 +26,12 @@ from ..runtime import failure, model_cache, running
 from ..runtime.worker import worker
 from ..setup import packages
 from . import card, output, reference
-from .hits import Hits, first_hits
+from .first_hits import FirstHits, render_first_hits
 from .layer import Layer
-from .network import Network, Picture
+from .network import LayerNetwork, Picture
 from .optics import Optics
-from .trained import told
-from .work import layers
+from .published_scene import network_input
+from .work import count_layers
 
 LOST = {"unplaced": "without room within Max Triangles (in the picture, but unknown to the network)",
         "skipped": "left out of the picture", "refused": "with data that cannot be used"}
@@ -40,7 +42,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     name = depsgraph.view_layer_eval.name  # Cycles frees the depsgraph: whatever is needed later is read now
     running.mark(engine.bl_idname)
     try:  # whatever is raised outside of it leaves an empty frame, which Blender takes for a picture and saves
-        done = _render(engine, depsgraph, name)
+        statistics = _render(engine, depsgraph, name)
     except RenderCancelled:
         last_render.add(LayerStatistics(name, cancelled=True))
         if running.is_stopping():  # an error also ends an animation
@@ -52,17 +54,17 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     except Exception as error:
         _fail(engine, name, failure.message(error))
     else:
-        last_render.add(done)
+        last_render.add(statistics)
         last_render.stamp(engine)
-        _tell(engine, done)
+        _print_report(engine, statistics)
 
 
 def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, name: str) -> LayerStatistics:
-    """The view layer of that name, its progress shown."""
-    status, report = Status(engine, name if layers(depsgraph.scene_eval) > 1 else ""), Report()
-    optics = Optics.of(depsgraph)
-    twice = optics.sessions > 1 or reference.is_wanted(depsgraph.scene_eval)
-    with progress.reporting(status), cycles_run.scene_kept(engine, twice):
+    """Render the view layer of that name and show its progress."""
+    status, report = Status(engine, name if count_layers(depsgraph.scene_eval) > 1 else ""), Report()
+    optics = Optics.read(depsgraph)
+    runs_twice = optics.sessions > 1 or reference.is_requested(depsgraph.scene_eval)
+    with progress.reporting(status), cycles_run.scene_kept(engine, runs_twice):
         return _render_layer(engine, depsgraph, optics, status, report)
 
 
@@ -74,82 +76,90 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     packages.require()                                                              # 1. Requirements
     packages.require_cycles()
     threads.sleep_while_waiting()
-    layer = Layer.of(engine, depsgraph, optics, status, report)
+    layer = Layer.read(engine, depsgraph, optics, status, report)
     settings = layer.settings
     if settings.weights != BUNDLED:
         model_cache.begin_import()
     with threads.limited(settings.threads):
         with layer.plan.enter(CONVERT):
             views = layer.views()                                                   # 2. Camera
-            scene = layer.scene()                                                   # 3. Scene
+            scene, framing = layer.convert()                                        # 3. Scene
             view = next(iter(views.values()))
-            given = told(scene, view, settings, report)
+            tokens_scene = network_input(scene, view, settings, report)
         layer.plan.has_triangles(len(scene))
-        passes, tokens = _passes(layer, views, scene, given)                        # 4. to 7.
+        rendered = _render_passes(layer, views, scene, framing, tokens_scene)       # 4. to 7.
     with layer.plan.enter(WRITE):
-        output.write_views(engine, layer.name, passes)
-    beside = Report()
-    samples = reference.add(layer, passes, beside) if settings.reference else 0     # 8. Reference
-    if tokens:  # otherwise the network had nothing to do
+        output.write_views(engine, layer.name, rendered.passes)
+    reference_report = Report()
+    samples = reference.add(layer, rendered.passes, reference_report) if settings.reference else 0  # 8. Reference
+    if rendered.tokens:  # otherwise the network had nothing to do
         layer.plan.learn_memory(status.memory_added, len(views) * view.width * view.height, len(scene))
-    return LayerStatistics(layer.name, size=(view.width, view.height), triangles=len(scene), tokens=tokens,
-                           weights=settings.weights, device=layer.device, seconds=layer.plan.seconds,
-                           remarks=[*dict.fromkeys(report.entries + beside.entries)], reference_samples=samples)
+    return LayerStatistics(layer.name, size=(view.width, view.height), triangles=len(scene), tokens=rendered.tokens,
+                           weights=settings.weights, device=rendered.device, seconds=layer.plan.seconds,
+                           remarks=[*dict.fromkeys(report.entries + reference_report.entries)],
+                           reference_samples=samples)
 
 
-def _passes(layer: Layer, views: dict[str, View], scene: RenderScene,
-            given: RenderScene) -> tuple[dict[str, Passes], int]:
-    """All passes of the picture, as output.write_views has them, and how many tokens the network was given.
+class Rendered(NamedTuple):
+    """The picture of a view layer."""
 
-    given: the scene as its weights are told it.
-    """
-    exposure, network = layer.settings.exposure, Network(layer, scene)
+    passes: dict[str, Passes]  # by view, as output.write_views takes them
+    tokens: int                # that the network was given; 0 if it had nothing to do
+    device: str                # that the network worked on, as in LayerStatistics
+
+
+def _render_passes(layer: Layer, views: dict[str, View], scene: RenderScene, framing: Framing,
+                   tokens_scene: RenderScene) -> Rendered:
+    """tokens_scene: the scene as its weights are given it (published_scene.py)."""
+    exposure, network = layer.settings.exposure, LayerNetwork(layer, scene, framing)
     with output.unless_stopped(layer.engine, layer.name, views) as passes:
-        hits = first_hits(layer, scene, views, passes)                              # 4. First hits
+        hits, optics = render_first_hits(layer, scene, views, passes)               # 4. First hits
 
         def show(lobes: dict[str, Lobes]) -> None:
-            for name, each in hits.items():
-                combined = {"combined": each.combined(lobes[name].radiance, exposure)}
+            for name, view_hits in hits.items():
+                combined = {"combined": view_hits.composite(lobes[name].radiance, exposure)}
                 pass_table.write(layer.engine, layer.name, passes[name] | combined, name)
-                if each.guides.traced is not None:  # else what is shown at first has no light
+                if view_hits.guides.traced is not None:  # else what is shown at first has no light
                     passes[name].update(combined)
 
-        show({name: Lobes(each.preview) for name, each in hits.items()})
-        pictures, light = {name: Picture.dark(each, exposure) for name, each in hits.items()}, dict.fromkeys(hits, {})
-        if any(network.has_work(each.guides) for each in hits.values()):
+        show({name: Lobes(view_hits.preview) for name, view_hits in hits.items()})
+        pictures = {name: Picture.unlit(view_hits, exposure) for name, view_hits in hits.items()}
+        light = dict.fromkeys(hits, {})
+        if any(network.can_light(view_hits.guides) for view_hits in hits.values()):
             network.load()
-            card.warn(layer.settings, given, max(view.width * view.height for view in views.values()), layer.report)
+            card.warn(layer.settings, tokens_scene, max(view.width * view.height for view in views.values()),
+                      layer.report)
             with threads.team(layer.settings.threads):
-                if layer.optics:
-                    pictures = network.blurred(hits, show)                          # 7. Blur
+                if optics:
+                    pictures = network.render_blurred(hits, optics, show)           # 7. Blur
                 else:
-                    pictures = {name: network.sharp(name, views[name], each)        # 5. Network
-                                for name, each in hits.items()}
-                if layer.lit:                                                       # 6. Passes
-                    light = {name: _divided(layer, picture, hits[name], bool(scene.volumes))
+                    pictures = {name: network.render_sharp(name, views[name], view_hits)    # 5. Network
+                                for name, view_hits in hits.items()}
+                if layer.with_lobes:                                                # 6. Passes
+                    light = {name: _divide_light(layer, picture, hits[name], bool(scene.volumes))
                              for name, picture in pictures.items()}
-    found = {name: passes[name] | light[name] | _of_picture(picture, hits[name], exposure)
-             for name, picture in pictures.items()}
-    return found, max(picture.tokens for picture in pictures.values())
+    complete = {name: passes[name] | light[name] | _picture_passes(picture, hits[name], exposure)
+                for name, picture in pictures.items()}
+    return Rendered(complete, max(picture.tokens for picture in pictures.values()), network.device)
 
 
-def _divided(layer: Layer, picture: Picture, hits: Hits, volumes: bool) -> Passes:
+def _divide_light(layer: Layer, picture: Picture, hits: FirstHits, has_volumes: bool) -> Passes:
     with layer.plan.enter(DIVIDE):
-        return output.light_passes(picture.guides, picture.lobes, hits.passes, volumes, layer.settings.exposure)
+        return output.light_passes(picture.guides, picture.lobes, hits.passes, has_volumes, layer.settings.exposure)
 
 
-def _of_picture(picture: Picture, hits: Hits, exposure: float) -> Passes:
-    """What the network has changed, but for its light by lobe."""
-    shining = {key: getattr(picture.guides, key) for key in output.SHINING}
-    return output.first_hits(shining, exposure) | {
+def _picture_passes(picture: Picture, hits: FirstHits, exposure: float) -> Passes:
+    """Combined, and first hits whose edges the network has smoothed."""
+    emitted = {key: getattr(picture.guides, key) for key in output.EMITTED}
+    return output.first_hit_passes(emitted, exposure) | {
         "combined": picture.combined, pass_table.NOISY.key: output.noisy(picture.combined, hits.passes, exposure)}
 
 
-def _tell(engine: bpy.types.RenderEngine, done: LayerStatistics) -> None:
+def _print_report(engine: bpy.types.RenderEngine, statistics: LayerStatistics) -> None:
     """Print what the picture lacks; one warning if something is missing from it altogether."""
-    for group in grouped(done.remarks):
+    for group in grouped(statistics.remarks):
         print(f"RenderFormer-V2: {group}")
-    kinds = Counter(remark.kind for remark in done.remarks if remark.name != reference.NAME)
+    kinds = Counter(remark.kind for remark in statistics.remarks if remark.name != reference.NAME)
     if lost := ", ".join(f"{kinds[kind]} {words}" for kind, words in LOST.items() if kinds[kind]):
         engine.report({"WARNING"}, f"{lost}: see RenderFormer-V2 > Last Render")
 

@@ -22,11 +22,11 @@ from ..registering import handlers
 from ..settings import FrameSettings
 
 BLOCK = 32          # frames that are fitted alike once the camera has left the place where the shot began
-LARGEST_ZOOM = 2.0  # of the box that would be right, against the one that is kept, either way
-FARTHEST = 1.0      # between their centres, in sides of the kept one
-WITHIN = 1.5        # times as far may a frame be from the beginning of its block, before it is fitted by itself
+LARGEST_ZOOM = 2.0  # ratio of the sizes of a frame's own box and the one in use, either way
+FARTHEST = 1.0      # distance of their centres, in sides of the one in use
+TOLERANCE = 1.5     # times as far may a frame be from the beginning of its block before it is fitted by itself
 
-_fitted: dict[tuple, Framing] = {}   # by what is rendered how, and key frame
+_fitted: dict[tuple, Framing] = {}   # by Shot.rendered and key frame
 _begins: dict[str, int] = {}         # first frames of scenes as they were loaded or saved; `-s 10 -a` changes them
 
 
@@ -39,63 +39,67 @@ class Shot:
 
     frame: float
     keys: tuple[int, ...]
-    rendered: tuple                                   # what is rendered how
-    own: Framing | None = None
-    known: dict[int, Framing | None] = field(default_factory=dict)  # of keys; None: the scene is as in this frame
+    rendered: tuple                 # what is rendered and how: frames with the same are fitted alike
+    own: Framing | None = None      # what this frame is fitted to by itself
+    framing: Framing | None = None  # what it is fitted to after all
+    key_framings: dict[int, Framing | None] = field(default_factory=dict)  # None: the scene is as in this frame
 
     @classmethod
-    def of(cls, depsgraph: bpy.types.Depsgraph, settings: FrameSettings, width: int, height: int) -> Shot:
+    def find(cls, depsgraph: bpy.types.Depsgraph, settings: FrameSettings, width: int, height: int) -> Shot:
         scene = depsgraph.scene_eval
         camera = scene.camera.name if scene.camera else ""
         rendered = (scene.name, depsgraph.view_layer_eval.name, camera, width, height, settings.token_budget,
                     settings.max_edge, settings.as_is)
         shot = cls(scene.frame_current_final, _keys(depsgraph.scene, scene.frame_current_final), rendered)
-        shot.known = {key: _fitted.get((*rendered, key)) for key in shot.keys}
+        shot.key_framings = {key: _fitted.get((*rendered, key)) for key in shot.keys}
         return shot
 
-    def unknown(self) -> list[int]:
+    def unknown_keys(self) -> list[int]:
         """Key frames that have to be looked at before this frame is settled."""
-        return [key for key in self.keys if self.known[key] is None and key != self.frame]
+        return [key for key in self.keys if self.key_framings[key] is None and key != self.frame]
 
-    def look_ahead(self, keys: list[int], move_to: Callable[[int], set[str]], fitted: Callable[[], Framing]) -> None:
-        """Find out what these key frames are fitted to by themselves.
+    def look_ahead(self, keys: list[int], move_to: Callable[[int], set[str]],
+                   find_framing: Callable[[], Framing]) -> None:
+        """Find what these key frames are fitted to by themselves.
 
-        move_to: evaluates the scene at a frame and says what is not as it was; fitted: fits the scene as it is then.
+        move_to: evaluates the scene at a frame and returns what has changed.
+        find_framing: fits the scene as it is then.
         """
         framing = None
         for i, key in enumerate(keys):
             with progress.part(i / len(keys), (i + 1) / len(keys)):
                 progress.report()
                 if move_to(key):
-                    framing = fitted()
-                self.known[key] = framing
+                    framing = find_framing()
+                self.key_framings[key] = framing
 
-    def settled(self, own: Framing) -> Framing:
-        """What the frame is fitted to: what a key frame is, or `own`."""
-        self.own = own
-        if not self.keys:
-            return own
-        first, *block = (self.known[key] or own for key in self.keys)
-        held = block[0] if block and has_left(first.box, block[0].box) else first
-        return own if has_left(held.box, own.box, WITHIN) else held
+    def settle(self, own: Framing) -> Framing:
+        """Decide what the frame is fitted to: what a key frame is, or `own`."""
+        self.own = self.framing = own
+        if self.keys:
+            first, *block = (self.key_framings[key] or own for key in self.keys)
+            key_framing = block[0] if block and has_left(first.box, block[0].box) else first
+            if not has_left(key_framing.box, own.box, TOLERANCE):
+                self.framing = key_framing
+        return self.framing
 
     def remember(self) -> None:
-        """For other frames, now that the shares of this one are known too."""
-        _fitted.update({(*self.rendered, key): self.known[key] or self.own for key in self.keys})
+        """Keep it for other frames, now that the shares of this one are known too."""
+        _fitted.update({(*self.rendered, key): self.key_framings[key] or self.own for key in self.keys})
 
 
-def has_left(kept: np.ndarray, box: np.ndarray, tolerance: float = 1.0) -> bool:
-    """Whether a picture that would be fitted to `box` (2, 3) is too far from the one that is kept."""
-    size, new = (float((b[1] - b[0]).max()) for b in (kept, box))
-    apart = np.abs(box.sum(axis=0) - kept.sum(axis=0)).max() / 2
+def has_left(current: np.ndarray, box: np.ndarray, tolerance: float = 1.0) -> bool:
+    """Whether a picture with a box (2, 3) of its own is too far from the `current` box to be fitted to that."""
+    size, new = (float((b[1] - b[0]).max()) for b in (current, box))
+    distance = np.abs(box.sum(axis=0) - current.sum(axis=0)).max() / 2
     zoom = LARGEST_ZOOM * tolerance
-    return not size / zoom <= new <= size * zoom or apart > FARTHEST * tolerance * size
+    return not size / zoom <= new <= size * zoom or distance > FARTHEST * tolerance * size
 
 
 def _keys(scene: bpy.types.Scene, frame: float) -> tuple[int, ...]:
-    switched = [marker.frame for marker in scene.timeline_markers if marker.camera and marker.frame <= frame]
+    camera_switches = [marker.frame for marker in scene.timeline_markers if marker.camera and marker.frame <= frame]
     begin = _begins.get(scene.name, scene.frame_start)
-    first = max([begin if bpy.app.background else min(scene.frame_start, begin), *switched])
+    first = max([begin if bpy.app.background else min(scene.frame_start, begin), *camera_switches])
     if frame < first:
         return ()
     return tuple(sorted({first, first + int(frame - first) // BLOCK * BLOCK}))

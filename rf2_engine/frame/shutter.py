@@ -29,21 +29,21 @@ def moments(scene: bpy.types.Scene, count: int) -> np.ndarray:
 
 @contextmanager
 def clock(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph):
-    """A function that evaluates the scene at a frame; in the end it is back at its own. Inside cycles_run.scene_kept.
+    """A function that evaluates the scene at a frame, inside cycles_run.scene_kept; in the end it is back at its own.
 
-    It returns what is not as it was: {"camera", "scene"}, one of them or nothing.
+    The function returns what has changed: {"camera", "scene"}, one of them or nothing.
     """
     scene = depsgraph.scene_eval
-    now = shown = scene.frame_current_final
+    now = current = scene.frame_current_final
 
     def move_to(moment: float) -> set[str]:
-        nonlocal shown
-        if moment == shown:
+        nonlocal current
+        if moment == current:
             cycles_run.renew(engine, depsgraph)
             return set()
-        shown = moment
-        whole = int(np.floor(moment))
-        cycles_run.evaluate_at(engine, depsgraph, whole, moment - whole)
+        current = moment
+        frame = int(np.floor(moment))
+        cycles_run.evaluate_at(engine, depsgraph, frame, moment - frame)
         changed = {"camera" if _is_camera(update.id) else "scene" for update in depsgraph.updates
                    if not _is_back_in_time(update.id)}
         cycles_run.renew(engine, depsgraph)

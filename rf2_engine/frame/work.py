@@ -12,32 +12,36 @@ from ..settings import FrameSettings, Light
 from .optics import Optics
 
 
-def layers(scene: bpy.types.Scene) -> int:
+def count_layers(scene: bpy.types.Scene) -> int:
     """How many view layers this frame renders."""
     return 1 if scene.render.use_single_layer else sum(layer.use for layer in scene.view_layers)
 
 
-def work(width: int, height: int, part: Border | None, settings: FrameSettings, optics: Optics,
-         lit: bool, views: int = 1) -> dict[Stage, Work]:
-    """What the stages of one view layer have to do, in their units. `lit`: the light of each lobe is wanted.
+def stage_work(width: int, height: int, border: Border | None, settings: FrameSettings, optics: Optics,
+               with_lobes: bool, views: int = 1) -> dict[Stage, Work]:
+    """What the stages of one view layer have to do, in their units.
 
-    views: of stereoscopy; Cycles renders all of them at once, the network one after the other.
+    width, height: of the frame in pixels; border: the part of it that is rendered. with_lobes: the light of each lobe
+    is requested. views: of stereoscopy; Cycles renders all of them at once, the network one after the other.
     """
-    x0, x1, y0, y1 = part or (0, width, 0, height)
+    x0, x1, y0, y1 = border or (0, width, 0, height)
     pixels = (x1 - x0) * (y1 - y0)
-    seen = pixels * views
-    rays, samples = seen * optics.rays_of_all(settings.guide_samples), optics.samples
-    smooth = settings.guided and settings.light is Light.TRACED and not (optics or optics.catchers)
+    all_pixels = pixels * views
+    rays, samples = all_pixels * optics.rays_of_picture(settings.guide_samples), optics.samples
+    has_smooth_edges = settings.network.has_lobes and settings.light is Light.TRACED and not (
+        optics or optics.shadow_catchers)
+    encoded_scenes = optics.shutter_samples
     return {stages.CONVERT: Work(1, optics.scenes),
             stages.LOAD: Work(1, not model_cache.is_loaded()),
-            stages.ALPHA: Work(rays, optics.holes),
-            stages.CATCHERS: Work(rays, 2 * optics.catchers),
+            stages.ALPHA: Work(rays, optics.holdouts),
+            stages.CATCHERS: Work(rays, 2 * optics.shadow_catchers),
             stages.FIRST_HITS: Work(rays),
-            stages.SAMPLE_HITS: Work(seen * optics.rays_of_each(settings.guide_samples), samples if optics else 0),
-            stages.TEXTURES: Work(settings.token_budget, 0 if settings.guided else optics.shutter),
-            stages.ENCODE: Work(settings.token_budget, optics.shutter),
+            stages.SAMPLE_HITS: Work(all_pixels * optics.rays_of_sample(settings.guide_samples),
+                                     samples if optics else 0),
+            stages.TEXTURES: Work(settings.token_budget, encoded_scenes * settings.network.encodes_textures),
+            stages.ENCODE: Work(settings.token_budget, encoded_scenes),
             stages.VIEW: Work(pixels, samples * views),
-            stages.EDGES: Work(pixels, smooth * views),
-            stages.DIVIDE: Work(pixels, lit * views),
-            stages.WRITE: Work(seen),
-            stages.REFERENCE: Work(seen * settings.reference.samples if settings.reference else 0)}
+            stages.EDGES: Work(pixels, has_smooth_edges * views),
+            stages.DIVIDE: Work(pixels, with_lobes * views),
+            stages.WRITE: Work(all_pixels),
+            stages.REFERENCE: Work(all_pixels * settings.reference.samples if settings.reference else 0)}

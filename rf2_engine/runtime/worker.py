@@ -16,13 +16,13 @@ POLL = 0.05           # seconds
 
 
 class Stopped(Exception):
-    """Raised in a piece of work that nobody waits for any more."""
+    """Raised in a piece of work to end it."""
 
 
 class Work(Protocol):
-    asked: float  # when it was last asked for something
+    requested_at: float  # when something was last requested of it
 
-    def wants(self) -> bool:
+    def has_work(self) -> bool:
         """Whether there is something left to do."""
 
     def step(self, listen) -> None:
@@ -37,9 +37,9 @@ class Worker:
         self._stopping = self._is_busy = False
 
     def add(self, work: Work) -> None:
-        """It is asked for pieces from now on until nobody else holds it."""
+        """Do its pieces from now on, until nothing else refers to it."""
         with self._changed:
-            self._all = [each for each in self._all if each() is not None] + [weakref.ref(work)]
+            self._all = [reference for reference in self._all if reference() is not None] + [weakref.ref(work)]
 
     def wake(self) -> None:
         """There is something to do; to be called on the main thread."""
@@ -65,16 +65,16 @@ class Worker:
             thread.join(LONGEST_STOP)
 
     def works(self) -> list:
-        """All that is still held, on any thread."""
-        return [work for each in self._all if (work := each()) is not None]
+        """All that are still alive, on any thread."""
+        return [work for reference in self._all if (work := reference()) is not None]
 
     def _listen(self, *_) -> None:
         if self._stopping or running.is_under_way():
             raise Stopped()
 
     def _next(self) -> Work | None:
-        waiting = [] if running.is_under_way() else [work for work in self.works() if work.wants()]
-        return max(waiting, key=lambda work: work.asked, default=None)
+        waiting = [] if running.is_under_way() else [work for work in self.works() if work.has_work()]
+        return max(waiting, key=lambda work: work.requested_at, default=None)
 
     def _run(self) -> None:
         this = threading.current_thread()
@@ -87,13 +87,13 @@ class Worker:
                 if self._thread is not this:
                     return
                 self._is_busy = True
-            with _passing_on():
+            with _switching_often():
                 work.step(self._listen)
             del work
 
 
 @contextmanager
-def _passing_on():
+def _switching_often():
     """Inside, the window gets Python's lock sooner: each panel that is drawn asks for it."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(min(SWITCH, before))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One viewport: what it was asked for last, what is ready, and the next piece of work."""
+"""One viewport: its latest request, what is ready, and the next piece of work."""
 from __future__ import annotations
 
 import time
@@ -17,15 +17,15 @@ from ..convert.data.report import Report
 from ..runtime import failure, model_cache
 from ..runtime.worker import Stopped
 from . import levels
-from .lighting import Lit, Look, finished, has_moved_on, light, picture
+from .pictures import PreparedScene, ViewportSettings, finish_draft, needs_refit, prepare_scene, render_picture
 from .region_view import RegionView
 from .source import State
 
 SCENE, NETWORK = "Updating the scene", "Bouncing light"  # pieces of work; the others are levels
 NAMES = {1: "full resolution", 2: "1/2", 4: "1/4", 8: "1/8"}
-SAID = 1.0      # seconds that a text stays
-CHANGING = 0.5  # seconds between two requests, up to which somebody is dragging something
-PATIENCE = 2.0  # seconds that a piece of work for something older may still take, so that something is shown meanwhile
+TEXT_STAYS = 1.0  # seconds
+DRAGGING = 0.5    # seconds between two requests, up to which somebody is dragging something
+PATIENCE = 2.0    # seconds that a piece of work for an older request may still take, so that pictures go on appearing
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,187 +35,186 @@ class Request:
     copied: Copied
     state: State  # of the source that was copied
     view: RegionView
-    look: Look
-    asked: float = field(default_factory=time.perf_counter)
+    settings: ViewportSettings
+    requested_at: float = field(default_factory=time.perf_counter)
 
-    def shows_as(self, other: Request | None) -> bool:
-        return other is not None and self.of_scene == other.of_scene and self.view == other.view and (
-            self.look == other.look)
+    def looks_like(self, other: Request | None) -> bool:
+        return other is not None and self.scene_key == other.scene_key and self.view == other.view and (
+            self.settings == other.settings)
 
     @property
-    def of_scene(self) -> tuple:
-        return self.state, self.look.of_scene
+    def scene_key(self) -> tuple:
+        return self.state, self.settings.scene_key
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class DisplayedPicture:
     """A picture that is ready."""
 
-    pixels: np.ndarray  # (H, W, 4) as lighting.picture has it
+    pixels: np.ndarray  # (H, W, 4) as render_picture returns it
     request: Request
     divisor: int
-    seconds: float      # since it was asked for
-    drawn: float        # seconds of this picture alone
+    seconds: float      # since it was requested
     triangles: int
 
 
 class Superseded(Exception):
-    """Raised in a piece of work for something that is no longer wanted."""
+    """Raised in a piece of work for something that is no longer needed."""
 
 
 class Session:
-    """Asked on the main thread, and worked on by the worker's; each field is set by one of them, as a whole."""
+    """Requests come on the main thread, work is done on the worker's; each field is set by one of them, as a whole."""
 
     def __init__(self, redraw: Callable[[], None] = lambda: None) -> None:
         """redraw: called on the worker's thread when there is something new to show."""
         self.request: Request | None = None
         self.closed = False
-        self.shown: Shown | None = None
+        self.displayed: DisplayedPicture | None = None
         self.error = ""
-        self.doing = ""                    # what the worker does for it now
-        self._said = 0.0
+        self.activity = ""                 # what the worker does for it now
+        self._activity_since = 0.0
         self._memo = Memo()
         self.redraw = redraw
-        self._lit: Lit | None = None
-        self._failed: Request | None = None
-        self._undrawn: Request | None = None             # its scene is ready, and nothing was drawn of it yet
-        self._changing = False                           # the request was one of several in a row
-        self._dropped = False                            # the last piece of work that had to show something first
-        self._done: tuple[Request, int] | None = None    # what was last drawn, and how finely
-        self._refit: Request | None = None               # the scene is to be fitted to this one's view
-        self._fitted: RegionView | None = None           # and was to this one's
-        self._seconds: dict[tuple, dict[int, float]] = {}  # of levels, by size and triangles
+        self._scene: PreparedScene | None = None
+        self._failed_request: Request | None = None
+        self._undrawn_request: Request | None = None     # its scene is ready, and nothing was drawn of it yet
+        self._is_dragged = False                         # the request was one of several in a row
+        self._was_dropped = False                        # the last piece of work that had to show something first
+        self._last_drawn: tuple[Request, int] | None = None  # and its divisor
+        self._refit_request: Request | None = None       # the scene is to be fitted to this one's view
+        self._fitted_view: RegionView | None = None      # and was to this one
+        self._level_seconds: dict[tuple, dict[int, float]] = {}  # by size and triangles, then by divisor
 
-    def ask(self, request: Request) -> bool:
-        """Show this from now on; whether that is something new."""
-        if request.shows_as(self.request):
+    def submit(self, request: Request) -> bool:
+        """Show this from now on; returns whether that is something new."""
+        if request.looks_like(self.request):
             return False
-        self._changing = request.asked - self.asked < CHANGING
+        self._is_dragged = request.requested_at - self.requested_at < DRAGGING
         self.request = request
         return True
 
     @property
-    def asked(self) -> float:
-        return self.request.asked if self.request else 0.0
+    def requested_at(self) -> float:
+        return self.request.requested_at if self.request else 0.0
 
     def close(self) -> None:
-        """Nobody looks at it any more."""
-        self.closed, self.request, self.shown, self._memo = True, None, None, Memo()
+        """The viewport is gone."""
+        self.closed, self.request, self.displayed, self._memo = True, None, None, Memo()
         self.forget()
 
     def forget(self) -> None:
         """Drop what holds the network's memory; it is made again when needed."""
-        self._lit = self._done = self._undrawn = None
+        self._scene = self._last_drawn = self._undrawn_request = None
 
-    def wants(self) -> bool:
+    def has_work(self) -> bool:
         request = self.request
-        return request is not None and request is not self._failed and not request.view.is_empty and (
-            self._piece(request) is not None)
+        return request is not None and request is not self._failed_request and not request.view.is_empty and (
+            self._next_piece(request) is not None)
 
     def step(self, listen: Callable[..., None]) -> None:
         """The next piece of work: the scene, its network's light, or one level of its picture."""
         newest = self.request
-        request = self._next(newest)
-        piece = self._piece(request) if request is not None else None
+        request = self._request_to_work_on(newest)
+        piece = self._next_piece(request) if request is not None else None
         if piece is None:
             return
         begin = time.perf_counter()
-        coarse = piece == SCENE or self._done is None or not self._done[0].shows_as(request)
+        shows_nothing_yet = piece == SCENE or self._last_drawn is None or not self._last_drawn[0].looks_like(request)
 
-        def heard(text: str, fraction: float) -> None:
+        def check(text: str, fraction: float) -> None:
             listen()
-            newer = self.request is not newest
-            long = time.perf_counter() - begin > PATIENCE and not self._dropped
-            if self.closed or newer and (long or not coarse):
-                self._dropped = coarse
+            is_outdated = self.request is not newest
+            is_long = time.perf_counter() - begin > PATIENCE and not self._was_dropped
+            if self.closed or is_outdated and (is_long or not shows_nothing_yet):
+                self._was_dropped = shows_nothing_yet
                 raise Superseded()
-            if text != self.doing and time.perf_counter() - self._said > SAID:
-                self._say(text)
+            if text != self.activity and time.perf_counter() - self._activity_since > TEXT_STAYS:
+                self._show_activity(text)
 
-        count = request.look.frame.threads
-        self._say(piece if isinstance(piece, str) else f"Drawing {NAMES[piece]}")
+        thread_count = request.settings.frame.threads
+        self._show_activity(piece if isinstance(piece, str) else f"Drawing {NAMES[piece]}")
         try:
-            with progress.reporting(heard), threads.limited(count):
+            with progress.reporting(check), threads.limited(thread_count):
                 with progress.part(0.0, 0.0, "Loading PyTorch"):
                     threads.finish_import(model_cache.begin_import())
-                with threads.team(count):
+                with threads.team(thread_count):
                     if piece == SCENE:
-                        self._light(request)
+                        self._prepare(request)
                     elif piece == NETWORK:
-                        self._finish(request)
+                        self._finish_draft(request)
                     else:
                         self._draw(request, piece)
-            self._dropped = False
+            self._was_dropped = False
         except (Superseded, Stopped, RenderCancelled):
             pass
         except Exception as error:
-            self.error, self._failed, self._undrawn = failure.message(error), newest, None
-        self.doing = ""
+            self.error, self._failed_request, self._undrawn_request = failure.message(error), newest, None
+        self.activity = ""
         if self.closed:
             self.close()
         self.redraw()
 
-    def _next(self, newest: Request | None) -> Request | None:
-        """What is to be worked on: the newest, but a scene that is ready is seen before it is made anew, so that there
-        are pictures while edits go on."""
-        undrawn = self._undrawn
-        if undrawn is None or newest is None or newest is undrawn or newest.of_scene == undrawn.of_scene:
+    def _request_to_work_on(self, newest: Request | None) -> Request | None:
+        """The newest; but a scene that is ready is drawn before it is made anew, so that pictures go on appearing while
+        it is edited."""
+        undrawn = self._undrawn_request
+        if undrawn is None or newest is None or newest is undrawn or newest.scene_key == undrawn.scene_key:
             return newest
         return replace(undrawn, view=newest.view)
 
-    def _say(self, text: str) -> None:
-        self.doing, self._said = text, time.perf_counter()
+    def _show_activity(self, text: str) -> None:
+        self.activity, self._activity_since = text, time.perf_counter()
         self.redraw()
 
     def _needs_scene(self, request: Request) -> bool:
-        lit = self._lit
-        return lit is None or (lit.state, lit.made_with) != request.of_scene or self._refit is request
+        scene = self._scene
+        return scene is None or self._refit_request is request or (
+            scene.state, scene.settings.scene_key) != request.scene_key
 
-    def _light(self, request: Request) -> None:
-        before = None if self._refit is request else self._lit
-        points = before.points if before else np.zeros((0, 3))
-        whole = request.view.view(1, points)
-        self._lit = light(request.copied, request.state, whole, request.look, before, Report(), self._memo)
+    def _prepare(self, request: Request) -> None:
+        before = None if self._refit_request is request else self._scene
+        points = before.visible_corners if before else np.zeros((0, 3))
+        full_view = request.view.view(1, points)
+        self._scene = prepare_scene(request.copied, request.state, full_view, request.settings, before, Report(),
+                                    self._memo)
         if before is None:
-            self._fitted = request.view
-        self._refit, self._done, self.error, self._undrawn = None, None, "", request
+            self._fitted_view = request.view
+        self._refit_request, self._last_drawn, self.error, self._undrawn_request = None, None, "", request
 
-    def _finish(self, request: Request) -> None:
-        made = finished(self._lit)
-        if levels.divisors(request.look.finest)[-1] == self._done[1]:  # there is no finer picture to come
-            self._done = None
-        self._lit = made
+    def _finish_draft(self, request: Request) -> None:
+        finished = finish_draft(self._scene)
+        if levels.divisors(request.settings.finest)[-1] == self._last_drawn[1]:  # there is no finer picture to come
+            self._last_drawn = None
+        self._scene = finished
 
     def _draw(self, request: Request, divisor: int) -> None:
-        begin, lit = time.perf_counter(), self._lit
-        # The published network is chosen by the size of the whole picture, and the same for all levels.
-        longer = 0 if request.look.frame.guided else max(request.view.picture_size(1))
-        view = request.view.view(divisor, lit.points, longer)
-        pixels, points = picture(lit, view, request.look, divisor)
+        begin, scene = time.perf_counter(), self._scene
+        # The same transformer draws all levels: that for the size of the whole picture.
+        longer_side = max(request.view.picture_size(1)) if request.settings.frame.network.depends_on_size else 0
+        view = request.view.view(divisor, scene.visible_corners, longer_side)
+        pixels, points = render_picture(scene, view, request.settings, divisor)
         now = time.perf_counter()
-        self._known(request)[divisor] = now - begin
-        self.shown = Shown(pixels, request, divisor, now - request.asked, now - begin, len(lit.scene))
-        self._done, self.error, self._undrawn = (request, divisor), "", None
-        if self._piece(request) is None and self._fitted != request.view and has_moved_on(lit, view, points):
-            self._refit = request
+        self._measured_seconds(request)[divisor] = now - begin
+        self.displayed = DisplayedPicture(pixels, request, divisor, now - request.requested_at, len(scene.scene))
+        self._last_drawn, self.error, self._undrawn_request = (request, divisor), "", None
+        if self._next_piece(request) is None and self._fitted_view != request.view and needs_refit(scene, view, points):
+            self._refit_request = request
 
-    def _known(self, request: Request) -> dict[int, float]:
-        """Seconds of levels as far as they were measured, for pictures of this size of a scene of this size."""
-        lit = self._lit
-        key = request.view.picture_size(1), lit and len(lit.scene)
-        if key not in self._seconds:
-            self._seconds = {key: {}}
-        return self._seconds[key]
+    def _measured_seconds(self, request: Request) -> dict[int, float]:
+        """Seconds by divisor as far as they were measured, for pictures of this size of a scene of this size."""
+        key = request.view.picture_size(1), self._scene and len(self._scene.scene)
+        if key not in self._level_seconds:
+            self._level_seconds = {key: {}}
+        return self._level_seconds[key]
 
-    def _piece(self, request: Request) -> str | int | None:
-        """SCENE, NETWORK, or the next level to draw; None if the request is done."""
+    def _next_piece(self, request: Request) -> str | int | None:
+        """SCENE, NETWORK, or the divisor of the next level to draw; None if the request is done."""
         if self._needs_scene(request):
             return SCENE
-        steps = levels.divisors(request.look.finest)
-        if self._done is None or not self._done[0].shows_as(request):
-            return levels.first(steps, self._known(request), self._changing)
-        if self._lit.is_draft:
+        divisors, seconds = levels.divisors(request.settings.finest), self._measured_seconds(request)
+        if self._last_drawn is None or not self._last_drawn[0].looks_like(request):
+            return levels.first(divisors, seconds, self._is_dragged)
+        if self._scene.is_draft:
             return NETWORK
-        done = self._done[1]
-        known = self._known(request)
-        return levels.following(steps, done, known[done], request.look.time_limit, known)
+        last = self._last_drawn[1]
+        return levels.following(divisors, last, seconds[last], request.settings.time_limit, seconds)

@@ -74,7 +74,7 @@ class Source:
         return True
 
 
-def key_of(depsgraph: bpy.types.Depsgraph, space: bpy.types.SpaceView3D | None = None) -> Key:
+def source_key(depsgraph: bpy.types.Depsgraph, space: bpy.types.SpaceView3D | None = None) -> Key:
     """What a source is known by; `space` counts where a viewport hides objects of its own."""
     key = depsgraph.scene.session_uid, depsgraph.view_layer.name
     if space is None:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from ..runtime import running
-from .session import NAMES, Session, Shown
+from .session import NAMES, DisplayedPicture, Session
 
 
-def text(session: Session, waits: bool = False) -> str:
-    """waits: a change of the scene is still being read."""
+def status_text(session: Session, is_reading: bool = False) -> str:
+    """is_reading: a change of the scene is still being read."""
     if session.error:
         return session.error
-    shown, request = session.shown, session.request
-    now = "Paused while rendering" if running.is_under_way() else "Reading the scene" if waits else session.doing
-    return " | ".join(filter(None, [_of(shown) if shown and (not request or shown.request.shows_as(request)) else "",
-                                    now]))
+    picture, request = session.displayed, session.request
+    activity = ("Paused while rendering" if running.is_under_way() else
+                "Reading the scene" if is_reading else session.activity)
+    is_current = picture and (not request or picture.request.looks_like(request))
+    return " | ".join(filter(None, [_describe(picture) if is_current else "", activity]))
 
 
-def _of(shown: Shown) -> str:
-    return f"{NAMES[shown.divisor].capitalize()}, {shown.seconds:.1f} s, {shown.triangles:,} triangles"
+def _describe(picture: DisplayedPicture) -> str:
+    return f"{NAMES[picture.divisor].capitalize()}, {picture.seconds:.1f} s, {picture.triangles:,} triangles"

@@ -8,31 +8,31 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...model.compute import threads
-from ...model.errors import CheckpointError
+from ...model.errors import CheckpointError, SceneError
 from ..registering import handlers
 from ..runtime import model_cache, running
 from ..runtime.worker import worker
 from ..setup import packages
-from . import status
 from .draw import Texture, draw_message
-from .lighting import Look
+from .pictures import ViewportSettings
 from .region_view import RegionView
-from .session import Request, Session
-from .source import Key, Source, hides_in, key_of
+from .session import DisplayedPicture, Request, Session
+from .source import Key, Source, hides_in, source_key
+from .status import status_text
 
 _sources: weakref.WeakValueDictionary[Key, Source] = weakref.WeakValueDictionary()
 
 
 class Viewport:
-    """What is kept with the engine that Blender has made for one viewport, and freed with it."""
+    """What belongs to the engine that Blender has made for one viewport, and is freed with it."""
 
     def __init__(self, engine: bpy.types.RenderEngine) -> None:
         threads.sleep_while_waiting()
-        held = weakref.ref(engine)
+        engine_reference = weakref.ref(engine)
 
         def redraw() -> None:
             try:
-                if (alive := held()) is not None:
+                if (alive := engine_reference()) is not None:
                     alive.tag_redraw()
             except ReferenceError:  # Blender has freed it
                 session.close()
@@ -44,16 +44,16 @@ class Viewport:
 
     def refresh(self, depsgraph: bpy.types.Depsgraph, space: bpy.types.SpaceView3D) -> bool:
         """Copy what has changed; False if there is more to do."""
-        key = key_of(depsgraph, space)
+        key = source_key(depsgraph, space)
         self.source = _sources.get(key) or Source()
         _sources[key] = self.source
         return self.source.refresh(depsgraph, hides_in(space))
 
-    def ask(self, view: RegionView, look: Look) -> None:
+    def request(self, view: RegionView, settings: ViewportSettings) -> None:
         """Show what was copied last."""
-        if self.source.version and self.session.ask(Request(self.source.copied, self.source.state, view, look)):
-            worker.wake()
-        elif self.session.wants():
+        source = self.source
+        is_new = source.version and self.session.submit(Request(source.copied, source.state, view, settings))
+        if is_new or self.session.has_work():
             worker.wake()
 
 
@@ -63,16 +63,16 @@ def update(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph
 
 
 def draw(engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-    done, error = _advance(engine, context, depsgraph)
+    is_read, error = _advance(engine, context, depsgraph)
     session, region = _viewport(engine).session, context.region
-    shown, message = session.shown, error or session.error
-    if shown is not None and not message:  # a picture of something older would make text hard to read
-        _viewport(engine).texture.draw(engine, depsgraph.scene, shown.pixels, _place(shown, region))
-    engine.update_stats("", "" if error else status.text(session, not done))
+    picture, message = session.displayed, error or session.error
+    if picture is not None and not message:  # a picture of something older would make text hard to read
+        _viewport(engine).texture.draw(engine, depsgraph.scene, picture.pixels, _rectangle(picture, region))
+    engine.update_stats("", "" if error else status_text(session, is_reading=not is_read))
     if message:
         engine.update_stats("", message.split(":")[0])
         draw_message(message, region.width, region.height)
-    if not done:
+    if not is_read:
         engine.tag_redraw()
 
 
@@ -83,21 +83,21 @@ def _advance(engine, context, depsgraph) -> tuple[bool, str]:
         return True, ""
     try:
         packages.require()
-        look = Look.of(scene, depsgraph.view_layer)
-    except (CheckpointError, packages.MissingPackages) as error:
+        settings = ViewportSettings.read(scene, depsgraph.view_layer)
+    except (CheckpointError, SceneError, packages.MissingPackages) as error:
         return True, str(error)
-    done = viewport.refresh(depsgraph, context.space_data)
-    if done:
-        view = RegionView.of(context.region.width, context.region.height, context.region_data, context.space_data,
+    is_read = viewport.refresh(depsgraph, context.space_data)
+    if is_read:
+        view = RegionView.read(context.region.width, context.region.height, context.region_data, context.space_data,
                              scene, context.preferences.system.pixel_size)
-        viewport.ask(view, look)
-    return done, viewport.source.error
+        viewport.request(view, settings)
+    return is_read, viewport.source.error
 
 
-def _place(shown, region) -> tuple[int, int, int, int]:
+def _rectangle(picture: DisplayedPicture, region: bpy.types.Region) -> tuple[int, int, int, int]:
     """Where a picture is drawn: a region that has another size now shows it stretched until there is a new one."""
-    x0, x1, y0, y1 = shown.request.view.rectangle
-    width, height = shown.request.view.size
+    x0, x1, y0, y1 = picture.request.view.rectangle
+    width, height = picture.request.view.size
     across, up = region.width / width, region.height / height
     return round(x0 * across), round(x1 * across), round(y0 * up), round(y1 * up)
 
@@ -110,10 +110,10 @@ def _viewport(engine) -> Viewport:
 
 @persistent
 def note_changes(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None) -> None:
-    """Of the last evaluation of a depsgraph, for all viewports that show it."""
+    """Note what the last evaluation of a depsgraph has changed, for all viewports that show it."""
     if depsgraph is None or depsgraph.mode != "VIEWPORT" or not _sources:
         return
-    changed = key_of(depsgraph)
+    changed = source_key(depsgraph)
     for key, source in list(_sources.items()):
         if key[:len(changed)] == changed:
             source.changes.add(depsgraph)
@@ -135,25 +135,25 @@ def forget(*_) -> None:
 
 
 @persistent
-def go_on(*_) -> None:
+def resume(*_) -> None:
     """A render has ended."""
     for session in worker.works():
         session.redraw()
     worker.wake()
 
 
-def _let_go() -> None:
+def _forget_scenes() -> None:
     for session in worker.works():
         session.forget()
 
 
 _add_handlers, _remove_handlers = handlers(
     ("depsgraph_update_post", note_changes), ("frame_change_post", note_changes), ("undo_post", note_undo),
-    ("redo_post", note_undo), ("load_pre", forget), ("render_complete", go_on), ("render_cancel", go_on))
+    ("redo_post", note_undo), ("load_pre", forget), ("render_complete", resume), ("render_cancel", resume))
 
 
 def register() -> None:
-    model_cache.holders.append(_let_go)
+    model_cache.holders.append(_forget_scenes)
     _add_handlers()
 
 
@@ -161,4 +161,4 @@ def unregister() -> None:
     _remove_handlers()
     forget()
     worker.stop()
-    model_cache.holders.remove(_let_go)
+    model_cache.holders.remove(_forget_scenes)

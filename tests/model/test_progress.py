@@ -40,3 +40,26 @@ def test_after_a_cancellation_the_surroundings_are_restored():
             progress.report()
         progress.report(0.5, "again")
     assert heard == [("again", 0.5)]
+
+
+def test_steps_share_the_surrounding_part_and_a_report_without_a_fraction_goes_on_from_the_last():
+    heard = []
+    with progress.reporting(lambda *said: heard.append(said)):
+        with progress.part(0.5, 1.0, "outer"):
+            for fraction in progress.steps([0.25, 0.5], "Layer"):
+                progress.report(fraction)
+                progress.report()
+            progress.report()
+        progress.report(0.0)
+    assert heard == [("Layer, 1 of 2", 0.5), *[("Layer, 1 of 2", 0.5625)] * 2,
+                     ("Layer, 2 of 2", 0.75), *[("Layer, 2 of 2", 0.875)] * 2, ("outer", 0.875), ("", 0.0)]
+
+
+def test_a_loop_of_steps_that_is_left_early_does_not_outlive_the_surrounding_part():
+    heard = []
+    with progress.reporting(lambda *said: heard.append(said)):
+        with pytest.raises(RenderCancelled), progress.part(0.0, 0.5):
+            for _ in progress.steps([1, 2], "Layer"):
+                raise RenderCancelled
+        progress.report(1.0, "after")
+    assert heard == [("Layer, 1 of 2", 0.0), ("after", 1.0)]

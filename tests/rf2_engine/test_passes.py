@@ -30,7 +30,7 @@ def test_first_hits_are_those_of_a_cycles_render(still_life, tmp_path, light):
             "ViewLayer.Wear", "ViewLayer.Vector"} <= set(cycles) == set(ours)
     for name in set(cycles) - {"ViewLayer.Combined"}:
         assert np.ptp(cycles[name]) > 0 or name.endswith(("01", "02")), f"{name} says nothing"
-        if passes.key_of(name.removeprefix("ViewLayer.")) in ("emission", "environment"):
+        if passes.pass_key(name.removeprefix("ViewLayer.")) in ("emission", "environment"):
             continue  # smoothed as Combined is: test_view_layers.py
         same = np.isclose(ours[name], cycles[name], rtol=1e-4, atol=1e-5).all(-1)
         assert same.mean() > (0.6 if name.endswith(("AO", "Occlusion")) else 0.999), name  # AO: other random numbers
@@ -65,7 +65,7 @@ def test_names_channels_and_sockets_are_those_of_cycles(still_life):
     tick(layer, COMMON | passes.LIGHTING)
     tick_own(layer)
     theirs = set(cycles_engine.list_render_passes(still_life, layer))
-    ours = {(p.blender_name, p.channels, p.kind) for p in passes.of_view_layer(layer, passes.LIGHTING)}
+    ours = {(p.blender_name, p.channels, p.kind) for p in passes.ticked_passes(layer, passes.LIGHTING)}
     assert ours == theirs
     assert sockets(still_life) == {name for name, *_ in theirs} - {"Combined"} | {"Image", "Alpha"}
 

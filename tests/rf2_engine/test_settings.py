@@ -49,14 +49,14 @@ def test_small_pictures_have_as_many_rays_as_larger_ones_up_to_sixteen_times_as_
     ours.guide_samples, ours.more_when_small = 3, True
     render.resolution_x, render.resolution_y = size
     render.resolution_percentage = percentage
-    assert FrameSettings.of(scene).guide_samples == samples
+    assert FrameSettings.read(scene).guide_samples == samples
     ours.more_when_small = False
-    assert FrameSettings.of(scene).guide_samples == 3
+    assert FrameSettings.read(scene).guide_samples == 3
 
 
 def test_samples_of_a_view_layer_are_more_in_small_pictures_too(scene):
     scene.renderformer_v2.more_when_small, scene.view_layers[0].renderformer_v2.samples = True, 5
-    assert FrameSettings.of(scene, scene.view_layers[0]).guide_samples == 80
+    assert FrameSettings.read(scene, scene.view_layers[0]).guide_samples == 80
 
 
 def test_a_weights_folder_is_relative_to_the_blend_file(scene, tmp_path):
@@ -78,7 +78,7 @@ def test_threads_are_ours_or_else_blenders(scene, ours, blenders, expected):
     scene.render.threads_mode = "FIXED"
     scene.render.threads = blenders[1]
     scene.render.threads_mode = blenders[0]
-    assert FrameSettings.of(scene).threads == expected
+    assert FrameSettings.read(scene).threads == expected
 
 
 def test_the_network_computes_with_as_many_threads_as_the_setting_says(scene, tmp_path, monkeypatch):

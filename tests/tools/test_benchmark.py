@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.weights.presets import rf2_200m
 from tests.model.published.bundles import tiny_published_config, tiny_vae
 from tools.benchmark import device, farm, load, textures
@@ -146,7 +147,7 @@ def test_encoding_textures_is_measured_at_the_first_render_and_at_a_later_one(mo
     assert len(np.unique(scene.tiles[:, 0], axis=0)) == 3 and np.ptp(scene.tiles[0, 0].astype(float)) > 0.01
 
 
-@torch.inference_mode()
+@inference()
 def test_the_image_encoders_multiplications_are_those_of_its_layers():
     with torch.device("meta"):
         frame = textures.OneFrameEncoder(textures.vae_class()())

@@ -53,8 +53,8 @@ def session():
 def tick() -> float:
     now = time.perf_counter()
     window["stall"], window["last"] = max(window["stall"], now - window["last"] - TICK), now
-    if window["clock"] and (alive := works()) and alive[0].shown not in (None, window["before"]):
-        window["before"] = alive[0].shown
+    if window["clock"] and (alive := works()) and alive[0].displayed not in (None, window["before"]):
+        window["before"] = alive[0].displayed
         window["shown"].append((now, window["before"].divisor))
     return TICK
 
@@ -66,7 +66,7 @@ def works() -> list:
 
 
 def done() -> bool:
-    return bool(works()) and all(work.request and not work.wants() and not work.doing for work in works())
+    return bool(works()) and all(work.request and not work.has_work() and not work.activity for work in works())
 
 
 def count_draw() -> None:
@@ -89,7 +89,7 @@ def settled():
 
 
 def shown():
-    return works()[0].shown
+    return works()[0].displayed
 
 
 def viewport():
@@ -247,7 +247,7 @@ CHANGES = {"camera": move_view, "move": move_object}
 def start_clock(make) -> float:
     begin = window["begin"] = window["last"] = time.perf_counter()
     window["clock"] = True
-    window["stall"], window["shown"], window["before"] = 0.0, [], works()[0].shown if works() else None
+    window["stall"], window["shown"], window["before"] = 0.0, [], works()[0].displayed if works() else None
     make()
     area("VIEW_3D").tag_redraw()
     return begin

@@ -12,6 +12,7 @@ import torch
 
 from renderformer_v2.model.camera import square_view
 from renderformer_v2.model.compute.devices import choose_device, free_memory, name_of, unused_card
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.compute.precision import NAMES, choose_precision, failure, tensor_float_32
 from renderformer_v2.model.network.inputs import view_inputs
 from renderformer_v2.model.network.renderformer import RenderFormer, as_released
@@ -56,7 +57,7 @@ def measure(name: str, precision: str = "auto", triangles: int = TRIANGLES, reso
     return found
 
 
-@torch.inference_mode()
+@inference()
 def _run(network: RenderFormer, inputs, rays, device: torch.device) -> tuple[torch.Tensor, dict[str, float]]:
     """The picture, on the CPU, and the seconds of both stages."""
     begin = time.perf_counter()

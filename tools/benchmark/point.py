@@ -61,6 +61,7 @@ def rf2_200m(point: dict) -> dict:
 
     from renderformer_v2.model.camera import square_view
     from renderformer_v2.model.compute.devices import choose_device
+    from renderformer_v2.model.compute.inference import inference
     from renderformer_v2.model.compute.precision import choose_precision
     from renderformer_v2.model.network.inputs import view_inputs
     from renderformer_v2.model.network.layers import in_precision
@@ -74,7 +75,7 @@ def rf2_200m(point: dict) -> dict:
         return view_inputs(square_view(ring.camera_to_world(), ring.FIELD_OF_VIEW, resolution)).to(device)
 
     rays, inputs = view(point["resolution"]), random_inputs(point["triangles"], preset()).to(device)
-    with torch.inference_mode():
+    with inference():
         model(random_inputs(ring.LEAST, preset()).to(device), view(64))[0, 0, 0, 0].item()  # warm up
         begin = time.perf_counter()
         context = model.encode_scene(inputs)

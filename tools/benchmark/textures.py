@@ -25,6 +25,7 @@ from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from renderformer_v2.model.compute.devices import choose_device, name_of
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.compute.precision import NAMES, choose_precision
 from renderformer_v2.model.material.mappers import MAPPERS, Appearance
 from renderformer_v2.model.published.image_encoder import BATCH_CPU, ImageEncoder, LastTap, OneFrameEncoder, vae_class
@@ -43,7 +44,7 @@ def measure(triangles: int, device: torch.device, vae: nn.Module | None = None) 
     torch.manual_seed(SEED)
     dtype, vae = choose_precision("auto", device), vae or vae_class()()
     images = torch.rand(ALONE, 3, TILE_SIZE, TILE_SIZE) * 2 - 1
-    with torch.inference_mode(), tempfile.TemporaryDirectory() as folder:
+    with inference(), tempfile.TemporaryDirectory() as folder:
         vae.save_pretrained(folder)
         vae = vae.to(device).eval()
         found = {"device": name_of(device), "threads": torch.get_num_threads(), "precision": NAMES[dtype],

@@ -78,7 +78,7 @@ class _Viewport:
             for _ in range(rounds):
                 make()
                 found.append(self._seconds())
-            yield {"change": change, "triangles": self.session.shown.triangles,
+            yield {"change": change, "triangles": self.session.displayed.triangles,
                    "lock": max(each["lock"] for each in found)} | {
                 key: statistics.median(each[key] for each in found) for key in ("read", *LEVELS) if key in found[0]}
 
@@ -104,19 +104,19 @@ class _Viewport:
         import bpy
 
         from renderformer_v2.rf2_engine.runtime.worker import worker
-        from renderformer_v2.rf2_engine.viewport.lighting import Look
+        from renderformer_v2.rf2_engine.viewport.pictures import ViewportSettings
         from renderformer_v2.rf2_engine.viewport.session import Request
         depsgraph, begin = bpy.context.evaluated_depsgraph_get(), time.perf_counter()
         while not self.source.refresh(depsgraph):
             pass
         found = {"read": time.perf_counter() - begin, "lock": 0.0}
-        self.session.ask(Request(self.source.copied, self.source.state, self._view(depsgraph),
-                                 Look.of(self.scene, depsgraph.view_layer), begin))
+        self.session.submit(Request(self.source.copied, self.source.state, self._view(depsgraph),
+                                 ViewportSettings.read(self.scene, depsgraph.view_layer), begin))
         worker.wake()
-        before, last = self.session.shown, time.perf_counter()
-        while self.session.wants() or not worker.wait_until_idle(0):
+        before, last = self.session.displayed, time.perf_counter()
+        while self.session.has_work() or not worker.wait_until_idle(0):
             time.sleep(STEP)
-            now, shown = time.perf_counter(), self.session.shown
+            now, shown = time.perf_counter(), self.session.displayed
             found["lock"], last = max(found["lock"], now - last - STEP), now
             if shown is not None and shown is not before:
                 found[shown.divisor], before = shown.seconds, shown

@@ -20,7 +20,7 @@ from renderformer_v2.rf2_engine.convert.data.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
 from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa: E402
 from renderformer_v2.rf2_engine.cycles.world import CyclesWorld  # noqa: E402
-from renderformer_v2.rf2_engine.frame.guides import make_guides  # noqa: E402
+from renderformer_v2.rf2_engine.frame.first_hits import make_guides  # noqa: E402
 from renderformer_v2.rf2_engine.progress.status import Status  # noqa: E402
 from renderformer_v2.rf2_engine.settings import Light  # noqa: E402
 

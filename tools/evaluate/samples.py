@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.guided.decoding import OUTPUTS, decode_bands
 from renderformer_v2.model.guided.guided_inputs import guided_view
 from renderformer_v2.model.guided.pipeline import GuidedContext
@@ -70,7 +71,7 @@ def prior_light(encoded: EncodedScene, view: View, guides: Guides, keys: Sequenc
     """The `keys` of `decode_light` without the network, (..., H, W, 3) world radiance; no `direct` of traced light."""
     frame, context = encoded.normalization, encoded.encoded
     config = encoded.renderer.pipeline.network.config
-    with torch.inference_mode():
+    with inference():
         inputs = guided_view(context.scene, frame.view(view), frame.guides(guides), context.prior, context.radiosity,
                              config, direct=guides.traced is None)
         light = decode_bands(torch.zeros(1, len(OUTPUTS), view.height, view.width), inputs.guides, keys)

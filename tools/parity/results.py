@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from renderformer_v2.model.camera import square_view, view_rays
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.environment import direction_map, environment_images, rotate_environment, rotation_matrix
 from renderformer_v2.model.material.autoencoder import MaterialAutoencoder, log10_1p
 from renderformer_v2.model.material.latents import dequantise, quantise
@@ -38,7 +39,7 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
         **{f"cross{i}": layer.multihead_attn.out_proj for i, layer in enumerate(view_layers)},
         **{f"swin{i}": layer.self_attn for i, layer in enumerate(view_layers)},
         "attention": layers[0].multihead_attn.out_proj, "dpt": network.view_transformer.out_dpt,
-    }) as seen:
+    }) as seen, inference():
         sequence, _ = network.embed_scene(inputs)
         context = network.encode_scene(inputs)
         log_image = network.render_view(context, views)
@@ -55,7 +56,7 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
         "in.rays_d": camera_results(case),
     }
     if any(name.startswith("dbg.") for name in case.tensors):
-        with torch.enable_grad(), Recorder(pyramid) as maps:  # only there the decoder keeps whole maps of any size
+        with Recorder(pyramid) as maps:  # outside of inference() the decoder computes whole maps of any size
             network.render_view(context, views)
         results |= embedding_results(network, case, inputs) | attention_results(network, sequence) | {
             "dbg.enc0_attn": seen["attention"], "dbg.enc1": seen["layer1"],
@@ -78,7 +79,7 @@ def recorded_call(case: Case) -> tuple[RenderFormer, NetworkInputs, ViewInputs]:
             view_inputs(rays | case.tensors))
 
 
-@torch.no_grad()
+@inference()
 def precision_psnr(case: Case, dtype: torch.dtype) -> float:
     """dB between the log images with weights and products in `dtype` and in float32, with the latter's peak."""
     network, *call = recorded_call(case)
@@ -131,6 +132,7 @@ def attention_results(network: RenderFormer, sequence) -> dict[str, torch.Tensor
     return {f"dbg.{name}0": part.transpose(0, 1) for name, part in zip("qkv", parts)}
 
 
+@inference()
 def alternative_results(network: RenderFormer, inputs: NetworkInputs, views: ViewInputs) -> dict[str, torch.Tensor]:
     """The same weights with the CUDA epsilon, without the window, and without the environment."""
     def variant(**changes) -> RenderFormer:

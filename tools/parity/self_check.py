@@ -11,8 +11,9 @@ from torch.nn import functional as F
 from renderformer_v2.model.camera import square_view, view_rays
 from renderformer_v2.model.environment import direction_map
 from renderformer_v2.model.network.attention import SHIFT, shift_mask, to_windows
+from renderformer_v2.model.network.banded import resize
 from renderformer_v2.model.network.block_attention import KeysValues, Window
-from renderformer_v2.model.network.decoder import DPTDecoder, resize
+from renderformer_v2.model.network.decoder import DPTDecoder
 from renderformer_v2.model.network.embedding import patches, resize_texture
 from renderformer_v2.model.network.inputs import encode_light
 from renderformer_v2.model.network.layers import RMSNorm, RotaryEmbedding, SwiGLU, nerf_encode, rope_frequencies
@@ -26,6 +27,7 @@ from renderformer_v2.model.network.sequence import (
     pack,
     scene_centre,
 )
+from renderformer_v2.model.progress import steps
 from renderformer_v2.model.weights.presets import rf2_200m
 
 from .cases import Recorder, recipe_tensor, relative_error
@@ -148,7 +150,7 @@ def window_sink_attention(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, sin
     window = Window(len(q), sink, half, q.device)
     keys = KeysValues.collect(lambda rows: (k[rows], v[rows]), window.pieces)
     queries = q.transpose(0, 1)
-    return torch.cat([window.attend(queries[:, rows], keys, rows.start) for rows in window.pieces], dim=1)
+    return torch.cat([window.attend(queries[:, rows], keys, rows.start) for rows in steps(window.pieces)], dim=1)
 
 
 def _mask_rows(entry):
@@ -265,7 +267,8 @@ def _decoder_sizes(entry):
         decoder = DPTDecoder(rf2_200m())
     for name, sizes in entry.items():
         grid = tuple(map(int, name.split("x")))
-        with Recorder(dict(decoder.scratch.named_children())) as seen:
+        parts = dict(decoder.scratch.named_children())
+        with Recorder(parts | {"output_conv2": parts["output_conv2"][-1]}) as seen:
             decoder([torch.zeros(1, 768, *grid, device="meta")] * 4)
         for key, size in sizes.items():
             yield list(seen[key].shape[-2:]), size

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.utils.data import DataLoader, Dataset
 
 from renderformer_v2.model.color import HALF_MAX
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.weights.presets import BUNDLED
 from tools.common.arguments import whole_number
@@ -89,7 +90,7 @@ class RenderedFiles(Dataset):
         file = self.stored / f"{path.stem}-{self.made_by}-{cache_key.key(path)}.safetensors"
         if not file.is_file():
             try:
-                with torch.inference_mode():
+                with inference():
                     views = self.render(path).clamp(-HALF_MAX, HALF_MAX).half()
             except SampleError as error:
                 print(f"{error} (left out)", flush=True)

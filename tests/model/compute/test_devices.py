@@ -6,6 +6,7 @@ import torch
 
 from renderformer_v2.model import renderer
 from renderformer_v2.model.compute.devices import device_of_operator, run_operator
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.compute.threads import shared, team
 from renderformer_v2.model.guided import guide_tensors
 from renderformer_v2.model.network import decoder
@@ -100,7 +101,7 @@ def on_mps():
 
 
 def test_a_gpu_works_on_one_row_after_the_other(on_mps):
-    with team(2), torch.no_grad():
+    with team(2), inference():
         done = shared(lambda row: row + 1, torch.arange(4.0, device=on_mps).split(1))
     assert torch.cat(done).cpu().tolist() == [1, 2, 3, 4]
 

@@ -13,6 +13,7 @@ import torch
 
 from renderformer_v2.model import progress
 from renderformer_v2.model.compute import threads
+from renderformer_v2.model.compute.inference import Pieces, current_pieces, inference
 from renderformer_v2.model.compute.threads import shared, team
 from renderformer_v2.model.errors import RenderCancelled
 
@@ -99,7 +100,7 @@ def test_the_number_of_threads_holds_inside_and_is_put_back():
 
 @pytest.fixture
 def two_threads():
-    with team(2), torch.no_grad():
+    with team(2), inference():
         yield
 
 
@@ -121,16 +122,22 @@ def test_shared_rows_come_back_in_order_and_the_team_is_as_before(two_threads):
 
 def test_gradients_pass_through_rows_that_are_then_not_shared():
     x = torch.ones(4, requires_grad=True)
-    with team(2), torch.enable_grad():
+    with team(2):
         torch.cat(shared(lambda row: row * row, x.split(1))).sum().backward()
     assert x.grad.tolist() == [2.0] * 4
 
 
 def test_rows_in_turn_go_on_from_what_they_reported_themselves():
     said = []
-    with team(1), torch.no_grad(), progress.reporting(lambda text, fraction: said.append(fraction)):
+    with team(1), inference(), progress.reporting(lambda text, fraction: said.append(fraction)):
         shared(lambda row: progress.report(0.5), torch.zeros(4).split(1))
     assert said == pytest.approx([i / 8 for i in range(8)])
+
+
+def test_every_thread_that_shares_rows_works_in_the_same_pieces(two_threads):
+    met, pieces = threading.Barrier(2, timeout=10), Pieces()
+    with inference(pieces):
+        assert shared(lambda row: met.wait() >= 0 and current_pieces(), torch.zeros(2).split(1)) == [pieces] * 2
 
 
 def test_esc_ends_the_rows_that_have_not_begun(two_threads):

@@ -11,7 +11,6 @@ from renderformer_v2.model.guided.guided_inputs import guided_inputs, guided_vie
 from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
-from renderformer_v2.model.light.direct.direct_light import LightPrior
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.weights.presets import BUNDLED, rf2_small, weights_folder

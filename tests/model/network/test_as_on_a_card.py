@@ -8,7 +8,8 @@ import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from renderformer_v2.model.compute import inference
+from renderformer_v2.model.compute import inference as inference_module
+from renderformer_v2.model.compute.inference import current_pieces, inference
 from renderformer_v2.model.network import block_attention, renderformer
 from renderformer_v2.model.network.block_attention import Window
 from renderformer_v2.model.network.inputs import ViewInputs
@@ -25,11 +26,11 @@ from tools.benchmark.textures import textured
 @pytest.fixture
 def as_on_a_card(monkeypatch):
     """PyTorch's own attention, and pieces as large as a card gets."""
-    monkeypatch.setattr(block_attention, "fused", lambda q: True)
-    monkeypatch.setattr(inference, "CHUNK", inference.GPU_CHUNK)
+    monkeypatch.setattr(block_attention, "uses_fused_attention", lambda q: True)
+    monkeypatch.setattr(inference_module, "CHUNK", inference_module.GPU_CHUNK)
 
 
-@torch.inference_mode()
+@inference()
 def test_stage_1_never_waits_for_the_card(as_on_a_card, tiny_network):
     config, count = tiny_network.config, 6000
     tokens, positions = torch.randn(count, config.latent_dim), torch.randn(count, 3)
@@ -39,7 +40,7 @@ def test_stage_1_never_waits_for_the_card(as_on_a_card, tiny_network):
     assert watched.attentions < config.num_layers * (bands / 8 + 4)  # many bands of queries at once
 
 
-@torch.inference_mode()
+@inference()
 def test_stage_2_and_the_decoder_never_wait_for_the_card(as_on_a_card, tiny_network, tiny_inputs, rays):
     context = tiny_network.encode_scene(tiny_inputs)
     with NoHostCopies():
@@ -53,20 +54,14 @@ def test_what_makes_a_card_wait_is_found(bad):
         bad(torch.randn(4))
 
 
-@pytest.fixture
-def usual_pieces():
-    yield
-    inference.usual()
-
-
-def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(usual_pieces, published_bundle):
+def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(published_bundle):
     renderer, scene = Renderer(published_bundle, device="cpu", precision="fp32"), floor_scene()
     view, guides = floor_view()
     expected = renderer.encode(scene).view(view, guides)
     tried, encode = [], renderer.pipeline.encode
 
     def small(*given):
-        tried.append((inference.chunk_for(torch.device("cuda")), inference.divided(Window.TOGETHER)))
+        tried.append((current_pieces().rows(torch.device("cuda")), current_pieces().limit(Window.TOGETHER)))
         if len(tried) < 3:
             raise torch.OutOfMemoryError("CUDA out of memory")
         return encode(*given)
@@ -76,10 +71,10 @@ def test_a_card_that_is_too_small_works_in_smaller_pieces_and_says_so(usual_piec
     assert tried == [(4096, 16), (1024, 4), (256, 1)] and "smaller ones" in renderer.remark
     np.testing.assert_allclose(found.view(view, guides), expected, rtol=1e-4, atol=1e-5 * expected.max())
     assert not found.encoded.context.keys_values
-    assert Renderer(published_bundle, device="cpu", precision="fp32").remark == "" and not inference.is_divided()
+    assert Renderer(published_bundle, device="cpu", precision="fp32").pieces.are_small is False
 
 
-def test_a_card_that_is_too_small_encodes_fewer_textures_at_once(usual_pieces, published_bundle, monkeypatch):
+def test_a_card_that_is_too_small_encodes_fewer_textures_at_once(published_bundle, monkeypatch):
     renderer, scene, batches = Renderer(published_bundle, device="cpu", precision="fp32"), textured(9), []
     real = OneFrameEncoder.forward
 
@@ -94,7 +89,7 @@ def test_a_card_that_is_too_small_encodes_fewer_textures_at_once(usual_pieces, p
     assert max(batches) > 16 and max(batches[1:]) == 16 and "smaller ones" in renderer.remark
 
 
-def test_a_card_that_is_much_too_small_is_said(usual_pieces, published_bundle):
+def test_a_card_that_is_much_too_small_is_said(published_bundle):
     def never():
         raise torch.OutOfMemoryError("CUDA out of memory")
     with pytest.raises(torch.OutOfMemoryError):
@@ -131,10 +126,10 @@ class Held(TorchDispatchMode):
 
 @pytest.mark.parametrize("exact", [False, True], ids=["bf16", "stage 2 in float32"])
 @pytest.mark.parametrize("tokens, side", [(3000, 256), (20000, 512)])
-@torch.inference_mode()
+@inference()
 def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side, exact, monkeypatch):
     monkeypatch.setattr(renderformer, "has_tensor_float_32", lambda device: exact)
-    monkeypatch.setattr(inference, "CHUNK", inference.GPU_CHUNK)
+    monkeypatch.setattr(inference_module, "CHUNK", inference_module.GPU_CHUNK)
     config = replace(rf2_200m(), num_layers=1)  # all layers of stage 1 use the same memory
     with torch.device("meta"):
         network = as_released(RenderFormer(config), torch.bfloat16, torch.device("cpu"))
@@ -144,7 +139,7 @@ def test_the_estimate_of_a_cards_memory_is_enough_and_not_much_more(tokens, side
     with Held() as stage1:
         done = network.transformer(given, positions, 80 + tokens // 64)
     with Held() as stage2:
-        network.render_view(SceneContext(done, positions, triangle, 100, keep=True), rays)
+        network.render_view(SceneContext(done, positions, triangle, 100, caches=True), rays)
     held = max(stage1.most, stage2.most)
     asked = card_bytes(config, 0, tokens, side * side, (2, 4 if exact else 2), KEYS_VALUES_BYTES)
     asked -= 2 * view_parameters(config) * exact

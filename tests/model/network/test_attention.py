@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Window + sink attention and attention over blocks, against PyTorch's attention with a dense mask."""
+from contextlib import nullcontext
+
 import pytest
 import torch
 from torch.nn import functional as F
 
 from renderformer_v2.model import progress
-from renderformer_v2.model.compute import inference
+from renderformer_v2.model.compute import inference as inference_module
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.network import block_attention
 from renderformer_v2.model.network.block_attention import KeysValues, attend_to_all
 from tools.parity.self_check import window_sink_attention
@@ -32,14 +35,14 @@ def sequence(length, seed, scale=1.0, heads=2, width=16):
 @pytest.mark.parametrize("dtype, tolerance", [(torch.float32, 1e-5), (torch.bfloat16, 5e-2)])
 def test_window_sink_attention_equals_a_dense_mask(length, sink, half, dtype, tolerance, gradients):
     q, k, v = sequence(length, seed=length)
-    with torch.set_grad_enabled(gradients):
+    with nullcontext() if gradients else inference():
         actual = window_sink_attention(q.to(dtype), k.to(dtype), v.to(dtype), sink, half)
     assert actual.dtype == dtype
     torch.testing.assert_close(actual.float(), masked_reference(q, k, v, sink, half), atol=tolerance, rtol=tolerance)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 40.0, 3e3])
-@torch.no_grad()
+@inference()
 def test_large_scores_neither_overflow_nor_vanish(scale, monkeypatch):
     taken = []
     monkeypatch.setattr(block_attention, "below_maximum", lambda *x, real=block_attention.below_maximum:
@@ -50,7 +53,7 @@ def test_large_scores_neither_overflow_nor_vanish(scale, monkeypatch):
     assert bool(taken) == (scale > 1)
 
 
-@torch.no_grad()
+@inference()
 def test_no_score_matrix_of_the_whole_sequence_is_made(monkeypatch):
     largest = 0
 
@@ -62,10 +65,10 @@ def test_no_score_matrix_of_the_whole_sequence_is_made(monkeypatch):
     monkeypatch.setattr(torch, "bmm", watch)
     q = torch.randn(20000, 1, 4)
     window_sink_attention(q, q, q, 100, 64)
-    assert 0 < largest <= inference.CHUNK ** 2
+    assert 0 < largest <= inference_module.CHUNK ** 2
 
 
-@torch.no_grad()
+@inference()
 def test_progress_may_cancel_inside_a_layer():
     class Cancelled(Exception):
         pass
@@ -78,7 +81,7 @@ def test_progress_may_cancel_inside_a_layer():
         window_sink_attention(q, q, q, 10, 64)
 
 
-@torch.no_grad()
+@inference()
 def test_blocks_give_the_same_as_one_and_poll_in_order():
     q, k, v = (x.transpose(0, 1) for x in sequence(1700, seed=0, heads=5, width=8))
     seen, cut = [], [(a, min(a + 300, 1700)) for a in range(0, 1700, 300)]

@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from renderformer_v2.model import progress
-from renderformer_v2.model.network import decoder
+from renderformer_v2.model.compute.inference import inference
+from renderformer_v2.model.network import banded, decoder
 from renderformer_v2.model.network.decoder import DPTDecoder
 from renderformer_v2.model.network.layers import in_precision
 from tools.parity.cases import with_recipe_weights
@@ -20,19 +21,21 @@ def built(config) -> DPTDecoder:
     return with_recipe_weights(DPTDecoder(config, extra_channels=5))
 
 
-@torch.no_grad()
+@inference()
 @pytest.mark.parametrize("views, grid, rows", [(1, (8, 8), 8), (1, (24, 8), 16), (2, (16, 24), 24), (1, (40, 8), 104),
                                                (1, (8, 16), 40), (1, (64, 8), 8)])
 def test_bands_equal_the_whole_picture(tiny_config, monkeypatch, views, grid, rows):
-    network, (levels, extra) = built(tiny_config), features(views, grid)
+    network, (levels, extra), bands = built(tiny_config), features(views, grid), []
     expected = network(levels, extra)
     monkeypatch.setattr(decoder, "BAND_PIXELS", rows * 8 * grid[1] * views)
-    monkeypatch.setattr(network, "_whole", None)  # nothing but the bands may answer
+    monkeypatch.setattr(banded.Rows, "tensor", lambda picture, count, real=banded.Rows.tensor:
+                        bands.append(count) or real(picture, count))
     actual = network(levels, extra)
+    assert bands == ([rows] if rows < 8 * grid[0] else [])
     assert (actual - expected).abs().max() <= 1e-6 * expected.abs().max()
 
 
-@torch.no_grad()
+@inference()
 def test_bands_agree_in_bfloat16(tiny_config, monkeypatch):
     network, (levels, extra) = in_precision(built(tiny_config), torch.bfloat16), features(1, (16, 8))
     expected = network(levels, extra)
@@ -41,7 +44,7 @@ def test_bands_agree_in_bfloat16(tiny_config, monkeypatch):
     assert (network(levels, extra) - expected).abs().max() <= 2e-2 * expected.abs().max()
 
 
-@torch.no_grad()
+@inference()
 def test_a_band_can_be_cancelled_and_progress_rises(tiny_config, monkeypatch):
     network, (levels, extra), seen = built(tiny_config), features(1, (16, 8)), []
     monkeypatch.setattr(decoder, "BAND_PIXELS", 16 * 64)

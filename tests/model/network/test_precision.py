@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which parts of a network are stored in half precision."""
+import pytest
 import torch
+from torch.nn import functional as F
 
-from renderformer_v2.model.network import renderformer
+from renderformer_v2.model.compute.inference import inference
+from renderformer_v2.model.network import decoder, renderformer
 from renderformer_v2.model.network.memory_estimate import view_parameters
 from renderformer_v2.model.network.renderformer import RenderFormer, as_released
 from renderformer_v2.model.weights.presets import rf2_200m
 from tools.parity.cases import recipe_network
 
 
-@torch.inference_mode()
+@inference()
 def test_stage_2_is_as_exact_as_in_the_authors_release(tiny_config, tiny_inputs, rays, monkeypatch):
-    context = recipe_network(tiny_config).encode_scene(tiny_inputs, keep_keys_values=False)
+    context = recipe_network(tiny_config).encode_scene(tiny_inputs, cache_keys_values=False)
 
     def features(exact: bool, dtype: torch.dtype):
         monkeypatch.setattr(renderformer, "has_tensor_float_32", lambda device: exact)
@@ -33,3 +36,23 @@ def test_the_weights_of_stage_2_are_counted():
         layers = RenderFormer(rf2_200m()).view_transformer.transformer.layers
     counted = sum(p.numel() for p in layers.parameters() if p.ndim == 2)
     assert view_parameters(rf2_200m()) == counted
+
+
+@pytest.mark.parametrize("bands", [False, True])
+def test_the_last_convolution_is_never_computed_in_tensor_float_32(tiny_config, tiny_network, monkeypatch, bands):
+    """On a card it would be, as all others are, unless PyTorch is told otherwise around it."""
+    last, settings, real = tiny_network.view_transformer.out_dpt.scratch.output_conv2[-1], [], F.conv2d
+
+    def watched(x, weight, *rest):
+        settings.append((weight is last.weight, x.dtype, torch.backends.cudnn.conv.fp32_precision))
+        return real(x, weight, *rest)
+
+    monkeypatch.setattr(F, "conv2d", watched)
+    monkeypatch.setattr(decoder, "BAND_PIXELS", 64 * 16 if bands else 64 * 64)
+    before = torch.backends.cudnn.conv.fp32_precision
+    with inference():
+        tiny_network.view_transformer.out_dpt([torch.randn(1, 48, 8, 8, dtype=torch.bfloat16)] * 4)
+    assert before != "ieee" and torch.backends.cudnn.conv.fp32_precision == before
+    assert {(dtype, setting) for is_last, dtype, setting in settings if is_last} == {(torch.float32, "ieee")}
+    assert {setting for is_last, _, setting in settings if not is_last} == {before}
+    assert sum(is_last for is_last, *_ in settings) == (4 if bands else 1)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import make_guides
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.first_hits import make_guides
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings, Light
 
@@ -30,7 +30,7 @@ def guides(monkeypatch):
         seen.append(make_guides(passes, converted, view))
         return seen[-1]
 
-    monkeypatch.setattr(hits, "make_guides", spy)
+    monkeypatch.setattr(first_hits, "make_guides", spy)
     return seen
 
 
@@ -105,11 +105,11 @@ def test_the_published_network_is_never_guided(scene, tmp_path):
     (bundle / "model_index.json").write_text("{}")
     settings = scene.renderformer_v2
     settings.light, settings.weights_source = "TRACED", "BUNDLED"
-    assert FrameSettings.of(scene).light is Light.TRACED
+    assert FrameSettings.read(scene).light is Light.TRACED
     settings.weights_source, settings.weights_folder = "FOLDER", str(bundle)
-    assert FrameSettings.of(scene).light is Light.NONE
+    assert FrameSettings.read(scene).light is Light.NONE
     settings.weights_source, settings.light = "BUNDLED", "NETWORK"
-    assert FrameSettings.of(scene).light is Light.NONE
+    assert FrameSettings.read(scene).light is Light.NONE
 
 
 def test_a_blender_without_a_denoiser_says_so_and_traces_all_the_same(shadowed, tmp_path, guides, monkeypatch):

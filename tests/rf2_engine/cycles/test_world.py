@@ -7,7 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import world as world_session
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.fingerprint import of_tree
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
 from tests.rf2_engine.convert.cycles_reference import irradiance
@@ -29,7 +29,7 @@ def tokens(scene, monkeypatch):
         raise RenderCancelled  # the network has nothing to do with it
 
     def run():
-        monkeypatch.setattr(hits, "make_guides", record)
+        monkeypatch.setattr(first_hits, "make_guides", record)
         bpy.ops.render.render(scene=scene.name)
         return seen.pop()
     return run

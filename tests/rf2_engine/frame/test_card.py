@@ -18,7 +18,7 @@ from bl_ext.user_default.renderformer_v2.model.weights.presets import rf2_200m
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import card, preflight
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import frame_lines, last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
-from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings, Network
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from tests.described_cards import describe
@@ -56,14 +56,14 @@ def test_the_device_and_its_number_format_are_said_everywhere(lit, tmp_path, mon
 def test_preflight_tells_what_a_card_needs(lit, monkeypatch, free, said):
     describe(monkeypatch, AMPERE, free=free)
     found = preflight.run(bpy.context.evaluated_depsgraph_get(), lambda text, fraction: None)
-    needed, known = card.memory(FrameSettings.of(lit), found.tokens, 50 * 37)
+    needed, known = card.memory(FrameSettings.read(lit), found.tokens, 50 * 37)
     assert not found.error and known == free
     assert found.card.startswith(f"Card: at most {needed / 1e9:.1f} GB are needed, {said}")
 
 
 def test_more_triangles_and_pixels_need_more_of_a_card(lit, monkeypatch):
     describe(monkeypatch, AMPERE)
-    settings = FrameSettings.of(lit)
+    settings = FrameSettings.read(lit)
     small, of_many, of_large = (card.memory(settings, *size)[0] for size in ((1000, 64 * 64), (100_000, 64 * 64),
                                                                              (1000, 3840 * 2160)))
     assert 0 < small < min(of_many, of_large)
@@ -91,15 +91,14 @@ def test_pytorch_is_imported_for_a_card_that_may_be_used(lit, monkeypatch, devic
     monkeypatch.setattr(card.wheels, "has_nvidia_driver", lambda: driver)
     monkeypatch.setattr(card.importing, "import_packages", lambda: calls.append(1))
     lit.renderformer_v2.device = device
-    assert card.memory(FrameSettings.of(lit), 1000, 64 * 64) is None  # there is no card
+    assert card.memory(FrameSettings.read(lit), 1000, 64 * 64) is None  # there is no card
     assert bool(calls) == imported
 
 
 @pytest.mark.parametrize("chosen, dtype", [("fp32", torch.float32), ("auto", torch.bfloat16)])
 def test_the_published_weights_are_counted_in_the_precision_that_a_card_holds_them_in(lit, monkeypatch, chosen, dtype):
     describe(monkeypatch, AMPERE)
-    settings = replace(FrameSettings.of(lit), light_passes=frozenset(), precision=chosen)
-    assert not settings.guided
+    settings = replace(FrameSettings.read(lit), network=Network.PUBLISHED, precision=chosen)
     needed, _ = card.memory(settings, 1000, 64 * 64)
     config = rf2_200m()
     weights = needed - card_bytes(config, 0, 1000, 64 * 64, (dtype.itemsize, 4), KEYS_VALUES_BYTES)

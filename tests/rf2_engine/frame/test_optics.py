@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, shutter
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import shutter
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.optics import Optics
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
@@ -74,14 +75,14 @@ def seen(monkeypatch):
     """Lists of what every sample had: passes of Cycles, scene, view; scenes that were encoded."""
     found = {"samples": [], "encoded": []}
 
-    def make_guides(*arguments, real=hits.make_guides):
+    def make_guides(*arguments, real=first_hits.make_guides):
         found["samples"].append(arguments)
         return real(*arguments)
 
     def encoded(renderer, scene, size, real=model_cache.encoded):
         found["encoded"].append(scene)
         return real(renderer, scene, size)
-    monkeypatch.setattr(hits, "make_guides", make_guides)
+    monkeypatch.setattr(first_hits, "make_guides", make_guides)
     monkeypatch.setattr(model_cache, "encoded", encoded)
     return found
 
@@ -154,11 +155,11 @@ def test_the_timeline_stays_where_it_is_while_other_moments_are_rendered(blurry,
     moving(blurry, bpy.data.objects["Cube"], (-1, 0, 0), (0, 0, 0), (1, 0, 0))
     shown, evaluated = [], []
 
-    def look(layer, *given, real=hits._session):
+    def look(layer, *given, real=first_hits._run_session):
         shown.append(blurry.frame_current_final)
         evaluated.append(layer.depsgraph.scene_eval.frame_current_final)
         return real(layer, *given)
-    monkeypatch.setattr(hits, "_session", look)
+    monkeypatch.setattr(first_hits, "_run_session", look)
     press_f12(blurry, tmp_path)
     assert set(shown) == {2.0} and len(set(evaluated)) == SAMPLES + 1 and blurry.frame_current_final == 2
 
@@ -208,9 +209,9 @@ def test_the_switches_of_camera_and_scene_are_followed(blurry, tmp_path, seen):
 
 
 def test_all_samples_together_have_as_many_rays_as_a_sharp_picture():
-    assert [Optics(lens=lens).rays_of_each(8) for lens in (1, 2, 3, 16)] == [8, 4, 3, 1]
-    assert [Optics(lens=lens).rays_of_all(8) for lens in (1, 2, 3, 16)] == [8, 8, 24, 128]
-    assert Optics().rays_of_all(8) == Optics(glass=True).rays_of_all(8) == 8
+    assert [Optics(lens_samples=lens).rays_of_sample(8) for lens in (1, 2, 3, 16)] == [8, 4, 3, 1]
+    assert [Optics(lens_samples=lens).rays_of_picture(8) for lens in (1, 2, 3, 16)] == [8, 8, 24, 128]
+    assert Optics().rays_of_picture(8) == Optics(transparent_glass=True).rays_of_picture(8) == 8
 
 
 def test_blur_of_one_sample_is_reported_where_the_scene_wants_it(blurry, tmp_path):

@@ -8,7 +8,7 @@ from bl_ext.user_default.renderformer_v2.model.camera import view_rays
 from bl_ext.user_default.renderformer_v2.model.metrics.scores import psnr
 from bl_ext.user_default.renderformer_v2.model.published import pipeline
 from bl_ext.user_default.renderformer_v2.model.scene import View
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
 from tests.model.published.bundles import tiny_published_config, write_bundle
@@ -100,10 +100,10 @@ def test_the_sides_of_a_whole_turn_meet(room, tmp_path, monkeypatch, light):
 def test_a_border_and_motion_blur_are_those_of_cycles_and_there_is_no_depth_of_field(room, tmp_path, monkeypatch):
     seen = []
 
-    def make_guides(found, tokens, view, real=hits.make_guides):
+    def make_guides(found, tokens, view, real=first_hits.make_guides):
         seen.append((found, view))
         return real(found, tokens, view)
-    monkeypatch.setattr(hits, "make_guides", make_guides)
+    monkeypatch.setattr(first_hits, "make_guides", make_guides)
     settings, camera = room.render, room.camera
     camera.data.panorama_type, camera.data.dof.use_dof, room.renderformer_v2.lens_samples = "EQUIRECTANGULAR", True, 4
     settings.use_border, settings.border_min_x, settings.border_max_y = True, 0.23, 0.71

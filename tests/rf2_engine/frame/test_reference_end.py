@@ -121,7 +121,7 @@ def test_what_cycles_did_not_write_is_no_reference(lit, samples, same, kept):
     """Combined is still ours until it writes its first samples."""
     picture = np.full((2, 2, 4), np.nan, np.float32)
     rendered = {"cycles_reference": picture.copy() if same else np.ones_like(picture)}
-    found = reference._kept({"": rendered}, samples, {"": {"combined": picture}}, FrameReference.of(lit),
+    found = reference._stopped_reference({"": rendered}, samples, {"": {"combined": picture}}, FrameReference.read(lit),
                             report := Report())
     assert bool(found) == kept and len(report.entries) == 1
 
@@ -129,11 +129,11 @@ def test_what_cycles_did_not_write_is_no_reference(lit, samples, same, kept):
 def test_a_reference_of_two_views_has_both_or_is_none(lit):
     ours = {"combined": np.zeros((2, 2, 4), np.float32)}
     theirs = {"cycles_reference": np.ones((2, 2, 4), np.float32)}
-    chosen = FrameReference.of(lit)
+    chosen = FrameReference.read(lit)
     views = {"left": ours, "right": ours}
-    assert reference._kept({"left": theirs, "right": theirs}, 3, views, chosen, Report())
-    assert not reference._kept({"left": theirs, "right": {"cycles_reference": ours["combined"]}}, 3, views, chosen,
-                               Report())
+    assert reference._stopped_reference({"left": theirs, "right": theirs}, 3, views, chosen, Report())
+    half = {"left": theirs, "right": {"cycles_reference": ours["combined"]}}
+    assert not reference._stopped_reference(half, 3, views, chosen, Report())
 
 
 def test_esc_before_cycles_starts_keeps_our_picture(lit, tmp_path, monkeypatch):

@@ -22,7 +22,7 @@ SOME = IN_FIRST_BLOCK, *OTHERS
 def of_now(scene, fitted=None, width=16):
     """The Shot of the frame that the scene is at; fitted: function that gives the box of a key frame."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    now = shot.Shot.of(depsgraph, FrameSettings.of(depsgraph.scene_eval), width, 16)
+    now = shot.Shot.find(depsgraph, FrameSettings.read(depsgraph.scene_eval), width, 16)
     keys, at = now.unknown(), []
     if fitted:
         now.look_ahead(keys, lambda key: at.append(key) or {"scene"},

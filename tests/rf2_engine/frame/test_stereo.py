@@ -8,7 +8,8 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.metrics.scores import psnr
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat, exr
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits, preflight
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import preflight
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 
@@ -81,10 +82,10 @@ def blurred_cameras(scene):
 def test_each_eye_looks_where_cycles_does(both, tmp_path, monkeypatch, how):
     seen = []
 
-    def make_guides(found, tokens, view, real=hits.make_guides):
+    def make_guides(found, tokens, view, real=first_hits.make_guides):
         seen.append((found, view))
         return real(found, tokens, view)
-    monkeypatch.setattr(hits, "make_guides", make_guides)
+    monkeypatch.setattr(first_hits, "make_guides", make_guides)
     how(both)
     rendered(both, tmp_path)
     assert not last_render.last_frame[0].error and len(seen) == (4 if "blurred" in how.__name__ else 2)
@@ -164,10 +165,10 @@ def test_passes_and_reference_are_there_for_each_view_and_compare_can_read_them(
 def test_a_world_that_cycles_draws_is_the_same_with_two_cameras(both, tmp_path, monkeypatch):
     seen = []
 
-    def make_guides(found, tokens, view, real=hits.make_guides):
+    def make_guides(found, tokens, view, real=first_hits.make_guides):
         seen.append(tokens.environment)
         return real(found, tokens, view)
-    monkeypatch.setattr(hits, "make_guides", make_guides)
+    monkeypatch.setattr(first_hits, "make_guides", make_guides)
     tree = both.world.node_tree
     sky = tree.nodes.new("ShaderNodeTexSky")
     sky.sky_type = "PREETHAM" if bpy.app.version < (5, 0) else "SINGLE_SCATTERING"

@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, TILE_SIZE
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
 
 KINDS = {  # object: the claim
     "Flat": "a face has one normal", "Smooth": "normals are interpolated",
@@ -71,11 +71,11 @@ def pixels(scene, monkeypatch):
     """{object: (Cycles' normals, the tokens', Cycles' colours, the tokens')}, (P, 3) each, of pixels inside of it."""
     seen = []
 
-    def record(found, tokens, view, real=hits.make_guides):
+    def record(found, tokens, view, real=first_hits.make_guides):
         seen.append((found, tokens, real(found, tokens, view)))
         raise RenderCancelled  # the network has nothing to do with it
 
-    monkeypatch.setattr(hits, "make_guides", record)
+    monkeypatch.setattr(first_hits, "make_guides", record)
     build(scene)
     scene.render.resolution_x, scene.render.resolution_y = 160, 96
     scene.renderformer_v2.light = "NETWORK"

@@ -71,9 +71,10 @@ def test_fewer_triangles_than_the_budget_take_less_time(plan):
 
 
 def test_every_stage_has_work_in_the_order_of_a_frame_and_a_cost_of_its_own(scene):
-    everything = optics.Optics(lens=4, shutter=2, glass=True, holes=True, catchers=True)
+    everything = optics.Optics(lens_samples=4, shutter_samples=2, transparent_glass=True, holdouts=True,
+                                shadow_catchers=True)
     scene.renderformer_v2.reference.use = True
-    to_do = work.work(50, 37, None, FrameSettings.of(scene), everything, lit=True)
+    to_do = work.stage_work(50, 37, None, FrameSettings.read(scene), everything, with_lobes=True)
     table = [each for each in vars(stages).values() if isinstance(each, stages.Stage)]
     assert list(to_do) == table
     assert len({stage.key for stage in table}) == len(table) and all(stage.first_guess > 0 for stage in table)

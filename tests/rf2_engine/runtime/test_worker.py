@@ -15,10 +15,10 @@ class Counting:
     """Work of some steps, each of which ends when it is told to."""
 
     def __init__(self, steps=1, asked=0.0, hold=None):
-        self.left, self.asked, self.hold, self.threads = steps, asked, hold, []
+        self.left, self.requested_at, self.hold, self.threads = steps, asked, hold, []
         self.began, self.done, self.stopped = threading.Event(), threading.Event(), False
 
-    def wants(self):
+    def has_work(self):
         return self.left > 0
 
     def step(self, listen):

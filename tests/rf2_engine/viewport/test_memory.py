@@ -9,7 +9,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import viewport
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.session import Session
-from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.source import Source, key_of
+from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.source import Source, source_key
 
 from tests.rf2_engine.f12 import cube, material, sun
 from tests.rf2_engine.viewport.views import depsgraph, pictures, read, request, through_camera
@@ -30,7 +30,7 @@ def test_memory_stays_the_same_over_many_updates(scene):
     sun(scene)
     scene.renderformer_v2.viewport.resolution, scene.renderformer_v2.viewport.token_budget = "8", 256
     bpy.context.view_layer.update()
-    source = viewport._sources[key_of(depsgraph())] = Source()
+    source = viewport._sources[source_key(depsgraph())] = Source()
     session, held = Session(), []
     for i in range(UPDATES):
         if i % 3 == 0:
@@ -40,7 +40,7 @@ def test_memory_stays_the_same_over_many_updates(scene):
         else:
             scene.camera.location.x = np.cos(i) / 2
         bpy.context.view_layer.update()
-        session.ask(request(scene, read(source), through_camera(scene, 64 + 8 * (i % 5), 48)))
+        session.submit(request(scene, read(source), through_camera(scene, 64 + 8 * (i % 5), 48)))
         pictures(session)
         gc.collect()
         held.append(resident())

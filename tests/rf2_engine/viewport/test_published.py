@@ -25,7 +25,7 @@ def test_the_finest_level_is_the_picture_of_a_render(published, tmp_path):
     published.render.film_transparent = True
     rendered = press_f12(published, tmp_path)["ViewLayer.Combined"]
     session = Session()
-    session.ask(request(published, read(), through_camera(published, 128, 64)))
+    session.submit(request(published, read(), through_camera(published, 128, 64)))
     shown = [picture for picture in pictures(session) if picture]
     assert [picture.divisor for picture in shown] == [8, 4, 2, 1]
     ours, inside = shown[-1].pixels, (shown[-1].pixels[..., 3] == 1) & (rendered[..., 3] == 1)
@@ -36,6 +36,6 @@ def test_the_finest_level_is_the_picture_of_a_render(published, tmp_path):
 def test_coarse_levels_of_a_large_region_are_drawn_by_the_network_for_large_pictures(published):
     published.renderformer_v2.viewport.resolution = "8"
     session = Session()
-    session.ask(request(published, read(), through_camera(published, 2048, 128)))
+    session.submit(request(published, read(), through_camera(published, 2048, 128)))
     pictures(session)
-    assert session._lit.encoded.variant == "transformer_2048"
+    assert session._scene.encoded.variant == "transformer_2048"

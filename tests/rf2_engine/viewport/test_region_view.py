@@ -24,7 +24,7 @@ def space():
 
 
 def of(space, **settings):
-    return RegionView.of(WIDTH, HEIGHT, space.region_3d, space, bpy.context.scene, **settings)
+    return RegionView.read(WIDTH, HEIGHT, space.region_3d, space, bpy.context.scene, **settings)
 
 
 def seen_at(view, points):
@@ -104,6 +104,6 @@ def test_a_render_border_is_a_part_of_the_cameras_frame(space):
     class OfCamera:  # the numbers of a RegionView3D that a script cannot set without a window
         view_perspective = "CAMERA"
         window_matrix, view_matrix = projection, camera.matrix_world.inverted()
-    x0, x1, y0, y1 = RegionView.of(WIDTH, HEIGHT, OfCamera, space, scene).rectangle
+    x0, x1, y0, y1 = RegionView.read(WIDTH, HEIGHT, OfCamera, space, scene).rectangle
     # The frame is a square as wide as the region, of which the part above and below is not seen.
     assert (x0, x1) == (WIDTH // 2, WIDTH) and (y0, y1) == (HEIGHT // 2, HEIGHT)

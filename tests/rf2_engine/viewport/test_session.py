@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.metrics.scores import psnr
-from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import lighting
+from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import pictures as viewport_pictures
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import session as sessions
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.session import Session
 
@@ -32,20 +32,20 @@ def counted(monkeypatch):
     """How often a scene was made ready, and pictures of which size were drawn."""
     calls = {"light": 0, "picture": []}
 
-    def light(*given, real=lighting.light):
+    def light(*given, real=viewport_pictures.prepare_scene):
         calls["light"] += 1
         return real(*given)
 
-    def picture(lit, view, *rest, real=lighting.picture):
+    def picture(lit, view, *rest, real=viewport_pictures.render_picture):
         calls["picture"].append((view.width, view.height))
         return real(lit, view, *rest)
-    monkeypatch.setattr(sessions, "light", light)
-    monkeypatch.setattr(sessions, "picture", picture)
+    monkeypatch.setattr(sessions, "prepare_scene", light)
+    monkeypatch.setattr(sessions, "render_picture", picture)
     return calls
 
 
 def ask(session, scene, source, view):
-    return session.ask(request(scene, source, view))
+    return session.submit(request(scene, source, view))
 
 
 def smaller(picture, like):
@@ -68,10 +68,10 @@ def test_each_level_shows_what_a_render_with_network_alone_shows(corner, tmp_pat
 def test_the_first_picture_does_not_wait_for_the_network(corner, monkeypatch):
     drawn = []
 
-    def picture(lit, view, look, divisor, real=lighting.picture):
+    def picture(lit, view, look, divisor, real=viewport_pictures.render_picture):
         drawn.append((divisor, lit.is_draft))
         return real(lit, view, look, divisor)
-    monkeypatch.setattr(sessions, "picture", picture)
+    monkeypatch.setattr(sessions, "render_picture", picture)
     corner.renderformer_v2.viewport.resolution = "4"
     session, source = Session(), read()
     ask(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
@@ -89,7 +89,7 @@ def test_a_moved_camera_converts_nothing(corner, counted):
     ask(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
     pictures(session)
     corner.camera.location.x += 0.5
-    before = session.shown
+    before = session.displayed
     assert ask(session, corner, source, through_camera(corner, WIDTH, HEIGHT))
     after = pictures(session)[-1]
     assert counted["light"] == 1 and not np.array_equal(before.pixels, after.pixels)
@@ -99,7 +99,7 @@ def test_asking_for_the_same_is_no_work(corner, counted):
     session, source = Session(), read()
     ask(session, corner, source, through_camera(corner, 64, 48))
     pictures(session)
-    assert not ask(session, corner, source, through_camera(corner, 64, 48)) and not session.wants()
+    assert not ask(session, corner, source, through_camera(corner, 64, 48)) and not session.has_work()
 
 
 def test_a_resized_region_casts_rays_and_no_more(corner, counted):
@@ -114,25 +114,25 @@ def test_an_edit_that_changes_nothing_is_not_encoded_again(corner):
     session, source, view = Session(), read(), through_camera(corner, 64, 48)
     ask(session, corner, source, view)
     pictures(session)
-    lit = session._lit.encoded
+    lit = session._scene.encoded
     source.changes.add_everything()
     ask(session, corner, read(source), view)
     pictures(session)
-    assert session._lit.encoded is lit and session._lit.state == source.state
+    assert session._scene.encoded is lit and session._scene.state == source.state
 
 
 def test_the_newest_view_is_shown_and_finer_pictures_of_older_ones_are_dropped(corner, monkeypatch):
     session, source = Session(), read()
     first, newest = (through_camera(corner, width, 96) for width in (128, 160))
     ask(session, corner, source, first)
-    while session.shown is None:
+    while session.displayed is None:
         session.step(lambda *_: None)
-    assert session.shown.divisor == 8
+    assert session.displayed.divisor == 8
 
     def moves(*_):
         ask(session, corner, source, newest)
     session.step(moves)  # the camera moves while 1/4 is drawn
-    assert session.shown.divisor == 8 and session.shown.request.view == first
+    assert session.displayed.divisor == 8 and session.displayed.request.view == first
     assert [picture.request.view for picture in pictures(session) if picture] == [newest] * 4
 
 
@@ -145,7 +145,7 @@ def test_a_first_picture_is_finished_although_the_camera_goes_on(corner, monkeyp
     for view, newer in zip(views, views[1:], strict=False):
         ask(session, corner, source, view)
         session.step(lambda *_, newer=newer: ask(session, corner, source, newer))
-        assert session.shown.request.view == view
+        assert session.displayed.request.view == view
 
 
 def test_what_was_stopped_is_taken_up_again(corner):
@@ -155,7 +155,7 @@ def test_what_was_stopped_is_taken_up_again(corner):
     def stop(*_):
         raise sessions.Stopped()
     session.step(stop)
-    assert session.shown is None and session.wants() and not session.error
+    assert session.displayed is None and session.has_work() and not session.error
     assert pictures(session)[-1].divisor == 1
 
 
@@ -166,10 +166,10 @@ def test_an_error_is_said_once_and_tried_again_after_a_change(corner, monkeypatc
         raise SceneError("The floor is lava: cool it")
     session, source, view = Session(), read(), through_camera(corner, 64, 48)
     with monkeypatch.context() as patch:
-        patch.setattr(sessions, "light", fails)
+        patch.setattr(sessions, "prepare_scene", fails)
         ask(session, corner, source, view)
         session.step(lambda *_: None)
-    assert session.error == "The floor is lava: cool it" and not session.wants()
+    assert session.error == "The floor is lava: cool it" and not session.has_work()
     source.changes.add_everything()
     ask(session, corner, read(source), view)
     assert pictures(session)[-1].divisor == 1 and not session.error
@@ -182,7 +182,7 @@ def test_a_view_far_from_the_one_before_is_fitted_anew(corner, counted):
     corner.camera.location, corner.camera.rotation_euler = (0, 5.6, -1.3), (1.5, 0, 0)
     ask(session, corner, source, through_camera(corner, 128, 96))
     assert any(picture is None for picture in pictures(session))
-    assert counted["light"] == 2 and not session.wants()
+    assert counted["light"] == 2 and not session.has_work()
 
 
 def test_an_empty_scene_shows_the_world_and_film_transparency(scene):
@@ -204,7 +204,7 @@ def test_a_closed_viewport_holds_nothing(corner):
     ask(session, corner, read(), through_camera(corner, 64, 48))
     pictures(session)
     session.close()
-    assert session._lit is None and session.shown is None and not session.wants()
+    assert session._scene is None and session.displayed is None and not session.has_work()
 
 
 def test_there_are_pictures_while_edits_go_on(corner, monkeypatch):
@@ -221,7 +221,7 @@ def test_there_are_pictures_while_edits_go_on(corner, monkeypatch):
                 source.changes.add_everything()
                 ask(session, corner, read(source), view)
         session.step(edits)
-        shown.add(session.shown and session.shown.request.state)
+        shown.add(session.displayed and session.displayed.request.state)
     assert len(shown - {None}) == 3 and max(shown - {None}) < source.state
     assert pictures(session)[-1].request.state == source.state
 
@@ -234,13 +234,13 @@ def test_a_long_piece_of_work_is_dropped_once_and_then_finished(corner, monkeypa
     def moves(*_):
         ask(session, corner, source, through_camera(corner, next(widths), 48))
     session.step(moves)
-    assert session._lit is None and session.wants()
+    assert session._scene is None and session.has_work()
     session.step(moves)
-    assert session._lit is not None
+    assert session._scene is not None
     session.step(moves)
-    assert session.shown is None and session.wants()
+    assert session.displayed is None and session.has_work()
     session.step(moves)
-    assert session.shown is not None
+    assert session.displayed is not None
 
 
 def test_another_view_layer_or_local_view_is_another_scene(corner):

@@ -7,7 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying import kept as copies
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import source as sources
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import viewport
-from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.source import Source, hides_in, key_of
+from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.source import Source, hides_in, source_key
 
 from tests.rf2_engine.f12 import cube, material, sun
 from tests.rf2_engine.viewport.views import depsgraph, read
@@ -32,7 +32,7 @@ def kept(scene):
         cube(scene, name, (3 * i, 0, 0), material(name))
     sun(scene)
     source = Source()
-    viewport._sources[key_of(depsgraph())] = source
+    viewport._sources[source_key(depsgraph())] = source
     return read(source)
 
 
@@ -151,7 +151,7 @@ def test_an_edit_between_two_slices_is_not_lost(scene, monkeypatch):
     monkeypatch.setattr(sources, "SLICE", 0.0)
     for i in range(3):
         cube(scene, f"Cube {i}", (3 * i, 0, 0))
-    source = viewport._sources[key_of(depsgraph())] = Source()
+    source = viewport._sources[source_key(depsgraph())] = Source()
     assert not source.refresh(depsgraph())
     mesh = bpy.data.objects["Cube 0"].data
     mesh.vertices[0].co.x = -5
@@ -165,10 +165,10 @@ def test_a_viewport_that_hides_objects_of_its_own_has_its_own_copy():
     bpy.ops.wm.read_factory_settings()
     window = bpy.context.window_manager.windows[0]
     space = next(area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D")
-    shared = key_of(depsgraph(), space)
-    assert shared == key_of(depsgraph())
+    shared = source_key(depsgraph(), space)
+    assert shared == source_key(depsgraph())
     space.show_object_viewport_mesh = False
-    assert key_of(depsgraph(), space) != shared
+    assert source_key(depsgraph(), space) != shared
     bpy.context.view_layer.update()
     assert len(read(hides=hides_in(space)).copied.things) == 0
     space.show_object_viewport_mesh = True

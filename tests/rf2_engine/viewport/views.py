@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.lighting import Look
+from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.pictures import ViewportSettings
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.region_view import RegionView
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.session import Request, Session
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.source import Source
@@ -36,16 +36,16 @@ def read(source=None, hides=None):
 def request(scene, source, view):
     """Of all levels, however busy the machine is."""
     scene.renderformer_v2.viewport.time_limit = 0
-    return Request(source.copied, source.state, view, Look.of(scene, depsgraph().view_layer))
+    return Request(source.copied, source.state, view, ViewportSettings.read(scene, depsgraph().view_layer))
 
 
 def pictures(session):
     """What a session shows one after the other until it is done, and which pieces of work had nothing to show."""
     found = []
-    while session.wants():
-        before = session.shown
+    while session.has_work():
+        before = session.displayed
         session.step(lambda *_: None)
-        found.append(session.shown if session.shown is not before else None)
+        found.append(session.displayed if session.displayed is not before else None)
     assert not session.error, session.error
     return found
 
@@ -53,5 +53,5 @@ def pictures(session):
 def finished(scene, view, source=None):
     """The last picture of a view."""
     session = Session()
-    session.ask(request(scene, source or read(), view))
+    session.submit(request(scene, source or read(), view))
     return pictures(session)[-1]

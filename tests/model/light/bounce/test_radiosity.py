@@ -13,7 +13,7 @@ from renderformer_v2.model.light.bounce.openness import Openness
 from renderformer_v2.model.light.bounce.panes import PASSED
 from renderformer_v2.model.light.bounce.probes import Probes
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import Lamps, DirectLight
+from renderformer_v2.model.light.direct.direct_light import DirectLight, Lamps
 from renderformer_v2.model.material.reflectance import BLURRED, layer_reflectance
 from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, RenderScene, constant_tile
 from tests.model.no_host_copies import NoHostCopies

@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.model.first_hits.camera_rays import cast_guides
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import cast_guides
 
 SIZE = 64
 

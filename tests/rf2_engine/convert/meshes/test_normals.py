@@ -4,10 +4,10 @@ import bpy
 import numpy as np
 import OpenEXR
 
+from bl_ext.user_default.renderformer_v2.model.first_hits.camera_rays import cast_guides
 from bl_ext.user_default.renderformer_v2.model.geometry import area_vectors, facing, reflected
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import cast_guides
 
 SIZE = 128
 

@@ -4,7 +4,8 @@ import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame.limits import report_limits
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.checks import report_ignored_settings
+from bl_ext.user_default.renderformer_v2.rf2_engine.settings import light_passes
 
 from tests.rf2_engine.f12 import cube, sun
 
@@ -17,9 +18,9 @@ def lines(scene):
 
     def of_now() -> list[str]:
         report = Report()
-        for each in (scene, bpy.data.lights["Sun"]):
-            each.update_tag()  # a render evaluates everything
-        report_limits(bpy.context.evaluated_depsgraph_get(), report)
+        for data in (scene, bpy.data.lights["Sun"]):
+            data.update_tag()  # a render evaluates everything
+        report_ignored_settings(bpy.context.evaluated_depsgraph_get(), light_passes(scene), report)
         return report.lines()
     return of_now
 

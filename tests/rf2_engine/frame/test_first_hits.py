@@ -3,9 +3,10 @@
 import bpy
 import numpy as np
 
+from bl_ext.user_default.renderformer_v2.model.first_hits.camera_rays import SPREAD, cast_guides
 from bl_ext.user_default.renderformer_v2.model.scene import RenderScene, View, constant_tile
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import SPREAD, cast_guides, make_guides
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame.first_hits import make_guides
 
 from tests.rf2_engine.f12 import cube, material, sun
 
@@ -17,7 +18,7 @@ def test_rays_through_the_tokens_find_what_cycles_finds(scene, monkeypatch):
         seen.update(scene=converted, view=view, guides=make_guides(passes, converted, view))
         return seen["guides"]
 
-    monkeypatch.setattr(hits, "make_guides", spy)
+    monkeypatch.setattr(first_hits, "make_guides", spy)
     cube(scene, of=material("Red", (0.8, 0.1, 0.1)))
     sun(scene)
     bpy.ops.render.render(scene=scene.name)
@@ -36,7 +37,7 @@ def test_rays_through_the_tokens_find_what_cycles_finds(scene, monkeypatch):
 
 def test_a_lamp_is_not_seen_and_an_empty_scene_is_empty(scene, monkeypatch):
     seen = {}
-    monkeypatch.setattr(hits, "make_guides", lambda passes, converted, view: seen.update(
+    monkeypatch.setattr(first_hits, "make_guides", lambda passes, converted, view: seen.update(
         scene=converted, view=view) or make_guides(passes, converted, view))
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA"))
     lamp.location, lamp.rotation_euler = (0, -2, 0), (1.5707963, 0, 3.1415927)

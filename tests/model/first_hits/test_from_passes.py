@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.camera import square_view, view_rays
-from bl_ext.user_default.renderformer_v2.model.scene import RenderScene, constant_tile
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame.guides import make_guides
+from renderformer_v2.model.camera import square_view, view_rays
+from renderformer_v2.model.first_hits.from_passes import guides_from_passes
+from renderformer_v2.model.geometry import barycentric
+from renderformer_v2.model.scene import RenderScene, constant_tile
 
 SIZE, NOTHING = 96, 1e10
 
@@ -35,6 +36,16 @@ def first_hits(triangles: np.ndarray, origin: np.ndarray, rays: np.ndarray) -> t
     return np.where(distance.min(1) < NOTHING, distance.argmin(1), -1), distance.min(1)
 
 
+def nearest_triangles(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Every triangle tried for every point, by the point of it with the same weights of its corners, none negative."""
+    found = []
+    for point in points:
+        weights = barycentric(triangles, np.broadcast_to(point, (len(triangles), 3))).clip(0, 1)
+        weights /= weights.sum(axis=1, keepdims=True)
+        found.append(np.linalg.norm((triangles * weights[..., None]).sum(axis=1) - point, axis=-1).argmin())
+    return np.array(found)
+
+
 @pytest.mark.parametrize("light", [False, True])
 def test_pixels_belong_to_the_triangles_they_see(light):
     scene = scattered_scene(120, light)
@@ -52,8 +63,8 @@ def test_pixels_belong_to_the_triangles_they_see(light):
     passes = {name: zero for name in ("normal", "diffuse_color", "glossy_color", "transmission_color", "emission",
                                       "environment")}
     position = np.where(hit[..., None], origin + rays * distance, 0).astype(np.float32)
-    guides = make_guides(passes | {"alpha": hit[..., None] * np.float32(1), "depth": distance.astype(np.float32),
-                                   "position": position}, scene, view)
+    passes |= {"alpha": hit[..., None] * np.float32(1), "depth": distance.astype(np.float32), "position": position}
+    guides = guides_from_passes(passes, scene, view, nearest_triangles)
 
     assert (guides.hit_triangle[~hit] == -1).all()
     assert (guides.hit_triangle == triangle)[hit].mean() > 0.995  # the rest lies on an edge that two triangles share
@@ -84,6 +95,6 @@ def test_a_pixel_of_several_surfaces_takes_the_normal_of_the_one_in_its_middle()
     mean = np.where(edge[..., None], np.float32((0, 0.5, 0.5)), exact)
     zero, ones = np.zeros_like(position), np.ones((SIZE, SIZE, 1), np.float32)
     passes = {name: zero for name in ("diffuse_color", "glossy_color", "transmission_color", "emission", "environment")}
-    guides = make_guides(passes | {"normal": mean, "alpha": ones, "depth": distance[..., None].astype(np.float32),
-                                   "position": position}, scene, view)
+    passes |= {"normal": mean, "alpha": ones, "depth": distance[..., None].astype(np.float32), "position": position}
+    guides = guides_from_passes(passes, scene, view, nearest_triangles)
     np.testing.assert_allclose(guides.normal, exact, atol=1e-5)

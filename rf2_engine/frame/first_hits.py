@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles' part of a view layer: first hits with direct light, alpha of holdouts, shadow catchers."""
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...model import progress
+from ...model.camera import sees
+from ...model.first_hits import denoise_media
+from ...model.first_hits.from_passes import clear_outside, guides_from_passes, guides_without_triangles
+from ...model.light.specular.ends import add_path_ends
+from ...model.scene import Guides, RenderScene, View
+from ..convert.camera.lens import Lens
+from ..convert.meshes.nearest import Surface
+from ..cycles import session as cycles_session
+from ..cycles.run import Passes
+from ..cycles.session import PINHOLE, CameraModel, Catchers
+from ..progress.stages import ALPHA, CATCHERS, FIRST_HITS, SAMPLE_HITS
+from ..settings import Light
+from . import output
+from .layer import Layer
+from .optics import Optics
+from .output import CaughtShadows
+
+CYCLES_SHARE = 0.8  # of the time for first hits; the rest finds the triangles behind them
+
+
+@dataclass
+class FirstHits:
+    """First hits of the whole picture of one view; opacity and shadows as in output.composite."""
+
+    passes: Passes  # of cycles_session.render_views
+    guides: Guides
+    opacity: np.ndarray | None
+    shadows: CaughtShadows | None
+    outside: np.ndarray | None = None  # (H, W) bool: pixels of a panorama that look nowhere; Cycles leaves them black
+
+    @property
+    def preview(self) -> np.ndarray:
+        """(H, W, 3) radiance to show until the network is done: traced light, or unlit colours."""
+        guides = self.guides
+        if guides.traced is not None:
+            return guides.traced
+        return guides.diffuse_color + guides.glossy_color + guides.transmission_color
+
+    def composite(self, radiance: np.ndarray, exposure: float) -> np.ndarray:
+        """(H, W, 4) Combined with that radiance of surfaces and volumes."""
+        picture = output.composite(radiance, self.guides, self.opacity, self.shadows, exposure)
+        if self.outside is not None:
+            picture[self.outside, 3] = 1
+        return picture
+
+
+def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
+                      passes: dict[str, Passes]) -> tuple[dict[str, FirstHits], Optics]:
+    """First hits of the whole picture by view, and the optics that the picture needs.
+
+    `passes` (as in output.write_views) get the first hits as soon as they are known. The optics become those of a
+    pinhole if they were for nothing but glass, and no glass is visible.
+    """
+    optics, settings = layer.optics, layer.settings
+    opacity, shadows, hits = _render_opacity(layer, views), _render_shadows(layer, views), {}
+    with layer.plan.enter(FIRST_HITS):
+        rendered = _run_session(layer, scene, optics.camera_model(), optics.rays_of_picture(settings.guide_samples))
+        for name, view_passes in rendered.items():
+            passes[name] |= output.first_hit_passes(view_passes, settings.exposure)
+        if optics and optics.samples == 1 and not any(
+                view_passes["transmission_color"].any() for view_passes in rendered.values()):
+            optics = Optics()
+            layer.plan.skip(SAMPLE_HITS)
+        for number, (name, view) in enumerate(views.items()):
+            view_passes, outside = rendered[name], _outside(view)
+            if optics:
+                guides = guides_without_triangles(clear_outside(view_passes, outside))
+            else:
+                with progress.part(*_remaining_share(CYCLES_SHARE, number, len(views))):
+                    guides = _make_guides(layer, clear_outside(view_passes, outside), scene, view)
+                view_passes |= {key: getattr(guides, key) for key in denoise_media.PASSES}  # less noisy through smoke
+                passes[name] |= output.first_hit_passes(view_passes, settings.exposure)
+            hits[name] = FirstHits(view_passes, guides, opacity[name], shadows[name], outside)
+    return hits, optics
+
+
+def render_sample_hits(layer: Layer, scene: RenderScene, optics: Optics,
+                       number: int) -> dict[str, tuple[View, Guides]]:
+    """By view: the view from the sample of that number on the lens, or from the lens' middle, and its guides."""
+    views, model, hits, samples = layer.views(), PINHOLE, {}, optics.lens_samples
+    if samples > 1:
+        lenses = {eye.view: Lens.of(eye) for eye in layer.eyes()
+                  if eye.camera.data.type != "PANO" and eye.camera.data.dof.use_dof}
+        points = {name: lens.points(samples)[number] for name, lens in lenses.items()}
+        views |= {name: lens.view(views[name], points[name]) for name, lens in lenses.items()}
+        by_camera = {lens.camera.name_full: (lens, points[name]) for name, lens in lenses.items()}
+        model = CameraModel(move_cameras=functools.partial(_move_to_samples, list(by_camera.values())))
+    with layer.plan.enter(SAMPLE_HITS):
+        rendered = _run_session(layer, scene, model, optics.rays_of_sample(layer.settings.guide_samples))
+        for index, (name, view) in enumerate(views.items()):
+            with progress.part(*_remaining_share(CYCLES_SHARE, index, len(views))):
+                hits[name] = view, _make_guides(layer, clear_outside(rendered[name], _outside(view)), scene, view)
+    return hits
+
+
+def make_guides(passes: Passes, scene: RenderScene, view: View) -> Guides:
+    """guides_from_passes, with Blender's search for the nearest triangles."""
+    return guides_from_passes(passes, scene, view, _nearest_triangles)
+
+
+def _nearest_triangles(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(k,) index of the one of triangles (N, 3, 3) that is nearest to each of points (k, 3)."""
+    corners = triangles.astype(np.float64).reshape(-1, 3)
+    return Surface(corners, np.arange(len(corners)).reshape(-1, 3)).nearest(points)
+
+
+def _make_guides(layer: Layer, passes: Passes, scene: RenderScene, view: View) -> Guides:
+    """The guides of a view, with what mirrors and glass show where its network wants that."""
+    with progress.part(0.0, 0.5):
+        guides = make_guides(passes, scene, view)
+    if not layer.settings.network.follows_specular_paths:
+        return guides
+    with progress.part(0.5, 1.0):
+        return add_path_ends(guides, scene, view)
+
+
+def _outside(view: View) -> np.ndarray | None:
+    return None if view.panorama is None else ~sees(view)
+
+
+def _remaining_share(begin: float, number: int, count: int) -> tuple[float, float]:
+    """Begin and end of the part for one of several, of what remains of 1 after `begin`."""
+    return tuple(begin + (1 - begin) * (number + end) / count for end in (0, 1))
+
+
+def _move_to_samples(lenses: list[tuple[Lens, np.ndarray]], override) -> None:
+    for lens, point in lenses:
+        lens.look_from(point, override)
+
+
+def _run_session(layer: Layer, scene: RenderScene, model: CameraModel, samples: int) -> dict[str, Passes]:
+    """The passes of cycles_session.render_views."""
+    settings = layer.settings
+    with_light = " and direct light" if settings.light is Light.TRACED else ""
+    with layer.status.during_cycles(f"Camera rays{with_light} {{}}", share=CYCLES_SHARE):
+        return cycles_session.render_views(layer.engine, layer.depsgraph, samples=samples, model=model,
+                                           light=settings.light, hazy=bool(scene.volumes), threads=settings.threads,
+                                           report=layer.report)
+
+
+def _render_opacity(layer: Layer, views: dict[str, View]) -> dict[str, np.ndarray | None]:
+    """(H, W) alpha of an opaque film, in which holdouts cut holes; None of a transparent one."""
+    if layer.settings.film_transparent:
+        return dict.fromkeys(views)
+    if not layer.optics.holdouts:
+        return {name: np.ones((view.height, view.width), np.float32) for name, view in views.items()}
+    with layer.plan.enter(ALPHA), layer.status.during_cycles("Alpha {}"):
+        rendered = _render_all_samples(layer, Light.NONE, layer.optics.camera_model()._replace(opaque_film=True))
+    return {name: passes["alpha"][..., 0] for name, passes in rendered.items()}
+
+
+def _render_shadows(layer: Layer, views: Iterable[str]) -> dict[str, CaughtShadows | None]:
+    """What shadow catchers show, if there are any."""
+    if not layer.optics.shadow_catchers:
+        return dict.fromkeys(views)
+    model, settings, sessions = layer.optics.camera_model(), layer.settings, []
+    cut = model._replace(catchers=Catchers.CUT)
+    catching = model._replace(catchers=Catchers.CATCH, opaque_film=not settings.film_transparent)
+    for light, session_model in ((Light.NONE, cut), (Light.TRACED, catching)):
+        with layer.plan.enter(CATCHERS), layer.status.during_cycles("Shadow catchers {}"):
+            sessions.append(_render_all_samples(layer, light, session_model))
+    without, caught = sessions
+    return {name: CaughtShadows(passes["combined"], without[name]["alpha"][..., 0]) for name, passes in caught.items()}
+
+
+def _render_all_samples(layer: Layer, light: Light, model: CameraModel) -> dict[str, Passes]:
+    return cycles_session.render_views(
+        layer.engine, layer.depsgraph, samples=layer.optics.rays_of_picture(layer.settings.guide_samples), light=light,
+        model=model, threads=layer.settings.threads, report=layer.report)

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From the copy of a scene to pictures of it, on any thread: first hits by rays of our own, light by the network."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import bpy
+import numpy as np
+
+from ...model import progress
+from ...model.first_hits.camera_rays import CENTER, SPREAD, cast_guides
+from ...model.light.effort import FULL, QUICK
+from ...model.light.specular.ends import add_path_ends
+from ...model.rays import Rays
+from ...model.scene import RenderScene, View
+from ..convert import compute
+from ..convert.data.copied import Copied
+from ..convert.data.memo import Memo
+from ..convert.data.report import Report
+from ..convert.fitting.framing import Framing
+from ..convert.fitting.scene_box import fit_box
+from ..frame import output
+from ..frame.shot import has_left
+from ..runtime import model_cache
+from ..settings import FrameSettings
+from .source import State
+
+COARSE = 4  # divisor from which on pictures are made quickly
+
+
+@dataclass(frozen=True)
+class ViewportSettings:
+    """The settings that decide what a viewport shows."""
+
+    frame: FrameSettings  # of a render, with the viewport's own Max Triangles
+    finest: int           # smallest divisor of the pixels along a side
+    time_limit: float     # seconds of one picture, 0 = any
+
+    @classmethod
+    def read(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> ViewportSettings:
+        """Raises CheckpointError and SceneError as FrameSettings.read does."""
+        own = scene.renderformer_v2.viewport
+        frame = replace(FrameSettings.read(scene, view_layer), token_budget=own.token_budget, guide_samples=1,
+                        reference=None)
+        return cls(frame, int(own.resolution), own.time_limit)
+
+    @property
+    def scene_key(self) -> tuple:
+        """The settings that decide how a scene is converted and encoded."""
+        frame = self.frame
+        return (frame.weights, frame.network, frame.transformer, frame.device, frame.precision, frame.token_budget,
+                frame.max_edge, frame.as_is, frame.paper_lamps)
+
+
+@dataclass(eq=False, frozen=True)
+class PreparedScene:
+    """A scene that is ready for views of it."""
+
+    state: State            # of the source that was copied
+    settings: ViewportSettings  # that it was converted and encoded with
+    scene: RenderScene
+    framing: Framing
+    encoded: object | None  # model.renderer.EncodedScene; None: there is nothing to light
+    content: bytes          # model_cache.fingerprint
+
+    @property
+    def is_draft(self) -> bool:
+        return self.encoded is not None and self.encoded.is_draft
+
+    @cached_property
+    def rays(self) -> Rays:
+        """Rays against all triangles, in the world frame."""
+        return Rays(self.scene.triangles)
+
+    @property
+    def visible_corners(self) -> np.ndarray:
+        """(k, 3) corners of the triangles that cameras see."""
+        return self.scene.triangles[self.scene.is_seen].reshape(-1, 3)
+
+
+def prepare_scene(copied: Copied, state: State, view: View, settings: ViewportSettings, before: PreparedScene | None,
+                  report: Report, memo: Memo) -> PreparedScene:
+    """Convert and encode a copy of a scene, for this view and those like it, as a draft where the network has drafts.
+
+    before: the scene that was shown until now, whose box and shares of triangles stay as long as they fit.
+    memo: of earlier conversions.
+    """
+    frame, framing = settings.frame, None
+
+    def steady(own: Framing) -> Framing:
+        nonlocal framing
+        framing = before.framing if before and before.settings.frame.as_is == frame.as_is and not has_left(
+            before.framing.box, own.box) else own
+        return framing
+
+    with progress.part(0.0, 0.4, "Converting the scene"):
+        scene = compute.compute(copied, view, token_budget=frame.token_budget, max_edge=frame.max_edge,
+                                as_is=frame.as_is, paper_lamps=frame.paper_lamps,
+                                report=report, steady=steady, memo=memo)
+    content = model_cache.fingerprint(scene)
+    if before and before.content == content and before.settings.scene_key == settings.scene_key:
+        return replace(before, state=state, framing=framing)
+    encoded = None
+    if len(scene) or scene.volumes:
+        with progress.part(0.4, 0.5, "Loading the network"):
+            network = model_cache.renderer(frame.weights, frame.device, frame.precision, frame.transformer)
+        with progress.part(0.5, 1.0, "Bouncing light"):
+            encoded = network.encode(scene, view.longer_side, draft=True)
+    return PreparedScene(state, settings, scene, framing, encoded, content)
+
+
+def finish_draft(draft: PreparedScene) -> PreparedScene:
+    """The scene of a draft with all of its light."""
+    with progress.part(0.0, 1.0, "Bouncing light"):
+        return replace(draft, encoded=draft.encoded.finished())
+
+
+def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettings,
+                   divisor: int) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, 4) f32 premultiplied linear Rec.709, row 0 on top, and (k, 3) positions of visible surfaces, world frame.
+
+    divisor: the picture's level. At the finest one several rays pass through each pixel, against jagged edges. Coarse
+    pictures, which others soon replace, have fewer rays of light.
+    """
+    is_finest = divisor == settings.finest
+    effort = QUICK if divisor >= COARSE and not is_finest else FULL
+    frame = settings.frame
+    with progress.part(0.0, 0.1, "Finding surfaces"):
+        guides = cast_guides(prepared.scene, view, SPREAD if is_finest else CENTER)
+    if frame.network.follows_specular_paths:
+        with progress.part(0.1, 0.2):
+            guides = add_path_ends(guides, prepared.scene, view, prepared.rays)
+    covered = guides.alpha > 0
+    radiance = np.zeros_like(guides.position)
+    if prepared.encoded is not None and (covered.any() or prepared.scene.volumes):
+        with progress.part(0.2, 1.0, "Lighting the picture"):
+            radiance = prepared.encoded.view(view, guides, effort)
+    opacity = None if frame.film_transparent else np.ones_like(guides.alpha)
+    return output.composite(radiance, guides, opacity, None, frame.exposure), guides.position[covered]
+
+
+def needs_refit(prepared: PreparedScene, view: View, points: np.ndarray) -> bool:
+    """Whether a view that shows these points (k, 3) is too far from the one that the scene was fitted to."""
+    if not len(points):
+        return False
+    corners = prepared.scene.triangles[~prepared.scene.is_light].reshape(-1, 3)
+    corners = corners if len(corners) else points
+    own = fit_box((corners.min(axis=0), corners.max(axis=0)), points, view)
+    return has_left(prepared.framing.box, own)
