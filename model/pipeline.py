@@ -6,7 +6,6 @@ the pipeline's device. Everything runs inside `inference()` (compute/inference.p
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -50,11 +49,11 @@ class LobePipeline(Pipeline, Protocol):
     def finished(self, draft: Encoded) -> Encoded:
         """What `encode` would have returned for the scene of a draft."""
 
-    def light(self, encoded: Encoded, view: View, guides: Guides, keys: Sequence[str],
+    def lobes(self, encoded: Encoded, view: View, guides: Guides, apart: bool = True,
               effort: Effort = FULL) -> dict[str, Tensor]:
-        """Radiance by name, in network exposure: "image" (3, H, W) as of `image`, "traced" (3, H, W), and "direct" and
-        "indirect" (3 lobes, 3, H, W) before the lobes' colours."""
+        """Pictures by field of Lobes, in network exposure: "radiance" (3, H, W) as of `image`, "traced" (3, H, W) if
+        light was traced, and if `apart` "direct" and "indirect" (3 lobes, 3, H, W) before the lobes' albedos."""
 
     def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, samples: int,
                     wraps: bool = False) -> dict[str, np.ndarray]:
-        """All `pictures` (H, W, C) f32 with smooth edges, in world radiance (guided/antialiasing.py)."""
+        """All `pictures` (H, W, C) f32 with smooth edges, in world radiance (guided/kernels.py)."""

@@ -30,7 +30,7 @@ from .compute.precision import NAMES, choose_precision, find_failure
 from .errors import CheckpointError
 from .guided.pipeline import GuidedPipeline
 from .light.effort import FULL, Effort
-from .lobes import Lobes
+from .light_passes import Lobes
 from .normalize import Normalization
 from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle
@@ -132,16 +132,15 @@ class EncodedScene:
         another network of the bundle renders.
         """
         image = self.renderer.pipeline.image
-        return self._rendered(view, guides, lambda *given: {"image": image(*given, effort)})["image"]
+        return self._rendered(view, guides, lambda *inputs: {"image": image(*inputs, effort)})["image"]
 
     def lobes(self, view: View, guides: Guides, apart: bool = True) -> Lobes:
         """The same and what is traced light in it, `apart` with the light of each lobe: guided networks alone know it.
 
         Raises as `view` does.
         """
-        keys = ["image"] + ["traced"] * (guides.traced is not None) + ["direct", "indirect"] * apart
-        found = self._rendered(view, guides, lambda *given: self.renderer.pipeline.light(*given, keys))
-        return Lobes(found.pop("image"), **found)
+        lobes = self.renderer.pipeline.lobes
+        return Lobes(**self._rendered(view, guides, lambda *inputs: lobes(*inputs, apart)))
 
     def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
                     samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
@@ -150,8 +149,9 @@ class EncodedScene:
         They are made of the view's light or its guides, which have so many samples; wraps: as View's. Guided networks
         alone know how.
         """
+        antialiased = self.renderer.pipeline.antialiased
         with inference(self.renderer.pieces):
-            return self.renderer.pipeline.antialiased(pictures, lobes.radiance, guides, samples, wraps)
+            return self.renderer.fitted(lambda: antialiased(pictures, lobes.radiance, guides, samples, wraps))
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""

@@ -20,7 +20,7 @@ import torch
 from examples import bounced, effects, room
 from renderformer_v2.model.compute import threads
 from renderformer_v2.model.first_hits.camera_rays import cast_guides
-from renderformer_v2.model.light.reflections import with_ends
+from renderformer_v2.model.light.specular.ends import add_path_ends
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 from renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
@@ -60,7 +60,7 @@ def compute(name: str) -> Computed:
     view = convert_camera(depsgraph, SIZE, SIZE, None)
     with threads.limited(1), threads.team(1):
         scene = convert(depsgraph, view, ConversionOptions(BUDGET, LONGEST_EDGE), Report())
-        guides = with_ends(cast_guides(scene, view), scene, view)
+        guides = add_path_ends(cast_guides(scene, view), scene, view)
         traced = replace(guides, traced=np.float32(TRACED) * guides.diffuse_color)
         encoded = Renderer(device="cpu", precision="fp32").encode(scene, SIZE)
         lobes = dict(zip(LIGHT, (encoded.lobes(view, hits) for hits in (guides, traced)), strict=True))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compute."""
+"""What computes: threads, devices, number formats, memory."""

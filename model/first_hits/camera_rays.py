@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays from a camera to the tokens that it sees, and guides from nothing but them."""
+"""Rays from a camera to the token triangles that it sees, and guides from these alone."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -17,52 +17,53 @@ from ..shading import shading_normals
 from .from_rays import guides_of_hits, lobe_colors, mean_guides
 
 SAMPLES = 16        # of a pixel
-BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of the filter that Cycles has by default
+BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of Cycles' default pixel filter
+FILTER_WIDTH = 1.5  # pixels, of the same
 FINDING = "Finding visible triangles"
 CENTER = ((0.5, 0.5),)
 # Positions in a pixel, no two in a row or column.
 SPREAD = ((0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625))
-FILTER_WIDTH = 1.5  # pixels, of that
 
 
 class Samples(NamedTuple):
-    """What K rays through each of E pixels meet; 0 = nothing."""
+    """First hits of K rays through each of E pixels; 0 where nothing is hit."""
 
     hit: np.ndarray       # (E, K) bool
     position: np.ndarray  # (E, K, 3) f32
     normal: np.ndarray    # (E, K, 3) f32, unit
-    colors: np.ndarray    # (3, E, K, 3) f32 of the lobes
+    colors: np.ndarray    # (3, E, K, 3) f32, albedo of the lobes
 
 
 class CameraRays:
-    """From the camera of a view of a scene, both in one frame."""
+    """From the camera of a view of a scene; both are in the same frame and units."""
 
     def __init__(self, scene: RenderScene, view: View):
         self._scene, self._view, self._eye = scene, view, view.camera_to_world[:3, 3]
-        seen = np.flatnonzero(scene.is_seen)
-        self._rays, self._row = Rays(scene.triangles[seen] - self._eye), np.append(seen, -1).astype(np.int32)
+        visible = np.flatnonzero(scene.is_seen)
+        self._rays = Rays(scene.triangles[visible] - self._eye)
+        self._row = np.append(visible, -1).astype(np.int32)  # the last one is that of no hit
 
     def closest(self, direction: np.ndarray) -> Hits:
-        """The first hits along directions (P, 3), of triangles by their row in the scene."""
-        met = self._rays.closest(np.zeros(3), direction)
-        return met._replace(triangle=self._row[met.triangle])  # the last row is that of nothing
+        """The first hits along directions (P, 3), with triangles by their row in the scene."""
+        hits = self._rays.closest(np.zeros(3), direction)
+        return hits._replace(triangle=self._row[hits.triangle])
 
-    def end_at(self, points: np.ndarray, off: float) -> np.ndarray:
-        """(P,) bool: whether the first hit towards points (P, 3) is there, `off` by no more than so much of the way."""
-        return np.abs(self.closest(points - self._eye).distance - 1) <= off
+    def hits_lie_at(self, points: np.ndarray, tolerance: float) -> np.ndarray:
+        """(P,) bool: whether the first hit towards points (P, 3) is there, within a share of the distance."""
+        return np.abs(self.closest(points - self._eye).distance - 1) <= tolerance
 
-    def samples(self, at: np.ndarray) -> Samples:
-        """Of pixels by their number (E,), row by row, at PLACES."""
-        row, column = np.divmod(at[:, None], self._view.width)
-        rays = view_rays_at(self._view, column + PLACES[:, 0], row + PLACES[:, 1])[1].reshape(-1, 3)
-        met = self.closest(rays)
-        hit = met.triangle >= 0
-        triangle, weights = met.triangle[hit], met.weights[hit]
-        found = np.zeros((5, len(rays), 3), np.float32)
-        found[0, hit] = met.distance[hit, None] * rays[hit] + self._eye
-        found[1, hit] = shading_normals(self._scene, triangle, corner_weights(weights), rays[hit])
-        found[2:, hit] = lobe_colors(self._scene, triangle, weights)
-        position, normal, *colors = found.reshape(5, len(at), len(PLACES), 3)
+    def sample(self, pixel: np.ndarray) -> Samples:
+        """K rays through pixels by number (E,), row by row, at SAMPLE_POINTS."""
+        row, column = np.divmod(pixel[:, None], self._view.width)
+        rays = view_rays_at(self._view, column + SAMPLE_POINTS[:, 0], row + SAMPLE_POINTS[:, 1])[1].reshape(-1, 3)
+        hits = self.closest(rays)
+        hit = hits.triangle >= 0
+        triangle, weights = hits.triangle[hit], hits.weights[hit]
+        values = np.zeros((5, len(rays), 3), np.float32)
+        values[0, hit] = hits.distance[hit, None] * rays[hit] + self._eye
+        values[1, hit] = shading_normals(self._scene, triangle, corner_weights(weights), rays[hit])
+        values[2:, hit] = lobe_colors(self._scene, triangle, weights)
+        position, normal, *colors = values.reshape(5, len(pixel), len(SAMPLE_POINTS), 3)
         return Samples(hit.reshape(position.shape[:2]), position, normal, np.stack(colors))
 
 
@@ -81,14 +82,14 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
     return mean_guides(samples)
 
 
-def _places(count: int) -> np.ndarray:
-    """(count, 2) x and y in a pixel and beyond, as dense as the filter; count is a power of two."""
+def _sample_points(count: int) -> np.ndarray:
+    """(count, 2) x and y in a pixel and beyond, distributed like the filter; count is a power of two."""
     t = np.linspace(0, 1, 1025)
     signed = zip(BLACKMAN_HARRIS, (1, -1, 1, -1), strict=True)
-    dense = sum(sign * term * np.cos(2 * np.pi * k * t) for k, (term, sign) in enumerate(signed))
+    density = sum(sign * term * np.cos(2 * np.pi * k * t) for k, (term, sign) in enumerate(signed))
     reversed_bits = [int(f"{i:b}".zfill(count.bit_length() - 1)[::-1], 2) for i in range(count)]
-    evenly = (np.stack([np.arange(count), reversed_bits], 1) + 0.5) / count  # Hammersley's points
-    return 0.5 + FILTER_WIDTH * (np.interp(evenly, np.cumsum(dense) / dense.sum(), t) - 0.5)
+    uniform = (np.stack([np.arange(count), reversed_bits], 1) + 0.5) / count  # Hammersley's points
+    return 0.5 + FILTER_WIDTH * (np.interp(uniform, np.cumsum(density) / density.sum(), t) - 0.5)
 
 
-PLACES = _places(SAMPLES)
+SAMPLE_POINTS = _sample_points(SAMPLES)

@@ -119,7 +119,7 @@ def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, trian
     coverage = has_token.astype(np.float32)
     varying = np.flatnonzero(denoise_media.varies(np.concatenate([*colors, coverage[..., None]], axis=-1)))
     for batch in np.array_split(varying, len(varying) // BATCH + 1):
-        samples = camera.samples(batch)
+        samples = camera.sample(batch)
         colors.reshape(3, -1, 3)[:, batch] = samples.colors.mean(2)
         coverage.reshape(-1)[batch] = samples.hit.mean(1)
     return Behind(colors, coverage)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Exposures by what a view shows: it may look at a dim room beside a bright one."""
+"""Exposure by what a view shows, and the encoding in which networks and losses compare pictures."""
 from __future__ import annotations
 
 import torch
@@ -14,3 +14,10 @@ def key_exposure(luminance: Tensor) -> Tensor:
     mean = luminance.mean() if len(luminance) else luminance.new_zeros(())
     average = (luminance + LEAST_OF_MEAN * mean).log().mean().exp() if mean > 0 else mean
     return torch.where(average > 0, KEY / average.clamp_min(1e-20), 1.0)
+
+
+def shown(radiance: Tensor) -> Tensor:
+    """sRGB-encoded; beyond 1 it grows slowly, so that gradients of what is too bright do not vanish."""
+    x = radiance.clamp_min(0)
+    curve = 1.055 * x.clamp(0.0031308, 1) ** (1 / 2.4) - 0.055
+    return torch.where(x > 0.0031308, curve, 12.92 * x) + 0.1 * x.clamp_min(1).log()

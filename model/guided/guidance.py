@@ -8,13 +8,14 @@ from torch.nn import functional as F
 
 from ..network.config import ModelConfig
 from ..network.layers import Linear, RMSNorm
-from .guide_tensors import FEATURES, band_rows
+from .features import FEATURES
 
-BEAM_FEATURES = 5  # axis and two cosines of a light triangle's beam
+BEAM_FEATURES = 5       # axis and two cosines of a light triangle's beam
+BAND_PIXELS = 1 << 17   # embedded at a time
 
 
 class Guidance(nn.Module):
-    """Embeds guides into ray-bundle tokens and beams into light tokens."""
+    """Embeds features of pixels into ray-bundle tokens, and beams into light tokens."""
 
     def __init__(self, config: ModelConfig):
         super().__init__()
@@ -24,14 +25,16 @@ class Guidance(nn.Module):
         self.beam_encoder = Linear(BEAM_FEATURES, config.latent_dim)
 
     def bundles(self, features: Tensor) -> Tensor:
-        """Guide features (V, len(FEATURES), H, W) -> (V, R, D), added to the ray tokens."""
-        def embed(band: Tensor) -> Tensor:
-            patches = F.pixel_unshuffle(band, self.patch_size)
-            return self.bundle_norm(self.bundle_encoder(patches.flatten(2).transpose(1, 2)))
+        """(V, len(FEATURES), H, W) -> (V, R, D), added to the ray tokens."""
+        views, _, height, width = features.shape
+        rows = max(BAND_PIXELS // (views * width) // self.patch_size, 1) * self.patch_size
+        return torch.cat([self._embed(band) for band in features.split(height if self.training else rows, dim=2)], 1)
 
-        return torch.cat([embed(band) for band in features.split(band_rows(features, self.patch_size), dim=2)], dim=1)
+    def _embed(self, band: Tensor) -> Tensor:
+        patches = F.pixel_unshuffle(band, self.patch_size)
+        return self.bundle_norm(self.bundle_encoder(patches.flatten(2).transpose(1, 2)))
 
     def beams(self, axis: Tensor, cosine: Tensor) -> Tensor:
         """(L, D) added to the tokens of L light triangles; axis (L, 3), cosine (L, 2)."""
-        directed = (axis.square().sum(-1, keepdim=True) > 0.25).to(axis.dtype)
-        return self.beam_encoder(torch.cat([axis, cosine], -1) * directed)
+        is_beam = (axis.square().sum(-1, keepdim=True) > 0.25).to(axis.dtype)
+        return self.beam_encoder(torch.cat([axis, cosine], -1) * is_beam)

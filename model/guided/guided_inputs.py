@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make the inputs of the guided network, for F12 and for training alike."""
+"""Inputs of the guided transformer for a scene, for F12 and for training alike (those for views: features.py)."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -12,24 +12,18 @@ from torch.nn import functional as F
 from ..environment import environment_images
 from ..fields import DIRECTION, array
 from ..geometry import contracted
-from ..light.bounce.radiosity import Radiosity
-from ..light.direct.direct_light import LightPrior
-from ..light.effort import FULL, Effort
 from ..network.config import ModelConfig
 from ..network.inputs import (
     EnvironmentInputs,
     NetworkInputs,
-    ViewInputs,
     VolumeInputs,
     bring_lights_near,
     encode_light,
     material_tiles,
-    view_inputs,
     volume_inputs,
 )
-from ..scene import Guides, RenderScene, View, Volumes
+from ..scene import RenderScene, Volumes
 from .encoders import panorama_size, tile_side
-from .guide_tensors import GuideTensors, guide_tensors
 
 
 @dataclass(kw_only=True)
@@ -40,46 +34,32 @@ class GuidedInputs(NetworkInputs):
     beam_cosine: Tensor = array("L", 2)
 
 
-@dataclass(kw_only=True)
-class GuidedView(ViewInputs):
-    """V views and what is known about their pixels."""
-
-    guides: GuideTensors
-
-
 def guided_inputs(scene: RenderScene, config: ModelConfig, mapper=None) -> GuidedInputs:
     """Tensors of a normalised scene on the CPU.
 
     mapper: (P, 7) BSDF parameters -> (P, 9) latents; without one the texture stays (T, 11, t, t) parameters, which
-    `model.inputs.material_tiles` maps later.
+    `material_tiles` maps later.
     """
     tiles = F.adaptive_avg_pool2d(torch.from_numpy(scene.tiles).float(), tile_side(config))
     light = encode_light(torch.from_numpy(scene.emission))
-    shines = (light > 0).any(dim=-1).numpy()  # the very faint ones are none for the network
+    is_light = (light > 0).any(dim=-1).numpy()  # the very faint ones are none for the network
     return GuidedInputs(
-        triangles=torch.from_numpy(_nearer(scene)), normals=torch.from_numpy(scene.normals),
+        triangles=torch.from_numpy(_contracted_corners(scene)), normals=torch.from_numpy(scene.normals),
         texture=tiles if mapper is None else material_tiles(tiles, mapper),
         texture_index=torch.from_numpy(scene.tile_index).long(), light=light,
         environment=_environment(scene.environment, panorama_size(config)), volumes=_volumes(scene.volumes),
-        beam_axis=torch.from_numpy(scene.beam_axis[shines]), beam_cosine=torch.from_numpy(scene.beam_cosine[shines]))
+        beam_axis=torch.from_numpy(scene.beam_axis[is_light]),
+        beam_cosine=torch.from_numpy(scene.beam_cosine[is_light]))
 
 
-def _nearer(scene: RenderScene) -> np.ndarray:
-    """(N, 3, 3) corners in a space without far places: a large ground or a sky dome is like nothing in training."""
+def _contracted_corners(scene: RenderScene) -> np.ndarray:
+    """(N, 3, 3) corners in contracted space: a large ground or a sky dome is like nothing in training."""
     lights = scene.is_light[:, None, None]
     return np.where(lights, bring_lights_near(scene), contracted(scene.triangles)).astype(np.float32)
 
 
 def _volumes(volumes: Volumes | None) -> VolumeInputs | None:
     return volume_inputs(volumes and replace(volumes, position=contracted(volumes.position)))
-
-
-def guided_view(scene: RenderScene, view: View, guides: Guides, prior: LightPrior, radiosity: Radiosity,
-                config: ModelConfig, effort: Effort = FULL, direct: bool = True) -> GuidedView:
-    """Rays and guides of one view, all normalised, on the prior's device; `direct` as `guide_tensors` has it."""
-    rays = view_inputs(view).to(prior.radiance.device)
-    return GuidedView(rays.origin, rays.directions,
-                      guides=guide_tensors(scene, view, guides, prior, radiosity, config.patch_size, effort, direct))
 
 
 def _environment(radiance: np.ndarray | None, size: tuple[int, int]) -> EnvironmentInputs:

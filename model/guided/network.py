@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The guided network: the paper's with first hits, traced light and two priors as inputs (docs/architecture.md 4.2).
-
-Where its transformer has nothing to add to the priors, the kernels for the finished picture do without it.
-"""
+"""The guided networks: the paper's transformer around estimated light (docs/architecture.md 4.2), or kernels alone."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -17,16 +14,16 @@ from ..network.inputs import EnvironmentInputs
 from ..network.renderformer import RenderFormer
 from ..progress import part
 from ..weights.checkpoint import read_network
-from .antialiasing import KernelPredictor
 from .decoding import OUTPUTS
 from .encoders import EnvironmentEncoder, TileEncoder
+from .features import FEATURES, GuidedView
 from .guidance import Guidance
-from .guide_tensors import FEATURES
-from .guided_inputs import GuidedInputs, GuidedView
+from .guided_inputs import GuidedInputs
+from .kernels import KernelPredictor
 
 
 class GuidedRenderFormer(RenderFormer):
-    """Overrides how textures, environment, light tokens, ray tokens and pixels are made; all else is RenderFormer."""
+    """Replaces how textures, environment, light tokens, ray tokens and pixels are made; all else is RenderFormer."""
 
     def __init__(self, config: ModelConfig):
         super().__init__(config)
@@ -49,44 +46,30 @@ class GuidedRenderFormer(RenderFormer):
         return super().embed_environment(EnvironmentInputs(*latents, images.strength))
 
     def embed_triangles(self, inputs: GuidedInputs) -> Tensor:
-        """Light triangles know their beams."""
+        """Light triangles have beams."""
         beams = self.guidance.beams(inputs.beam_axis, inputs.beam_cosine)
         return super().embed_triangles(inputs).index_add(0, inputs.is_light.nonzero()[:, 0], beams.float())
 
     def embed_rays(self, view: GuidedView) -> Tensor:
-        """Ray bundles know what they hit."""
-        return super().embed_rays(view) + self.guidance.bundles(view.guides.features).float()
+        """Ray bundles have the features of their pixels."""
+        return super().embed_rays(view) + self.guidance.bundles(view.features).float()
 
     def ray_positions(self, view: GuidedView) -> Tensor:
-        """Ray bundles are where they hit."""
-        return view.guides.positions
-
-    @property
-    def is_idle(self) -> bool:
-        """Whether the decoder ends in zeros, which leave the priors as they are, whatever tokens and rays are."""
-        return not any(p.any() for p in self._last.parameters())
-
-    def rest(self) -> None:
-        """Become idle, ready to learn what to add."""
-        for p in self._last.parameters():
-            nn.init.zeros_(p)
+        """Ray bundles are at their first hits instead of the camera."""
+        return view.positions
 
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
-        """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `light.decode_light`."""
-        return self.view_transformer.out_dpt(features, view.guides.features)
+        """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `corrected_light`."""
+        return self.view_transformer.out_dpt(features, view.features)
 
-    @property
-    def _last(self) -> nn.Module:
-        return self.view_transformer.out_dpt.scratch.output_conv2[-1]
+    def zero_outputs(self) -> None:
+        """Leave light as it is: training begins there."""
+        for p in self.view_transformer.out_dpt.scratch.output_conv2[-1].parameters():
+            nn.init.zeros_(p)
 
 
-class KernelsAlone(nn.Module):
-    """A guided network without the transformer: the priors as they are, as an idle one leaves them, and the kernels.
-
-    Tokens and rays are still counted by its `config`, as those of the network that it is a part of.
-    """
-
-    is_idle = True
+class KernelNetwork(nn.Module):
+    """What is bundled: kernels for finished pictures, without a transformer."""
 
     def __init__(self, config: ModelConfig):
         super().__init__()
@@ -94,13 +77,13 @@ class KernelsAlone(nn.Module):
         self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)
 
 
-def new_network(config: ModelConfig) -> RenderFormer | KernelsAlone:
+def new_network(config: ModelConfig) -> RenderFormer | KernelNetwork:
     """The network of a configuration, ready to be trained."""
     if config.guidance is None:
         return RenderFormer(config)
-    return GuidedRenderFormer(config) if config.guidance.transformer else KernelsAlone(config)
+    return GuidedRenderFormer(config) if config.guidance.transformer else KernelNetwork(config)
 
 
-def load_network(folder: Path) -> RenderFormer | KernelsAlone:
+def load_network(folder: Path) -> RenderFormer | KernelNetwork:
     """The network of a folder in this project's format. Raises CheckpointError."""
     return read_network(new_network, folder)

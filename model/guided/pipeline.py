@@ -1,95 +1,120 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The guided network as the renderer uses it: guides and light prior in, light per lobe out (docs/architecture.md)."""
+"""The way of the bundled network from scenes to pictures (model/pipeline.py): estimated light, transformer, kernels."""
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
+from ..compute.inference import current_pieces
 from ..light.bounce.radiosity import Radiosity
-from ..light.direct.direct_light import LightPrior
+from ..light.direct.direct_light import DirectLight
 from ..light.effort import DRAFT, FULL, Effort
+from ..light.estimate import SceneLight, estimate_light
+from ..light.surface_light import SurfaceLight
 from ..material.mappers import load_material_mapper
 from ..network.layers import store_in_precision
 from ..network.renderformer import SceneContext
+from ..pictures import BAND_PIXELS, bands
 from ..progress import part
 from ..scene import Guides, RenderScene, View
 from ..weights.presets import weights_folder
-from .antialiasing import antialiased
-from .decoding import OUTPUTS, decode_bands
-from .guided_inputs import guided_inputs, guided_view
-from .network import load_network
+from .decoding import corrected_light
+from .features import guided_view, with_exposure
+from .guided_inputs import guided_inputs
+from .kernels import antialiased
+from .network import GuidedRenderFormer, load_network
 
 
 @dataclass
-class GuidedContext:
-    """A scene after stage 1, with what guides a view of it."""
+class GuidedScene:
+    """A scene's light, and its tokens after stage 1 where there is a transformer and this is no draft."""
 
-    scene: RenderScene
-    context: SceneContext | None  # None: a draft, or of a network that adds nothing
-    prior: LightPrior
-    radiosity: Radiosity
-    tokens: int
+    light: SceneLight
+    context: SceneContext | None = None
+    tokens: int = 0  # length of the sequence
 
 
 class GuidedPipeline:
-    """One network for every resolution (see model/renderer.py for what a pipeline is)."""
+    """One network for every resolution. Without a transformer the picture is estimated and traced light as it is."""
 
     def __init__(self, weights: str | Path, device: torch.device, dtype: torch.dtype):
-        self.network = store_in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
-        self.device, self.mapper = device, load_material_mapper()
-        self.granularity, self.is_idle = self.network.config.granularity, self.network.is_idle
+        network = store_in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
+        self.device, self.config, self.granularity = device, network.config, network.config.granularity
+        self.kernel_predictor = network.kernel_predictor
+        self.transformer = network if isinstance(network, GuidedRenderFormer) else None
+        self.mapper = load_material_mapper() if self.transformer else None
 
     def variant(self, picture_size: int) -> str:
         return ""
 
-    def encode(self, scene: RenderScene, variant: str) -> GuidedContext:
+    def prepare(self, scene: RenderScene) -> None:
+        """Nothing is shared between scenes."""
+
+    def encode(self, scene: RenderScene, variant: str) -> GuidedScene:
         with part(0.0, 0.05, "Estimating direct light"):
-            prior = LightPrior(scene, self.device)
-        return self.finished(GuidedContext(scene, None, prior, None, self._tokens(scene)))
+            direct = DirectLight(scene, self.device)
+        return self._encoded(scene, direct)
 
-    def draft(self, scene: RenderScene, variant: str) -> GuidedContext:
-        """The scene without stage 1: pictures of it show the light of the priors, by fewer rays."""
+    def draft(self, scene: RenderScene, variant: str) -> GuidedScene:
+        """The scene without stage 1: its pictures show the estimated light, by fewer rays."""
         with part(0.0, 0.5, "Estimating direct light"):
-            prior = LightPrior(scene, self.device)
+            direct = DirectLight(scene, self.device)
         with part(0.5, 1.0, "Estimating bounced light"):
-            return GuidedContext(scene, None, prior, Radiosity(scene, prior, DRAFT), self._tokens(scene))
+            return GuidedScene(SceneLight(scene, direct, Radiosity(scene, direct, DRAFT)))
 
-    def finished(self, draft: GuidedContext) -> GuidedContext:
-        with part(0.05, 1.0 if self.is_idle else 0.1, "Estimating bounced light"):
-            radiosity = Radiosity(draft.scene, draft.prior)
-        if self.is_idle:
-            return replace(draft, radiosity=radiosity)
+    def finished(self, draft: GuidedScene) -> GuidedScene:
+        return self._encoded(draft.light.scene, draft.light.direct)
+
+    def _encoded(self, scene: RenderScene, direct: DirectLight) -> GuidedScene:
+        with part(0.05, 0.1 if self.transformer else 1.0, "Estimating bounced light"):
+            light = SceneLight(scene, direct, Radiosity(scene, direct))
+        if self.transformer is None:
+            return GuidedScene(light)
         with part(0.1, 1.0):
-            inputs = guided_inputs(draft.scene, self.network.config, self.mapper).to(self.device)
-            return replace(draft, context=self.network.encode_scene(inputs), radiosity=radiosity)
+            inputs = guided_inputs(scene, self.config, self.mapper).to(self.device)
+            context = self.transformer.encode_scene(inputs)
+        return GuidedScene(light, context, len(context.tokens))
 
-    def _tokens(self, scene: RenderScene) -> int:
-        lights = int(scene.is_light.sum())
-        return self.network.config.sequence_length(lights, len(scene) - lights + len(scene.volumes or ()))
+    def image(self, encoded: GuidedScene, view: View, guides: Guides, effort: Effort = FULL) -> Tensor:
+        return self.lobes(encoded, view, guides, apart=False, effort=effort)["radiance"]
 
-    def image(self, encoded: GuidedContext, view: View, guides: Guides, effort: Effort = FULL) -> torch.Tensor:
-        return self.light(encoded, view, guides, ("image",), effort)["image"]
-
-    def light(self, encoded: GuidedContext, view: View, guides: Guides, keys: Sequence[str],
-              effort: Effort = FULL) -> dict[str, torch.Tensor]:
-        """The `keys` of `decode_light` without its first axis, in network exposure; `image` as above."""
-        known = 0.1 if encoded.context else 0.95
-        direct = not self.is_idle or guides.traced is None or "direct" in keys
-        with part(0.0, known, "Estimating direct light"):
-            inputs = guided_view(encoded.scene, view, guides, encoded.prior, encoded.radiosity,
-                                 self.network.config, effort, direct)
-        with part(known, 0.95):
-            raw = (self.network.render_view(encoded.context, inputs) if encoded.context else
-                   inputs.origin.new_zeros(()).expand(1, len(OUTPUTS), view.height, view.width))
+    def lobes(self, encoded: GuidedScene, view: View, guides: Guides, apart: bool = True,
+              effort: Effort = FULL) -> dict[str, Tensor]:
+        """Pictures by field of Lobes, in network exposure; `direct` and `indirect` only if `apart`."""
+        with_direct = guides.traced is None or apart
+        if encoded.context is None:
+            with part(0.0, 0.95, "Estimating direct light"):
+                light = estimate_light(encoded.light, view, guides, effort, with_direct)
+        else:
+            light = self._corrected(encoded, view, guides, effort)
         with part(0.95, 1.0, "Adding the light up"):
-            light = decode_bands(raw, inputs.guides, keys)
-            return {key: radiance[0] / inputs.guides.exposure for key, radiance in light.items()}
+            pictures = _in_bands(light, apart)
+        traced = {} if guides.traced is None else {"traced": light.traced[0]}
+        return pictures | traced | ({"direct": light.direct[0]} if apart else {})
+
+    def _corrected(self, encoded: GuidedScene, view: View, guides: Guides, effort: Effort) -> SurfaceLight:
+        """The light of a view after the transformer, in network exposure."""
+        with part(0.0, 0.1, "Estimating direct light"):
+            inputs = guided_view(encoded.light, view, guides, self.config, effort)
+        with part(0.1, 0.95):
+            raw = self.transformer.render_view(encoded.context, inputs)
+            return with_exposure(corrected_light(raw, inputs), 1 / inputs.exposure)
 
     def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, samples: int,
                     wraps: bool = False) -> dict[str, np.ndarray]:
         """As the function of that name."""
-        return antialiased(self.network.kernel_predictor, pictures, radiance, guides, samples, wraps)
+        return antialiased(self.kernel_predictor, pictures, radiance, guides, samples, wraps)
+
+
+def _in_bands(light: SurfaceLight, apart: bool) -> dict[str, Tensor]:
+    """Radiance (3, H, W), and if `apart` indirect light (3, 3, H, W), of one view; the sums need bounded memory."""
+    height, width = light.roughness.shape[-2:]
+    parts = []
+    for rows, _ in bands(height, width, margin=0, pixels=current_pieces().limit(BAND_PIXELS)):
+        some = light.rows(rows)
+        parts.append({"radiance": some.radiance()[0]} | ({"indirect": some.indirect()[0]} if apart else {}))
+    return {name: torch.cat([part[name] for part in parts], dim=-2) for name in parts[0]}

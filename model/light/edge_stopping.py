@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much light at one place says about light at another: by how far it is off its plane, and turned away.
+"""Edge-stopping weights: how much light at one point says about light at another, by distance to its plane and normal.
 
 Positions and normals are planes (3, h, w), which PyTorch adds up much faster than the last axis of (h, w, 3).
 """
@@ -11,21 +11,23 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-NEAR, NEAREST = 0.05, 2e-3  # network units off a plane, at most and at least, at which a place counts 1/e
-CLOSE = 0.03                # network units at which one counts 1/e that lies on the plane
-TENT = 1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16  # weights of 5x5 places along each axis
+FARTHEST, NEAREST = 0.05, 2e-3  # network units off a plane at which a point counts 1/e, at most and at least
+CLOSE = 0.03                    # network units along the plane at which it counts 1/e
+TENT = 1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16  # weights of 5x5 points along each axis
 SIDE = len(TENT)
 
 
-def alike(away: Tensor, there: Tensor, normal: Tensor, near: Tensor, close: float | None = None) -> Tensor:
-    """(..., h, w) up to 1: how much places with normals `there`, `away` from those with a `normal`, say about these.
+def edge_weights(offset: Tensor, neighbour_normal: Tensor, normal: Tensor, tolerance: Tensor,
+                 close: float | None = None) -> Tensor:
+    """(..., h, w) weights up to 1 of neighbours at an `offset` from points.
 
-    All are (3, ..., h, w). near: (h, w), how far off their planes a place counts 1/e; close: how far at all.
+    offset and both normals: (3, ..., h, w). tolerance: (h, w), distance off a point's plane at which a neighbour counts
+    1/e; close: the same of any distance.
     """
-    off = (dot(away, normal) / near).square_()
+    off = (dot(offset, normal) / tolerance).square_()
     if close is not None:
-        off += dot(away, away) / close ** 2
-    facing = dot(there, normal).clamp_min_(0)
+        off += dot(offset, offset) / close ** 2
+    facing = dot(neighbour_normal, normal).clamp_min_(0)
     return facing.square_().square_().square_() * off.neg_().exp_()
 
 
@@ -34,31 +36,31 @@ def dot(a: Tensor, b: Tensor) -> Tensor:
     return torch.addcmul(torch.addcmul(a[0] * b[0], a[1], b[1]), a[2], b[2])
 
 
-def nearness(x: Tensor, valid: Tensor) -> Tensor:
-    """(h, w) how far off a point's plane a neighbour says much about it: as far as the nearest of these is."""
-    apart = torch.full_like(x[0], NEAR)
+def plane_tolerance(x: Tensor, valid: Tensor) -> Tensor:
+    """(h, w) tolerance of `edge_weights` for points x (3, h, w): the distance of the nearest valid neighbour."""
+    apart = torch.full_like(x[0], FARTHEST)
     for axis in (-2, -1):
         low, high = (partial(torch.narrow, dim=axis, start=start, length=x.shape[axis] - 1) for start in (0, 1))
-        way = (high(x) - low(x)).square().sum(0).sqrt().where(high(valid) & low(valid), NEAR)
+        distance = (high(x) - low(x)).square().sum(0).sqrt().where(high(valid) & low(valid), FARTHEST)
         for end in (low, high):
-            end(apart).clamp_(max=way)
+            end(apart).clamp_(max=distance)
     return apart.clamp_min(NEAREST)
 
 
-def alike_around(x: Tensor, n: Tensor, near: Tensor, spread: int) -> tuple[Tensor, Tensor]:
-    """What 5x5 places `spread` apart say about each of h x w: their numbers, row by row, and weights (h w, 25).
+def neighbour_weights(x: Tensor, n: Tensor, tolerance: Tensor, spread: int) -> tuple[Tensor, Tensor]:
+    """Numbers, row by row, and weights (h w, 25) of the 5x5 points `spread` apart around each of h x w.
 
     Weights are 0 beyond the sides; they are those of the edge-avoiding wavelets that denoise traced light (Dammertz et
     al. 2010).
     """
-    h, w = near.shape
+    h, w = tolerance.shape
     reach = SIDE // 2 * spread
-    places, steps, weights = F.pad(torch.cat([x, n]), (reach,) * 4), [], []
+    padded, steps, weights = F.pad(torch.cat([x, n]), (reach,) * 4), [], []
     for down, tall in enumerate(TENT):
         for right, wide in enumerate(TENT):
             top, left = spread * down, spread * right
-            there, normal = places[:, top:top + h, left:left + w].split(3)
-            weights.append(tall * wide * alike(there - x, normal, n, near, CLOSE))
+            there, normal = padded[:, top:top + h, left:left + w].split(3)
+            weights.append(tall * wide * edge_weights(there - x, normal, n, tolerance, CLOSE))
             steps.append((top - reach) * w + left - reach)
     number = torch.arange(h * w, device=x.device)[:, None] + torch.tensor(steps, device=x.device)
     return number.clamp(0, h * w - 1), torch.stack(weights).flatten(1).T.contiguous()

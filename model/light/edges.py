@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Smooth edges of added light: a pixel that sees several surfaces shows the light of each.
+"""Antialias estimated light: a pixel that sees several surfaces shows the light of each.
 
-Light is found for the middle of each pixel. Where the pixels around see other surfaces, some rays tell how much a pixel
-sees of which, and it takes their light from those around that see them in their middle (subpixel reconstruction
-antialiasing, Chajdas et al. 2011).
+Light is estimated in the middle of each pixel. Where neighbours see other surfaces, a few rays measure how much of each
+surface the pixel covers, and its light comes from the neighbours that see these surfaces in their middle (subpixel
+reconstruction antialiasing, Chajdas et al. 2011).
 """
 from __future__ import annotations
 
@@ -14,112 +14,114 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..first_hits.camera_rays import PLACES, CameraRays, Samples
+from ..first_hits.camera_rays import SAMPLE_POINTS, CameraRays, Samples
 from ..first_hits.from_rays import lobe_colors
 from ..pictures import bands
 from ..scene import Guides, RenderScene, View
-from .edge_stopping import alike, nearness
+from .edge_stopping import edge_weights, plane_tolerance
 
-AROUND = tuple((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1))  # rows and columns
-MIDDLE = AROUND.index((0, 0))
-MARGIN = 2          # pixels around one on which it depends
-ONE_SURFACE = 0.5   # likeness from which two pixels see one surface
-NEAR = 2.0          # a pixel's light counts exp(-NEAR d^2) for what is d pixels from its middle
-AGREED = 0.01       # of the distance, by which what a pixel shows may be off the tokens
-LEAST = 1e-4        # weight of the pixel's own light, which is all there is if none around sees the surface
-UNSEEN = 1e-3       # weight of what is around beside what rays found, should that have no colour at all
-BLACK = 1e-6        # is added to colours, by which light is weighted
-AT_ONCE = 1 << 14   # pixels
-NEARNESS = np.exp(-NEAR * np.square(PLACES[:, None, ::-1] - np.array(AROUND) - 0.5).sum(-1)).astype(np.float32)  # K, 9
+NEIGHBOURS = tuple((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1))  # rows and columns
+MIDDLE = NEIGHBOURS.index((0, 0))
+MARGIN = 2          # pixels around one that it depends on
+ONE_SURFACE = 0.5   # edge weight from which on two pixels see one surface
+FALLOFF = 2.0       # a neighbour's light counts exp(-FALLOFF d^2) for a sample d pixels from its middle
+AGREEMENT = 0.01    # of the distance: how far a first hit may be off the tokens
+LEAST = 1e-4        # weight of the pixel's own light, the only one if no neighbour sees the surface
+UNSEEN = 1e-3       # weight of the neighbours' colours beside those of the samples, should these be black
+BLACK = 1e-6        # added to colours, by which light is weighted
+CHUNK = 1 << 14     # pixels at a time
+FALLOFFS = np.exp(-FALLOFF * np.square(  # (K, 9)
+    SAMPLE_POINTS[:, None, ::-1] - np.array(NEIGHBOURS) - 0.5).sum(-1)).astype(np.float32)
 
 
 @dataclass
 class Edges:
-    """E pixels of a picture that see several surfaces, and whose light they show."""
+    """E pixels of a picture that see several surfaces, and the neighbours whose light they show."""
 
-    at: Tensor      # (E,) among the H W pixels
-    around: Tensor  # (E, 9) those around, too
-    share: Tensor   # (9, E, 9) f32, of the light of each of them, by lobe and colour; the sum is 1
+    pixel: Tensor       # (E,) i64, number among the H W pixels
+    neighbours: Tensor  # (E, 9) i64, likewise
+    share: Tensor       # (9, E, 9) f32, [3 lobe + rgb, pixel, neighbour], of the neighbours' light; sum 1
 
-    def mix(self, light: Tensor, lobe: int, dims_only: bool = False) -> None:
-        """Mix light (3, H, W) of a lobe there, or only where that makes it dimmer."""
+    def mix(self, light: Tensor, lobe: int, only_darken: bool = False) -> None:
+        """Mix the light (3, H, W) of a lobe in place, or only where that makes it darker."""
         flat = light.view(3, -1)
-        mixed = (flat[:, self.around] * self.share[3 * lobe:3 * lobe + 3]).sum(-1)
-        flat[:, self.at] = torch.minimum(mixed, flat[:, self.at]) if dims_only else mixed
+        mixed = (flat[:, self.neighbours] * self.share[3 * lobe:3 * lobe + 3]).sum(-1)
+        flat[:, self.pixel] = torch.minimum(mixed, flat[:, self.pixel]) if only_darken else mixed
 
 
-def edges(scene: RenderScene, view: View, guides: Guides, device: torch.device) -> Edges:
-    """Of a normalised scene; none where its tokens are not what the guides show, as when they are simplified."""
-    camera, every, around, share = CameraRays(scene, view), [], [], []
+def find_edges(scene: RenderScene, view: View, guides: Guides, device: torch.device) -> Edges:
+    """Edges in a view of a normalised scene; none where first hits are off its tokens, as when these are simplified."""
+    camera, pixels, neighbours, shares = CameraRays(scene, view), [], [], []
     for outer, inner in bands(*guides.alpha.shape, margin=MARGIN):
         band, first = guides.rows(outer), outer.start * view.width
         picture = _Picture.of(band, device)
-        beside = picture.beside_others().cpu().numpy() & (band.hit_triangle >= 0)
-        colors = np.zeros((3, *beside.shape, 3), np.float32)
-        colors[:, beside] = lobe_colors(scene, band.hit_triangle[beside], band.hit_barycentric[beside])
-        own = np.zeros_like(beside)
-        own[inner] = beside[inner]
-        at = np.flatnonzero(own)
-        at = at[camera.end_at(band.position.reshape(-1, 3)[at], AGREED)]
-        for some in np.array_split(at, len(at) // AT_ONCE + 1):
-            near, shown = picture.shown_by(some, camera.samples(first + some), colors)
-            every.append(torch.from_numpy(first + some).to(device))
-            around.append(first + near)
-            share.append(shown)
-    return Edges(torch.cat(every), torch.cat(around), torch.cat(share, 1))
+        is_edge = picture.edges().cpu().numpy() & (band.hit_triangle >= 0)
+        albedo = np.zeros((3, *is_edge.shape, 3), np.float32)
+        albedo[:, is_edge] = lobe_colors(scene, band.hit_triangle[is_edge], band.hit_barycentric[is_edge])
+        is_own = np.zeros_like(is_edge)
+        is_own[inner] = is_edge[inner]
+        own = np.flatnonzero(is_own)
+        own = own[camera.hits_lie_at(band.position.reshape(-1, 3)[own], AGREEMENT)]
+        for chunk in np.array_split(own, len(own) // CHUNK + 1):
+            around, share = picture.shares(chunk, camera.sample(first + chunk), albedo)
+            pixels.append(torch.from_numpy(first + chunk).to(device))
+            neighbours.append(first + around)
+            shares.append(share)
+    return Edges(torch.cat(pixels), torch.cat(neighbours), torch.cat(shares, 1))
 
 
-def _planes(picture: np.ndarray, device: torch.device) -> Tensor:
+def _to_planes(picture: np.ndarray, device: torch.device) -> Tensor:
     """(H, W, C) -> (C, H, W) f32."""
     return torch.from_numpy(np.ascontiguousarray(np.moveaxis(picture, -1, 0), np.float32)).to(device)
 
 
 @dataclass
 class _Picture:
-    """What is seen in the middle of each pixel."""
+    """The first hit in the middle of each pixel."""
 
-    position: Tensor  # (3, H, W)
-    normal: Tensor    # (3, H, W), unit
-    covered: Tensor   # (H, W) bool
-    near: Tensor      # (H, W), of `nearness`
+    position: Tensor   # (3, H, W)
+    normal: Tensor     # (3, H, W), unit
+    covered: Tensor    # (H, W) bool
+    tolerance: Tensor  # (H, W), as of `edge_weights`
 
     @classmethod
     def of(cls, guides: Guides, device: torch.device) -> _Picture:
-        position, covered = _planes(guides.position, device), torch.from_numpy(guides.alpha > 0).to(device)
-        return cls(position, F.normalize(_planes(guides.normal, device), dim=0), covered, nearness(position, covered))
+        position, covered = _to_planes(guides.position, device), torch.from_numpy(guides.alpha > 0).to(device)
+        return cls(position, F.normalize(_to_planes(guides.normal, device), dim=0), covered,
+                   plane_tolerance(position, covered))
 
-    def beside_others(self) -> Tensor:
-        """(H, W) bool: covered pixels beside others that see another surface."""
+    def edges(self) -> Tensor:
+        """(H, W) bool: covered pixels with a covered neighbour that sees another surface."""
         h, w = self.covered.shape
-        found = torch.zeros_like(self.covered)
-        for y, x in AROUND[MIDDLE + 1:]:  # the others see the same from the other side
+        is_edge = torch.zeros_like(self.covered)
+        for y, x in NEIGHBOURS[MIDDLE + 1:]:  # for the others the roles are swapped
             here = slice(0, h - y), slice(max(-x, 0), w - max(x, 0))
             there = slice(y, h), slice(max(x, 0), w - max(-x, 0))
-            away = self.position[:, *there] - self.position[:, *here]
-            like = alike(away, self.normal[:, *there], self.normal[:, *here], self.near[here])
-            other = (like < ONE_SURFACE) & self.covered[here] & self.covered[there]
-            found[here] |= other
-            found[there] |= other
-        return found
+            offset = self.position[:, *there] - self.position[:, *here]
+            weight = edge_weights(offset, self.normal[:, *there], self.normal[:, *here], self.tolerance[here])
+            differs = (weight < ONE_SURFACE) & self.covered[here] & self.covered[there]
+            is_edge[here] |= differs
+            is_edge[there] |= differs
+        return is_edge
 
-    def shown_by(self, at: np.ndarray, samples: Samples, middles: np.ndarray) -> tuple[Tensor, Tensor]:
-        """`around` and `share` of pixels by their number (E,), of whose surroundings these are samples.
+    def shares(self, pixel: np.ndarray, samples: Samples, albedo: np.ndarray) -> tuple[Tensor, Tensor]:
+        """`neighbours` and `share` as Edges has them of pixels by number (E,), from samples of these.
 
-        middles: (3, H, W, 3) colours of the lobes in the middle of pixels beside others.
+        albedo: (3, H, W, 3) of the lobes in the middle of edge pixels.
         """
-        device, (h, w) = self.near.device, self.near.shape
-        position, normal = (_planes(each, device)[..., None] for each in (samples.position, samples.normal))
-        colors, middles = (torch.from_numpy(each).to(device).permute(0, 3, 1, 2).flatten(0, 1)  # (9, E, K), (9, H, W)
-                           for each in (samples.colors, middles))
-        steps = torch.tensor(AROUND, device=device)
-        pixel = torch.from_numpy(at).to(device)[:, None]
+        device, (h, w) = self.tolerance.device, self.tolerance.shape
+        position, normal = (_to_planes(x, device)[..., None] for x in (samples.position, samples.normal))
+        sampled, albedo = (torch.from_numpy(x).to(device).permute(0, 3, 1, 2).flatten(0, 1)  # (9, E, K), (9, H, W)
+                           for x in (samples.colors, albedo))
+        steps = torch.tensor(NEIGHBOURS, device=device)
+        pixel = torch.from_numpy(pixel).to(device)[:, None]
         y, x = pixel // w + steps[:, 0], pixel % w + steps[:, 1]
         inside = (y >= 0) & (y < h) & (x >= 0) & (x < w)
-        around = y.clamp(0, h - 1) * w + x.clamp(0, w - 1)
-        of = lambda picture: picture.flatten(-2)[..., around][..., None, :]  # noqa: E731  (..., E, 1, 9)
-        says = alike(of(self.position) - position, of(self.normal), normal, of(self.near))
-        says = says * (of(self.covered) & inside[:, None]) * torch.from_numpy(NEARNESS).to(device)
-        says[..., MIDDLE] += LEAST
-        shown = torch.einsum("cek,ekn->cen", colors + BLACK, says / says.sum(-1, keepdim=True))
-        shown += UNSEEN * (middles.flatten(1)[:, around] * inside)
-        return around, shown / shown.sum(-1, keepdim=True)
+        neighbours = y.clamp(0, h - 1) * w + x.clamp(0, w - 1)
+        at = lambda picture: picture.flatten(-2)[..., neighbours][..., None, :]  # noqa: E731  (..., E, 1, 9)
+        weight = edge_weights(at(self.position) - position, at(self.normal), normal, at(self.tolerance))
+        weight = weight * (at(self.covered) & inside[:, None]) * torch.from_numpy(FALLOFFS).to(device)
+        weight[..., MIDDLE] += LEAST
+        share = torch.einsum("cek,ekn->cen", sampled + BLACK, weight / weight.sum(-1, keepdim=True))
+        share += UNSEEN * (albedo.flatten(1)[:, neighbours] * inside)
+        return neighbours, share / share.sum(-1, keepdim=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much is spent on light: all of it for pictures that stay, a part for those that others replace at once."""
+"""How many rays are spent on light: all for pictures that stay, fewer for those that the next ones replace at once."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of a glossy lobe comes from which side: facets that are met at a slant reflect more.
+"""Fresnel reflectance of glossy lobes: facets that light meets at a slant reflect more.
 
-By Schlick's approximation (1994), and the mean of a lobe by both halves of a split sum (Karis 2013). What a reflectance
-at normal incidence is given for is 1 at grazing: it is a ratio, and 1 for metals, which reflect alike at all angles.
+By Schlick's approximation (1994); the mean over a lobe is both halves of a split sum (Karis 2013). f0, the reflectance
+at normal incidence, is relative to that at grazing angles; it is 1 for metals, which reflect alike at all angles.
 """
 from __future__ import annotations
 
@@ -15,50 +15,51 @@ from torch.nn import functional as F
 from ..compute.devices import run_operator
 from .sampling import ggx_directions
 
-GRID = 24, 32   # of roughness and cosine
-RAYS = 256      # of each
-LEAST = 1e-3    # share of the light that a lobe is of at least
+GRID = 24, 32       # roughnesses and cosines in the table
+RAYS = 256          # of each entry
+LEAST_ALBEDO = 1e-3
 
 
-def schlick(at_normal: Tensor, cosine: Tensor) -> Tensor:
-    """Share of light that facets reflect which meet it at this cosine."""
-    return at_normal + (1 - at_normal) * slant(cosine)
+def schlick(f0: Tensor, cosine: Tensor) -> Tensor:
+    """Reflectance of facets that light meets at this cosine."""
+    return f0 + (1 - f0) * slant(cosine)
 
 
 def slant(cosine: Tensor) -> Tensor:
+    """The weight of grazing reflectance in `schlick`."""
     return (1 - cosine).clamp(0, 1) ** 5
 
 
-def whole(at_normal: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
-    """(P,) share of light from everywhere that the lobe reflects; what bounces between facets is not in it."""
+def lobe_albedo(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
+    """(P,) share of uniform light that the lobe reflects to a viewer at this cosine, without light between facets."""
     straight, slanting = _split_sum(cosine, roughness)
-    return (at_normal * straight + slanting).clamp_min(LEAST)
+    return (f0 * straight + slanting).clamp_min(LEAST_ALBEDO)
 
 
-def gain(at_normal: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
-    """(P, L) share of the light from lamps that the lobes of P surfaces reflect, over that of light from everywhere.
+def gain(f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
+    """(P, E) share of the light of E emitters that the lobes of P surfaces reflect, relative to that of uniform light.
 
-    at_normal, roughness: (P,); cosine: (P, L).
+    f0, roughness: (P,); cosine: (P, E), at which the light arrives.
     """
-    of_lamps = _split_sum(*torch.broadcast_tensors(cosine, roughness[:, None]))
-    of_all = _split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
-    lamps, every = (at_normal[:, None] * straight + slanting
-                    for straight, slanting in (of_lamps, (x[:, None] for x in of_all)))
-    return lamps / every.clamp_min(LEAST)
+    of_emitters = _split_sum(*torch.broadcast_tensors(cosine, roughness[:, None]))
+    of_uniform = _split_sum(torch.zeros_like(roughness), roughness, _mean_table(roughness.device))
+    emitters, uniform = (f0[:, None] * straight + slanting
+                         for straight, slanting in (of_emitters, (x[:, None] for x in of_uniform)))
+    return emitters / uniform.clamp_min(LEAST_ALBEDO)
 
 
 def _split_sum(cosine: Tensor, roughness: Tensor, table: Tensor | None = None) -> tuple[Tensor, Tensor]:
-    """Factor of the reflectance at normal incidence, and what slanting facets add; all of one shape."""
+    """Factor of f0, and what slanting facets add to it; all of one shape."""
     table = _table(cosine.device) if table is None else table
     at = torch.stack([cosine.abs().flatten(), roughness.flatten()], -1) * 2 - 1
-    found = run_operator("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear",
+    sampled = run_operator("grid_sampler_2d", F.grid_sample, table, at[None, None], mode="bilinear",
                          padding_mode="border", align_corners=True)
-    return found[0, 0].view_as(cosine), found[0, 1].view_as(cosine)
+    return sampled[0, 0].view_as(cosine), sampled[0, 1].view_as(cosine)
 
 
 @cache
 def _mean_table(device: torch.device) -> Tensor:
-    """(1, 2, roughness, 1), of light from everywhere."""
+    """(1, 2, roughness, 1), for uniform light."""
     table = _table(device)
     cosine = torch.linspace(0, 1, GRID[1], device=device)
     return (table * cosine).sum(-1, keepdim=True) / cosine.sum()
@@ -67,11 +68,11 @@ def _mean_table(device: torch.device) -> Tensor:
 @cache
 def _table(device: torch.device) -> Tensor:
     """(1, 2, roughness, cosine)."""
-    roughness, cosine = (each.flatten() for each in torch.meshgrid(
+    roughness, cosine = (axis.flatten() for axis in torch.meshgrid(
         *(torch.linspace(0, 1, count) for count in GRID), indexing="ij"))
     cosine = cosine.clamp_min(0.01)
     viewer = torch.stack([(1 - cosine.square()).sqrt(), torch.zeros_like(cosine), cosine], -1)
     up, start = torch.tensor([[0.0, 0.0, 1.0]]).expand_as(viewer), torch.full((len(cosine), 2), 0.5)
     _, weight, towards, _ = ggx_directions(up, viewer, roughness, RAYS, start)
     slanting = slant(towards)
-    return torch.stack([(weight * each).mean(1).view(GRID) for each in (1 - slanting, slanting)])[None].to(device)
+    return torch.stack([(weight * share).mean(1).view(GRID) for share in (1 - slanting, slanting)])[None].to(device)

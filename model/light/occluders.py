@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find the triangles of a scene that block light."""
+"""Which triangles of a scene block light, let it pass, or bend it."""
 from __future__ import annotations
 
 import numpy as np
 
 from ..scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, RenderScene
 
-BLACK = 1e-3         # base colour up to which an unseen surface is the back of a lamp
-TRANSPARENT = 0.5    # transmission from which light passes
-STRAIGHT = 1.05      # index of refraction up to which it passes straight on
+BLACK = 1e-3         # base colour up to which a surface that no camera sees is the back of a lamp
+TRANSPARENT = 0.5    # transmission from which on light passes
+STRAIGHT = 1.05      # ior up to which light passes without a bend
 
 
 def passes_light(scene: RenderScene, straight: bool = False) -> np.ndarray:
-    """(N,) bool: glass, or only what light passes `straight`, such as leaves cut out by their alpha."""
+    """(N,) bool: glass and cut-outs by alpha; with `straight` only what does not bend light, such as cut-outs."""
     transmission, ior, metallic = scene.tiles[:, (TRANSMISSION, IOR, METALLIC)].mean(axis=(2, 3), dtype=np.float32).T
-    passing = transmission * (1 - metallic) > TRANSPARENT
+    passes = transmission * (1 - metallic) > TRANSPARENT
     if straight:
-        passing &= ior < STRAIGHT
-    return passing[scene.tile_index]
+        passes &= ior < STRAIGHT
+    return passes[scene.tile_index]
 
 
 def bends_light(scene: RenderScene) -> np.ndarray:
@@ -26,6 +26,6 @@ def bends_light(scene: RenderScene) -> np.ndarray:
 
 
 def is_solid(scene: RenderScene) -> np.ndarray:
-    """(N,) bool: what is neither a lamp nor the back of one, which are there for the network alone."""
+    """(N,) bool: surfaces of the scene, without lamps and their black backs, which are tokens only."""
     black = scene.tiles[:, BASE_COLOR].max(axis=(1, 2, 3)) < BLACK
     return scene.is_seen | ~scene.is_light & ~black[scene.tile_index]

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Metrics."""
+"""What measures pictures: PSNR, SSIM, FLIP, HDR-FLIP, LPIPS, noise."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weights."""
+"""Weights: those that come with the add-on, presets, and files of checkpoints."""

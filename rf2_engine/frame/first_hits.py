@@ -12,7 +12,7 @@ from ...model import progress
 from ...model.camera import visible_pixels
 from ...model.first_hits import denoise_media
 from ...model.first_hits.from_passes import clear_outside, guides_from_passes, guides_without_triangles
-from ...model.light.reflections import with_ends
+from ...model.light.specular.ends import add_path_ends
 from ...model.scene import Guides, RenderScene, View
 from ..convert.camera.lens import Lens
 from ..convert.meshes.nearest import NearestTriangles
@@ -122,7 +122,7 @@ def _make_guides(layer: Layer, passes: Passes, scene: RenderScene, view: View) -
     if not layer.settings.network.follows_specular_paths:
         return guides
     with progress.part(0.5, 1.0):
-        return with_ends(guides, scene, view)
+        return add_path_ends(guides, scene, view)
 
 
 def _outside(view: View) -> np.ndarray | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...model import progress
-from ...model.lobes import Lobes, MeanLobes
+from ...model.light_passes import Lobes, MeanLobes
 from ...model.scene import Guides, RenderScene, View
 from ...model.weights.presets import BUNDLED
 from ..convert.fitting.framing import Framing
@@ -97,7 +97,7 @@ class LayerNetwork:
         status = layer.status
 
         def light_so_far() -> dict[str, Lobes]:
-            return {name: mean.under(hits[name].guides) for name, mean in means.items()}
+            return {name: mean.mean(hits[name].guides) for name, mean in means.items()}
         with shutter.clock(layer.engine, layer.depsgraph) as move_to:
             for number, frame in enumerate(optics.frames(layer.depsgraph)):
                 status.sample = f"Sample {number + 1} of {optics.samples}"

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ...model import lobes as model_lobes
+from ...model import light_passes as model_light_passes
 from ...model.errors import RenderCancelled
-from ...model.lobes import Lobes
+from ...model.light_passes import Lobes
 from ...model.scene import Guides
 from .. import passes as pass_table
 
@@ -61,7 +61,7 @@ def light_passes(guides: Guides, lobes: Lobes, rendered: dict[str, np.ndarray], 
                  exposure: float) -> dict[str, np.ndarray]:
     """Light passes of the picture; `rendered` are the passes of Cycles' session, with the noisy light of each lobe."""
     sampled = {key: pixels for key, pixels in rendered.items() if key in pass_table.LIGHTING}
-    passes = model_lobes.light_passes(guides, lobes, sampled, has_volumes)
+    passes = model_light_passes.light_passes(guides, lobes, sampled, has_volumes)
     return {key: light * exposure for key, light in passes.items()}
 
 

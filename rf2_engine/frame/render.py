@@ -10,7 +10,7 @@ import bpy
 from ...model import progress
 from ...model.compute import threads
 from ...model.errors import RenderCancelled
-from ...model.lobes import Lobes
+from ...model.light_passes import Lobes
 from ...model.scene import RenderScene, View
 from ...model.weights.presets import BUNDLED
 from .. import passes as pass_table

@@ -11,7 +11,7 @@ import numpy as np
 from ...model import progress
 from ...model.first_hits.camera_rays import CENTER, SPREAD, cast_guides
 from ...model.light.effort import FULL, QUICK
-from ...model.light.reflections import with_ends
+from ...model.light.specular.ends import add_path_ends
 from ...model.rays import Rays
 from ...model.scene import RenderScene, View
 from ..convert.compute import compute
@@ -127,7 +127,7 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
         guides = cast_guides(prepared.scene, view, SPREAD if is_finest else CENTER)
     if frame.network.follows_specular_paths:
         with progress.part(0.1, 0.2):
-            guides = with_ends(guides, prepared.scene, view, prepared.rays)
+            guides = add_path_ends(guides, prepared.scene, view, prepared.rays)
     covered = guides.alpha > 0
     radiance = np.zeros_like(guides.position)
     if prepared.encoded is not None and (covered.any() or prepared.scene.volumes):

@@ -13,8 +13,8 @@ from renderformer_v2.model.fields import COLOR, array
 from renderformer_v2.model.guided.guide_tensors import GuideTensors
 from renderformer_v2.model.guided.guided_inputs import GuidedInputs, GuidedView, guided_inputs, guided_view
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import LightPrior
-from renderformer_v2.model.lobes import LOBES
+from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.light_passes import LOBES
 from renderformer_v2.model.network.inputs import EnvironmentInputs, VolumeInputs, material_tiles
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.tensor_group import TensorGroup, stacked
@@ -55,7 +55,7 @@ def build_sample(path: Path, hinted: bool = True) -> TrainingSample:
         raise unreadable(path, error) from error
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
-    prior = LightPrior(normalized)
+    prior = DirectLight(normalized)
     radiosity = Radiosity(normalized, prior)
     inputs, targets = [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that has bounced between surfaces."""
+"""Indirect light: radiosity between patches, and final gather at points."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What rays from points meet: sides of patches, the sky, and that behind glass."""
+"""Final gather: rays from points to sides of patches, to the sky, and to the sky behind glass."""
 from __future__ import annotations
 
 import math
@@ -11,41 +11,41 @@ from torch.nn import functional as F
 
 from ...progress import part
 from ...scene import RenderScene
-from ..direct.direct_light import LightPrior
-from ..direct.environment_light import EnvironmentPrior
+from ..direct.direct_light import DirectLight
+from ..direct.environment_light import EnvironmentLight
 from ..edge_stopping import dot
 from ..occluders import is_solid
-from ..visibility import Visibility
+from ..tensor_rays import TensorRays
 from ..weighted_rows import weighted_rows
-from .bright_patches import Beacons
+from .bright_patches import BrightPatches
 from .panes import Panes
 from .patches import Patches
 
-FOGLESS = 2.0    # network units from a point: nobody looks for fog beyond
-ABOVE = 1e-3     # network units that a point is lifted off its surface
-COVERED = 1e-3   # how much a point that sees nothing but backs says beside one that sees none
-HAZE = 8, 8      # rays of a point that look for light that volumes scatter, and places on each
-UNLIKE = 0.25    # difference of the shares of the sky that two points see at which one says 1/e about the other
+FOG_REACH = 2.0        # network units from a point: fog beyond dims nothing
+LIFT = 1e-3            # network units that a ray starts off its surface
+LEAST_RELIABLE = 1e-3  # weight of a point that sees backs alone beside one that sees none
+FOG_RAYS, FOG_STEPS = 8, 8  # rays of a point along which in-scattering is computed, and samples on each
+UNLIKE = 0.25          # difference of the shares of visible sky at which a point's weight is 1/e
 
 
 @dataclass
-class Surroundings:
-    """What R rays from each of P points meet."""
+class Gathered:
+    """What R rays from each of P points hit, and A more that were aimed at bright patches."""
 
-    direction: Tensor  # (P, R, 3)
-    side: Tensor       # (P, R + A) row of a patch's front or back among those of all; the one behind = none
-    share: Tensor      # (P, R + A) of the light from there that arrives, R + A times; A rays more are aimed at beacons
-    sky: Tensor        # (P, R) share of the light that arrives where nothing is met
-    through: Tensor    # (P, 3) mean radiance of volumes, and of the sky behind glass
+    direction: Tensor  # (P, R, 3), unit
+    side: Tensor       # (P, R + A) row of a patch's front or back among those of all patches; one behind them = none
+    share: Tensor      # (P, R + A) share of the radiance from there that arrives, times the weight of the ray
+    sky: Tensor        # (P, R) share of the sky's radiance that arrives where nothing is hit
+    through: Tensor    # (P, 3) mean radiance of media, and of the sky behind glass
 
-    def together(self, weight: Tensor) -> Surroundings:
-        """As if every K points, one after the other, were one; weight: (P / K, K), whose means are 1."""
-        count, each = weight.shape[1], weight.reshape(-1, 1)
-        of_rays = self.direction, self.side, each * self.share, each * self.sky
-        joined = (x.reshape(-1, count * x.shape[1], *x.shape[2:]) for x in of_rays)
-        return Surroundings(*joined, (each * self.through).view(-1, count, 3).mean(1))
+    def merged(self, weight: Tensor) -> Gathered:
+        """Every K consecutive points as one; weight: (P / K, K), whose means are 1."""
+        count, row_weight = weight.shape[1], weight.reshape(-1, 1)
+        by_ray = self.direction, self.side, row_weight * self.share, row_weight * self.sky
+        merged = (x.reshape(-1, count * x.shape[1], *x.shape[2:]) for x in by_ray)
+        return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1))
 
-    def gathered(self, leaving: Tensor, weight: Tensor | None = None) -> Tensor:
+    def radiance(self, leaving: Tensor, weight: Tensor | None = None) -> Tensor:
         """(P, C) mean of what arrives of the radiance (sides, C) that leaves the patches.
 
         weight: (P, R) of the rays, whose mean is 1.
@@ -53,97 +53,96 @@ class Surroundings:
         share = self.share if weight is None else self.share * weight
         return weighted_rows(F.pad(leaving, (0, 0, 0, 1)), self.side, share) / self.side.shape[1]
 
-    def sky_share(self, environment: EnvironmentPrior | None, weight: Tensor | None = None) -> Tensor:
-        """(P, 3) share of the environment's light that arrives, by its colour; weight as above."""
+    def sky_visibility(self, environment: EnvironmentLight | None, weight: Tensor | None = None) -> Tensor:
+        """(P, 3) share of the environment's light that arrives, RGB; weight as above."""
         if environment is None:
             return torch.ones_like(self.through)
-        return environment.share(self.direction, self.sky, weight)
+        return environment.visible_share(self.direction, self.sky, weight)
 
 
-class Interior:
-    """All patches of a scene, for rays to meet."""
+class GatherScene:
+    """All patches of a scene as triangles that gather rays hit."""
 
-    def __init__(self, scene: RenderScene, patches: Patches, prior: LightPrior):
-        device = prior.radiance.device
+    def __init__(self, scene: RenderScene, patches: Patches, direct: DirectLight):
+        device = direct.device
         shining = torch.from_numpy(scene.triangles[scene.is_light & is_solid(scene)])
         self.normal = F.normalize(patches.vector.to(device), dim=-1)
-        # Where nothing is met, and where emitters are, whose light is no bounced one, is the row behind all patches.
+        # The row behind all patches stands for "nothing", and for emitters, whose light is no indirect one.
         self.patch = F.pad(patches.patch[patches.solid], (0, len(shining) + 1), value=len(self.normal)).to(device)
-        self.corners, self.beacons = patches.corners[patches.solid].to(device), None
-        self.fog, self.in_scattering, self.environment = prior.fog, prior.in_scattering, prior.environment
+        self.corners, self.bright = patches.corners[patches.solid].to(device), None
+        self.fog, self.in_scattering, self.environment = direct.fog, direct.in_scattering, direct.environment
         self.panes = None
         with part(0.0, 0.5):
-            self.surfaces = Visibility(torch.cat([patches.corners[patches.solid], shining]).numpy())
+            self.surfaces = TensorRays(torch.cat([patches.corners[patches.solid], shining]).numpy())
         if patches.glass.any():
             with part(0.5, 1.0):
                 self.panes = Panes(patches, self.environment, device)
 
-    def aim(self, worth: Tensor) -> None:
-        """From now on at patches of such worth (sides,)."""
-        self.beacons = Beacons(self.corners, self.patch[:len(self.corners)], worth)
+    def aim(self, importance: Tensor) -> None:
+        """Aim rays at patches of such importance (sides,) from now on."""
+        self.bright = BrightPatches(self.corners, self.patch[:len(self.corners)], importance)
 
-    def look(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0,
-             start: Tensor | None = None, hazy: bool = True) -> Surroundings:
-        """From points (P, 3), a little above their normals, along unit vectors (P, R, 3).
+    def gather(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0, start: Tensor | None = None,
+               with_media: bool = True) -> Gathered:
+        """Trace rays from points (P, 3) with unit normals (P, 3) along unit vectors (P, R, 3).
 
-        If these are as dense as the cosine, `aimed` more may go towards beacons, which `start` (P, 2) spreads.
-        hazy: whether light that volumes scatter on the way is found.
+        Directions with a density of the cosine may be joined by `aimed` more towards bright patches, which `start`
+        (P, 2) spreads. with_media: whether in-scattered light along the rays is added.
         """
         rays, target = direction.shape[1], None
-        position = position + ABOVE * normal
-        if aimed and self.beacons.lit:
-            towards, target = self.beacons.aimed(position, aimed, start)
-            direction = torch.cat([direction, towards], 1)
-        every, direction = direction.shape[1], direction.reshape(-1, 3)
-        origin = position[:, None].expand(-1, every, -1).reshape(-1, 3)
+        position = position + LIFT * normal
+        if aimed and self.bright.exist:
+            aimed_direction, target = self.bright.sample(position, aimed, start)
+            direction = torch.cat([direction, aimed_direction], 1)
+        total, direction = direction.shape[1], direction.reshape(-1, 3)
+        origin = position[:, None].expand(-1, total, -1).reshape(-1, 3)
         with part(0.0, 0.7):
             triangle, distance = self.surfaces.nearest(origin, direction)
-        side = self.met(triangle, direction)
-        passing, sky = torch.ones_like(distance), distance.isinf()
+        side = self.hit_sides(triangle, direction)
+        share, sky = torch.ones_like(distance), distance.isinf()
         through = torch.zeros_like(position)
         if self.fog is not None:
-            ends = origin + distance.clamp(max=FOGLESS)[:, None] * direction
-            passing = self.fog.passing(origin, ends)
-            if hazy:
-                through += self._scattered(*(each.view(-1, every, 3)[:, :rays] for each in (origin, ends)))
+            end = origin + distance.clamp(max=FOG_REACH)[:, None] * direction
+            share = self.fog.transmittance(origin, end)
+            if with_media:
+                through += self._scattered(*(x.view(-1, total, 3)[:, :rays] for x in (origin, end)))
         if self.panes is not None:
             with part(0.7, 1.0):
-                met, light, share = self.panes.through(origin, direction, distance)
-            sky[met] = False
-            passing[met] *= share
-            through.index_add_(0, met // every, light * (met % every < rays)[:, None] / rays)
-        sky = (sky * passing).view(-1, every)[:, :rays]
+                ray, light, transmittance = self.panes.sky_through(origin, direction, distance)
+            sky[ray] = False
+            share[ray] *= transmittance
+            through.index_add_(0, ray // total, light * (ray % total < rays)[:, None] / rays)
+        sky = (sky * share).view(-1, total)[:, :rays]
         if target is not None:
-            density = self.beacons.per_angle(triangle, direction, distance).view(-1, every)
-            cosine = (direction.view(-1, every, 3) @ normal[..., None])[..., 0].clamp_min(0)
-            balanced = every * cosine / (rays * cosine + math.pi * aimed * density).clamp_min(1e-9)
-            balanced[:, rays:] *= triangle.view(-1, every)[:, rays:] == target
-            passing = passing * balanced.flatten()
-        return Surroundings(direction.view(-1, every, 3)[:, :rays], side.view(-1, every), passing.view(-1, every), sky,
-                            through)
+            density = self.bright.density_by_angle(triangle, direction, distance).view(-1, total)
+            cosine = (direction.view(-1, total, 3) @ normal[..., None])[..., 0].clamp_min(0)
+            balanced = total * cosine / (rays * cosine + math.pi * aimed * density).clamp_min(1e-9)
+            balanced[:, rays:] *= triangle.view(-1, total)[:, rays:] == target
+            share = share * balanced.flatten()
+        return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
+                        through)
 
-    def met(self, triangle: Tensor, direction: Tensor) -> Tensor:
-        """(N,) side of a patch that rays meet which hit triangles (N,) along (N, 3), as Surroundings has it."""
+    def hit_sides(self, triangle: Tensor, direction: Tensor) -> Tensor:
+        """(N,) sides, as Gathered has them, of the patches whose triangles (N,) rays (N, 3) hit."""
         patch, count = self.patch[triangle], len(self.normal)
-        back = dot(F.pad(self.normal, (0, 0, 0, 1)).index_select(0, patch).T, direction.T) > 0
-        return torch.where(patch < count, patch + count * back, 2 * count)
+        is_back = dot(F.pad(self.normal, (0, 0, 0, 1)).index_select(0, patch).T, direction.T) > 0
+        return torch.where(patch < count, patch + count * is_back, 2 * count)
 
     def _scattered(self, origin: Tensor, end: Tensor) -> Tensor:
-        """(P, 3) mean radiance that volumes send from the ends of rays (P, R, 3) to their origins, by some of them."""
-        rays, steps = HAZE
-        step = max(origin.shape[1] // rays, 1)
+        """(P, 3) mean radiance that media send along rays (P, R, 3) to their origins, by some of the rays."""
+        step = max(origin.shape[1] // FOG_RAYS, 1)
         origin, end = origin[:, ::step], end[:, ::step]
-        return self.in_scattering(origin.flatten(0, 1), end.flatten(0, 1), steps).view_as(origin).mean(1)
+        return self.in_scattering(origin.flatten(0, 1), end.flatten(0, 1), FOG_STEPS).view_as(origin).mean(1)
 
-    def telling(self, around: Surroundings, count: int) -> Tensor:
-        """(P / count, count) how much each of `count` points in a row says about their patch, 1 in the mean.
+    def reliability(self, gathered: Gathered, count: int) -> Tensor:
+        """(P / count, count) weights of each `count` consecutive points of a patch, 1 in the mean.
 
-        Points that something covers, as walls cover the rim of a floor, see the insides of that: backs. And few that
+        A point that something covers, as walls cover the rim of a floor, sees the insides of that: backs. And few that
         see more of the sky than the others are on the other side of a wall.
         """
-        side = around.side[:, :around.direction.shape[1]]
-        behind = (side >= len(self.normal)) & (side < 2 * len(self.normal))
-        backs, sky = ((x > 0).to(around.share.dtype).mean(1).view(-1, count) for x in (behind, around.sky))
+        side = gathered.side[:, :gathered.direction.shape[1]]
+        is_back = (side >= len(self.normal)) & (side < 2 * len(self.normal))
+        backs, sky = ((x > 0).to(gathered.share.dtype).mean(1).view(-1, count) for x in (is_back, gathered.sky))
         unlike = (sky - sky.median(1, keepdim=True).values) / UNLIKE
-        says = (1 - backs).clamp_min(COVERED) * (-unlike.square()).exp()
-        return says / says.mean(1, keepdim=True)
+        weight = (1 - backs).clamp_min(LEAST_RELIABLE) * (-unlike.square()).exp()
+        return weight / weight.mean(1, keepdim=True)

@@ -1,145 +1,167 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that has bounced between the token triangles: radiosity with visibility by rays.
+"""Indirect light between the token triangles: radiosity with visibility by rays.
 
-Form factors between patches (Goral et al. 1984), and the light that arrives at a point (Reichert 1992, "A two-pass
-radiosity method"), are estimated by rays. The direct light on the patches comes from the light prior. Light through
-glass, where the prior does not reach, is found by the same rays.
+Form factors between patches (Goral et al. 1984) and the light that arrives at a point (final gather, Reichert 1992, "A
+two-pass radiosity method") are estimated by rays. Direct light on the patches comes from DirectLight; light through
+glass is found by the same rays and by photons.
 """
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
 from ...progress import part
 from ...scene import RenderScene
-from ..direct.direct_light import LightPrior
+from ..caustics.photon_map import PhotonMap
+from ..caustics.photons import Photons, trace_photons
+from ..direct.direct_light import DirectLight
 from ..effort import FULL, Effort
 from ..fresnel import schlick
-from ..sampling import cosine_directions, ggx_directions, in_a_row, scattered
-from .bright_patches import worth_by_power, worth_by_sight
-from .caustics import caustics
-from .final_gather import ABOVE, Interior, Surroundings
+from ..occluders import bends_light
+from ..sampling import cosine_directions, ggx_directions, hashed_starts, r2_starts
+from .bright_patches import importance_by_arrival, importance_by_power
+from .final_gather import LIFT, Gathered, GatherScene
 from .openness import Openness
-from .patches import PATCHES, STEEP, patches
+from .patches import PATCHES, STEEP, make_patches
 
 BOUNCES = 3       # between patches, before the last one at the point: together as many as Cycles' diffuse ones
-GLOSSY_BOUNCES = 2  # beside these: more bring next to nothing
+GLOSSY_BOUNCES = 2  # besides: more add next to nothing
 PATCH_RAYS = 64   # from each side of a patch
-PATCH_AIMED = 32  # and so many more to what is bright
-POINTS = 4        # of a patch, at which lamps light it and from which its rays start
-SHADOW_RAYS = 1 << 19  # from all patches to lamps; fewer points where there are many lamps, but one at least
-SKY_RAYS = 64     # from each side of a patch, that look for the sky
+PATCH_AIMED = 32  # rays more towards bright patches
+POINTS = 4        # of a patch, at which emitters light it and from which its rays start
+SHADOW_RAYS = 1 << 19  # from all patches to emitters; fewer points where there are many, but one at least
+SKY_RAYS = 64     # from each side of a patch, to the sky
 RAYS = 24         # from a point
-AIMED = 12        # and so many more to what is bright
-GLOSSY_RAYS = 16  # from a point, towards what it reflects
-PHOTONS = 1 << 16  # from lamps to glass
+AIMED = 12        # rays more towards bright patches
+GLOSSY_RAYS = 16  # from a point, within its glossy lobe
+PHOTONS = 1 << 16  # from emitters to glass
+
+
+class GlossyLight(NamedTuple):
+    """Light that white glossy surfaces send towards the viewer at P points."""
+
+    bounced: Tensor               # (P, 3) radiance that has bounced diffusely before; all of it without traced light
+    missed: Tensor | None = None  # (P, 3) radiance of other indirect light that Cycles' traced light leaves out
+    sky: Tensor | None = None     # (P, 3) visibility of the sky in the lobe
 
 
 class Radiosity:
-    """Built from a normalised RenderScene and its LightPrior; the result is in the prior's radiance units."""
+    """Radiance that leaves the patches of a normalised scene after all bounces, in the units of its DirectLight."""
 
-    def __init__(self, scene: RenderScene, prior: LightPrior, effort: Effort = FULL):
-        device = prior.radiance.device
-        lamps = prior.lamps()
-        openness = Openness(prior.blocking, prior.blockers, device) if effort.walls else None
-        found = patches(scene, lamps, effort.patches, openness)
+    def __init__(self, scene: RenderScene, direct: DirectLight, effort: Effort = FULL):
+        emitters = direct.emitters.near()
+        openness = None
+        if effort.walls:
+            openness = Openness(direct.occluder_triangles, direct.occluders, direct.device)
+        patches = make_patches(scene, emitters, effort.patches, openness)
         with part(0.0, 0.2):
-            self.interior = Interior(scene, found, prior)
-        count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(lamps.share), 1)), 1), effort.of(POINTS))
-        # Of all fronts, then of all backs, as of all that follows; points of a patch are one after the other.
-        x, n = (torch.cat(sides).flatten(0, 1).to(device) for sides in _both_sides(*found.points(count)))
-        diffuse, metal, layer = found.albedo.repeat(2, 1).to(device).split(3, dim=1)
-        of_layer = found.layer.repeat(2, 1).to(device).repeat_interleave(count, 0).unbind(1)
+            self.gather_scene = GatherScene(scene, patches, direct)
+        count = min(max(SHADOW_RAYS // (2 * PATCHES * max(len(emitters.power_share), 1)), 1), effort.of(POINTS))
+        # All fronts, then all backs, here and below; the points of a patch follow each other.
+        points, normals = patches.points(count)
+        x, n = (torch.cat(sides).flatten(0, 1).to(direct.device) for sides in ((points, points), (normals, -normals)))
+        diffuse, metal, layer = patches.albedo.repeat(2, 1).to(direct.device).split(3, dim=1)
+        f0, roughness = patches.layer.repeat(2, 1).to(direct.device).repeat_interleave(count, 0).unbind(1)
+        area = patches.vector.norm(dim=-1).to(direct.device)
+        size = patches.weight.repeat(2).to(direct.device)
         with part(0.2, 0.4):
-            arriving = prior.arriving(x, n, scattered(x, 2), effort.of(SKY_RAYS) // count)
+            visibility = direct.visibility(x, n, hashed_starts(x, 2), effort.of(SKY_RAYS) // count)
         with part(0.4, 0.5):
-            self.caustics, of_glass = caustics(scene, prior, self.interior, found.vector.norm(dim=-1).to(device),
-                                               effort.of(PHOTONS))
+            self.caustics, caustic_light = self._trace_caustics(scene, direct, area, effort.of(PHOTONS))
         with part(0.5, 0.6):
-            white, slanting = prior.diffuse(x + ABOVE * n, n, arriving, *of_layer).view(-1, count, 6).split(3, 2)
-            light = (diffuse + STEEP * metal)[:, None] * white + layer[:, None] * slanting
-        size = found.weight.repeat(2).to(device)
-        self.interior.aim(worth_by_power(light.mean(1), size))
+            white, slanting = (light.view(-1, count, 3) for light in direct.diffuse_and_layer(
+                x + LIFT * n, n, visibility, f0, roughness))
+            first = (diffuse + STEEP * metal)[:, None] * white + layer[:, None] * slanting
+        self.gather_scene.aim(importance_by_power(first.mean(1), size))
         with part(0.6, 1.0):
-            start = scattered(x, 2)
-            directions = cosine_directions(n, effort.of(PATCH_RAYS) // count, start)
-            around = self.interior.look(x, n, directions, effort.of(PATCH_AIMED) // count, start)
-            weight = self.interior.telling(around, count)
-            around = around.together(weight)
-        first, glossy = (weight[..., None] * light).mean(1), metal + layer
-        through = (diffuse + glossy) * (around.through + of_glass)
-        glossily, diffusely = self._bounced(around, first + through, diffuse, glossy)
-        again = through + diffusely
-        leaving = first + again + glossily
-        self.interior.aim(worth_by_sight(leaving, size, around.side, around.share))
-        self.leaving = torch.cat([leaving, again], dim=1)  # all, and what had bounced diffusely
+            start = hashed_starts(x, 2)
+            gathered = self.gather_scene.gather(x, n, cosine_directions(n, effort.of(PATCH_RAYS) // count, start),
+                                                effort.of(PATCH_AIMED) // count, start)
+            weight = self.gather_scene.reliability(gathered, count)
+            gathered = gathered.merged(weight)
+        first, glossy = (weight[..., None] * first).mean(1), metal + layer
+        through = (diffuse + glossy) * (gathered.through + caustic_light)
+        glossily, diffusely = _bounce(gathered, first + through, diffuse, glossy)
+        self.bounced_before = through + diffusely  # (sides, 3) what of it has bounced diffusely, or come through glass
+        self.leaving = first + self.bounced_before + glossily  # (sides, 3) radiance that leaves all sides of patches
+        self.gather_scene.aim(importance_by_arrival(self.leaving, size, gathered.side, gathered.share))
 
-    def _bounced(self, around: Surroundings, light: Tensor, diffuse: Tensor,
-                 glossy: Tensor) -> tuple[Tensor, Tensor]:
-        """What becomes of `light` (2 S, 3) that leaves the patches, by as many bounces as Cycles allows: (2 S, 3) each.
+    def _trace_caustics(self, scene: RenderScene, direct: DirectLight, area: Tensor,
+                        count: int) -> tuple[PhotonMap, Tensor]:
+        """The photons that glass sends to surfaces, of `count` from emitters.
 
-        By glossy bounces alone, which traced light follows from mirrors, and by others.
+        And the radiance (sides, 3) that white diffuse patches of an `area` (S,) send on by them.
         """
-        found = {(0, 0): light}  # what has bounced diffusely, and glossily, so often
-        for count in range(1, BOUNCES + GLOSSY_BOUNCES + 1):
-            pairs = [(d, count - d) for d in range(count + 1) if d <= BOUNCES and count - d <= GLOSSY_BOUNCES]
-            before = [key for key in found if sum(key) == count - 1]
-            arriving = dict(zip(before, around.gathered(torch.cat([found[k] for k in before], 1)).split(3, 1)))
-            for d, g in pairs:
-                found[d, g] = sum(lobe * arriving[key] for lobe, key in ((diffuse, (d - 1, g)), (glossy, (d, g - 1)))
-                                  if key in arriving)
-        return (sum(found[0, g] for g in range(1, GLOSSY_BOUNCES + 1)),
-                sum(bounced for (d, _), bounced in found.items() if d))
+        flux = area.new_zeros(2 * len(area) + 1, 3)
+        glass = np.flatnonzero(bends_light(scene) & ~scene.is_light)
+        if not len(glass) or not len(direct.emitters):
+            return PhotonMap.empty(area), flux[:-1]
+        landed = trace_photons(scene, direct, glass, self.gather_scene.corners.cpu().numpy(),
+                               self.gather_scene.surfaces.rays, count)
+        photons = Photons(*(torch.from_numpy(x).to(area.device) for x in landed))
+        flux.index_add_(0, self.gather_scene.hit_sides(photons.triangle, photons.direction), photons.flux)
+        return (PhotonMap(photons.position, photons.normal, photons.flux),
+                flux[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None]))
 
-    def __call__(self, position: Tensor, normal: Tensor, number: Tensor | None = None, effort: Effort = FULL,
-                 alone: bool = False) -> Tensor:
-        """Radiance leaving a white diffuse surface at points (P, 3) with unit normals (P, 3) -> (P, 9).
+    def indirect(self, position: Tensor, normal: Tensor, number: Tensor | None = None, effort: Effort = FULL) -> Tensor:
+        """(P, 3) indirect light, as radiance leaving a white diffuse surface at points (P, 3) with normals (P, 3).
 
-        Light that has bounced, the part of it that has done so diffusely before the last time, and the share of the
-        sky's light that arrives; the first of these `alone` is (P, 3).
-        number: (P,) of neighbours in a row, whose rays go between each other's; by default they are a row.
+        number: (P,), which consecutive neighbours should have, so that their rays fill each other's gaps.
         """
+        return self.indirect_and_sky(position, normal, number, effort, with_sky=False)[0]
+
+    def indirect_and_sky(self, position: Tensor, normal: Tensor, number: Tensor | None = None, effort: Effort = FULL,
+                         with_sky: bool = True) -> tuple[Tensor, ...]:
+        """The same, and by the same rays the visibility of the sky (P, 3) for a diffuse surface."""
         number = torch.arange(len(position), device=position.device) if number is None else number
-        start = in_a_row(number)
-        around = self.interior.look(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
-                                    effort.of_probe(AIMED), start)
-        through = around.through + self.caustics(position, normal)
-        if alone:
-            return through + around.gathered(self.leaving[:, :3])
-        bounced = F.pad(through, (0, 3)) + around.gathered(self.leaving)
-        return torch.cat([bounced, around.sky_share(self.interior.environment)], dim=1)
+        start = r2_starts(number)
+        gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
+                                            effort.of_probe(AIMED), start)
+        light = gathered.through + self.caustics.radiance(position, normal) + gathered.radiance(self.leaving)
+        return (light, gathered.sky_visibility(self.gather_scene.environment)) if with_sky else (light,)
 
-    def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, gloss: Tensor, number: Tensor,
-               effort: Effort = FULL, traced: bool = False, direct: bool = True) -> Tensor:
-        """Radiance leaving a white glossy surface at points (P, 3) towards `outgoing` (P, 3).
+    def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor,
+               diffuse_ratio: Tensor, number: Tensor, effort: Effort = FULL, traced: bool = False,
+               with_sky: bool = True) -> GlossyLight:
+        """Indirect light that white glossy surfaces at points (P, 3) send towards `outgoing` (P, 3).
 
-        (P, 3), or beside light that was `traced` (P, 6): what has bounced diffusely before, and as much of the rest as
-        was not traced. Cycles follows so many paths from a surface as its glossy lobe has a share in each direction:
-        it leaves out as much of that lobe's light as it traces of the diffuse one's, by the colours of both.
-        With `direct` (P, 3) more, the share of the sky's light that arrives, as above.
-        gloss: (P, 3), perceptual roughness, reflectance at normal incidence, and the diffuse lobe's share of the light
-        over the glossy one's; number: (P,) as above.
+        roughness (perceptual), f0: (P,); diffuse_ratio: (P,), albedo of the diffuse lobe over that of the glossy one;
+        number: (P,) as above. traced: whether Cycles traced light. It follows as many paths from a surface as its
+        glossy lobe has a share in each direction, so it leaves out as much of that lobe's light as it traces of the
+        diffuse one's, by the albedos of both.
         """
-        start, (roughness, at_normal, matte) = in_a_row(number), gloss.unbind(1)
         direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS),
-                                                            start)
-        around = self.interior.look(position, normal, direction, hazy=False)  # nobody asks for it here
-        weight = weight * schlick(at_normal[:, None], cosine)
+                                                            r2_starts(number))
+        gathered = self.gather_scene.gather(position, normal, direction, with_media=False)
+        weight = weight * schlick(f0[:, None], cosine)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
         if traced:
-            diffusely = matte[:, None] * (direction @ normal[..., None])[..., 0].clamp_min(0) / math.pi
-            missed = diffusely / (diffusely + weight * density).clamp_min(1e-6)
-            once = self.leaving[:, :3] - self.leaving[:, 3:]
-            found = [around.gathered(self.leaving[:, 3:], weight), around.gathered(once, weight * missed)]
+            diffuse = diffuse_ratio[:, None] * (direction @ normal[..., None])[..., 0].clamp_min(0) / math.pi
+            share = diffuse / (diffuse + weight * density).clamp_min(1e-6)
+            bounced = gathered.radiance(self.bounced_before, weight)
+            missed = gathered.radiance(self.leaving - self.bounced_before, weight * share)
         else:
-            found = [around.gathered(self.leaving[:, :3], weight)]
-        if direct:
-            found.append(around.sky_share(self.interior.environment, weight))
-        return torch.cat(found, dim=1)
+            bounced, missed = gathered.radiance(self.leaving, weight), None
+        sky = gathered.sky_visibility(self.gather_scene.environment, weight) if with_sky else None
+        return GlossyLight(bounced, missed, sky)
 
 
-def _both_sides(points: Tensor, normals: Tensor) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
-    return (points, points), (normals, -normals)
+def _bounce(gathered: Gathered, light: Tensor, diffuse: Tensor, glossy: Tensor) -> tuple[Tensor, Tensor]:
+    """What becomes of `light` (sides, 3) that leaves the patches, by as many bounces as Cycles allows: (sides, 3) each.
+
+    Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others.
+    """
+    after = {(0, 0): light}  # by number of diffuse and of glossy bounces
+    for count in range(1, BOUNCES + GLOSSY_BOUNCES + 1):
+        pairs = [(d, count - d) for d in range(count + 1) if d <= BOUNCES and count - d <= GLOSSY_BOUNCES]
+        before = [pair for pair in after if sum(pair) == count - 1]
+        arriving = dict(zip(before, gathered.radiance(torch.cat([after[pair] for pair in before], 1)).split(3, 1)))
+        for d, g in pairs:
+            after[d, g] = sum(albedo * arriving[pair] for albedo, pair in ((diffuse, (d - 1, g)), (glossy, (d, g - 1)))
+                              if pair in arriving)
+    return (sum(after[0, g] for g in range(1, GLOSSY_BOUNCES + 1)),
+            sum(bounced for (d, _), bounced in after.items() if d))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that comes straight from lamps and sky, in closed form, with visibility by rays."""
+"""Light that arrives from emitters and the environment without a bounce: closed forms times visibility by rays."""

@@ -9,7 +9,7 @@ from ...scene import RenderScene
 from .emitter_clusters import Emitters, merged, triangle
 
 DISTANT = 15.0      # network units; an open surface beyond is a sun, which looks alike from everywhere
-MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of the light prior grow with them
+MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of direct light grow with them
 MAX_POLYGONS = 16   # triangles of one connected emitter that are kept one by one
 MAX_LUMPS = 8       # what a larger one is merged into
 CLOSED = 0.3        # |vector area| / area below which a surface radiates like a sphere

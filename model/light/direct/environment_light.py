@@ -16,7 +16,7 @@ from ...compute.devices import run_operator
 from ...environment import direction_map
 
 ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
-BLUR = 0.3                            # that spreads radiance over what one of many rays stands for
+BLUR = 0.3                            # roughness at which one of many rays reads the map
 SHARP, COARSE = (64, 128), (32, 64)  # map sizes of level 0 and of the blurred levels
 COSINE_LOBE = (math.pi, 2 * math.pi / 3, math.pi / 4)  # zonal coefficients of the clamped cosine, bands 0, 1, 2
 
@@ -27,7 +27,7 @@ def solid_angles(height: int, width: int, device=None) -> Tensor:
     return ((edges[:-1] - edges[1:]) * 2 * math.pi / width)[:, None]
 
 
-class EnvironmentPrior:
+class EnvironmentLight:
     """Built from (H, W, 3) radiance; `irradiance` and `filtered` take (P, 3) unit directions."""
 
     def __init__(self, radiance: Tensor):
@@ -55,15 +55,15 @@ class EnvironmentPrior:
         lobe = torch.tensor(COSINE_LOBE, device=normal.device)[bands]
         return (_harmonics(normal) @ (self.harmonics * lobe[:, None])).clamp_min(0)
 
-    def share(self, directions: Tensor, seen: Tensor, weight: Tensor | None = None) -> Tensor:
-        """(P, 3) share of the radiance from (P, R, 3) unit vectors of which so much (P, R) is seen, by its colour.
+    def visible_share(self, directions: Tensor, visibility: Tensor, weight: Tensor | None = None) -> Tensor:
+        """(P, 3) share of the RGB radiance from (P, R, 3) unit vectors that arrives with a visibility of (P, R) each.
 
-        weight: (P, R), of the vectors.
+        weight: (P, R), of the vectors; all count alike without it.
         """
         flat = directions.flatten(0, 1)
         radiance = self.filtered(flat, torch.full_like(flat[:, 0], BLUR)).view_as(directions)
         radiance = radiance if weight is None else weight[..., None] * radiance
-        return (seen[..., None] * radiance).sum(1) / radiance.sum(1).clamp_min(1e-12)
+        return (visibility[..., None] * radiance).sum(1) / radiance.sum(1).clamp_min(1e-12)
 
     def filtered(self, direction: Tensor, roughness: Tensor) -> Tensor:
         """(P, 3) radiance around a direction, averaged over the GGX lobe of this perceptual roughness (P,)."""

@@ -3,8 +3,8 @@
 
 An emitter enters by its vector form factor, which a sphere of the same solid angle replaces for the horizon and the
 glossy lobe (Snyder 1996, "Area light sources for real-time graphics"; Heitz and Hill 2017, "Real-time line- and
-disk-light shading"). Vectors of P points and L emitters are planes (3, P, L), which PyTorch adds up much faster than
-the last axis of (P, L, 3).
+disk-light shading"). Vectors of P points and E emitters are planes (3, P, E), which PyTorch adds up much faster than
+the last axis of (P, E, 3).
 """
 from __future__ import annotations
 
@@ -13,40 +13,42 @@ import math
 import torch
 from torch import Tensor
 
-from ..fresnel import schlick, whole
+from ..fresnel import lobe_albedo, schlick
 
 
-def of_triangles(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
-    """Unit direction (3, P, L) to triangles (L, 3, 3) from points (3, P, L), and its squared angular sine (P, L).
+def triangle_directions(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
+    """Unit direction (3, P, E) to triangles (E, 3, 3) from points (3, P, E), and its squared angular sine (P, E).
 
     By Lambert's formula, from both sides of the triangles.
     """
-    ways = [_unit(corner[:, None] - x) for corner in corners.permute(1, 2, 0)]
-    vector = torch.zeros_like(ways[0])
-    for way, following in zip(ways, (*ways[1:], ways[0]), strict=True):
-        edge = torch.linalg.cross(way, following, dim=0)
+    rays = [_unit(corner[:, None] - x) for corner in corners.permute(1, 2, 0)]
+    vector = torch.zeros_like(rays[0])
+    for ray, following in zip(rays, (*rays[1:], rays[0]), strict=True):
+        edge = torch.linalg.cross(ray, following, dim=0)
         sine = edge.square().sum(0).sqrt()
-        vector += edge * (torch.atan2(sine, _dot(way, following)) / sine.clamp_min(1e-6))
+        vector += edge * (torch.atan2(sine, _dot(ray, following)) / sine.clamp_min(1e-6))
     length = vector.square().sum(0).sqrt()
-    facing = _dot(vector, ways[0] + ways[1] + ways[2]).sign()
+    facing = _dot(vector, rays[0] + rays[1] + rays[2]).sign()
     return vector * (facing / length.clamp_min(1e-19)), length / (2 * math.pi)
 
 
-def of_spheres(centers: Tensor, radii: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
-    """The same of spheres, centers (L, 3), radii (L,)."""
-    way = centers.T[:, None] - x
-    distance2 = way.square().sum(0)
-    return way / distance2.clamp_min(1e-20).sqrt(), radii**2 / torch.maximum(distance2, radii**2)
+def sphere_directions(centers: Tensor, radii: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
+    """The same of spheres, centers (E, 3), radii (E,)."""
+    ray = centers.T[:, None] - x
+    distance2 = ray.square().sum(0)
+    return ray / distance2.clamp_min(1e-20).sqrt(), radii**2 / torch.maximum(distance2, radii**2)
 
 
-def cosines(direction: Tensor, of_points: Tensor) -> Tensor:
-    """(P, L) of directions (3, P, L) and vectors (P, 3) of the points."""
-    return _dot(direction, of_points.T[..., None])
+def cosines(direction: Tensor, vector: Tensor) -> Tensor:
+    """(P, E) of directions (3, P, E) and vectors (P, 3) of the points."""
+    return _dot(direction, vector.T[..., None])
 
 
 def beam(direction: Tensor, axis: Tensor, cosine: Tensor) -> Tensor:
-    """(P, L) share of radiance within the cones of spots around `axis` (L, 3), cosine (L, 2) of rim and core; 1 of
-    what shines all around, whose axis is 0."""
+    """(P, E) share of radiance that emitters send along `direction` within the cones of their beams.
+
+    axis: (E, 3), 0 for emitters without a beam, whose share is 1; cosine: (E, 2), of the cone's rim and core.
+    """
     t = (-_dot(direction, axis.T[:, None]) - cosine[:, 0]) / (cosine[:, 1] - cosine[:, 0]).clamp_min(1e-4)
     t = t.clamp(0, 1)
     return (t * t * (3 - 2 * t)).where(axis.square().sum(-1) > 0.25, 1.0)
@@ -66,10 +68,10 @@ def sphere_form_factor(cosine: Tensor, sine2: Tensor) -> Tensor:
 
 
 def ggx_lobe(direction: Tensor, cosine: Tensor, sine2: Tensor, n: Tensor, v: Tensor, roughness: Tensor,
-             at_normal: Tensor) -> Tensor:
-    """(P, L) share of a light's radiance that a GGX lobe sends along v, over that which it sends of light all around.
+             f0: Tensor) -> Tensor:
+    """(P, E) share of an emitter's radiance that a GGX lobe sends along v, relative to its share of uniform light.
 
-    The light widens the lobe. n, v: (P, 3); roughness, reflectance `at_normal` incidence: (P,); the others as above.
+    The emitter's size widens the lobe. n, v: (P, 3) unit; roughness, f0: (P,); the others as above.
     """
     alpha = roughness.clamp_min(0.02).square()[:, None]
     wide = (alpha + sine2.sqrt() / 3).clamp(max=1)
@@ -80,7 +82,7 @@ def ggx_lobe(direction: Tensor, cosine: Tensor, sine2: Tensor, n: Tensor, v: Ten
     density = wide.square() / (math.pi * (n_h.square() * (wide.square() - 1) + 1).square().clamp_min(1e-8))
     a2 = alpha.square()
     smith = 2 * n_l / (n_l * (a2 + (1 - a2) * n_v.square()).sqrt() + n_v * (a2 + (1 - a2) * n_l.square()).sqrt())
-    gain = schlick(at_normal[:, None], v_h) / whole(at_normal, n_v[:, 0], roughness)[:, None]
+    gain = schlick(f0[:, None], v_h) / lobe_albedo(f0, n_v[:, 0], roughness)[:, None]
     return (density * smith / 4 * math.pi * sine2).clamp(max=1) * gain * (cosine > 0)
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Media."""
+"""Participating media: how much light passes, and how much they scatter."""

@@ -1,59 +1,57 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light of lamps and sky that volumes scatter to the camera and to surfaces, once, as Cycles does by default."""
+"""Light of emitters and sky that media scatter once to the camera and to surfaces, as Cycles does by default."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..sampling import scattered
-from .transmittance import SIDE
+from ..sampling import hashed_starts
+from .transmittance import SIDE, Fog
 
-if TYPE_CHECKING:
-    from ..direct.direct_light import LightPrior
+STEPS = 24   # along a ray through the media
+POINTS = 6   # of a cell, at which emitters light it
 
-STEPS = 24   # along a ray through the volumes
-PLACES = 6   # of a cell, at which lamps light it
+RadianceInAir = Callable[[Tensor], Tensor]  # of points (P, 3): (P, 3), the mean over all directions
 
 
 class InScattering:
-    """What the cells of a LightPrior's fog send in all directions, found once for all views; `prior.fog` is there."""
+    """What the cells of a fog send in all directions, computed once for all views."""
 
-    def __init__(self, prior: LightPrior):
-        fog = prior.fog
+    def __init__(self, fog: Fog, sky: RadianceInAir, emitters: RadianceInAir):
         cells = fog.scattering.amax(1).nonzero()[:, 0]
         cells = cells[cells < SIDE ** 3]
         light = torch.zeros_like(fog.scattering)
-        middle = fog.places(cells, torch.full((len(cells), 3), 0.5, device=cells.device))
-        light[cells] = prior.sky_around(fog.places(cells, scattered(middle, 3)))
-        for k in range(PLACES):
-            light[cells] += prior.lamps_around(fog.places(cells, scattered(middle + k, 3))) / PLACES
+        middle = fog.points_in(cells, torch.full((len(cells), 3), 0.5, device=cells.device))
+        light[cells] = sky(fog.points_in(cells, hashed_starts(middle, 3)))
+        for k in range(POINTS):
+            light[cells] += emitters(fog.points_in(cells, hashed_starts(middle + k, 3))) / POINTS
         cells = torch.cat([light * fog.scattering, fog.density[:, None]], dim=1)[:-1]
         self.low, self.extent = fog.low, fog.cell * SIDE
         self.cells = cells.T.reshape(1, 4, SIDE, SIDE, SIDE)  # RGB per unit of length, extinction
 
     def __call__(self, origin: Tensor, end: Tensor, steps: int = STEPS) -> Tensor:
-        """(P, 3) radiance that arrives at points (P, 3) from the volumes before the points `end` (P, 3)."""
-        way = end - origin
-        near, far = ((side - origin) / torch.where(way.abs() < 1e-9, torch.full_like(way, 1e-9), way)
+        """(P, 3) radiance that arrives at points (P, 3) from the media before the points `end` (P, 3)."""
+        ray = end - origin
+        near, far = ((side - origin) / torch.where(ray.abs() < 1e-9, torch.full_like(ray, 1e-9), ray)
                      for side in (self.low, self.low + self.extent))
         enters = torch.minimum(near, far).amax(1, keepdim=True).clamp(0, 1)
         leaves = torch.maximum(near, far).amin(1, keepdim=True).clamp(0, 1)
-        step = (leaves - enters).clamp_min(0) * way / steps
+        step = (leaves - enters).clamp_min(0) * ray / steps
         length = step.norm(dim=1, keepdim=True)
-        found, passing = torch.zeros_like(origin), torch.ones_like(length)
+        radiance, transmittance = torch.zeros_like(origin), torch.ones_like(length)
         for k in range(steps):
-            light, extinction = self._at(origin + enters * way + (k + 0.5) * step).split([3, 1], dim=1)
+            light, extinction = self._at(origin + enters * ray + (k + 0.5) * step).split([3, 1], dim=1)
             absorbed = extinction * length
             mean = torch.where(absorbed > 1e-4, -torch.expm1(-absorbed) / absorbed.clamp_min(1e-4), 1 - absorbed / 2)
-            found += passing * light * length * mean
-            passing = passing * (-absorbed).exp()
-        return found
+            radiance += transmittance * light * length * mean
+            transmittance = transmittance * (-absorbed).exp()
+        return radiance
 
     def _at(self, x: Tensor) -> Tensor:
-        """(P, 4) between the cells."""
-        place = (2 * (x - self.low) / self.extent - 1).flip(-1)
-        return F.grid_sample(self.cells, place.view(1, -1, 1, 1, 3), align_corners=False,
+        """(P, 4) interpolated between the cells."""
+        position = (2 * (x - self.low) / self.extent - 1).flip(-1)
+        return F.grid_sample(self.cells, position.view(1, -1, 1, 1, 3), align_corners=False,
                              padding_mode="border")[0, :, :, 0, 0].T

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene's volumes on a coarse grid, and the share of light between surfaces that passes through them."""
+"""The scene's media on a coarse grid, and the transmittance between two points."""
 from __future__ import annotations
 
 import numpy as np
@@ -10,8 +10,8 @@ from ...geometry import rotation_matrix
 from ...scene import CELLS, VOXELS, Volumes
 
 SIDE = 32          # cells along the grid
-STEPS = 6          # places on a way that are looked at
-REACH = 2.0        # network units from the centre, along each axis, within which volumes count
+STEPS = 6          # samples of the extinction along a ray
+REACH = 2.0        # network units from the centre, along each axis, within which media count
 
 
 class Fog:
@@ -32,19 +32,19 @@ class Fog:
             x.new_zeros(SIDE ** 3 + 1, *x.shape[1:]).index_add(0, self._index(points), x[near] / self.cell.prod())
             for x in coefficients)
 
-    def passing(self, begin: Tensor, end: Tensor) -> Tensor:
+    def transmittance(self, begin: Tensor, end: Tensor) -> Tensor:
         """(...) share of the light that gets from points (..., 3) to points (..., 3)."""
-        way = end - begin
-        return (-self._mean(begin, way) * way.norm(dim=-1)).exp()
+        ray = end - begin
+        return (-self._mean_extinction(begin, ray) * ray.norm(dim=-1)).exp()
 
-    def places(self, cells: Tensor, within: Tensor) -> Tensor:
-        """(P, 3) points in cells by number (P,), `within` (P, 3) in [0, 1) of each."""
+    def points_in(self, cells: Tensor, within: Tensor) -> Tensor:
+        """(P, 3) points in cells by number (P,); within: (P, 3) in [0, 1), where in its cell each point is."""
         x, y, z = cells // SIDE ** 2, cells // SIDE % SIDE, cells % SIDE
         return self.low + (torch.stack([x, y, z], dim=1) + within) * self.cell
 
-    def _mean(self, begin: Tensor, way: Tensor) -> Tensor:
-        """(...) mean extinction between points (..., 3) and points + way."""
-        return sum(self.density[self._index(begin + (k + 0.5) / STEPS * way)] for k in range(STEPS)) / STEPS
+    def _mean_extinction(self, begin: Tensor, ray: Tensor) -> Tensor:
+        """(...) between points (..., 3) and points + ray."""
+        return sum(self.density[self._index(begin + (k + 0.5) / STEPS * ray)] for k in range(STEPS)) / STEPS
 
     def _index(self, points: Tensor) -> Tensor:
         place = ((points - self.low) / self.cell).floor()
@@ -54,7 +54,7 @@ class Fog:
 
 
 def fog_of(volumes: Volumes | None, device: torch.device | str = "cpu") -> Fog | None:
-    """None where nothing is in the way."""
+    """The fog of a scene; None where it has no media."""
     return Fog(volumes, device) if volumes is not None and len(volumes) else None
 
 

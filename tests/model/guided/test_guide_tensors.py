@@ -18,7 +18,7 @@ from renderformer_v2.model.guided.guide_tensors import (
     hit_roughness,
 )
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view, walls
@@ -30,7 +30,7 @@ def tensors(width=64, height=64, hinted=False):
     scene = floor_scene()
     view, guides = floor_view(width, height)
     guides.traced = guides.diffuse_color * 0.5
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     if not hinted:
         guides.traced = None
     return guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
@@ -56,7 +56,7 @@ def test_far_bundles_are_drawn_in():
     scene = floor_scene()
     view, guides = floor_view(64, 64)
     guides.position = guides.position + np.float32((0, 500, 0)) * (guides.alpha[..., None] > 0)
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     far = guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
     assert 1.9 < far.positions.norm(dim=-1).max() <= 2
     assert far.features[:, FEATURES["offset"]].abs().max() < 1
@@ -93,7 +93,7 @@ def test_what_a_view_sees_is_exposed_alike_however_bright_it_is():
     scene, (view, guides) = floor_scene(), floor_view(64, 64)
     guides.traced = guides.diffuse_color * np.float32(0.5e-3)
     scene.emission *= np.float32(1e-3)
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     dim = guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
     torch.testing.assert_close(dim.exposure, 1000 * bright.exposure, rtol=0.01, atol=0)
     torch.testing.assert_close(dim.features, bright.features, rtol=0.02, atol=1e-3)
@@ -132,7 +132,7 @@ def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
     assert (tensors().behind == 0).all()
     guides.transmission_color = guides.diffuse_color
     guides.position = guides.position + np.float32((0, 0, 0.5)) * (guides.alpha[..., None] > 0)  # glass above the floor
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     found = guide_tensors(scene, view, guides, prior, Radiosity(scene, prior), PATCH)
     assert found.behind[0, :, 32, 32].min() > 0.01 > 10 * found.bounced[0, :, 32, 32].max()
 
@@ -140,7 +140,7 @@ def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
 def test_smooth_glass_shows_lamps_and_sky_where_its_paths_end_and_rough_glass_what_arrives_at_its_back():
     scene, (view, guides) = floor_scene(), floor_view(64, 64)
     guides.transmission_color = guides.diffuse_color
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     radiosity = Radiosity(scene, prior)
     straight = guide_tensors(scene, view, guides, prior, radiosity, PATCH)
     guides.refracted_light = np.full_like(guides.position, 2.0)
@@ -158,7 +158,7 @@ def test_a_rough_surface_shows_no_image_but_the_mean_of_light_that_has_bounced_b
     ends = {"reflected_position": guides.position, "reflected_normal": guides.normal,
             "reflected_color": np.full_like(guides.position, 0.5), "traced": np.zeros_like(guides.position),
             "diffuse_color": np.zeros_like(guides.position)}  # of metal, whose first bounce is traced
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     radiosity, shown = Radiosity(scene, prior), []
     for roughness in (0.1, 0.9):
         scene.tiles[:, ROUGHNESS] = roughness

@@ -10,7 +10,7 @@ from renderformer_v2.model.guided.decoding import OUTPUTS
 from renderformer_v2.model.guided.guided_inputs import guided_inputs, guided_view
 from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.weights.presets import BUNDLED, rf2_small, weights_folder
@@ -31,7 +31,7 @@ def inputs(network):
 @pytest.fixture
 def view(network):
     scene = floor_scene()
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     return guided_view(scene, *floor_view(), prior, Radiosity(scene, prior), network.config)
 
 

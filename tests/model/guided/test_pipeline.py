@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.renderer import Renderer
 from tests.model.samples import floor_view, walls
 
@@ -13,12 +13,12 @@ from tests.model.samples import floor_view, walls
 @pytest.fixture
 def lamps_looked_for(monkeypatch):
     """A list with an entry for every search for the lamps that places see."""
-    found, real = [], LightPrior.lamps_share
+    found, real = [], DirectLight.lamps_share
 
     def spied(self, position, *rest):
         found.append(len(position))
         return real(self, position, *rest)
-    monkeypatch.setattr(LightPrior, "lamps_share", spied)
+    monkeypatch.setattr(DirectLight, "lamps_share", spied)
     return found
 
 

@@ -9,7 +9,7 @@ import torch
 from renderformer_v2.model import rays
 from renderformer_v2.model.guided.guide_tensors import guide_tensors
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.effort import DRAFT, FULL, QUICK
 from renderformer_v2.model.renderer import Renderer
 from tests.model.samples import floor_scene, floor_view, walls
@@ -41,7 +41,7 @@ def lit_room():
 
 def test_quick_light_is_that_of_fewer_rays(counted):
     scene, (view, guides), found, costs = lit_room(), floor_view(), [], []
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     for effort in (FULL, QUICK):
         counted["count"] = 0
         found.append(guide_tensors(scene, view, guides, prior, Radiosity(scene, prior, effort), 8, effort))
@@ -71,7 +71,7 @@ def test_a_draft_shows_the_light_that_the_network_starts_from(renderer):
 
 def test_light_of_drafts_bounces_between_fewer_patches():
     scene = lit_room()
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     full, draft = (Radiosity(scene, prior, effort).leaving for effort in (FULL, DRAFT))
     assert 0.4 * len(full) < len(draft) < 0.6 * len(full)
     assert draft.mean() == pytest.approx(full.mean().item(), rel=0.15)

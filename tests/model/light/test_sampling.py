@@ -2,7 +2,7 @@
 import torch
 from torch.nn import functional as F
 
-from renderformer_v2.model.light.sampling import cosine_directions, disk_points, ggx_directions, in_a_row
+from renderformer_v2.model.light.sampling import cosine_directions, disk_points, ggx_directions, r2_starts
 
 NORMALS = F.normalize(torch.tensor([[0.0, 0.0, 1.0], [1.0, -2.0, 0.5], [-1.0, 0.0, 0.0]]), dim=-1)
 START = torch.tensor([[0.3, 0.8]]).expand(3, 2)
@@ -27,12 +27,12 @@ def test_a_smooth_surface_reflects_one_direction_and_a_rough_one_a_lobe_around_i
 
 
 def test_points_fill_disks_across_their_normals():
-    u, v = in_a_row(torch.arange(4096)).unbind(1)
+    u, v = r2_starts(torch.arange(4096)).unbind(1)
     found = disk_points(NORMALS[1].expand(4096, 3), u, v)
     assert (found @ NORMALS[1]).abs().max() < 1e-5 and found.norm(dim=-1).max() <= 1
     torch.testing.assert_close(found.square().sum(-1).mean(), torch.tensor(0.5), atol=0.01, rtol=0)
 
 
 def test_neighbours_in_a_row_have_different_samples():
-    few = in_a_row(torch.arange(16))
+    few = r2_starts(torch.arange(16))
     assert torch.pdist(few).min() > 0.1

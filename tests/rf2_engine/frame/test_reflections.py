@@ -19,7 +19,7 @@ def guides(monkeypatch):
     seen = []
 
     def spy(*given):
-        seen.append(reflections.with_ends(*given))
+        seen.append(reflections.add_path_ends(*given))
         return seen[-1]
 
     monkeypatch.setattr(first_hits, "with_ends", spy)

@@ -13,7 +13,7 @@ from renderformer_v2.model.light.bounce.openness import Openness
 from renderformer_v2.model.light.bounce.panes import PASSED
 from renderformer_v2.model.light.bounce.probes import Probes
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import Lamps, LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight, Lamps
 from renderformer_v2.model.material.reflectance import BLURRED, layer_reflectance
 from renderformer_v2.model.scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, RenderScene, constant_tile
 from tests.model.no_host_copies import NoHostCopies
@@ -27,7 +27,7 @@ UP = torch.tensor([[0.0, 0.0, 1.0]])
 
 
 def built(scene: RenderScene) -> Radiosity:
-    return Radiosity(scene, LightPrior(scene))
+    return Radiosity(scene, DirectLight(scene))
 
 
 def parts(bounce: Radiosity, points, normals) -> tuple[torch.Tensor, torch.Tensor]:
@@ -141,7 +141,7 @@ def roof(color, **material) -> RenderScene:
 
 def patches_of(scene: RenderScene) -> patches.Patches:
     """Those of its radiosity."""
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     openness = Openness(prior.blocking, prior.blockers, torch.device("cpu"))
     return patches.patches(scene, prior.lamps(), openness=openness)
 
@@ -176,7 +176,7 @@ def test_sky_seen_through_coloured_glass_lights_what_is_behind_and_through_holes
     """One surface of glass is passed; an ior of 1 lets light pass straight, which the light prior knows."""
     scene = roof((0.8, 0.8, 0.8), transmission=1.0, ior=ior, roughness=0.0)
     scene.environment = np.full((256, 512, 3), 2.0, np.float32)
-    bounce, prior = built(scene), LightPrior(scene)
+    bounce, prior = built(scene), DirectLight(scene)
     found = arriving(bounce, [[0.0, 0.0, 0.0]], UP)[0, 0].item()
     assert found == pytest.approx(2 * share * COVERED, abs=0.12)
     assert prior.arriving(torch.zeros(1, 3), UP)[0, 0].item() == pytest.approx(1 if ior == 1 else 1 - COVERED, abs=0.12)
@@ -205,7 +205,7 @@ def test_a_scene_of_lights_alone_gathers_nothing():
     lights = scene.is_light
     alone = replace(scene, **{name: getattr(scene, name)[lights] for name in
                               ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")})
-    radiosity = Radiosity(alone, LightPrior(alone))
+    radiosity = Radiosity(alone, DirectLight(alone))
     points = torch.zeros(3, 3)
     assert (radiosity(points, torch.eye(3))[:, :6] == 0).all() and radiosity(points[:0], points[:0]).shape == (0, 9)
 
@@ -288,7 +288,7 @@ def test_of_parts_as_large_as_each_other_a_patch_stands_on_the_first():
 
 def test_the_points_of_patches_lie_on_them():
     scene = closed_box((0.5, 0.5, 0.5))
-    made = patches.patches(scene, LightPrior(scene).lamps())
+    made = patches.patches(scene, DirectLight(scene).lamps())
     points, normals = made.points(4)
     assert points.shape == normals.shape == (len(made.center), 4, 3)
     torch.testing.assert_close(points.abs().amax(-1), torch.ones(points.shape[:2]), atol=1e-5, rtol=0)
@@ -300,7 +300,7 @@ def test_the_points_of_patches_lie_on_them():
 def test_all_light_of_a_lamp_arrives_in_a_closed_box():
     scene = closed_box((0.5, 0.5, 0.5))
     scene.tiles[:, IOR] = 1
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     bounce, made = Radiosity(scene, prior), patches.patches(scene, prior.lamps())
     area = made.vector.norm(dim=-1)[:, None]
     first = bounce.leaving[:, :3] - bounce.leaving[:, 3:]
@@ -315,7 +315,7 @@ def test_light_between_white_walls_adds_up_as_the_series_of_its_bounces():
     """In a closed box nearly all of it is the same everywhere: four diffuse bounces, and glossy ones between them."""
     scene = closed_box((0.8, 0.8, 0.8))
     scene.tiles[:, ROUGHNESS] = 0.9
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     bounce, made = Radiosity(scene, prior), patches.patches(scene, prior.lamps())
     diffuse, _, glossy = made.albedo[0].view(3, 3)[:, 0].tolist()
     area = made.vector.norm(dim=-1)[:, None]
@@ -379,7 +379,7 @@ def test_a_slanting_lamp_makes_a_polished_floor_shine_more_than_a_steep_one():
         floor = floor_scene()
         floor.tiles[:, ROUGHNESS], floor.tiles[:, IOR], floor.tiles[:, BASE_COLOR] = 0.3, 1.3291, 0
         floor.triangles[floor.is_light] += np.float32((aside, 0, 0))
-        prior, at, gloss = LightPrior(floor), torch.zeros(1, 3), torch.tensor([[0.04], [0.67]])
+        prior, at, gloss = DirectLight(floor), torch.zeros(1, 3), torch.tensor([[0.04], [0.67]])
         arrived, slanting = prior.diffuse(at, UP, torch.ones(1, 6), *gloss)[0].split(3)
         bounce = built(floor)
         middle = patches_of(floor).center.norm(dim=-1).argmin()

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from renderformer_v2.model.environment import direction_map
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitters import gather_emitters
-from renderformer_v2.model.light.direct.environment_light import EnvironmentPrior, solid_angles
+from renderformer_v2.model.light.direct.environment_light import EnvironmentLight, solid_angles
 from renderformer_v2.model.light.direct.form_factors import sphere_form_factor
 from renderformer_v2.model.scene import RenderScene, constant_tile
 from tests.model.samples import floor_scene
@@ -42,7 +42,7 @@ def integrated_irradiance(corners, x, n, samples=400):
 
 def diffuse(scene, x, n):
     t = lambda a: torch.tensor(np.float32(a))[None]  # noqa: E731
-    return LightPrior(scene)(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0, :3].numpy()
+    return DirectLight(scene)(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0, :3].numpy()
 
 
 @pytest.mark.parametrize("cosine, sine2", [(0.9, 0.1), (0.2, 0.3), (-0.2, 0.3), (0.0, 0.5), (-0.5, 0.9)])
@@ -89,7 +89,7 @@ def test_fine_emissive_meshes_are_merged_without_losing_light():
 def test_environment_irradiance_and_mirror_reflection():
     rng = np.random.default_rng(0)
     coarse = np.kron(rng.random((8, 16, 3)), np.ones((32, 32, 1)))
-    environment = EnvironmentPrior(torch.tensor(coarse, dtype=torch.float32))
+    environment = EnvironmentLight(torch.tensor(coarse, dtype=torch.float32))
     directions, weights = direction_map(256, 512), solid_angles(256, 512).numpy()
     n = np.float32([[0, 0, 1], [0.6, 0.0, 0.8], [0, -1, 0]])
     expected = np.stack([(coarse * ((directions @ k).clip(0) * weights)[..., None]).sum((0, 1)) for k in n])
@@ -103,7 +103,7 @@ def test_rough_surfaces_mirror_the_mean_of_what_is_around():
     coarse = np.random.default_rng(1).random((32, 64, 3))
     looking, weights = direction_map(32, 64), solid_angles(32, 64).numpy()[..., None]
     at = [4, 16, 27], [5, 40, 63]
-    seen = EnvironmentPrior(torch.tensor(coarse, dtype=torch.float32)).filtered(
+    seen = EnvironmentLight(torch.tensor(coarse, dtype=torch.float32)).filtered(
         torch.tensor(looking[at]), torch.full((3,), 0.75))
     lobe = [(1 + looking @ towards)[..., None] / 2 * (0.75 ** 4 - 1) + 1 for towards in looking[at]]
     share = [(looking @ towards).clip(0)[..., None] / each ** 2 * weights
@@ -117,6 +117,6 @@ def test_a_sun_shines_alike_on_near_and_far_ground():
     sun.triangles[sun.is_light] = (sun.triangles[sun.is_light] - np.float32((0, 0, 2))) * 25 + np.float32((0, 0, 50))
     points = torch.tensor([[0.0, 0.0, 0.0], [300.0, 0.0, 0.0], [0.0, -5000.0, 0.0]])
     up = torch.tensor([[0.0, 0.0, 1.0]]).expand(3, 3)
-    light = LightPrior(sun)(points, up, up, torch.ones(3), torch.ones(3))[:, :3]
+    light = DirectLight(sun)(points, up, up, torch.ones(3), torch.ones(3))[:, :3]
     assert light[0].min() > 0
     torch.testing.assert_close(light[1:], light[:1].expand(2, 3), rtol=0.02, atol=0)

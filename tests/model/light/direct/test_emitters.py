@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.geometry import area_vectors
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitters import MAX_EMITTERS, gather_emitters
 from renderformer_v2.model.scene import RenderScene, constant_tile
 
@@ -68,7 +68,7 @@ def irradiance(corners, radiance, x, n) -> np.ndarray:
 
 def diffuse(scene, x, n=UP) -> np.ndarray:
     t = lambda a: torch.tensor(np.float32(a))[None]  # noqa: E731
-    return np.pi * LightPrior(scene)(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0, :3].double().numpy()
+    return np.pi * DirectLight(scene)(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0, :3].double().numpy()
 
 
 def test_emission_texture_becomes_few_emitters_of_the_same_light():

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.direct.emitters import gather_emitters
-from renderformer_v2.model.light.sampling import in_a_row
+from renderformer_v2.model.light.sampling import r2_starts
 from renderformer_v2.model.scene import RenderScene, constant_tile
 from tests.model.samples import floor_scene
 
@@ -25,7 +25,7 @@ def under_a_sky(corners: np.ndarray) -> RenderScene:
                        np.zeros(n, np.int32), constant_tile((0.8, 0.8, 0.8))[None], np.ones((32, 64, 3), np.float32))
 
 
-def sky(prior: LightPrior, points: torch.Tensor, normals: torch.Tensor) -> torch.Tensor:
+def sky(prior: DirectLight, points: torch.Tensor, normals: torch.Tensor) -> torch.Tensor:
     return prior.arriving(points, normals)[:, :3]
 
 
@@ -33,7 +33,7 @@ def test_no_sky_shines_into_a_closed_box():
     scene = under_a_sky(BOX)
     points = torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) * 1.9 - 0.95
     normals = torch.nn.functional.normalize(torch.randn(500, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     assert sky(prior, points, normals).mean() < 0.01
     assert Radiosity(scene, prior)(points, normals).mean() < 0.02
     wall = torch.tensor(BOX.mean(axis=1))
@@ -43,17 +43,17 @@ def test_no_sky_shines_into_a_closed_box():
 
 
 def test_an_open_sky_is_whole_and_a_wall_hides_half_of_it():
-    floor = LightPrior(under_a_sky(SQUARE))
+    floor = DirectLight(under_a_sky(SQUARE))
     assert sky(floor, torch.tensor([[0.3, 0.2, 0.0]]), UP).min() == 1
     wall = np.roll(SQUARE, 1, axis=-1) * np.float32((1, 2, 2)) + np.float32((0.2, 0, 0))
-    beside = sky(LightPrior(under_a_sky(wall)), torch.tensor([[0.0, 0.0, 0.0]]), UP)
+    beside = sky(DirectLight(under_a_sky(wall)), torch.tensor([[0.0, 0.0, 0.0]]), UP)
     assert beside.mean().item() == pytest.approx(0.5, abs=0.1)
 
 
 def test_a_plate_keeps_a_lamp_from_what_is_below_it():
     scene = floor_scene()  # its lamp stands two units above the middle
     plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, 1)))
-    shaded = LightPrior(scene.appended(plate))
+    shaded = DirectLight(scene.appended(plate))
     points = torch.tensor([[0.0, 0.0, 0.0], [0.9, 0.9, 0.0], [0.0, 0.0, 1.0]])
     torch.testing.assert_close(shaded.arriving(points, UP.expand(3, 3))[:, 3], torch.tensor([0.0, 1.0, 1.0]))
 
@@ -64,11 +64,11 @@ def test_the_shadow_of_a_wide_lamp_has_a_soft_edge():
     lamp = scene.triangles[scene.is_light]
     scene.triangles[scene.is_light] = (lamp - lamp.mean(axis=(0, 1))) * 6 + np.float32((0, 0, 2))
     plate = under_a_sky(SQUARE + np.float32((1, 0, 1)))
-    shaded, many = LightPrior(scene.appended(plate)), 400
+    shaded, many = DirectLight(scene.appended(plate)), 400
     seen = []
     for x in (-0.9, 0.0, 0.9):
         points = torch.tensor([[x, 0.1, 0.0]]).expand(many, 3)
-        seen.append(shaded.lamps_share(points, UP.expand(many, 3), in_a_row(torch.arange(many))[:, None]).mean().item())
+        seen.append(shaded.lamps_share(points, UP.expand(many, 3), r2_starts(torch.arange(many))[:, None]).mean().item())
     assert seen[0] > 0.95 and 0.25 < seen[1] < 0.75 and seen[2] < 0.05
 
 
@@ -82,10 +82,10 @@ def test_a_highlight_has_the_shadow_of_its_own_lamp():
     """A lamp above a point of the floor, which mirrors it, and one aside; a plate hides the first or nothing."""
     floor = floor_scene()
     aside = replace(under_a_sky(floor.triangles[-1:] + np.float32((1.5, 0, -0.5))), emission=floor.emission[-1:])
-    start = in_a_row(torch.arange(4))[None]
+    start = r2_starts(torch.arange(4))[None]
     for height, seen in (1, 0), (9, 1):
         plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, height)))
-        prior = LightPrior(floor.appended(aside, plate))
+        prior = DirectLight(floor.appended(aside, plate))
         gloss = torch.full((1,), 0.1), torch.full((1,), 0.04)
         diffuse, glossy = prior.lamps_share(torch.zeros(1, 3), UP, start, UP, *gloss).split(3, 1)
         torch.testing.assert_close(glossy, torch.full((1, 3), float(seen)), atol=0.02, rtol=0)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from tests.model.light.media.test_transmittance import box
 from tests.model.samples import floor_scene
 
@@ -15,7 +15,7 @@ ACROSS = torch.tensor([[-3.0, 0.2, 0.1]]), torch.tensor([[3.0, 0.2, 0.1]])  # 2 
 
 
 def seen(scene, begin=ACROSS[0], end=ACROSS[1]) -> np.ndarray:
-    return LightPrior(scene).in_scattering(begin, end)[0].numpy()
+    return DirectLight(scene).in_scattering(begin, end)[0].numpy()
 
 
 def foggy(scattering, sky=(0.5, 1.0, 2.0), **options):
@@ -57,7 +57,7 @@ def test_a_roof_throws_its_shadow_into_the_fog():
 def test_fog_lights_surfaces_with_about_what_it_takes_from_them():
     """Below an even sky, and nothing but thin fog: what arrives at a surface in it is neither more nor less light."""
     scene = foggy(0.1, sky=(1.0, 1.0, 1.0))
-    prior = LightPrior(scene)
+    prior = DirectLight(scene)
     point, up = torch.tensor([[0.1, 0.2, -0.5]]), torch.tensor([[0.0, 0.0, 1.0]])
     from_sky = prior.diffuse(point, up)[0]
     from_fog = Radiosity(scene, prior)(point, up)[0, :3]
@@ -66,4 +66,4 @@ def test_fog_lights_surfaces_with_about_what_it_takes_from_them():
 
 
 def test_without_fog_there_is_nothing_to_light():
-    assert LightPrior(floor_scene(side=3)).in_scattering is None
+    assert DirectLight(floor_scene(side=3)).in_scattering is None

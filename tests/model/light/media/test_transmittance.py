@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.media.transmittance import Fog
 from renderformer_v2.model.scene import Volumes
 from tests.model.samples import floor_scene
@@ -53,7 +53,7 @@ def test_a_volume_darkens_what_lamps_sky_and_other_surfaces_light():
     point = torch.tensor([[0.1, 0.1, 0.0]])
     lights, arriving, bounced = [], [], []
     for scene in (clear, murky):
-        lights.append(prior := LightPrior(scene))
+        lights.append(prior := DirectLight(scene))
         arriving.append(prior.arriving(point, UP)[0])
         radiosity = Radiosity(scene, prior)
         radiosity.leaving = torch.ones_like(radiosity.leaving)

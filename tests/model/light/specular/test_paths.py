@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.geometry import reflected, refracted
-from renderformer_v2.model.light.specular_paths import SURFACES, follow
+from renderformer_v2.model.light.specular.paths import SURFACES, follow
 from renderformer_v2.model.scene import RenderScene, constant_tile
 
 RED, GOLD = (0.8, 0.1, 0.1), (1.0, 0.7, 0.3)

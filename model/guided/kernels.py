@@ -13,12 +13,12 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..camera import extend_sides
+from ..compute.inference import current_pieces
 from ..fields import COLOR, DIRECTION, Channels
 from ..network.layers import Float32Conv2d
-from ..pictures import bands
+from ..pictures import BAND_PIXELS, bands
 from ..scene import Guides
-from .decoding import shown
-from .exposure import key_exposure
+from .exposure import key_exposure, shown
 
 SEEN = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), colors=(9, COLOR), normal=(3, DIRECTION),
                 alpha=1, noise=1)
@@ -110,7 +110,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], rad
                            Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}), samples)
         return {key: picture[:, REACH:-REACH] for key, picture in done.items()}
     device, exposure, done = predictor.enter.weight.device, exposure_of(radiance, guides), []
-    for outer, inner in bands(*guides.alpha.shape, margin=REACH):
+    for outer, inner in bands(*guides.alpha.shape, margin=REACH, pixels=current_pieces().limit(BAND_PIXELS)):
         kernels = predictor(seen(radiance[outer], guides.rows(outer), exposure, samples).to(device))
         kernels = kernels * ~beside_lamps(guides.emission[outer] * np.float32(exposure)).to(device)
         joined = tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)

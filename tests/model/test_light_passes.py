@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model import pictures
-from renderformer_v2.model.lobes import LOBES, Lobes, light_passes
+from renderformer_v2.model.light_passes import LOBES, Lobes, light_passes
 from renderformer_v2.model.scene import Guides
 
 H, W = 12, 20

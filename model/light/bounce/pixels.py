@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Indirect light at pixels, by probes."""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from ...progress import part
+from ..direct.direct_light import SKY_RAYS, DirectLight
+from ..effort import Effort
+from ..hit_surfaces import HitSurfaces
+from ..probes import SMOOTH, Probes
+from ..specular.paths import BLURRED
+from .radiosity import Radiosity
+
+LEAST_RATIO = 1e-3  # diffuse over glossy albedo: below, nobody sees the diffuse lobe
+
+
+def diffuse_bounces(radiosity: Radiosity, probes: Probes, filters: Iterable[int], effort: Effort,
+                    with_sky: bool) -> tuple[Tensor, Tensor | None]:
+    """(h, W, 3) radiance of a white diffuse lobe, and the visibility of the sky (h, W, 3) by the same rays."""
+    def compute(x: Tensor, n: Tensor, number: Tensor) -> dict[str, Tensor]:
+        return dict(zip(("light", "sky"), radiosity.indirect_and_sky(x, n, number, effort, with_sky)))
+
+    pictures = probes.interpolate(compute, filters=filters)
+    return pictures["light"], pictures.get("sky")
+
+
+@dataclass
+class GlossyPixels:
+    """GlossyLight of all pixels."""
+
+    radiance: Tensor       # (h, W, 3) of a white glossy lobe
+    missed: Tensor | None  # (h, W, 3) part of it that traced light leaves out, with light of the diffuse lobe instead
+    sky: Tensor | None     # (h, W, 3) visibility of the sky in the lobe
+
+    def remove_missed(self, bounced: Tensor, diffuse_ratio: Tensor) -> Tensor:
+        """`bounced` (h, W, 3) light of a white diffuse lobe without what traced light contains of it.
+
+        diffuse_ratio: (h, W), as of HitSurfaces.
+        """
+        if self.missed is None:
+            return bounced
+        return (bounced - self.missed / diffuse_ratio[..., None].clamp_min(LEAST_RATIO)).clamp_min(0)
+
+
+def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, filters: Iterable[int], effort: Effort,
+                   is_traced: bool, with_sky: bool) -> GlossyPixels:
+    """Indirect light of white glossy lobes; what rough ones show is a mean that filters do not blur further."""
+    def compute(x: Tensor, n: Tensor, number: Tensor, *gloss: Tensor) -> dict[str, Tensor]:
+        light = radiosity.glossy(x, n, *gloss, number, effort, is_traced, with_sky)._asdict()
+        return {name: value for name, value in light.items() if value is not None}
+
+    is_rough = surfaces.roughness[..., None] > BLURRED
+    smooth, rough = (probes.interpolate(
+        compute, -surfaces.rays, surfaces.roughness, surfaces.f0, surfaces.diffuse_ratio,
+        where=surfaces.is_covered & where, filters=used)
+        for where, used in ((~is_rough, SMOOTH[:1]), (is_rough, filters)))
+    pictures = {name: smooth[name] + rough[name] for name in smooth}
+    missed = pictures.get("missed")
+    radiance = pictures["bounced"] if missed is None else pictures["bounced"] + missed
+    return GlossyPixels(radiance, missed, pictures.get("sky"))
+
+
+def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: Effort, x: Tensor, n: Tensor,
+                      number: Tensor) -> Tensor:
+    """(P, 3) radiance leaving white diffuse surfaces at points x (P, 3): indirect light, and `direct` if given."""
+    with part(0.0, 0.5):
+        indirect = radiosity.indirect(x, n, number, effort)
+    with part(0.5, 1.0):
+        if direct is None:
+            return indirect
+        return indirect + direct.diffuse(x, n, direct.visibility(x, n, sky_rays=effort.of(SKY_RAYS)))

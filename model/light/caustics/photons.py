@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Photons from emitters through glass to the surfaces where they end (Jensen 1996).
+
+Cycles blurs glass that is seen from a matte surface (Filter Glossy), or no ray would find a lamp through it; so it is
+blurred here.
+"""
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from ...geometry import area_vectors, dot, facing, reflected, refracted, unit
+from ...material.reflectance import blurred, fresnel, unmasked, visible_facets
+from ...rays import Rays
+from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
+from ...shading import surface
+from ..direct.direct_light import DirectLight
+from ..direct.emitter_light import END_GAP
+from ..sampling import R2, triangle_weights
+from ..specular.paths import CLEAR, LIFT
+
+SURFACES = 8      # of glass that a photon passes at most
+UNIFORM = 0.1     # share of all photons that is distributed by area alone
+
+
+class Photons(NamedTuple):
+    """N photons where they end, in network units; numpy arrays or tensors."""
+
+    position: np.ndarray   # (N, 3) f32
+    direction: np.ndarray  # (N, 3) f32, unit, in which they travelled
+    normal: np.ndarray     # (N, 3) f32, unit, of the side that they hit
+    flux: np.ndarray       # (N, 3) f32
+    triangle: np.ndarray   # (N,) i32, of the solid ones; -1 on glass, which may be matte too
+
+
+def trace_photons(scene: RenderScene, direct: DirectLight, glass: np.ndarray, solid: np.ndarray, walls: Rays,
+                  count: int) -> Photons:
+    """Send `count` photons from emitters at the triangles `glass` (T,) of a normalised scene.
+
+    Returns those that glass has bent. solid: (S, 3, 3) corners of everything but glass; walls: rays against these
+    first, then against emitters.
+    """
+    chance = np.random.default_rng(0).random((count, SURFACES + 1, 3), np.float32)  # each photon has its own
+    panes, landed = Rays(scene.triangles[glass]), []
+    number, row, at, ray, flux = _emit(scene.triangles[glass], direct, panes, chance[:, 0, :2])
+    row, is_milky = glass[row], (scene.tiles[:, TRANSMISSION].mean(axis=(1, 2)) <= CLEAR)[scene.tile_index]
+    for k in range(1, SURFACES + 1):
+        if k > 1:
+            stays = is_milky[row]
+            landed.append(Photons(at[stays], ray[stays], _side_normals(scene.triangles[row[stays]], ray[stays]),
+                                  flux[stays], np.full(stays.sum(), -1, np.int32)))
+        before = at - LIFT * ray  # from here a photon hits what touches the glass
+        ray, tint = _bend(scene, row, at, ray, chance[number, k])
+        flux = flux * tint
+        at = at + LIFT * ray
+        pane, wall = panes.closest(at, ray), walls.closest(before, ray)
+        wall_first = wall.distance < pane.distance
+        ends = wall_first & (wall.triangle < len(solid)) & flux.any(1)
+        triangle = wall.triangle[ends]
+        landed.append(Photons(before[ends] + wall.distance[ends, None] * ray[ends], ray[ends],
+                              _side_normals(solid[triangle], ray[ends]), flux[ends], triangle))
+        goes_on = (pane.triangle >= 0) & ~wall_first & flux.any(1)
+        number, ray, flux, row = number[goes_on], ray[goes_on], flux[goes_on], glass[pane.triangle[goes_on]]
+        at = at[goes_on] + pane.distance[goes_on, None] * ray
+    return Photons(*map(np.concatenate, zip(*landed, strict=True)))
+
+
+def _emit(corners: np.ndarray, direct: DirectLight, panes: Rays,
+          chance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The M of N photons, one for each row of chance (N, 2), that reach glass without a hit before.
+
+    Returns their numbers (M,), the triangle (M,) and point (M, 3) that they hit, their unit direction (M, 3) and flux
+    (M, 3).
+    """
+    count, vectors = len(chance), area_vectors(corners)
+    normal, area = unit(vectors), np.linalg.norm(vectors, axis=1)
+    _, light = _sample_emitters(direct, corners.mean(axis=1), normal, np.zeros((len(area), 2), np.float32))
+    power = area * light.mean(axis=1)
+    share = UNIFORM * area / area.sum() + (1 - UNIFORM) * power / max(power.sum(), 1e-30)
+    row = np.searchsorted(share.cumsum(), (np.arange(count) + 0.5) / count * share.sum()).clip(max=len(area) - 1)
+    u, v = (torch.from_numpy(np.float32(np.arange(count) * step % 1)) for step in R2)
+    point = np.einsum("nk,nkc->nc", triangle_weights(u, v).numpy(), corners[row])
+    to_emitter, light = _sample_emitters(direct, point, normal[row], chance)
+    distance = np.linalg.norm(to_emitter, axis=1)
+    direction = to_emitter / distance.clip(1e-9)[:, None]
+    flux = light * (math.pi * area[row] / (count * share[row]))[:, None]
+    shadow_ray = point + LIFT * direction, direction, (distance - END_GAP).clip(0)
+    number = np.flatnonzero(flux.any(1) & ~panes.blocked(*shadow_ray) & ~direct.occluders.rays.blocked(*shadow_ray))
+    return number, row[number], point[number], -direction[number], flux[number].astype(np.float32)
+
+
+def _sample_emitters(direct: DirectLight, *arrays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    like = direct.emitters.radiance
+    return tuple(x.cpu().numpy() for x in direct.sample_emitters(*(torch.from_numpy(a).to(like) for a in arrays)))
+
+
+def _bend(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
+          chance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit directions (N, 3) in which photons go on that hit glass along unit rays (N, 3), and their tint (N, 3).
+
+    Reflected with the probability of the Fresnel reflectance, else refracted; chance: (N, 3).
+    """
+    normal, inside, texel = surface(scene, row, at, ray)
+    ior, alpha = texel[:, IOR].clip(1), blurred(texel[:, ROUGHNESS]) ** 2
+    facet = visible_facets(normal, ray, alpha, chance[:, :2])
+    is_reflected = chance[:, 2] < fresnel(-dot(ray, facet), np.where(inside, 1 / ior, ior))
+    out = unit(np.where(is_reflected[:, None], reflected(ray, facet), refracted(ray, facet, ior, inside)))
+    same_side = dot(out, _side_normals(scene.triangles[row], ray)) > 0
+    passes = unmasked(dot(ray, normal), dot(out, normal), alpha) * (same_side == is_reflected)
+    transmission = texel[:, TRANSMISSION] * (1 - texel[:, METALLIC])
+    tint = np.where(is_reflected[:, None], 1, transmission[:, None] * tint_of_glass(texel[:, BASE_COLOR]))
+    return out, (passes[:, None] * tint).astype(np.float32)
+
+
+def _side_normals(corners: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """(N, 3) unit normals of triangles (N, 3, 3), on the side that rays (N, 3) hit."""
+    return facing(unit(area_vectors(corners)), ray)

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light of the emitters: unshadowed in closed form (form_factors.py), visibility by shadow rays.
+
+Shapes: P points, E emitters (triangles first, then spheres); memory grows with P E, so direct_light.py works on chunks
+of points. All lengths are in network units, radiance is in the units of the scene. Vectors to emitters are planes
+(3, P, E), as in form_factors.py.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ...geometry import area_vectors
+from ...scene import RenderScene
+from ..fresnel import gain
+from ..media.transmittance import Fog
+from ..sampling import R2, disk_points, triangle_weights
+from ..tensor_rays import TensorRays
+from .emitters import DISTANT, gather_emitters
+from .form_factors import beam, cosines, ggx_lobe, sphere_directions, sphere_form_factor, triangle_directions
+from .sky_visibility import LIFT
+
+FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
+END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
+
+
+class NearEmitters(NamedTuple):
+    """E emitters within the scene."""
+
+    position: np.ndarray     # (E, 3) f32
+    power_share: np.ndarray  # (E,) f32, sum 1
+
+
+class EmitterLight:
+    """The emitters of a normalised scene, and what stands between them and surfaces."""
+
+    def __init__(self, scene: RenderScene, occluders: TensorRays, fog: Fog | None, device: torch.device | str):
+        emitters = gather_emitters(scene)
+        to_tensor = lambda x: torch.as_tensor(x, dtype=torch.float32, device=device)  # noqa: E731
+        self.corners, self.centers, self.radii = map(to_tensor, (emitters.corners, emitters.centers, emitters.radii))
+        self.origins = torch.cat([self.corners.mean(1), self.centers])
+        self.is_distant = self.origins.norm(dim=-1) > DISTANT
+        self.radiance, self.beam_axis, self.beam_cosine = map(
+            to_tensor, (emitters.radiance, emitters.beam_axis, emitters.beam_cosine))
+        self.occluders, self.fog = occluders, fog
+
+    def __len__(self) -> int:
+        return len(self.radiance)
+
+    def near(self) -> NearEmitters:
+        """The emitters that are no suns."""
+        corners, radii, radiance, position, is_near = (x.cpu().numpy() for x in (
+            self.corners, self.radii, self.radiance, self.origins, ~self.is_distant))
+        silhouette = np.concatenate([np.linalg.norm(area_vectors(corners), axis=1), 2 * np.pi * radii**2])
+        power = (silhouette * radiance.mean(axis=1))[is_near]
+        return NearEmitters(position[is_near], power / max(power.sum(), 1e-20))
+
+    def visibility(self, x: Tensor, n: Tensor, start: Tensor, *gloss: Tensor) -> tuple[Tensor, ...]:
+        """Share of the emitters' light at points x (P, 3) with unit normals n (P, 3) that is not blocked, (P, 3) each.
+
+        Of the light that a diffuse lobe sends on, and with `gloss` (outgoing, roughness, f0: as of `ggx_lobe`) that of
+        a glossy lobe too. By K shadow rays to each emitter, spread over it by `start` (P, K, 2) in [0, 1).
+        """
+        direction, sine2, in_beam = self._directions(x)
+        cosine = cosines(direction, n)
+        lobes = [sphere_form_factor(cosine, sine2) * in_beam]
+        if gloss:
+            lobes.append(ggx_lobe(direction, cosine, sine2, n, *gloss) * in_beam)
+        is_lit = lobes[0] > 0
+        visible = sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter)
+                      for on_emitter in start.unbind(1)) / start.shape[1]
+        return tuple(((lobe * visible) @ self.radiance) / (lobe @ self.radiance).clamp_min(1e-12) for lobe in lobes)
+
+    def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor) -> Tensor:
+        """(P, E) share of each emitter's light that arrives at points (P, 3) by one ray, where `is_lit` (P, E).
+
+        direction: (3, P, E), to the emitters; start: (P, 2), where on them the rays end.
+        """
+        point, emitter = is_lit.nonzero().unbind(1)
+        origin, is_near = x[point], ~self.is_distant[emitter, None]
+        ray = self._points_on(emitter, direction[:, point, emitter].T, start[point]) - origin * is_near
+        length = ray.norm(dim=-1)
+        is_blocked = self.occluders.is_blocked(origin, ray / length.clamp_min(1e-9)[:, None], length - END_GAP)
+        visible = torch.zeros_like(direction[0]).index_put((point, emitter), 1.0 * ~is_blocked)
+        if self.fog is None:
+            return visible
+        return visible * self.fog.transmittance(x[:, None], self.origins.renorm(2, 0, FOG_REACH))
+
+    def _points_on(self, emitter: Tensor, direction: Tensor, start: Tensor) -> Tensor:
+        """(R, 3) points on emitters (R,); on spheres those of the disk that faces unit vectors (R, 3).
+
+        start: (R, 2) in [0, 1).
+        """
+        u, v = ((start[:, i] + emitter * step) % 1 for i, step in enumerate(R2))
+        triangles = len(self.corners)
+        on_disk = disk_points(direction, u, v) * F.pad(self.radii, (triangles, 0))[emitter, None]
+        if not triangles:
+            return self.origins[emitter] + on_disk
+        on_triangle = (self.corners[emitter.clamp(max=triangles - 1)] * triangle_weights(u, v)[..., None]).sum(1)
+        return torch.where((emitter < triangles)[:, None], on_triangle, self.origins[emitter] + on_disk)
+
+    def mean_radiance(self, x: Tensor, start: Tensor) -> Tensor:
+        """(P, 3) radiance that arrives in the air at points x (P, 3), the mean over all directions; start: (P, 2)."""
+        direction, sine2, in_beam = self._directions(x)
+        return (sine2 / 4 * in_beam * self._trace_shadows(x, in_beam > 0, direction, start)) @ self.radiance
+
+    def diffuse(self, x: Tensor, n: Tensor, *layer: Tensor) -> tuple[Tensor, ...]:
+        """Unshadowed radiance (P, 3) leaving a white diffuse surface at points x (P, 3) with unit normals n (P, 3).
+
+        With f0 and roughness (P,) of a dielectric `layer` also the same light as the layer weighs it, relative to what
+        it would reflect of light from everywhere, so that its mean albedo can be multiplied with it.
+        """
+        direction, form_factor = self._form_factors(x, n)
+        radiance = [form_factor @ self.radiance]
+        if layer:
+            f0, roughness = layer
+            radiance.append((form_factor * gain(f0, cosines(direction, n), roughness)) @ self.radiance)
+        return tuple(radiance)
+
+    def lobes(self, x: Tensor, n: Tensor, *gloss: Tensor) -> tuple[Tensor, Tensor]:
+        """Unshadowed radiance (P, 3) leaving a white diffuse and a white glossy lobe; arguments as of `visibility`."""
+        if not len(self):
+            return torch.zeros_like(x), torch.zeros_like(x)
+        direction, sine2, in_beam = self._directions(x)
+        cosine = cosines(direction, n)
+        diffuse = sphere_form_factor(cosine, sine2) * in_beam
+        glossy = ggx_lobe(direction, cosine, sine2, n, *gloss) * in_beam
+        return diffuse @ self.radiance, glossy @ self.radiance
+
+    def sample(self, x: Tensor, n: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
+        """One emitter for each point x (P, 3), chosen in proportion to its unshadowed light there.
+
+        Returns the vector to it (P, 3), a direction for suns, and the radiance (P, 3) that a white diffuse surface with
+        the unit normal n (P, 3) would send on if all light came from there, on whichever side is lit. start: (P, 2) in
+        [0, 1).
+        """
+        direction, form_factor = self._form_factors(x, n)
+        form_factor = form_factor + self._form_factors(x, -n)[1]
+        power = (form_factor * self.radiance.mean(1)).cumsum(1)
+        threshold = power[:, -1:] * start.sum(1, keepdim=True).frac()
+        emitter = torch.searchsorted(power, threshold, right=True)[:, 0].clamp(max=form_factor.shape[1] - 1)
+        point = torch.arange(len(x), device=x.device)
+        on_emitter = self._points_on(emitter, direction[:, point, emitter].T, start)
+        color = self.radiance[emitter] / self.radiance[emitter].mean(1, keepdim=True).clamp_min(1e-20)
+        return on_emitter - x * ~self.is_distant[emitter, None], color * power[:, -1:]
+
+    def _form_factors(self, x: Tensor, n: Tensor) -> tuple[Tensor, Tensor]:
+        """Unit direction (3, P, E) to every emitter, and the share of its radiance that a diffuse surface sends on."""
+        direction, sine2, in_beam = self._directions(x)
+        return direction, sphere_form_factor(cosines(direction, n), sine2) * in_beam
+
+    def _directions(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Unit direction (3, P, E) to every emitter, its squared angular sine and its beam's share of radiance."""
+        x = x.T[..., None] * ~self.is_distant  # light of suns is parallel
+        triangles = len(self.corners)
+        of_triangles = triangle_directions(self.corners, x[..., :triangles])
+        of_spheres = sphere_directions(self.centers, self.radii, x[..., triangles:])
+        direction, sine2 = (torch.cat(both, -1) for both in zip(of_triangles, of_spheres, strict=True))
+        return direction, sine2.clamp(0, 0.999), beam(direction, self.beam_axis, self.beam_cosine)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Direct light at pixels: closed forms at every pixel, shadows at probes."""
+from __future__ import annotations
+
+from functools import partial
+
+import torch
+from torch import Tensor
+
+from ...progress import part
+from ...scene import Guides
+from ..effort import Effort
+from ..hit_surfaces import HitSurfaces, tensors_on
+from ..probes import SMOOTH, Probes
+from ..sampling import r2_starts
+from .direct_light import DirectLight, LobeVisibility
+
+SHADOW_RAYS, EMITTER_RAYS = 16, 4  # of a pixel, and of these to one emitter at most
+PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
+
+
+def direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, guides: Guides, sky: Tensor,
+                 glossy_sky: Tensor, effort: Effort) -> list[Tensor]:
+    """Radiance (h, W, 3) that a white diffuse, glossy and transmissive lobe send to the viewer.
+
+    sky, glossy_sky: (h, W, 3) visibility of the sky, as gather rays have found it. Where refractions were followed, the
+    transmissive lobe shows the light at the ends of their paths.
+    """
+    with part(0.0, 2 / 3):
+        emitters, glossy_emitters = _shadows(direct, probes, surfaces, effort, is_sharp=guides.traced is None)
+    with part(2 / 3, 1.0):
+        is_followed = guides.refracted_light is not None
+        sky_behind = torch.full_like(surfaces.coverage, not is_followed)
+        visibility = LobeVisibility(sky, emitters, glossy_sky, glossy_emitters, sky_behind)
+        points = surfaces.position, surfaces.normal, -surfaces.rays, surfaces.roughness, surfaces.f0
+        lobes = direct.lobes(*(x.flatten(0, 1) for x in points), LobeVisibility(*(x.flatten(0, 1) for x in visibility)))
+        lobes = [lobe.view_as(surfaces.position) * surfaces.is_covered for lobe in lobes]
+        if is_followed:
+            refracted = tensors_on(direct.device)(guides.refracted_light)
+            lobes[2] = refracted * (1 - surfaces.roughness[..., None])
+        return lobes
+
+
+def shadow_grid(emitters: int) -> int:
+    """Pixels between probes at which shadows of so many emitters are traced."""
+    return next((grid for most, grid in ((SHADOW_RAYS, 1), (4 * SHADOW_RAYS, 2)) if emitters <= most), 4)
+
+
+def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort: Effort,
+             is_sharp: bool) -> tuple[Tensor, Tensor]:
+    """(h, W, 3) visibility of the emitters for the diffuse and the glossy lobe; traced light needs no sharp shadows."""
+    grid = probes.grid
+    if is_sharp:
+        grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)
+    pictures = Probes(*probes.picture, grid, grid).interpolate(
+        partial(_trace_shadows, direct, effort), -surfaces.rays, surfaces.roughness, surfaces.f0,
+        filters=SMOOTH[:effort.smoothings], difference=PENUMBRA)
+    return pictures["diffuse"], pictures["glossy"]
+
+
+def _trace_shadows(direct: DirectLight, effort: Effort, x: Tensor, n: Tensor, number: Tensor,
+                   *gloss: Tensor) -> dict[str, Tensor]:
+    """Visibility of the emitters from points, by some rays to each: SHADOW_RAYS in all."""
+    count = max(min(SHADOW_RAYS // max(len(direct.emitters), 1), effort.of(EMITTER_RAYS)), 1)
+    start = torch.stack([r2_starts(count * number + k) for k in range(count)], 1)
+    return dict(zip(("diffuse", "glossy"), direct.emitter_visibility(x, n, start, *gloss)))

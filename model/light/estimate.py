@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Estimate the light at the first hits of a view, without any network: `estimate_light` is the way in.
+
+Direct light is in closed form with visibility by rays (direct/), indirect light by radiosity and final gather
+(bounce/), what mirrors and glass show by the ends of specular paths (specular/). Light that a few rays estimate is
+computed at probes and interpolated.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import partial
+
+import torch
+from torch import Tensor
+
+from ..compute.buffers import like
+from ..compute.inference import current_pieces
+from ..light_passes import LOBES
+from ..progress import part
+from ..scene import Guides, RenderScene, View
+from .bounce.pixels import diffuse_bounces, glossy_bounces, outgoing_radiance
+from .bounce.radiosity import Radiosity
+from .direct.direct_light import DirectLight
+from .direct.pixels import direct_light
+from .edges import find_edges
+from .effort import FULL, Effort
+from .hit_surfaces import HitSurfaces, tensors_on
+from .probes import SMOOTH, Probes, probe_grid
+from .specular.paths import blur
+from .specular.pixels import path_end_light
+from .surface_light import SurfaceLight
+
+BEYOND = 4.0           # network units from a camera that sees nothing: no medium is farther off
+BANDS = 0.95           # of the work, before edges
+BAND_PIXELS = 1 << 17  # estimated at a time: tensors of a large picture are gigabytes
+BAND_ROWS = 8          # bands have a multiple of so many rows, so that each begins at a probe
+
+
+@dataclass
+class SceneLight:
+    """The light of a normalised scene, independent of views."""
+
+    scene: RenderScene
+    direct: DirectLight
+    radiosity: Radiosity
+
+
+def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort = FULL,
+                   with_direct: bool = True) -> SurfaceLight:
+    """The light of one view (V = 1) on the device of the scene's light, in the radiance units of the scene.
+
+    View and guides are normalised as the scene is. Without `with_direct` the direct light is 0: the picture shows
+    traced light instead.
+    """
+    height, width = guides.alpha.shape
+    effort = effort.of_picture(view.width * view.height)
+    rows = max(current_pieces().limit(BAND_PIXELS) // width // BAND_ROWS, 1) * BAND_ROWS
+    picture = None
+    for begin in range(0, height, rows):
+        band = slice(begin, min(begin + rows, height))
+        with part(BANDS * begin / height, BANDS * band.stop / height):
+            estimate = _estimate_band(light, view, guides.rows(band), begin, effort, with_direct)
+        picture = picture or _with_height(estimate, height)
+        for name in SurfaceLight.PICTURES:
+            getattr(picture, name)[..., band, :] = getattr(estimate, name)
+    if effort.edges:
+        with part(BANDS, 1.0):
+            _antialias(picture, light, view, guides, with_direct)
+    return picture
+
+
+def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int, effort: Effort,
+                   with_direct: bool) -> SurfaceLight:
+    """The light of some rows of the view, whose guides these are."""
+    direct, radiosity, is_traced = light.direct, light.radiosity, guides.traced is not None
+    surfaces = HitSurfaces.of(light.scene, view, guides, first_row, direct.device)
+    grid, filters = max(probe_grid(view.longer_side), effort.probe_grid), SMOOTH[:effort.smoothings]
+    make_probes = partial(Probes, grid=grid, finest=max(grid // effort.closer, 1))
+    probes = make_probes(surfaces.position, surfaces.normal, surfaces.is_covered)
+    outgoing = partial(outgoing_radiance, radiosity, None if is_traced else direct, effort)
+    with part(0.0, 0.3):
+        bounced, sky = diffuse_bounces(radiosity, probes, filters, effort, with_direct)
+    with part(0.3, 0.4):
+        gloss = glossy_bounces(radiosity, probes, surfaces, filters, effort, is_traced, with_direct)
+        bounced = gloss.remove_missed(bounced, surfaces.diffuse_ratio)
+    with part(0.4, 0.5):
+        behind = probes.interpolate(lambda x, n, number: {"light": outgoing(x, -n, number)}, filters=filters,
+                                    where=surfaces.transmission.amax(-1, keepdim=True) > 0)["light"]
+    with part(0.5, 0.6):
+        mirrored, has_end = path_end_light("reflected", guides, make_probes, outgoing, filters, direct.device)
+        reflected = torch.lerp(gloss.radiance, mirrored, (1 - blur(surfaces.roughness)[..., None]) * has_end)
+    with part(0.6, 0.7):
+        refracted, _ = path_end_light("refracted", guides, make_probes, outgoing, filters, direct.device)
+    dark = torch.zeros_like(bounced)
+    lobes = [dark] * 3
+    if with_direct:
+        with part(0.7, 1.0):
+            lobes = direct_light(direct, probes, surfaces, guides, sky, gloss.sky, effort)
+    traced = tensors_on(direct.device)(guides.traced).clamp_min(0) if is_traced else dark
+    glow = dark if is_traced else _glow(direct, surfaces)
+    return SurfaceLight(
+        albedo=_stack([surfaces.diffuse, surfaces.glossy, surfaces.transmission]),
+        roughness=surfaces.roughness[None, None], direct=_stack(lobes), bounced=_channels_first(bounced),
+        behind=_channels_first(behind), reflected=_channels_first(reflected), refracted=_channels_first(refracted),
+        glow=_channels_first(glow), traced=_channels_first(traced), is_traced=dark.new_full((1,), float(is_traced)))
+
+
+def _glow(direct: DirectLight, surfaces: HitSurfaces) -> Tensor:
+    """(h, W, 3) radiance of the media before the surfaces."""
+    if direct.in_scattering is None:
+        return torch.zeros_like(surfaces.position)
+    has_hit = surfaces.normal.square().sum(-1, keepdim=True) > 0.25
+    end = torch.where(has_hit, surfaces.position, surfaces.origin + BEYOND * surfaces.rays)
+    origin = surfaces.origin.expand_as(end)
+    return direct.in_scattering(origin.flatten(0, 1), end.flatten(0, 1)).view_as(end)
+
+
+def _antialias(picture: SurfaceLight, light: SceneLight, view: View, guides: Guides, with_direct: bool) -> None:
+    """Mix the light of neighbours into pixels at edges, in place."""
+    edges = find_edges(light.scene, view, guides, light.direct.device)
+    for name, lobe in (("bounced", "diffuse"), ("behind", "transmission"), ("reflected", "glossy"),
+                       ("refracted", "transmission")):
+        edges.mix(getattr(picture, name)[0], LOBES.index(lobe))
+    if with_direct:
+        for lobe, radiance in enumerate(picture.direct[0]):  # highlights are smaller than pixels, and must not spread
+            edges.mix(radiance, lobe, only_darken=lobe != LOBES.index("diffuse"))
+
+
+def _with_height(estimate: SurfaceLight, height: int) -> SurfaceLight:
+    """Room for the light of a picture of this height, of which there is a band."""
+    return SurfaceLight(**{f.name: like(getattr(estimate, f.name), height, -2) if f.name in SurfaceLight.PICTURES
+                           else getattr(estimate, f.name) for f in fields(estimate)})
+
+
+def _channels_first(picture: Tensor) -> Tensor:
+    """(h, W, C) -> (1, C, h, W)."""
+    return picture.permute(2, 0, 1)[None]
+
+
+def _stack(lobes: list[Tensor]) -> Tensor:
+    """Three (h, W, C) -> (1, 3, C, h, W)."""
+    return torch.stack([picture.permute(2, 0, 1) for picture in lobes])[None]

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The surfaces that pixels show, as tensors: where first hits are, and what their materials reflect."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from ..camera import view_rays_at
+from ..material.reflectance import normal_reflectance
+from ..scene import (
+    BASE_COLOR,
+    IOR,
+    METALLIC,
+    NORMAL,
+    ROUGHNESS,
+    TILE_CHANNELS,
+    TRANSMISSION,
+    Guides,
+    RenderScene,
+    View,
+    texels,
+)
+from .fresnel import lobe_albedo
+
+UNKNOWN_ROUGHNESS = 0.5  # where no token triangle lies behind a pixel (hair, sub-pixel geometry)
+UNKNOWN_F0 = 0.04        # likewise, of a layer
+LEAST_LAYER = 5e-3       # f0 from which on a layer reflects everything at grazing angles
+
+
+@dataclass
+class HitSurfaces:
+    """First hits of some rows of a view, h x W pixels; f32, network units, premultiplied where coverage counts."""
+
+    origin: Tensor         # (3,) or (h, W, 3), of the camera rays
+    rays: Tensor           # (h, W, 3), unit
+    position: Tensor       # (h, W, 3)
+    normal: Tensor         # (h, W, 3), unit
+    coverage: Tensor       # (h, W, 1), in [0, 1]
+    diffuse: Tensor        # (h, W, 3), albedo of the lobe, premultiplied by coverage
+    glossy: Tensor         # (h, W, 3), likewise
+    transmission: Tensor   # (h, W, 3), likewise
+    roughness: Tensor      # (h, W), perceptual
+    f0: Tensor             # (h, W), of the glossy lobe, relative to its reflectance at grazing angles
+    diffuse_ratio: Tensor  # (h, W), diffuse over glossy albedo
+
+    @classmethod
+    def of(cls, scene: RenderScene, view: View, guides: Guides, first_row: int, device: torch.device) -> HitSurfaces:
+        """Of guides that are rows of the view of a normalised scene, from `first_row` on."""
+        to_tensor = tensors_on(device)
+        h, w = guides.alpha.shape
+        origin, rays = map(to_tensor, view_rays_at(view, np.arange(w) + 0.5, first_row + np.arange(h)[:, None] + 0.5))
+        normal = F.normalize(to_tensor(guides.normal), dim=-1)
+        roughness = to_tensor(hit_roughness(scene, guides))
+        diffuse, glossy, transmission = map(
+            to_tensor, (guides.diffuse_color, guides.glossy_color, guides.transmission_color))
+        f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), -(normal * rays).sum(-1), roughness)
+        return cls(origin, rays, to_tensor(guides.position), normal, to_tensor(guides.alpha)[..., None].clamp(0, 1),
+                   diffuse, glossy, transmission, roughness, f0,
+                   diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6))
+
+    @property
+    def is_covered(self) -> Tensor:
+        """(h, W, 1) bool: pixels that show a surface."""
+        return self.coverage > 0
+
+
+def tensors_on(device: torch.device):
+    """A function from arrays to f32 tensors on a device."""
+    return lambda x: torch.as_tensor(np.ascontiguousarray(x), dtype=torch.float32, device=device)
+
+
+def _relative_f0(metal: Tensor, layer: Tensor, f0: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
+    """(h, W) f0 over the reflectance at grazing angles, of surfaces of metal, for which it is 1, and a layer.
+
+    metal, layer, f0: of `hit_reflectances`; cosine: between normal and viewer.
+    """
+    albedo = lobe_albedo(torch.ones(()), cosine.flatten(), roughness.flatten()).view_as(cosine)
+    metal = metal / albedo  # light that bounces between its facets is uniform
+    return (metal + layer * f0) / (metal + layer).clamp_min(1e-6)
+
+
+def hit_roughness(scene: RenderScene, guides: Guides) -> np.ndarray:
+    """(H, W) f32 roughness of the texel that each pixel's first hit lies on."""
+    roughness = _hit_texels(scene, guides, slice(ROUGHNESS, ROUGHNESS + 1))[..., 0]
+    return np.where(guides.hit_triangle >= 0, roughness, np.float32(UNKNOWN_ROUGHNESS))
+
+
+def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(H, W) f32 each, of the same texel: reflectance of its metal, share of a dielectric layer, and f0 of the layer.
+
+    A layer that reflects next to nothing at normal incidence has a share of 0.
+    """
+    texel = _hit_texels(scene, guides, slice(NORMAL.start))
+    is_known, metallic, transmission = guides.hit_triangle >= 0, texel[..., METALLIC], texel[..., TRANSMISSION]
+    f0 = normal_reflectance(texel[..., IOR].clip(1)) * (1 - transmission / 2)  # glass has its own ior
+    f0 = np.where(is_known, f0, UNKNOWN_F0)
+    metal = is_known * metallic * texel[..., BASE_COLOR].mean(-1)
+    return metal, (1 - is_known * metallic) * (f0 / LEAST_LAYER).clip(max=1), f0
+
+
+def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:
+    """(H, W, C) f32, these channels of the material tiles; arbitrary where nothing is hit."""
+    hit = guides.hit_triangle
+    if not len(scene.triangles):
+        return np.zeros((*hit.shape, len(range(TILE_CHANNELS)[channels])), np.float32)
+    x, y = texels(guides.hit_barycentric)
+    return scene.tiles[scene.tile_index[np.maximum(hit, 0)], channels, y, x].astype(np.float32)

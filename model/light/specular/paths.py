@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Specular paths: follow reflections and refractions through the token triangles to the surface that a pixel shows.
+
+Whitted 1980, "An improved illumination model for shaded display", with one path per pixel and lobe.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...geometry import reflected, refracted, seen_in
+from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
+from ...shading import surface
+
+SURFACES = 6       # a path passes at most
+SMOOTH = 0.5       # roughness up to which a metal is a mirror
+PURE = 0.5         # metallic from which a surface is a mirror
+CLEAR = 0.75       # transmission from which one is glass and shows no matte surface of its own
+LIFT = 1e-4        # of the longest segment so far, that a ray starts off its surface
+SHARP, BLURRED = 0.15, 0.35  # roughness up to which a reflection is an image, and from which it is a mean over the lobe
+
+Cast = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
+
+
+@dataclass
+class PathEnds:
+    """Where P specular paths end: at matte surfaces, lamps, or the sky."""
+
+    position: np.ndarray  # (P, 3) f32, world
+    normal: np.ndarray    # (P, 3) f32, unit, facing the path
+    color: np.ndarray     # (P, 3) f32, diffuse albedo there times the tint of the path; 0 = no surface
+    light: np.ndarray     # (P, 3) f32, radiance of the lamp or the sky there times the tint of the path
+
+
+def blur(roughness):
+    """0 to 1 (array or tensor): how much a reflection is a mean over the lobe instead of an image."""
+    x = ((roughness - SHARP) / (BLURRED - SHARP)).clip(0, 1)
+    return x * x * (3 - 2 * x)
+
+
+def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
+           solid: Cast | None = None) -> PathEnds:
+    """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
+
+    A path that has passed SURFACES surfaces ends at the last one as if that were matte. eye: (3,) or (P, 3), the point
+    from which the origins are seen. cast(origins, directions), such as `Rays.closest`, returns the nearest triangle
+    (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that paths end at what
+    glass touches.
+    """
+    ends = PathEnds(*(np.zeros((len(origin), 3), np.float32) for _ in range(4)))
+    path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
+    reach = np.linalg.norm(origin - eye, axis=1)  # the longest segment so far: precision depends on it
+    before, origin = origin - LIFT * (origin - eye), origin + LIFT * reach[:, None] * direction
+    for remaining in reversed(range(SURFACES)):
+        if not len(path):
+            break
+        triangle, distance = cast(origin, direction)[:2]
+        if solid is not None:
+            touched, gap = solid(before, direction)[:2]
+            touches = (touched >= 0) & (gap < 3 * LIFT * reach)
+            triangle, distance = np.where(touches, touched, triangle), np.where(touches, 0, distance)
+        hit = (triangle >= 0) & ~scene.is_light[triangle]
+        ends.light[path[~hit]] = tint[~hit] * _emitted(scene, triangle[~hit], direction[~hit])
+        path, tint, origin, direction, triangle, distance, reach = (
+            x[hit] for x in (path, tint, origin, direction, triangle, distance, reach))
+        point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
+        normal, inside, texel = surface(scene, triangle, point, direction)
+        base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
+        is_glass = (transmission > CLEAR) & (metallic <= PURE)
+        tint = tint * np.where(is_glass[:, None], tint_of_glass(base), base)
+        ends.position[path], ends.normal[path] = point, normal
+        matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte
+        goes_on = is_glass | (metallic > PURE) & (texel[:, ROUGHNESS] < SMOOTH)
+        ends.color[path] = tint * np.where(goes_on, not remaining, matte)[:, None]
+        before = point - LIFT * reach[:, None] * direction
+        direction = np.where(is_glass[:, None], refracted(direction, normal, texel[:, IOR], inside),
+                             reflected(direction, normal))
+        origin = point + LIFT * reach[:, None] * direction
+        path, tint, before, origin, direction, reach = (
+            x[goes_on] for x in (path, tint, before, origin, direction, reach))
+    return ends
+
+
+def _emitted(scene: RenderScene, triangle: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(P, 3) radiance of lamps (P,), or for -1 of the sky, along world unit vectors (P, 3); spots show nothing."""
+    sky = 0.0 if scene.environment is None else seen_in(scene.environment, direction)
+    shining = scene.emission[triangle] * ~scene.beam_axis[triangle].any(1, keepdims=True)
+    return np.where(triangle[:, None] < 0, sky, shining)

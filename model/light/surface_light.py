@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The light at the first hits of views, and the picture that it makes."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from ..fields import COLOR, RADIANCE, array
+from ..tensor_group import TensorGroup
+
+# Shares of the light behind a surface that pass: straight on, through smooth glass, and diffusely, through rough glass
+REFRACTED, BEHIND = 0.95, 0.5
+
+
+@dataclass
+class SurfaceLight(TensorGroup):
+    """V views of H x W pixels, f32: radiance that white lobes would send to the viewer, and their albedos.
+
+    The three lobes of `albedo` and `direct` are LOBES: diffuse, glossy, transmission. Where light was traced, that
+    stands for all direct light and is weighted by albedos and coverage already; `direct` is then no part of the picture
+    and may be 0.
+    """
+
+    PICTURES: ClassVar = ("albedo", "roughness", "direct", "bounced", "behind", "reflected", "refracted", "glow",
+                          "traced")
+
+    albedo: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # [lobe, rgb], premultiplied by coverage
+    roughness: Tensor = array("V", 1, "H", "W")                      # perceptual
+    direct: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2, RADIANCE: 2})  # from emitters and the environment
+    bounced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1, RADIANCE: 1})    # indirect light, of a diffuse lobe
+    behind: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1, RADIANCE: 1})     # the same of the surface's back
+    reflected: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1, RADIANCE: 1})  # indirect light in mirrors and gloss
+    refracted: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1, RADIANCE: 1})  # indirect light behind smooth glass
+    glow: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1, RADIANCE: 1})  # radiance of media before the surface
+    traced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1, RADIANCE: 1})     # traced light; 0 without it
+    is_traced: Tensor = array("V")                                                # 1 if light was traced, else 0
+
+    def indirect(self) -> Tensor:
+        """(V, 3, 3, H, W) indirect light of each lobe. Smooth glass shows what lies behind it, rough glass the mean."""
+        transmitted = torch.lerp(REFRACTED * self.refracted, BEHIND * self.behind, self.roughness)
+        return torch.stack([self.bounced, self.reflected, transmitted], dim=1)
+
+    def radiance(self) -> Tensor:
+        """(V, 3, H, W) of the picture, without emitters and environment that the camera sees directly."""
+        is_traced = self.is_traced.view(-1, 1, 1, 1)
+        arriving = is_traced * self.traced + (1 - is_traced) * (self.direct * self.albedo).sum(1)
+        return arriving + (self.indirect() * self.albedo).sum(1) + self.glow
+
+    def rows(self, rows: slice) -> SurfaceLight:
+        """Some rows of the views; shared memory."""
+        return replace(self, **{name: getattr(self, name)[..., rows, :] for name in self.PICTURES})
