@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Folders import one another in one direction only."""
 import ast
+import re
 from collections import defaultdict
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -10,9 +11,11 @@ import pytest
 from tests.sources import ROOT
 
 # Rooms whose inner folders count as one. Delete a name to check the folders in it as well.
-AS_ONE = {"rf2_engine": {"convert"}, "model": {"light"}}
+AS_ONE = {"rf2_engine": set(), "model": {"light"}}
 # weights/ finds out which network the files of a folder hold, and builds it.
 BUILDERS = {("model/weights", "model/guided"), ("model/weights", "model/published")}
+# Floors of the conversion, from the ground: folders import from lower floors alone.
+CONVERT = (["data"], ["shading/noise"], ["shading"], ["camera", "meshes", "lamps", "media"], ["fitting", "copying"])
 
 Edges = dict[tuple[str, str], list[str]]
 
@@ -85,3 +88,18 @@ def test_light_knows_no_network():
     assert ("model/guided", "model/light") in edges
     assert [line for rooms, lines in edges.items() if rooms[0].startswith("model/light") and
             rooms[1] in ("model/network", "model/guided") for line in lines] == []
+
+
+def test_the_conversion_is_built_in_floors():
+    floors = {f"rf2_engine/convert/{name}": i for i, names in enumerate(CONVERT) for name in names}
+    floors["rf2_engine/convert"] = len(CONVERT)
+    assert {room(path, "rf2_engine") for path in (ROOT / "rf2_engine/convert").rglob("*.py")} == set(floors)
+    assert [lines for (importer, target), lines in room_edges("rf2_engine").items()
+            if importer in floors and target in floors and floors[target] >= floors[importer]] == []
+
+
+def test_only_what_reads_blender_imports_it():
+    folders = [ROOT / "rf2_engine/convert" / name for names in CONVERT for name in names]
+    files = [path for folder in folders if folder.name not in ("camera", "copying") for path in folder.glob("*.py")]
+    assert len(files) > 40
+    assert [path.name for path in files if re.search("^(import|from) (bpy|mathutils)", path.read_text(), re.M)] == []

@@ -19,7 +19,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from zipfile import ZipFile
 
-from . import wheel_files
+from .common import wheel_files
 from .extension import ROOT
 
 MANIFEST = "blender_manifest.toml"

@@ -19,8 +19,8 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
-from . import wheel_files
-from .binaries import Binary, binary
+from .common import wheel_files
+from .common.binaries import Binary, binary
 from .extension import ROOT
 
 sys.path.append(str(ROOT / "rf2_engine" / "setup"))  # these are parts of a program, not of a package

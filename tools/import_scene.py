@@ -17,9 +17,9 @@ from pathlib import Path
 from renderformer_v2.model.errors import SceneError
 
 from . import extension
-from .arguments import file_with, whole_number
-from .picture import prepare
-from .scene_file import one_line
+from .common.arguments import file_with, whole_number
+from .common.pictures import prepare
+from .common.scene_file import one_line
 
 
 def main() -> int:
@@ -45,7 +45,7 @@ def _run(arguments: argparse.Namespace) -> dict:
     prepare(arguments.output)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     extension.load().register()
-    from renderformer_v2.rf2_engine.convert.report import Report
+    from renderformer_v2.rf2_engine.convert.data.report import Report
     from renderformer_v2.rf2_engine.paper_scenes.h5_import import import_h5
     from renderformer_v2.rf2_engine.paper_scenes.importing import import_frame
     report, empty = Report(), bpy.context.scene

@@ -22,7 +22,7 @@ def main() -> int:
     extension.load().register()
     import bpy
 
-    from .scene_file import open_scene
+    from .common.scene_file import open_scene
     scene = open_scene(arguments.scene)
     scene.render.engine = "RENDERFORMER_V2"
     scene.renderformer_v2.viewport.token_budget = arguments.budget

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.arguments import picture_size, whole_number
-from tools.picture import write_whole
-from tools.rendering import render, samples_in_time
+from tools.common.arguments import picture_size, whole_number
+from tools.common.pictures import write_whole
+from tools.common.render_process import render, samples_in_time
 
 GAP = 8        # pixels between the pictures
 LINE = 2.2     # height of the label, of that of its letters

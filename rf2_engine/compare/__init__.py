@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compare in the Image Editor: any two passes, slots or loaded pictures, of any render engine."""
 from ..registering import modules
-from . import draw, events, export, gizmo, operators, panel, settings, windows
+from . import draw, events, operators, panel, settings, slots
 
-MODULES = (settings, windows, events, operators, export, gizmo, draw, panel)
+MODULES = (settings, slots, events, operators, draw, panel)
 
 register, unregister = modules(MODULES)

@@ -9,38 +9,30 @@ from ..cycles import growing
 from ..progress import last_render
 from ..registering import handlers
 from ..setup import packages
-from . import comparison, fitting
+from . import fitting
+from .state import comparison
 
-INTERVAL = 0.2  # seconds between two looks at what goes on
-
-blink = False   # B is shown
-_fitted = False  # the editors were zoomed out for two pictures
-_offered = False  # this render has shown its reference: whoever switches it off means it
+INTERVAL = 0.2  # seconds between two checks of a timer
 
 
 def read() -> None:
-    """Read and begin to measure."""
+    """Read both pictures and begin to measure them."""
     comparison.read()
     redraw()
     if comparison.a:
         comparison.measurement = comparison.new_measurement()
         comparison.measurement.start()
-        _call(_watch, INTERVAL)
+        _call(_watch_measurement, INTERVAL)
 
 
 def read_soon() -> None:
-    """As soon as Blender is idle, and only if the comparison is shown."""
-    if comparison.settings().show and not comparison.is_reading:
+    """Read as soon as Blender is idle, if the comparison is shown."""
+    if comparison.settings.show and not comparison.is_reading:
         _call(_read, 0.0)
 
 
-def look_again() -> None:
-    """Whenever an Image Editor is drawn."""
-    if comparison.is_outdated():
-        read_soon()
-
-
 def switch(show: bool) -> None:
+    """Begin or end to compare."""
     fit_soon()
     if show:
         read_soon()
@@ -51,16 +43,15 @@ def switch(show: bool) -> None:
 
 
 def fit_soon() -> None:
-    """As soon as Blender is idle, if two pictures come side by side, or one takes their place."""
+    """Zoom the editors as soon as Blender is idle, if two pictures side by side replace one, or one replaces two."""
     _call(_fit, 0.0)
 
 
-def offer_both() -> None:
-    """As soon as there is something of a reference; the user may switch it off again."""
-    global _offered
-    if not _offered and _wants_both():
-        _call(_show_both, 0.0)
-    _offered = True
+def offer_reference() -> None:
+    """Show a reference beside the picture from its first sample on; the user may switch it off again."""
+    if not comparison.is_offered and _offers_reference():
+        _call(_show_growing_reference, 0.0)
+    comparison.is_offered = True
 
 
 def redraw() -> None:
@@ -71,7 +62,7 @@ def redraw() -> None:
 
 
 def _read() -> float | None:
-    if not comparison.settings().show:
+    if not comparison.settings.show:
         return None
     if bpy.app.is_job_running("RENDER"):
         return INTERVAL
@@ -80,38 +71,35 @@ def _read() -> float | None:
 
 
 def _fit() -> float | None:
-    global _fitted
-    chosen, size = comparison.settings(), _size()
-    if comparison.is_reading or chosen.show and size is None and not comparison.message:
+    settings, size = comparison.settings, _picture_size()
+    if comparison.is_reading or settings.show and size is None and not comparison.message:
         return INTERVAL
-    wanted = chosen.show and size is not None and chosen.mode == "SIDE"
-    if wanted != _fitted:
-        _fitted = wanted
-        fitting.fit(size if wanted else None)
+    is_for_two = settings.show and size is not None and settings.mode == "SIDE"
+    if is_for_two != comparison.is_zoomed_for_two:
+        comparison.is_zoomed_for_two = is_for_two
+        fitting.fit(size if is_for_two else None)
     return None
 
 
-def _size() -> tuple[int, int] | None:
-    """Width and height of each of the two pictures, in pixels, once there are two."""
+def _picture_size() -> tuple[int, int] | None:
+    """Width and height in pixels of either picture, as soon as there are two."""
     if comparison.a is not None:
         return comparison.a.pixels.shape[1::-1]
     return growing.size()
 
 
-def _watch() -> float | None:
+def _watch_measurement() -> float | None:
     redraw()
     return INTERVAL if comparison.measurement and comparison.measurement.is_running else None
 
 
 def _blink() -> float | None:
-    global blink
-    chosen = comparison.settings()
-    if not chosen.show:
+    if not comparison.settings.show:
         return None
-    if chosen.mode == "BLINK":
-        blink = not blink
+    if comparison.settings.mode == "BLINK":
+        comparison.blinks_to_b = not comparison.blinks_to_b
         redraw()
-    return chosen.interval
+    return comparison.settings.interval
 
 
 def _call(action, seconds: float) -> None:
@@ -119,18 +107,18 @@ def _call(action, seconds: float) -> None:
         bpy.app.timers.register(action, first_interval=seconds)
 
 
-def _wants_both() -> bool:
-    chosen = packages.preferences()  # none where a script enabled the add-on
-    return chosen is None or chosen.show_reference
+def _offers_reference() -> bool:
+    preferences = packages.preferences()  # none where a script enabled the add-on
+    return preferences is None or preferences.show_reference
 
 
-def _show_both() -> None:
+def _show_growing_reference() -> None:
     comparison.show_reference()
     redraw()
 
 
 def show_reference() -> float | None:
-    """Once the render has ended."""
+    """A timer: show the reference as soon as the render has ended."""
     if bpy.app.is_job_running("RENDER"):
         return INTERVAL
     comparison.show_reference()
@@ -139,31 +127,31 @@ def show_reference() -> float | None:
 
 
 @persistent
-def _begins(*_):
-    global _offered
-    _offered = False
+def _begin_render(*_):
+    comparison.is_offered = False
 
 
 @persistent
-def _rendered(*_):
-    comparison.outdate()  # and nothing more: this may be the thread of the render. The editor is drawn again anyway
-    if not _offered and _wants_both() and any(layer.reference_samples for layer in last_render.last_frame):
+def _end_render(*_):
+    comparison.outdate()  # no more: this may be the thread of the render, and the editor is drawn again anyway
+    has_reference = any(layer.reference_samples for layer in last_render.last_frame)
+    if has_reference and not comparison.is_offered and _offers_reference():
         _call(show_reference, 0.0)
 
 
 @persistent
-def _loaded(*_):
+def _load_file(*_):
     comparison.forget_all()
-    comparison.settings().show = False
+    comparison.settings.show = False
 
 
-register, _remove_handlers = handlers(("render_init", _begins), ("render_complete", _rendered),
-                                      ("render_cancel", _rendered), ("load_post", _loaded))
+register, _remove_handlers = handlers(("render_init", _begin_render), ("render_complete", _end_render),
+                                      ("render_cancel", _end_render), ("load_post", _load_file))
 
 
 def unregister() -> None:
     _remove_handlers()
-    for action in (_read, _fit, _watch, _blink, _show_both, show_reference):
+    for action in (_read, _fit, _watch_measurement, _blink, _show_growing_reference, show_reference):
         if bpy.app.timers.is_registered(action):
             bpy.app.timers.unregister(action)
-    comparison.forget_all()
+    comparison.reset()

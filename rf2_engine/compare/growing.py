@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Both pictures while one of them grows: ours, which Blender shows, and on its side the reference so far."""
+"""Both pictures while the reference grows: ours, as Blender shows it, and on its side the reference so far."""
 from __future__ import annotations
 
 import time
@@ -9,95 +9,101 @@ import bpy
 from mathutils import Matrix
 
 from ..cycles import growing as cycles_growing
-from . import comparison, credits, events, overlay, shader, windows
+from . import events, overlay, shader
+from .pictures import OURS, Credits
+from .slots import render_slots
+from .state import comparison
 
 MODES = ("SPLIT", "SIDE")  # the others need the pixels of both
-INTERVAL = 1.0             # seconds between two looks at what Cycles has
-
-_shown = None  # the picture on the graphics card
-_next = 0.0    # time of the next look
-_of = 0        # the number of the view that it shows
+INTERVAL = 1.0             # seconds between two updates from Cycles
 
 
-def is_drawn(context: bpy.types.Context) -> bool:
-    """Whether this Image Editor shows the picture beside which Cycles renders, and both are wanted.
+class GrowingReference:
+    """The running reference as an Image Editor draws it. There is one: `growing_reference`."""
 
-    The first look at a render's reference asks for that.
-    """
-    running, space = cycles_growing.running(), context.space_data
-    if running is None or space.image is None or space.image.type != "RENDER_RESULT":
-        return False
-    events.offer_both()
-    chosen = comparison.settings()
-    return (chosen.show and chosen.mode in MODES and space.image.render_slots.active_index == windows.rendering
-            and space.image_user.multilayer_pass == 0 and _is_of_layer(space, context.scene, running.layer)
-            and (_renders_view_of(space) or _shown is not None and _of == space.image_user.multilayer_view))
+    def __init__(self):
+        self.picture = None      # gpu.types.GPUOffScreen with the reference so far
+        self._next_update = 0.0  # by time.perf_counter
+        self._view = 0           # number of the view of stereoscopy in `picture`
 
+    def is_drawn(self, context: bpy.types.Context) -> bool:
+        """Whether this Image Editor shows the picture whose reference Cycles renders, and both are to be shown.
 
-def _is_of_layer(space: bpy.types.SpaceImageEditor, scene: bpy.types.Scene, layer: str) -> bool:
-    rendered = [scene.view_layers[0]] if scene.render.use_single_layer else [
-        each for each in scene.view_layers if each.use]
-    number = space.image_user.multilayer_layer
-    return len(rendered) < 2 or number < len(rendered) and rendered[number].name == layer
+        The first time that an editor shows a render's reference, this offers the comparison.
+        """
+        running, space = cycles_growing.running(), context.space_data
+        if running is None or space.image is None or space.image.type != "RENDER_RESULT":
+            return False
+        events.offer_reference()
+        settings, user = comparison.settings, space.image_user
+        return (settings.show and settings.mode in MODES
+                and space.image.render_slots.active_index == render_slots.rendering
+                and user.multilayer_pass == 0 and _shows_layer(space, context.scene, running.layer)
+                and (_shows_rendered_view(space) or self.picture is not None and self._view == user.multilayer_view))
 
+    def labels(self) -> tuple[str, str]:
+        """Labels of our picture and of the reference so far."""
+        running = cycles_growing.running()
+        if running is None:  # it has just ended
+            return OURS, "Cycles"
+        samples = f"{running.samples()} of {running.wanted} samples"
+        seconds = Credits(seconds=time.perf_counter() - running.begin)
+        return str(Credits(OURS, None, running.our_seconds)), f"Cycles, {samples}, {seconds}"
 
-def _renders_view_of(space: bpy.types.SpaceImageEditor) -> bool:
-    """Whether the view of stereoscopy is rendered that this Image Editor shows; in 3D that is the first."""
-    return space.image_user.multilayer_view == cycles_growing.view()
-
-
-def labels() -> tuple[str, str]:
-    """Of our picture, and of the reference so far."""
-    running = cycles_growing.running()
-    if running is None:  # it has just ended
-        return credits.OURS, "Cycles"
-    so_far = f"{running.samples()} of {running.wanted} samples"
-    seconds = credits.Credits(seconds=time.perf_counter() - running.begin)
-    return str(credits.Credits(credits.OURS, None, running.our_seconds)), f"Cycles, {so_far}, {seconds}"
-
-
-def draw(scene_linear, program) -> None:
-    """The reference on its side, into the framebuffer of the image, with shader.create's `program`."""
-    _look()
-    if _shown is None:
-        return
-    if comparison.settings().mode == "SIDE":
-        shader.erase(1 + overlay.GAP)
-        with scene_linear.bind():
-            shader.draw(program, _shown.texture_color, shift=1 + overlay.GAP)
-    else:
-        with scene_linear.bind():
-            shader.draw(program, _shown.texture_color, part=(comparison.settings().split, 0, 1, 1))
-
-
-def forget() -> None:
-    """Where a graphics context is active."""
-    global _shown
-    if _shown is not None:
-        _shown.free()
-    _shown = None
-
-
-def _look() -> None:
-    """Take over what Cycles has by now, but not at each of the many times that the editor is drawn."""
-    import gpu
-    global _shown, _next, _of
-
-    running = cycles_growing.running()
-    if running is None or time.perf_counter() < _next or not _renders_view_of(bpy.context.space_data):
-        return
-    size = (running.width, running.height)
-    if _shown is None or (_shown.width, _shown.height) != size:
-        forget()
-        if max(size) > gpu.capabilities.max_texture_size_get():
+    def draw(self, image_buffer, program) -> None:
+        """Draw the reference on its side into the framebuffer of the image, with shader.create's `program`."""
+        self._update()
+        if self.picture is None:
             return
-        _shown = gpu.types.GPUOffScreen(*size, format="RGBA16F")
-    with _shown.bind(), gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
-        gpu.state.active_framebuffer_get().clear(color=(0, 0, 0, 0))
-        gpu.matrix.load_identity()
-        gpu.matrix.load_projection_matrix(Matrix.Translation((-1, -1, 0)) @ Matrix.Diagonal(
-            (2 / running.width, 2 / running.height, 1, 1)) @ Matrix.Translation((-running.left, -running.bottom, 0)))
-        cycles_growing.draw(bpy.context)
-    gpu.state.blend_set("NONE")
-    _of = cycles_growing.view()
-    _next = time.perf_counter() + INTERVAL
+        is_beside = comparison.settings.mode == "SIDE"
+        if is_beside:
+            shader.erase(1 + overlay.GAP)
+        with image_buffer.bind():
+            shader.draw(program, self.picture.texture_color, shift=(1 + overlay.GAP) * is_beside,
+                        part=(0 if is_beside else comparison.settings.split, 0, 1, 1))
+
+    def _update(self) -> None:
+        """Take over what Cycles has rendered so far, at most once in an interval."""
+        import gpu
+
+        running = cycles_growing.running()
+        if (running is None or time.perf_counter() < self._next_update
+                or not _shows_rendered_view(bpy.context.space_data)):
+            return
+        size = (running.width, running.height)
+        if self.picture is None or (self.picture.width, self.picture.height) != size:
+            self.forget()
+            if max(size) > gpu.capabilities.max_texture_size_get():
+                return
+            self.picture = gpu.types.GPUOffScreen(*size, format="RGBA16F")
+        with self.picture.bind(), gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+            gpu.state.active_framebuffer_get().clear(color=(0, 0, 0, 0))
+            gpu.matrix.load_identity()
+            gpu.matrix.load_projection_matrix(
+                Matrix.Translation((-1, -1, 0)) @ Matrix.Diagonal((2 / running.width, 2 / running.height, 1, 1))
+                @ Matrix.Translation((-running.left, -running.bottom, 0)))
+            cycles_growing.draw(bpy.context)
+        gpu.state.blend_set("NONE")
+        self._view = cycles_growing.view()
+        self._next_update = time.perf_counter() + INTERVAL
+
+    def forget(self) -> None:
+        """Free the picture; a graphics context must be active if there is one."""
+        if self.picture is not None:
+            self.picture.free()
+        self.picture = None
+
+
+growing_reference = GrowingReference()
+
+
+def _shows_layer(space: bpy.types.SpaceImageEditor, scene: bpy.types.Scene, name: str) -> bool:
+    rendered = [scene.view_layers[0]] if scene.render.use_single_layer else [
+        layer for layer in scene.view_layers if layer.use]
+    number = space.image_user.multilayer_layer
+    return len(rendered) < 2 or number < len(rendered) and rendered[number].name == name
+
+
+def _shows_rendered_view(space: bpy.types.SpaceImageEditor) -> bool:
+    """Whether this Image Editor shows the view of stereoscopy that is being rendered; in 3D it shows the first."""
+    return space.image_user.multilayer_view == cycles_growing.view()

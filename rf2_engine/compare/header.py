@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The view layer and the pass that the header of an Image Editor shows.
 
-Blender tells their numbers and not their names. The numbers count in the order in which the engine announced the
-passes, and the saved file, from which the names come, has them sorted.
+Python sees only their numbers. The numbers count in the order in which the engine announced the passes; the names come
+from the saved file, which has them sorted.
 """
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ import bpy
 from .. import exr, settings
 from .. import passes as pass_table
 
-COMPOSITE = "Composite"  # what the compositor made
+COMPOSITE = "Composite"  # the layer that the compositor writes
 
 
 def numbers(image: bpy.types.Image) -> tuple[int, int, int]:
-    """(layer, pass, view of stereoscopy) in the first Image Editor that shows the image; where none does as in a new
-    one."""
+    """(layer, pass, view of stereoscopy) in the first Image Editor that shows the image, or else in a new one."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             space = area.spaces.active
@@ -28,30 +27,31 @@ def numbers(image: bpy.types.Image) -> tuple[int, int, int]:
 
 def layers(file: exr.Multilayer, scene: bpy.types.Scene) -> list[str]:
     """The file's layers as the header lists them."""
-    there = dict.fromkeys(layer for layer, _ in file.passes)
-    return [name for name in dict.fromkeys([COMPOSITE, *scene.view_layers.keys(), *there]) if name in there]
+    existing = dict.fromkeys(layer for layer, _ in file.passes)
+    return [name for name in dict.fromkeys([COMPOSITE, *scene.view_layers.keys(), *existing]) if name in existing]
 
 
 def passes(file: exr.Multilayer, layer: str, scene: bpy.types.Scene) -> list[str]:
     """The passes of a layer as the header lists them."""
-    there = dict.fromkeys(file.apart(name)[0] for of, name in file.passes if of == layer)
+    existing = dict.fromkeys(file.apart(name)[0] for other, name in file.passes if other == layer)
     announced = _announced(file, scene.view_layers[layer], scene) if layer in scene.view_layers else []
     table = [p.blender_name for p in pass_table.PASSES]
-    return [name for name in dict.fromkeys(["Combined", *announced, *table, *there]) if name in there]
+    return [name for name in dict.fromkeys(["Combined", *announced, *table, *existing])
+            if name in existing]
 
 
 def shown(file: exr.Multilayer, image: bpy.types.Image, scene: bpy.types.Scene) -> tuple[str, str]:
-    """(layer, pass) by name; the first where the file has not so many."""
+    """(layer, pass) by name; the first layer or pass where the file has fewer."""
     layer_number, pass_number, _ = numbers(image)
     layer = _at(layers(file, scene), layer_number)
     return layer, _at(passes(file, layer, scene), pass_number)
 
 
-def of_view(file: exr.Multilayer, image: bpy.types.Image, layer: str, name: str) -> str:
-    """The name of a pass of the view that is shown; one that names another view is of that."""
+def pass_in_view(file: exr.Multilayer, image: bpy.types.Image, layer: str, name: str) -> str:
+    """The name of a pass in the view of stereoscopy that is shown; a name with a view in it stays as it is."""
     _, _, number = numbers(image)
-    wanted = f"{name}.{file.views[number]}" if number < len(file.views) else name
-    return wanted if (layer, wanted) in file.passes else name
+    name_in_view = f"{name}.{file.views[number]}" if number < len(file.views) else name
+    return name_in_view if (layer, name_in_view) in file.passes else name
 
 
 def _at(names: list[str], number: int) -> str:
@@ -60,10 +60,10 @@ def _at(names: list[str], number: int) -> str:
 
 def _announced(file: exr.Multilayer, view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> list[str]:
     if "RenderFormer-V2 seconds" in file.metadata:
-        ticked = pass_table.of_view_layer(view_layer, settings.light_passes(scene), scene)
-        return [p.blender_name for p in (*ticked, *pass_table.REFERENCE)]
+        enabled = pass_table.of_view_layer(view_layer, settings.light_passes(scene), scene)
+        return [p.blender_name for p in (*enabled, *pass_table.REFERENCE)]
     try:
         from cycles.engine import list_render_passes
         return [name for name, *_ in list_render_passes(scene, view_layer)]
     except (ImportError, AttributeError, TypeError):
-        return []  # a Cycles that does not tell
+        return []  # another version of Cycles

@@ -6,7 +6,7 @@ import bpy
 
 from ..registering import appended, classes, pairs
 from ..setup.display import draw_text
-from . import comparison
+from .state import comparison
 
 
 class RENDERFORMER_PT_compare(bpy.types.Panel):
@@ -20,10 +20,10 @@ class RENDERFORMER_PT_compare(bpy.types.Panel):
         return _is_image_editor(context)
 
     def draw_header(self, context):
-        self.layout.prop(comparison.settings(), "show", text="")
+        self.layout.prop(comparison.settings, "show", text="")
 
     def draw(self, context):
-        layout, settings = self.layout, comparison.settings()
+        layout, settings = self.layout, comparison.settings
         layout.use_property_split, layout.use_property_decorate = True, False
         for name, side in (("A", settings.a), ("B", settings.b)):
             _draw_side(layout.column(heading=name), side)
@@ -56,25 +56,25 @@ class RENDERFORMER_PT_compare_metrics(bpy.types.Panel):
 
     @classmethod
     def poll(cls, context):
-        return comparison.settings().show and comparison.a is not None
+        return comparison.settings.show and comparison.a is not None
 
     def draw(self, context):
-        layout, measured = self.layout, comparison.measurement
-        layout.prop(comparison.settings(), "region", text="")
-        if measured is None:
+        layout, measurement = self.layout, comparison.measurement
+        layout.prop(comparison.settings, "region", text="")
+        if measurement is None:
             return
-        if measured.closeness:
-            _draw_closeness(layout.column(align=True), measured.closeness)
-            for note in measured.notes:
+        if measurement.closeness:
+            _draw_closeness(layout.column(align=True), measurement.closeness)
+            for note in measurement.notes:
                 draw_text(layout, note, icon="INFO")
-        elif measured.error:
-            draw_text(layout, measured.error)
+        elif measurement.error:
+            draw_text(layout, measurement.error)
         else:
             row = layout.row()
-            row.progress(factor=measured.fraction, text="Measuring")
+            row.progress(factor=measurement.fraction, text="Measuring")
             row.operator("renderformer_v2.compare_cancel", text="", icon="X")
         row = layout.row()
-        row.active = measured.closeness is not None
+        row.active = measurement.closeness is not None
         row.operator("renderformer_v2.compare_export", icon="EXPORT")
 
 
@@ -99,7 +99,7 @@ class RENDERFORMER_MT_compare(bpy.types.Menu):
     bl_label = "Compare"
 
     def draw(self, context):
-        layout, settings = self.layout, comparison.settings()
+        layout, settings = self.layout, comparison.settings
         layout.prop(settings, "show")
         layout.separator()
         for item in settings.bl_rna.properties["mode"].enum_items:
@@ -120,7 +120,7 @@ def _menu(self, context):
 
 def _button(self, context):
     if _is_image_editor(context):
-        show = comparison.settings().show
+        show = comparison.settings.show
         self.layout.operator("renderformer_v2.compare", text="Both", icon="MOD_MIRROR", depress=show)
 
 

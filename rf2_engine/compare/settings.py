@@ -6,7 +6,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..registering import classes, pairs, pointer
-from . import comparison, events
+from . import events
+from .state import comparison
 
 
 def _read_again(settings, context):

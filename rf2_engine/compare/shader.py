@@ -11,13 +11,13 @@ LARGEST_BOX = 8  # texels across that are averaged where a picture is shown smal
 VERTEX = """
 void main()
 {
-  place = mix(part.xy, part.zw, corner);
-  gl_Position = projection * vec4(place, 0.0, 1.0);
+  position = mix(part.xy, part.zw, corner);
+  gl_Position = projection * vec4(position, 0.0, 1.0);
 }
 """
 
 FRAGMENT = """
-vec4 seen(sampler2D image, vec2 texels, int box)
+vec4 average(sampler2D image, vec2 texels, int box)
 {
   vec4 sum = vec4(0.0);
   ivec2 last = textureSize(image, 0) - 1;
@@ -32,12 +32,12 @@ vec4 seen(sampler2D image, vec2 texels, int box)
 
 void main()
 {
-  vec2 texels = (place - area.xy) / (area.zw - area.xy) * vec2(textureSize(picture, 0));
+  vec2 texels = (position - area.xy) / (area.zw - area.xy) * vec2(textureSize(picture, 0));
   vec2 across = fwidth(texels);
   int box = clamp(int(round(max(across.x, across.y))), 1, LARGEST_BOX);
-  color = seen(picture, texels, box);
+  color = average(picture, texels, box);
   if (gain >= 0.0) {
-    color = vec4(abs(color.rgb - seen(other, texels, box).rgb) * gain, 1.0);
+    color = vec4(abs(color.rgb - average(other, texels, box).rgb) * gain, 1.0);
   }
   color.a = max(color.a, opaque);
 }
@@ -45,15 +45,15 @@ void main()
 
 
 def create():
-    """A gpu.types.GPUShader that draws the corners of the unit square; see `draw`."""
+    """A gpu.types.GPUShader for `draw`, which draws the unit square."""
     import gpu  # not in Blender without a window
 
     info, interface = gpu.types.GPUShaderCreateInfo(), gpu.types.GPUStageInterfaceInfo("renderformer_v2_compare")
-    interface.smooth("VEC2", "place")
+    interface.smooth("VEC2", "position")
     info.vertex_in(0, "VEC2", "corner")
     info.vertex_out(interface)
     info.fragment_out(0, "VEC4", "color")
-    info.push_constant("MAT4", "projection")  # all of them together in 128 bytes, which every driver takes
+    info.push_constant("MAT4", "projection")  # together 128 bytes, which every driver takes
     info.push_constant("VEC4", "part")
     info.push_constant("VEC4", "area")
     info.push_constant("FLOAT", "gain")
@@ -67,7 +67,7 @@ def create():
 
 
 def texture(pixels: np.ndarray):
-    """A gpu.types.GPUTexture of (H, W, 4), row 0 on top; where it is too large for the GPU, of every n-th pixel."""
+    """A gpu.types.GPUTexture of (H, W, 4), row 0 on top; of every n-th pixel where it is too large for the GPU."""
     import gpu
 
     step = -(-max(pixels.shape[:2]) // gpu.capabilities.max_texture_size_get())
@@ -82,8 +82,8 @@ def draw(shader, picture, other=None, *, part=(0, 0, 1, 1), area=(0, 0, 1, 1), s
          opaque=False) -> None:
     """Draw `part` of the image's unit square, moved right by `shift`, with a texture that fills `area` of it.
 
-    Parts and areas are left, bottom, right, top. With a `gain` of 0 or more it is the difference from `other`; `opaque`
-    leaves its alpha out.
+    Parts and areas are left, bottom, right, top. A `gain` of 0 or more draws the difference from `other`; `opaque`
+    ignores alpha.
     """
     import gpu
     from gpu_extras.batch import batch_for_shader
@@ -104,7 +104,7 @@ def draw(shader, picture, other=None, *, part=(0, 0, 1, 1), area=(0, 0, 1, 1), s
 
 
 def erase(left: float) -> None:
-    """Take the editor's background away where a picture beside the image is drawn: it would shine through."""
+    """Remove the editor's background from `left` on, one image wide: it would shine through the picture there."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 

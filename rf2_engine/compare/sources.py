@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Read the pictures to compare: passes of the render result, of other slots and of loaded images, of any engine.
 
-Blender gives Python no access to the pixels of these passes, but it can save them: to a temporary file, which is read
-and removed.
+Python cannot see the pixels of these passes, but Blender can save them: to a temporary file, which is read and removed.
 """
 from __future__ import annotations
 
 import tempfile
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -17,78 +15,60 @@ import numpy as np
 from ...model.color import srgb_to_linear
 from .. import compat, exr
 from .. import passes as pass_table
-from . import credits, header, windows
-from .credits import Credits
-from .saving import file_format
-from .windows import Window
+from . import header
+from .file_format import file_format
+from .pictures import Picture, lacks_reference, read_credits
+from .slots import full, render_slots
 
-CHANNEL_ORDER = "RXUGYVBZAW"  # U, V and A of the UV pass are a vector, too
+CHANNEL_ORDER = "RXUGYVBZAW"  # U, V and A of the UV pass are a vector as well
 
 
 class SourceError(Exception):
-    """A picture is not there; the message says what to do."""
-
-
-@dataclass(frozen=True)
-class Picture:
-    place: tuple[str, ...]  # slot or image; for a pass its view layer and its name; in stereoscopy its view
-    pixels: np.ndarray  # (H, W, 4) f32, scene-linear, premultiplied, row 0 on top
-    window: Window      # the part of the frame that it shows
-    rendered: Window    # the part of it that was rendered, in its own pixels
-    credits: Credits = Credits()
-
-    @property
-    def name(self) -> str:
-        return ", ".join(self.place)
-
-    @property
-    def label(self) -> str:
-        """"Cycles, 256 samples, 78 s (Slot 1, ViewLayer, Combined)"."""
-        credits = str(self.credits)
-        return f"{credits} ({self.name})" if credits else self.name
+    """A picture is missing; the message says what to do."""
 
 
 class Reader:
-    """Reads pictures for `scene`; each slot and image is saved once, however many passes of it are wanted."""
+    """Reads pictures for a scene. Each slot and image is saved once, however many of its passes are read."""
 
     def __init__(self, scene: bpy.types.Scene):
         self._scene = scene
         self.files: dict[tuple, exr.Multilayer] = {}  # by key(side)
 
     def picture(self, side) -> Picture:
-        """What `side` (settings.Side) asks for. Raises SourceError."""
+        """The picture that `side` (settings.Side) names. Raises SourceError."""
         if side.kind == "IMAGE":
             image, name = image_of(side), side.image
-            if len(image.pixels):  # which loads it; empty for a multilayer EXR
-                return Picture((name,), _plain(image), *[windows.whole(*image.size)] * 2)
-        layer, of = self.chosen(side)
+            if len(image.pixels):  # loads the image; empty for a multilayer EXR
+                return Picture((name,), _read_pixels(image), *[full(*image.size)] * 2)
+        layer, pass_name = self.chosen(side)
         file = self.files[key(side)]
-        return _pass_of(file, layer, header.of_view(file, image_of(side), layer, of), slot_number(side), _name(side))
+        pass_name = header.pass_in_view(file, image_of(side), layer, pass_name)
+        return _read_pass(file, layer, pass_name, slot_number(side), _name(side))
 
     def chosen(self, side) -> tuple[str, str]:
-        """(layer, pass) of what `side` asks for; what it leaves open is as in the header. Raises SourceError."""
+        """(layer, pass) that `side` names; what it leaves open is as in the header. Raises SourceError."""
         image = image_of(side)
         if key(side) not in self.files:
-            self.files[key(side)] = self._saved(image, slot_number(side))
+            self.files[key(side)] = self._read_file(image, slot_number(side))
         file = self.files[key(side)]
-        layer, of = header.shown(file, image, self._scene)
-        if side.layer and not side.pass_name:
-            of = header.passes(file, side.layer, self._scene)[:1]
-            of = of[0] if of else "Combined"
-        of = side.pass_name or of
-        having = [name for name in header.layers(file, self._scene) if (name, of) in file.passes]
-        if side.layer or layer in having:
-            return side.layer or layer, of
-        return next((name for name in having if name != header.COMPOSITE), layer), of
+        layer, pass_name = header.shown(file, image, self._scene)
+        if side.pass_name:
+            pass_name = side.pass_name
+        elif side.layer:
+            pass_name = next(iter(header.passes(file, side.layer, self._scene)), "Combined")
+        with_pass = [name for name in header.layers(file, self._scene) if (name, pass_name) in file.passes]
+        if side.layer or layer in with_pass:
+            return side.layer or layer, pass_name
+        return next((name for name in with_pass if name != header.COMPOSITE), layer), pass_name
 
     def names(self, side) -> list[tuple[str, str]]:
-        """(layer, pass) of what was read for a side."""
+        """(layer, pass) of all that was read for a side."""
         return list(self.files[key(side)].passes) if key(side) in self.files else []
 
-    def _saved(self, image: bpy.types.Image, slot: int | None) -> exr.Multilayer:
+    def _read_file(self, image: bpy.types.Image, slot: int | None) -> exr.Multilayer:
         if slot and slot > len(image.render_slots):
             raise SourceError(f"There is no slot {slot}: the render result has {len(image.render_slots)}")
-        with tempfile.TemporaryDirectory() as folder, _shown(image, slot), \
+        with tempfile.TemporaryDirectory() as folder, _slot_shown(image, slot), \
                 file_format(self._scene, "OPEN_EXR_MULTILAYER", color_depth="32", exr_codec="NONE",
                             views_format="MULTIVIEW", colorspace=compat.working_space()):
             path = Path(folder) / "passes.exr"
@@ -102,8 +82,10 @@ class Reader:
                 raise SourceError(f"The passes of '{image.name}' cannot be read: {error}") from error
 
     def _save(self, image: bpy.types.Image, path: Path) -> None:
-        """Into an empty folder. At first Blender saves the views of stereoscopy to a file each, and says that it could
-        not; asked again, it saves them. Raises RuntimeError."""
+        """Save into an empty folder. Raises RuntimeError.
+
+        The views of stereoscopy take two attempts: in the first Blender writes a file for each and reports an error.
+        """
         try:
             image.save_render(str(path), scene=self._scene)
         except RuntimeError:
@@ -122,7 +104,7 @@ def image_of(side) -> bpy.types.Image:
 
 
 def _name(side) -> str:
-    """As the header has it: a slot keeps its name where one before it is removed, and users give others."""
+    """As in the header: users rename slots, and a slot keeps its name when one before it is removed."""
     return side.image if side.kind == "IMAGE" else _slot_name(_render_result(), slot_number(side))
 
 
@@ -138,12 +120,11 @@ def slot_number(side) -> int | None:
 
 
 def key(side) -> tuple:
-    """Tells what is saved for a side apart from what is saved for another."""
+    """Identifies the file that is saved for a side."""
     return ("image", side.image) if side.kind == "IMAGE" else ("slot", slot_number(side))
 
 
-def slots() -> int:
-    """How many render slots there are."""
+def count_slots() -> int:
     return sum(len(image.render_slots) for image in bpy.data.images if image.type == "RENDER_RESULT")
 
 
@@ -155,7 +136,7 @@ def _render_result() -> bpy.types.Image:
 
 
 @contextmanager
-def _shown(image: bpy.types.Image, slot: int | None):
+def _slot_shown(image: bpy.types.Image, slot: int | None):
     if slot is None:
         yield
         return
@@ -167,8 +148,8 @@ def _shown(image: bpy.types.Image, slot: int | None):
         image.render_slots.active_index = before
 
 
-def _plain(image: bpy.types.Image) -> np.ndarray:
-    """Pixels of an image without passes."""
+def _read_pixels(image: bpy.types.Image) -> np.ndarray:
+    """(H, W, 4), as Picture.pixels, of an image without passes."""
     width, height = image.size
     pixels = np.empty((height, width, image.channels), np.float32)
     image.pixels.foreach_get(pixels.ravel())
@@ -179,22 +160,24 @@ def _plain(image: bpy.types.Image) -> np.ndarray:
     return np.concatenate([color, np.broadcast_to(alpha, (height, width, 1))], -1).astype(np.float32)
 
 
-def _pass_of(file: exr.Multilayer, layer: str, of: str, slot: int | None, name: str) -> Picture:
-    if (layer, of) not in file.passes:
-        there = ", ".join(sorted({each for each_layer, each in file.passes if each_layer == layer}))
-        raise SourceError(f"{name} has no pass '{of}' in '{layer}'. Choose one of: {there or 'none in this layer'}")
-    pixels, (usual, view) = _rgba(file.passes[layer, of]), file.apart(of)
-    lacks = usual in pass_table.REFERENCE_NAMES and credits.lacks_reference(file.metadata, layer)
-    if lacks and not pixels[..., :3].any():
-        raise SourceError(f"{name} has no {of} in '{layer}': it was stopped before every pixel had a sample, or failed")
+def _read_pass(file: exr.Multilayer, layer: str, name: str, slot: int | None, slot_name: str) -> Picture:
+    if (layer, name) not in file.passes:
+        existing = ", ".join(sorted({other for other_layer, other in file.passes if other_layer == layer}))
+        raise SourceError(f"{slot_name} has no pass '{name}' in '{layer}'. "
+                          f"Choose one of: {existing or 'none in this layer'}")
+    pixels, (usual_name, view) = _rgba(file.passes[layer, name]), file.apart(name)
+    is_reference = usual_name in pass_table.REFERENCE_NAMES
+    if is_reference and lacks_reference(file.metadata, layer) and not pixels[..., :3].any():
+        raise SourceError(f"{slot_name} has no {name} in '{layer}': it was stopped before every pixel had a sample, or "
+                          "failed")
     height, width, _ = pixels.shape
-    place = name, layer, usual, *([view or file.views[0]] if file.views else [])
-    return Picture(place, pixels, windows.of_slot(slot, width, height),
-                   windows.rendered_of_slot(slot, width, height), credits.of_pass(file.metadata, layer, usual))
+    path = slot_name, layer, usual_name, *([view or file.views[0]] if file.views else [])
+    return Picture(path, pixels, render_slots.crop(slot, width, height), render_slots.rendered(slot, width, height),
+                   read_credits(file.metadata, layer, usual_name))
 
 
 def _rgba(channels: dict[str, np.ndarray]) -> np.ndarray:
-    """As Blender shows them: values are grey, vectors are red, green and blue."""
+    """(H, W, 4) as Blender shows a pass: a value is grey, a vector is red, green and blue."""
     ordered = [channels[c] for c in sorted(channels, key=lambda c: CHANNEL_ORDER.find(c))]
     alpha = ordered[3] if "R" in channels and len(ordered) > 3 else np.ones_like(ordered[0])
     color = ordered[:1] * 3 if len(ordered) == 1 else (ordered + [np.zeros_like(alpha)])[:3]

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from ...model import progress
-from .collected import Collected, Part
-from .copied import Copied, Gridded, Surface
-from .material import MaterialTiles
+from .data.blocks import Material
+from .data.collected import Collected, Part
+from .data.copied import Copied, Gridded, Surface
+from .data.instance import Place
+from .data.mesh import TriangleMesh
+from .data.report import Report
 from .media.volumes import MeshVolume, gridded
 from .meshes.displace import displaced
-from .meshes.mesh import TriangleMesh
-from .place import Place
-from .report import Report
 from .shading import volume as shading
-from .shading.blocks import Material
+from .shading.material import MaterialTiles
 
 PROBES = 16  # triangles that tell whether a material emits
 UNIT_SQUARE = np.array([[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]], np.float32)  # UV of two triangles

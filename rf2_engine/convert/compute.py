@@ -9,24 +9,24 @@ import numpy as np
 from ...model import progress, rays
 from ...model.normalize import HALF_EXTENT, Normalization
 from ...model.scene import RenderScene, View
-from .camera.apparent_size import apparent_size
-from .camera.framing import Framing
-from .camera.scene_box import find_box
-from .camera.visible import visible_points
 from .collect import collect
-from .collected import Collected
-from .copied import Copied
+from .data.collected import Collected
+from .data.copied import Copied
+from .data.memo import Memo
+from .data.report import Report
+from .fitting.apparent_size import apparent_size
+from .fitting.budget import Simplification, allotted
+from .fitting.framing import Framing
+from .fitting.scene_box import find_box
+from .fitting.sizes import Sizes
+from .fitting.visible import visible_points
 from .lamps.lamps import convert_lamps
 from .lamps.one_triangle import one_triangle
-from .material import MaterialTiles
+from .lamps.world import world_light
 from .media import medium
 from .media.fog import add_fog, through_fog
-from .memo import Memo
-from .meshes.budget import Simplification, allotted
-from .meshes.sizes import Sizes
-from .report import Report
-from .surfaces import dressed
-from .world import world_light
+from .shading.material import MaterialTiles
+from .shading.surfaces import dressed
 
 UNIT_BOX = np.float32([(-HALF_EXTENT,) * 3, (HALF_EXTENT,) * 3])  # what the network's box is without scaling
 

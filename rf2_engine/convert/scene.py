@@ -5,9 +5,9 @@ from __future__ import annotations
 from ...model import progress
 from ...model.scene import RenderScene, View
 from . import compute
-from .camera.framing import Framing
 from .copying.scene import copy
-from .report import Report
+from .data.report import Report
+from .fitting.framing import Framing
 
 
 def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float, report,
@@ -17,7 +17,7 @@ def convert(depsgraph, view: View | None, *, token_budget: int, max_edge: float,
 
     view: of the whole picture, whose surroundings become the network's box (camera/scene_box.py); None = all there is.
     token_budget: most triangles of the result, of which lamps take no more than half. max_edge: longest edge wanted, as
-    a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/report.py.
+    a fraction of the box's longest side; farther away edges may be longer. report: rf2_engine/convert/data/report.py.
     steady: given the Framing of this picture, that of its key frame.
     by_cycles: a CyclesWorld (cycles/world.py) or None. baker: rf2_engine/cycles/bake.py, for nodes that only Cycles can
     evaluate. as_is: one unit of the world is one of the network's, around the world's origin, and light stays as it is.

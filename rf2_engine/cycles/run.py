@@ -10,7 +10,7 @@ import numpy as np
 from ...model.errors import RenderCancelled, SceneError
 from .. import passes as pass_table
 from ..convert.camera.eyes import view_names
-from ..convert.report import Report
+from ..convert.data.report import Report
 from ..runtime import failure
 from . import background as background_cycles
 from . import growing

@@ -17,8 +17,8 @@ import numpy as np
 from ...model.color import HALF_MAX
 from .. import compat
 from .. import passes as pass_table
-from ..convert.report import Report
-from ..convert.visibility import catching_hosts, shadow_catchers
+from ..convert.copying.visibility import catching_hosts, shadow_catchers
+from ..convert.data.report import Report
 from ..settings import Light
 from ..setup import packages
 from .run import Passes, overrides, run

@@ -20,8 +20,9 @@ from .. import compat
 from .. import passes as pass_table
 from ..convert.camera.eyes import eyes
 from ..convert.camera.lens import POSE
+from ..convert.data.copied import Sun
 from ..convert.lamps.placed_lamp import rotation
-from ..convert.lamps.suns import Sun, split_suns
+from ..convert.lamps.suns import split_suns
 from ..convert.media.grids import shares
 from ..convert.shading.input_nodes import LIT
 from ..progress.status import Status

@@ -6,7 +6,7 @@ import sys
 
 from ...model.scene import RenderScene
 from ...model.weights import presets
-from ..convert.report import Report
+from ..convert.data.report import Report
 from ..runtime import model_cache
 from ..settings import FrameSettings
 from ..setup import importing, wheels

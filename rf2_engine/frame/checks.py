@@ -9,7 +9,7 @@ from ...model.published.bundle_files import check_weights
 from ...model.weights.presets import weights_folder
 from .. import compat, passes
 from ..convert.camera.eyes import has_spherical_stereo, no_spherical_stereo
-from ..convert.report import Report
+from ..convert.data.report import Report
 from ..settings import FrameSettings, Light
 
 LONGEST_NAME = 63  # bytes of view layer, pass and channel together, of every engine, in a multilayer file

@@ -13,8 +13,8 @@ from ...model.scene import RenderScene, View
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
 from ..convert.camera.eyes import Eye, count_views, eyes, view_names
-from ..convert.camera.framing import Framing
-from ..convert.report import Report
+from ..convert.data.report import Report
+from ..convert.fitting.framing import Framing
 from ..convert.scene import convert, fitted
 from ..cycles.bake import Baker
 from ..cycles.world import CyclesWorld

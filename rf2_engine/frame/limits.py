@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .. import compat, passes
-from ..convert.report import Report
+from ..convert.data.report import Report
 from ..settings import light_passes
 
 USUAL_BOUNCES = 4  # diffuse bounces that Cycles traces unless told otherwise

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from ..convert.report import Report
-from ..convert.visibility import has_holdouts, shadow_catchers
+from ..convert.copying.visibility import has_holdouts, shadow_catchers
+from ..convert.data.report import Report
 from ..cycles.session import Look
 from ..settings import Light
 from . import shutter

@@ -17,7 +17,7 @@ from ...model.errors import CheckpointError, RenderCancelled
 from .. import passes as pass_table
 from ..convert.camera.camera import convert_camera
 from ..convert.camera.eyes import count_views
-from ..convert.report import SOME, Remark, Report
+from ..convert.data.report import SOME, Remark, Report
 from ..convert.scene import convert
 from ..cycles.bake import Promise
 from ..cycles.world import ExpectedWorld, is_possible

@@ -16,7 +16,7 @@ from ...model import progress
 from ...model.errors import RenderCancelled
 from .. import compat
 from .. import passes as pass_table
-from ..convert.report import Report
+from ..convert.data.report import Report
 from ..cycles import growing
 from ..cycles import run as cycles_run
 from ..cycles.run import Passes

@@ -13,7 +13,7 @@ from ...model.lobes import Lobes
 from ...model.scene import RenderScene, View
 from ...model.weights.presets import BUNDLED
 from .. import passes as pass_table
-from ..convert.report import Report, grouped
+from ..convert.data.report import Report, grouped
 from ..cycles import run as cycles_run
 from ..cycles.run import Passes
 from ..progress import last_render

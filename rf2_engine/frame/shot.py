@@ -17,7 +17,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...model import progress
-from ..convert.camera.framing import Framing
+from ..convert.fitting.framing import Framing
 from ..registering import handlers
 from ..settings import FrameSettings
 

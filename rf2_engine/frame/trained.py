@@ -8,7 +8,7 @@ from ...model.normalize import Normalization
 from ...model.published.as_trained import TRIANGLES, WELL_KNOWN, as_trained, emitters, remarks
 from ...model.published.bundle_files import bundle_and_transformer, transformer_for
 from ...model.scene import RenderScene, View
-from ..convert.report import Report
+from ..convert.data.report import Report
 from ..settings import FrameSettings
 
 NAME = "Published Weights"

@@ -7,8 +7,8 @@ from ..registering import appended
 from ..setup.display import draw_text
 from .panel import EnginePanel
 
-# What Blender shows with Cycles alone: names of the settings, in groups, with labels where theirs are too long.
-OF_PANORAMAS = {
+# Settings that Blender shows for Cycles only: in groups, with labels where their own names are too long.
+PANORAMA_SETTINGS = {
     "EQUIRECTANGULAR": ({"latitude_min": "Latitude", "latitude_max": "To"},
                         {"longitude_min": "Longitude", "longitude_max": "To"}),
     "CENTRAL_CYLINDRICAL": (
@@ -23,7 +23,7 @@ OF_PANORAMAS = {
 
 
 def draw_lens(self, context) -> None:
-    """Below Blender's own settings of the lens."""
+    """Draw the panorama below Blender's own settings of the lens."""
     if not EnginePanel.poll(context):
         return
     camera = context.camera
@@ -36,7 +36,7 @@ def draw_lens(self, context) -> None:
 def _draw_panorama(layout, camera) -> None:
     layout.use_property_split = True
     layout.prop(camera, "panorama_type", text="Panorama")
-    for group in OF_PANORAMAS.get(camera.panorama_type, ()):
+    for group in PANORAMA_SETTINGS.get(camera.panorama_type, ()):
         column = layout.column(align=True)
         for name, label in group.items():
             column.prop(camera, name, text=label)
@@ -45,7 +45,7 @@ def _draw_panorama(layout, camera) -> None:
 
 
 def draw_lens_samples(self, context) -> None:
-    """Below Cycles' own settings of the focus: how many samples there are, which is the scene's."""
+    """Draw the number of samples, a setting of the scene, below Cycles' own settings of the focus."""
     layout = self.layout
     if context.camera.type == "PANO":
         draw_text(layout, "A panoramic camera has no depth of field with this engine", icon="INFO")

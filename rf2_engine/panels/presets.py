@@ -12,8 +12,8 @@ from bl_ui.utils import PresetPanel
 from ..registering import classes, pairs
 
 IN_ORDER = ("Draft", "Normal", "Fine")
-FOLDER = "renderformer_v2"                        # under any folder called presets
-SHIPPED = str(Path(__file__).parents[1])          # holds such a folder
+FOLDER = "renderformer_v2"                        # in every folder called presets
+SHIPPED = str(Path(__file__).parents[1])          # contains such a folder
 
 
 class RENDERFORMER_PT_presets(PresetPanel, bpy.types.Panel):
@@ -23,7 +23,7 @@ class RENDERFORMER_PT_presets(PresetPanel, bpy.types.Panel):
     preset_add_operator = "renderformer_v2.add_preset"
 
     def path_menu(self, searchpaths, operator, *, add_operator=None, add_operator_props=None, **how):
-        """Those that come with the add-on by what they cost, which nobody can remove; then the user's by name."""
+        """Presets of the add-on, which cannot be removed, in the order of their cost; then the user's by name."""
         ours = [path for path in searchpaths if Path(path).is_relative_to(SHIPPED)]
         others = [path for path in searchpaths if path not in ours]
         for name in IN_ORDER:

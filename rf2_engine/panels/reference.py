@@ -20,28 +20,28 @@ class RENDERFORMER_PT_reference(EnginePanel):
         self.layout.prop(context.scene.renderformer_v2.reference, "use", text="")
 
     def draw(self, context):
-        chosen = context.scene.renderformer_v2.reference
+        settings = context.scene.renderformer_v2.reference
         column = self.split_layout().column()
-        column.active = chosen.use
-        if chosen.use and reference.is_lost(context.scene):
+        column.active = settings.use
+        if settings.use and reference.is_lost(context.scene):
             draw_text(column, f"Animations: {reference.LOST}")
-        elif chosen.use and reference_file.is_written(context.scene):
+        elif settings.use and reference_file.is_written(context.scene):
             draw_text(column, f"Animations: saved beside each frame, as NAME{reference_file.SUFFIX}", icon="INFO")
         samples = column.column()
-        samples.active = not chosen.use_scene_samples
-        samples.prop(chosen, "samples")
-        column.prop(chosen, "use_scene_samples")
-        column.prop(chosen, "time_limit")
-        column.prop(chosen, "use_denoising")
-        if chosen.use_denoising:
-            column.prop(chosen, "denoiser")
-        column.prop(chosen, "light_paths")
-        if chosen.light_paths == "OWN":
+        samples.active = not settings.use_scene_samples
+        samples.prop(settings, "samples")
+        column.prop(settings, "use_scene_samples")
+        column.prop(settings, "time_limit")
+        column.prop(settings, "use_denoising")
+        if settings.use_denoising:
+            column.prop(settings, "denoiser")
+        column.prop(settings, "light_paths")
+        if settings.light_paths == "OWN":
             for name in LIGHT_PATHS:
-                column.prop(chosen, name)
+                column.prop(settings, name)
         column.operator("renderformer_v2.reference_as_in_paper")
-        column.prop(chosen, "use_light_passes")
-        if hasattr(context.scene, "cycles"):  # Cycles is an add-on, too
+        column.prop(settings, "use_light_passes")
+        if hasattr(context.scene, "cycles"):  # Cycles is an add-on
             column.prop(context.scene.cycles, "device")
 
 

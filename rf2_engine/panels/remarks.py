@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a report looks in a panel: how much of it there is, a line each, names that select, a copy as text."""
+"""A report in a panel: counts by kind, a line for each group of remarks, names that select objects, Copy as Text."""
 from __future__ import annotations
 
 import zlib
@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import bpy
 
-from ..convert.report import Group, Remark, grouped
+from ..convert.data.report import Group, Remark, grouped
 from ..frame import preflight
 from ..frame.preflight import Preflight
 from ..progress import last_render
@@ -21,7 +21,7 @@ _selectable: WeakKeyDictionary[LayerStatistics | Preflight, dict[str, frozenset[
 
 
 def draw_badges(layout: bpy.types.UILayout, remarks: list[Remark]) -> None:
-    """How many remarks there are of each kind, by its icon; for the right end of a panel's header."""
+    """Count the remarks of each kind, at the right end of a panel's header."""
     row = layout.row(align=True)
     for kind, icon in ICONS.items():
         if count := sum(remark.kind == kind for remark in remarks):
@@ -33,8 +33,8 @@ def draw_copy(layout: bpy.types.UILayout, source: str) -> None:
 
 
 def draw_remarks(layout: bpy.types.UILayout, report: LayerStatistics | Preflight, scene: bpy.types.Scene) -> None:
-    """In the full width of a panel. What is said of several things is one line, which opens to all of them."""
-    names = selectable(report, scene)
+    """Draw remarks in the full width of a panel. Those that say the same are one line that opens to all names."""
+    names = find_selectable(report, scene)
     for group in grouped(report.remarks):
         if len(group.remarks) > 1:
             _draw_group(layout, group, names)
@@ -48,8 +48,8 @@ def draw_remarks(layout: bpy.types.UILayout, report: LayerStatistics | Preflight
 
 
 def _draw_group(layout: bpy.types.UILayout, group: Group, names: frozenset[str]) -> None:
-    known_by = zlib.crc32(f"{group.kind} {group.message}".encode())
-    header, body = layout.panel(f"RENDERFORMER_{known_by}", default_closed=True)
+    identifier = zlib.crc32(f"{group.kind} {group.message}".encode())
+    header, body = layout.panel(f"RENDERFORMER_{identifier}", default_closed=True)
     header.label(text=f"{len(group.remarks)} {group.kind}", icon=ICONS[group.kind])  # the message would be cut
     if body is None:
         draw_text(layout, f"{group.message}: {group.names}", icon="BLANK1")
@@ -69,33 +69,33 @@ def _draw_select(layout: bpy.types.UILayout, remark: Remark) -> None:
     select.name, select.remark = remark.name, str(remark)
 
 
-def selectable(report: LayerStatistics | Preflight, scene: bpy.types.Scene) -> frozenset[str]:
-    """The names in a report that something in the scene has, looked up when it is drawn first: panels draw often."""
-    known = _selectable.setdefault(report, {})
-    if scene.name not in known:
+def find_selectable(report: LayerStatistics | Preflight, scene: bpy.types.Scene) -> frozenset[str]:
+    """The names in a report that something in the scene has. Cached, because panels are drawn often."""
+    cache = _selectable.setdefault(report, {})
+    if scene.name not in cache:
         names = {remark.name for remark in report.remarks}
-        known[scene.name] = frozenset(names & _names(scene) if names else ())
-    return known[scene.name]
+        cache[scene.name] = frozenset(names & _names(scene) if names else ())
+    return cache[scene.name]
 
 
 def _names(scene: bpy.types.Scene) -> set[str]:
-    """Of all objects, their data and their materials."""
+    """Names of all objects, their data and their materials."""
     names = set()
-    for each in scene.objects:
-        names.add(each.name)
-        if each.data:
-            names.add(each.data.name)
-        names.update(slot.material.name for slot in each.material_slots if slot.material)
+    for obj in scene.objects:
+        names.add(obj.name)
+        if obj.data:
+            names.add(obj.data.name)
+        names.update(slot.material.name for slot in obj.material_slots if slot.material)
     return names
 
 
-def users(scene: bpy.types.Scene, name: str) -> list[bpy.types.Object]:
+def find_users(scene: bpy.types.Scene, name: str) -> list[bpy.types.Object]:
     """The object of that name, or else those that show the material or the data of that name."""
     if named := scene.objects.get(name):
         return [named]
-    return [each for each in scene.objects
-            if each.data and each.data.name == name
-            or any(slot.material and slot.material.name == name for slot in each.material_slots)]
+    return [obj for obj in scene.objects
+            if obj.data and obj.data.name == name
+            or any(slot.material and slot.material.name == name for slot in obj.material_slots)]
 
 
 class RENDERFORMER_OT_select_reported(bpy.types.Operator):
@@ -116,16 +116,16 @@ class RENDERFORMER_OT_select_reported(bpy.types.Operator):
         return f"Select it. {properties.remark}"
 
     def execute(self, context):
-        present = [each for each in users(context.scene, self.name) if each.name in context.view_layer.objects]
-        shown = [each for each in present if each.visible_get()]
-        if not shown:
+        users = [obj for obj in find_users(context.scene, self.name) if obj.name in context.view_layer.objects]
+        visible = [obj for obj in users if obj.visible_get()]
+        if not visible:
             self.report({"WARNING"}, f'"{self.name}" is hidden, or not in this view layer')
             return {"CANCELLED"}
-        for each in context.selected_objects:
-            each.select_set(False)
-        for each in shown:
-            each.select_set(True)
-        context.view_layer.objects.active = shown[0]
+        for obj in context.selected_objects:
+            obj.select_set(False)
+        for obj in visible:
+            obj.select_set(True)
+        context.view_layer.objects.active = visible[0]
         return {"FINISHED"}
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render Properties: the engine's settings, film, blur, performance."""
+"""Render Properties: the engine's settings, film, blur, performance, viewport."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -30,7 +30,7 @@ class RENDERFORMER_PT_settings(EnginePanel):
         column.prop(settings, "weights_source")
         if settings.weights_source == "FOLDER":
             column.prop(settings, "weights_folder")
-            if problem := _problem_of_folder(settings):
+            if problem := _find_folder_problem(settings):
                 draw_text(column, problem)
         elif settings.weights_source == "PUBLISHED":
             _draw_published(column)
@@ -41,7 +41,7 @@ class RENDERFORMER_PT_settings(EnginePanel):
         if settings.device == "cuda":
             column.prop(settings, "card")
         column.prop(settings, "precision")
-        if not published:  # that network is given no traced light
+        if not published:  # published networks take no traced light
             column.prop(settings, "light")
         numbers = layout.column(align=True)
         numbers.use_property_split = False  # their names would be cut at the sidebar's usual width
@@ -57,8 +57,8 @@ class RENDERFORMER_PT_settings(EnginePanel):
         numbers.prop(settings, "bake_unknown")
 
 
-def _problem_of_folder(settings) -> str:
-    """Why a render will refuse the chosen folder, as far as that is seen at a glance; or ""."""
+def _find_folder_problem(settings) -> str:
+    """Why a render will refuse the chosen folder, as far as a quick look tells; or ""."""
     try:
         check_weights(Path(settings.weights()))
     except CheckpointError as error:
@@ -83,12 +83,12 @@ class RENDERFORMER_PT_film(EnginePanel):
         layout, scene = self.split_layout(), context.scene
         layout.prop(scene.cycles, "film_exposure")
         layout.prop(scene.render, "film_transparent", text="Transparent")
-        traced = scene.renderformer_v2.light == "TRACED" and not is_published(scene.renderformer_v2)
+        is_traced = scene.renderformer_v2.light == "TRACED" and not is_published(scene.renderformer_v2)
         glass = layout.column()
-        glass.active = scene.render.film_transparent and traced
+        glass.active = scene.render.film_transparent and is_traced
         glass.prop(scene.cycles, "film_transparent_glass", text="Transparent Glass")
         glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness")
-        if scene.render.film_transparent and not traced:
+        if scene.render.film_transparent and not is_traced:
             draw_text(layout, "Transparent Glass needs the bundled network, and Light: With Cycles", icon="INFO")
         column = layout.column()
         column.prop(scene.cycles, "pixel_filter_type", text="Pixel Filter")
@@ -142,6 +142,19 @@ class RENDERFORMER_PT_motion_blur(EnginePanel):
         layout.prop(render, "motion_blur_shutter")
 
 
+class RENDERFORMER_PT_viewport(EnginePanel):
+    bl_label = "Viewport"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, viewport = self.split_layout(), context.scene.renderformer_v2.viewport
+        layout.prop(viewport, "token_budget")
+        layout.prop(viewport, "resolution")
+        layout.prop(context.scene.render, "preview_pixel_size", text="Pixel Size")
+        layout.prop(viewport, "time_limit")
+
+
 register, unregister = classes(
     RENDERFORMER_PT_settings, RENDERFORMER_PT_film, RENDERFORMER_PT_depth_of_field, RENDERFORMER_PT_motion_blur,
-    RENDERFORMER_PT_performance)
+    RENDERFORMER_PT_performance, RENDERFORMER_PT_viewport)

@@ -28,13 +28,13 @@ from ...model.published.processed_scene import square_fov
 from ...model.scene import RenderScene
 from ..convert.camera.camera import convert_camera
 from ..convert.collect import collect
-from ..convert.collected import Collected, Part
 from ..convert.copying.scene import copy
+from ..convert.data import mesh as meshes
+from ..convert.data.collected import Collected, Part
+from ..convert.data.instance import Place
 from ..convert.lamps.lamps import convert_lamps
+from ..convert.lamps.world import world_light
 from ..convert.media.fog import add_fog
-from ..convert.meshes import mesh as meshes
-from ..convert.place import Place
-from ..convert.world import world_light
 from ..cycles.world import CyclesWorld
 from ..progress.status import Status
 from ..render_size import frame_size

@@ -10,7 +10,7 @@ from ...model.errors import CheckpointError, SceneError
 from ...model.scene import RenderScene
 from ...model.weights.presets import BUNDLED
 from ..convert.camera.camera import convert_camera
-from ..convert.report import Report
+from ..convert.data.report import Report
 from ..convert.scene import convert
 from ..cycles.world import CyclesWorld
 from ..progress.status import Status

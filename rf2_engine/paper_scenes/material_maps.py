@@ -8,11 +8,11 @@ import numpy as np
 
 from ...model.published.prepared_frame import HEIGHT, MEASURED, FrameMaterial
 from ...model.scene import TILE_SIZE
-from ..convert.material import EMITTER_RADIANCE, MaterialTiles, points_of, triangle_mean
-from ..convert.meshes.mesh import TriangleMesh
-from ..convert.place import Place
-from ..convert.report import Report
-from ..convert.shading.blocks import Material
+from ..convert.data.blocks import Material
+from ..convert.data.instance import Place
+from ..convert.data.mesh import TriangleMesh
+from ..convert.data.report import Report
+from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, points_of, triangle_mean
 from ..convert.shading.normal_map import UP
 from ..convert.shading.two_lobes import two_lobes
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ...model.published.prepared_frame import HEIGHT, MAPS, MEASURED, FrameMaterial, map_file, maps
-from ..convert.meshes.displace import HEIGHT_UNIT
+from ..convert.shading.material import HEIGHT_UNIT
 from ..material_settings import read_latent, set_latent
 
 GROUP = "SpecularRoughnessBSDF"  # by this name the authors' add-on knows it

@@ -9,7 +9,7 @@ from bpy.props import IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ...model.errors import CheckpointError, SceneError
-from ..convert.report import Report, grouped
+from ..convert.data.report import Report, grouped
 from ..registering import appended, classes, pairs
 from ..setup.packages import MissingPackages
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...model.scene import CELLS, VOXELS
 from ..convert.copying.vdb import openvdb_module
-from ..convert.media.medium import Medium
+from ..convert.data.medium import Medium
 
 SIDE = CELLS * VOXELS
 ACTIVE = 1e-7  # least density: every voxel has to be there

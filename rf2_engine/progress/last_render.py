@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import bpy
 from bpy.app.handlers import persistent
 
-from ..convert.report import Remark
+from ..convert.data.report import Remark
 from ..registering import handlers
 from ..runtime.running import ENGINE
 from ..setup import redraw

@@ -14,11 +14,11 @@ from ...model.light.specular.ends import add_path_ends
 from ...model.rays import Rays
 from ...model.scene import RenderScene, View
 from ..convert import compute
-from ..convert.camera.framing import Framing
-from ..convert.camera.scene_box import box_around
-from ..convert.copied import Copied
-from ..convert.memo import Memo
-from ..convert.report import Report
+from ..convert.data.copied import Copied
+from ..convert.data.memo import Memo
+from ..convert.data.report import Report
+from ..convert.fitting.framing import Framing
+from ..convert.fitting.scene_box import fit_box
 from ..frame import output
 from ..frame.guides import CENTRE, SPREAD, cast_guides
 from ..frame.shot import has_left
@@ -148,5 +148,5 @@ def has_moved_on(lit: Lit, view: View, points: np.ndarray) -> bool:
         return False
     corners = lit.scene.triangles[~lit.scene.is_light].reshape(-1, 3)
     corners = corners if len(corners) else points
-    own = box_around((corners.min(axis=0), corners.max(axis=0)), points, view)
+    own = fit_box((corners.min(axis=0), corners.max(axis=0)), points, view)
     return has_left(lit.framing.box, own)

@@ -11,9 +11,9 @@ import numpy as np
 from ...model import progress
 from ...model.compute import threads
 from ...model.errors import RenderCancelled
-from ..convert.copied import Copied
-from ..convert.memo import Memo
-from ..convert.report import Report
+from ..convert.data.copied import Copied
+from ..convert.data.memo import Memo
+from ..convert.data.report import Report
 from ..runtime import failure, model_cache
 from ..runtime.worker import Stopped
 from . import levels

@@ -9,10 +9,10 @@ from collections.abc import Callable
 import bpy
 
 from ...model import progress
-from ..convert.copied import Copied
 from ..convert.copying.kept import Kept
 from ..convert.copying.scene import copy
-from ..convert.report import Report
+from ..convert.data.copied import Copied
+from ..convert.data.report import Report
 from ..runtime import failure
 from .changes import Changes
 

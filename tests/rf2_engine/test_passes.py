@@ -7,7 +7,7 @@ import pytest
 
 import cycles.engine as cycles_engine
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
-from bl_ext.user_default.renderformer_v2.rf2_engine.panels import passes as pass_panels
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import view_layer
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import light_passes
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
@@ -130,7 +130,7 @@ def test_a_shader_aov_with_the_name_of_what_we_compute_is_marked_and_does_no_har
 
 
 def settings_in_panel(scene):
-    return {setting for rows in pass_panels.ticks(scene).values() for setting in rows}
+    return {setting for rows in view_layer.available_passes(scene).values() for setting in rows}
 
 
 def test_light_that_the_weights_cannot_give_is_absent(scene, tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from bl_ui import properties_render
 
 import addon_utils  # bpy puts it on the path
 from bl_ext.user_default.renderformer_v2.rf2_engine import registration
-from bl_ext.user_default.renderformer_v2.rf2_engine.panels import adopted, copied
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import blender_panels
 from cycles import ui
 
 PACKAGE = "bl_ext.user_default.renderformer_v2"
@@ -45,7 +45,7 @@ def test_shows_no_panel_that_does_nothing(scene):
     without_effect = {"EEVEE_MATERIAL_PT_viewport_settings",
                       "DATA_PT_lightprobe", "DATA_PT_EEVEE_light", "MATERIAL_PT_preview",
                       "DATA_PT_preview", "CYCLES_RENDER_PT_bake"}
-    assert not _our_panels() & (without_effect | adopted.EXCLUDED)
+    assert not _our_panels() & (without_effect | blender_panels.EXCLUDED)
 
 
 def test_disabling_takes_everything_back_and_enabling_again_works(scene):
@@ -79,12 +79,12 @@ def test_a_panel_that_another_blender_has_renamed_is_left_out(scene, monkeypatch
         addon_utils.enable(PACKAGE)
         shown = _classes()
         assert hasattr(scene, "renderformer_v2") and "RENDERFORMER_CAMERA_PT_dof" in shown
-        assert not any(name.startswith(copied.our_name(renamed)) for name in shown)
+        assert not any(name.startswith(blender_panels.our_name(renamed)) for name in shown)
     finally:
         addon_utils.disable(PACKAGE)
         monkeypatch.undo()
         addon_utils.enable(PACKAGE)
-    assert copied.our_name(renamed) in _classes()
+    assert blender_panels.our_name(renamed) in _classes()
 
 
 @pytest.mark.parametrize("module, name", [("panels.render_settings", "RENDERFORMER_PT_motion_blur"),

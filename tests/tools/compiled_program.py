@@ -4,7 +4,7 @@ import torch
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
 from renderformer_v2.model.network.layers import SwiGLU
-from tools.train.compiled import compile_parts
+from tools.train.run import compile_parts
 
 if __name__ == "__main__":
     torch._dynamo.config.suppress_errors = False

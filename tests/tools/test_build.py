@@ -7,7 +7,8 @@ import zipfile
 import pytest
 
 from tests.rf2_engine.setup.index import wheel
-from tools import build, wheel_files
+from tools import build
+from tools.common import wheel_files
 
 PLATFORMS = list(wheel_files.PLATFORMS)
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from tests.rf2_engine.setup.index import wheel
-from tools import check_wheels, wheel_files
-from tools.binaries import Binary, binary
+from tools import check_wheels
+from tools.common import wheel_files
+from tools.common.binaries import Binary, binary
 
 import distributions  # isort: skip  # check_wheels makes it importable
 PLATFORMS, PYTHONS = list(wheel_files.PLATFORMS), wheel_files.PYTHONS

@@ -12,7 +12,7 @@ from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.geometry import latlong_uv
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, IOR, TILE_SIZE, TRANSMISSION
 from tools.datagen.__main__ import main, share_out
-from tools.datagen.shards import STORED_TILE, load_sample, sample_path, sample_paths, save_arrays
+from tools.datagen.sample_files import STORED_TILE, load_sample, sample_path, sample_paths, save_arrays
 
 ROOT = Path(__file__).parents[2]
 SEEDS = (8, 9)  # of the mixed profile: full and simple
@@ -91,7 +91,7 @@ def test_a_killed_write_leaves_no_sample(tmp_path):
 
 
 def test_no_number_of_threads_means_every_core():
-    program = ("import bpy, sys; from tools.datagen import reference; reference.prepare(0); "
+    program = ("import bpy, sys; from tools.datagen import render_sample; render_sample.prepare(0); "
                "sys.stderr.write(f'threads={bpy.context.scene.render.threads}'); "
                "from tools.extension import leave; leave(0)")
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=600)
@@ -142,8 +142,8 @@ def test_a_full_disk_ends_the_run_with_one_line(tmp_path):
 
 
 def test_a_program_with_blender_ends_when_it_fails():
-    program = ("from tools import extension; from tools.datagen import reference\n"
-               "def main():\n    reference.prepare(0)\n    raise KeyError('odd')\n"
+    program = ("from tools import extension; from tools.datagen import render_sample\n"
+               "def main():\n    render_sample.prepare(0)\n    raise KeyError('odd')\n"
                "extension.run(main)")
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 1 and "KeyError: 'odd'" in done.stderr

@@ -13,10 +13,10 @@ from skimage.io import imread
 
 from renderformer_v2.model.renderer import Renderer
 from tests.model.samples import floor_scene, floor_view
-from tools.datagen.shards import save_sample
-from tools.evaluate.pictures import AMPLIFIED, with_errors
-from tools.metrics import compare, psnr
-from tools.rendering import render_once
+from tools.common.metrics import compare, psnr
+from tools.common.render_process import render_once
+from tools.datagen.sample_files import save_sample
+from tools.evaluate.report import AMPLIFIED, with_errors
 
 ROOT = Path(__file__).parents[2]
 SCENE = """

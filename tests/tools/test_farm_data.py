@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tools.datagen import manifest
-from tools.datagen.shards import load_sample
+from tools.datagen.sample_files import load_sample
 from tools.extension import ROOT
 
 TEMPLATE = ROOT / "examples" / "farm" / "data.openjd.yaml"
@@ -36,6 +36,6 @@ def test_chunks_of_seeds_made_apart_are_a_whole(tmp_path):
     shutil.copytree(tmp_path / "b", tmp_path / "a", dirs_exist_ok=True)
     problems, lines = manifest.check(tmp_path / "a")
     assert not problems and sorted(lines) == [f"scene_0000000{seed}.npz" for seed in (3, 4, 5)]
-    assert not (tmp_path / "a" / manifest.FOUND).exists()
+    assert not (tmp_path / "a" / manifest.ADDED).exists()
     scene, views, _, _ = load_sample(tmp_path / "a" / "scene_00000005.npz")
     assert len(views) == 1 and np.isfinite(scene.triangles).all()

@@ -15,7 +15,7 @@ from renderformer_v2.model.renderer import Renderer
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.model.samples import floor_scene, floor_view
 from tests.tools.test_train_network import write
-from tools.datagen.shards import hint_samples, load_sample, sample_paths
+from tools.datagen.sample_files import hint_samples, load_sample, sample_paths
 from tools.train import published
 from tools.train.config import TrainConfig
 from tools.train.errors import TrainingError

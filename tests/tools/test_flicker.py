@@ -15,7 +15,7 @@ from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.scene import View
 from tests.model.samples import floor_view
 from tools.benchmark import ring
-from tools.exr import read_pass
+from tools.common.pictures import read_pass
 from tools.flicker.measure import Frame, flicker, pixels_of
 
 ROOT = Path(__file__).parents[2]

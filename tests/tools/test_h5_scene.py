@@ -16,8 +16,8 @@ from renderformer_v2.model.published.h5 import read_h5, write_h5
 from renderformer_v2.model.published.pipeline import PublishedPipeline
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.model.samples import floor_scene, floor_view
-from tools import render
 from tools.benchmark import ring
+from tools.render import __main__ as render
 
 
 def run(monkeypatch, *arguments) -> int:

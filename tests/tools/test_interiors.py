@@ -10,16 +10,16 @@ import pytest
 ROOT = Path(__file__).parents[2]
 BUILD = """
 import json, sys, bpy
-from tools.datagen import exposure, indirect, interiors, scene_generator
+from tools.datagen.scenes import exposure, generator, indirect_light, interiors
 from tools.extension import leave
 bpy.ops.wm.read_factory_settings(use_empty=True)
 found = {}
-for way in indirect.WAYS:
+for way in indirect_light.BUILDERS:
     interiors.CHANCES = {way: 1.0}
     before = bpy.context.scene.render.engine, bpy.context.scene.render.filepath, bpy.context.scene.cycles.samples
-    setup = scene_generator.build_scene((5, 0), "indirect", 1)
+    setup = generator.build_scene((5, 0), "indirect", 1)
     after = bpy.context.scene.render.engine, bpy.context.scene.render.filepath, bpy.context.scene.cycles.samples
-    cycles = exposure.median(setup.cameras[0])
+    cycles = exposure.measure_median(setup.cameras[0])
     found[way] = {"median": cycles, "kept": before == after, "budget": setup.token_budget,
                   "names": sorted({o.name.partition(" ")[0] for o in bpy.data.objects}),
                   "images": [image.name for image in bpy.data.images if "probe" in image.name]}

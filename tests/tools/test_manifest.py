@@ -7,7 +7,7 @@ import pytest
 
 from tests.tools.test_train_ranks import write
 from tools.datagen import manifest
-from tools.datagen.facts import facts
+from tools.datagen.sample_files import read_facts
 
 
 def machine(folder, seeds) -> None:
@@ -15,7 +15,7 @@ def machine(folder, seeds) -> None:
     for seed in seeds:
         write(folder, seed)
         path = folder / f"scene_{seed:08d}.npz"
-        manifest.append(folder / f"manifest_{seeds[0]:08d}.jsonl", [manifest.line(path)])
+        manifest.append_entries(folder / f"manifest_{seeds[0]:08d}.jsonl", [manifest.make_entry(path)])
 
 
 @pytest.fixture
@@ -35,8 +35,8 @@ def test_folders_of_two_machines_are_merged_by_copying(merged, monkeypatch, caps
     status, said, wrong = run(merged, monkeypatch, capsys)
     assert status == 0 and not wrong and said.startswith("4 samples, 4 views, ")
     assert "1 with environment, 1 with volumes" in said
-    assert {name: manifest.facts_of(entry) for name, entry in manifest.read(merged).items()} == {
-        path.name: facts(path) for path in merged.glob("scene_*.npz")}
+    assert {name: manifest.facts_from_entry(entry) for name, entry in manifest.read_entries(merged).items()} == {
+        path.name: read_facts(path) for path in merged.glob("scene_*.npz")}
 
 
 def test_what_is_missing_changed_or_damaged_is_named(merged, monkeypatch, capsys):
@@ -52,20 +52,20 @@ def test_what_is_missing_changed_or_damaged_is_named(merged, monkeypatch, capsys
     assert status == 1 and said.startswith("1 samples")
     assert [line.partition(": ")[2].partition(" (")[0] for line in wrong.splitlines()[:4]] == [
         "is missing", "has another content than when it was made",
-        f"has 1000 bytes instead of {manifest.read(merged)[paths[2].name]['bytes']}", "cannot be read"]
+        f"has 1000 bytes instead of {manifest.read_entries(merged)[paths[2].name]['bytes']}", "cannot be read"]
     assert "4 to be made again" in wrong
 
 
 def test_a_sample_without_a_line_gets_one_and_the_newest_line_counts(merged, monkeypatch, capsys):
     write(merged, 5)
     assert run(merged, monkeypatch, capsys)[0] == 0
-    assert json.loads((merged / manifest.FOUND).read_text())["file"] == "scene_00000005.npz"
+    assert json.loads((merged / manifest.ADDED).read_text())["file"] == "scene_00000005.npz"
     write(merged, 2)
     changed = merged / "scene_00000002.npz"
     write(merged.parent / "other", 4)
     shutil.copy(merged.parent / "other" / "scene_00000004.npz", changed)
     assert run(merged, monkeypatch, capsys)[0] == 1
-    manifest.append(merged / "manifest_00000001.jsonl", [manifest.line(changed)])
+    manifest.append_entries(merged / "manifest_00000001.jsonl", [manifest.make_entry(changed)])
     assert run(merged, monkeypatch, capsys)[0] == 0
 
 

@@ -12,7 +12,7 @@ import pytest
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import BUNDLED
 from tests.model.samples import floor_view, walls
-from tools.datagen.shards import save_sample
+from tools.datagen.sample_files import save_sample
 from tools.evaluate.oracles import FACTORS, ORACLES, Shown, shown
 
 ROOT = Path(__file__).parents[2]

@@ -5,16 +5,19 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from tools.datagen import environments, materials, objects, own, own_data, scene_generator
-from tools.datagen.environments import ORDERS
-from tools.datagen.objects import build_object
+from tools.datagen.scenes import generator, materials, objects, own_data, worlds
+from tools.datagen.scenes.objects import build_object
+from tools.datagen.scenes.own_files import OWN_FILES, group_maps
+from tools.datagen.scenes.worlds import ORDERS
 
 
 @pytest.fixture(autouse=True)
-def nothing_of_ones_own(monkeypatch):
+def no_own_files():
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    monkeypatch.setattr(own, "current", own.Sources())
-    own_data._unusable.clear()
+    OWN_FILES.use_folders(None, None, None, 0.5)
+    OWN_FILES.unusable.clear()
+    yield
+    OWN_FILES.use_folders(None, None, None, 0.5)
 
 
 @pytest.fixture
@@ -39,28 +42,28 @@ def folder(tmp_path):
 
 
 def test_own_files_take_the_place_of_built_in_ones(folder, capsys):
-    own.use(folder / "hdris", folder / "meshes", folder / "textures", 1.0)
-    assert len(own.current.panoramas) == len(own.current.meshes) == 2
-    assert [set(maps) for maps in own.current.textures] == [{"base", "roughness", "normal"}, {"base"}]
+    OWN_FILES.use_folders(folder / "hdris", folder / "meshes", folder / "textures", 1.0)
+    assert len(OWN_FILES.panoramas) == len(OWN_FILES.meshes) == 2
+    assert [set(maps) for maps in OWN_FILES.textures] == [{"base", "roughness", "normal"}, {"base"}]
     red, order = folder / "hdris" / "red.exr", "BRG"
-    image, scale = own_data.panorama(red, order)
+    image, scale = own_data.load_panorama(red, order)
     assert tuple(image.size) == (512, 256) and scale == pytest.approx(3 / 7, rel=0.01)
     assert order in ORDERS and np.allclose(image.pixels[:3], (1, 4, 2), rtol=0.02)
-    assert own_data.panorama(folder / "hdris" / "broken.hdr", order) is None
+    assert own_data.load_panorama(folder / "hdris" / "broken.hdr", order) is None
 
     (folder / "meshes" / "broken.obj").unlink()
-    own.use(None, folder / "meshes", None, 1.0)
+    OWN_FILES.use_folders(None, folder / "meshes", None, 1.0)
     thing = build_object(np.random.default_rng(2), "thing", 500)
     sides = np.ptp([v.co for v in thing.data.vertices], axis=0)
     assert len(thing.data.vertices) == 16 and list(bpy.data.objects) == [thing] and max(sides) > 0.6
     (folder / "meshes" / "broken.obj").write_text("nothing")
-    assert own_data.mesh(folder / "meshes" / "broken.obj") is None and list(bpy.data.objects) == [thing]
+    assert own_data.load_mesh(folder / "meshes" / "broken.obj") is None and list(bpy.data.objects) == [thing]
 
-    own.use(None, None, folder / "textures", 1.0)
-    brick = own.current.textures[0] if len(own.current.textures[0]) == 3 else own.current.textures[1]
-    maps = own_data.maps(brick)
+    OWN_FILES.use_folders(None, None, folder / "textures", 1.0)
+    brick = OWN_FILES.textures[0] if len(OWN_FILES.textures[0]) == 3 else OWN_FILES.textures[1]
+    maps = own_data.load_maps(brick)
     assert tuple(maps["base"].size) == (1024, 512) and maps["normal"].colorspace_settings.name == "Non-Color"
-    assert own_data.maps({"base": folder / "textures" / "broken_color.png"}) is None
+    assert own_data.load_maps({"base": folder / "textures" / "broken_color.png"}) is None
     said = capsys.readouterr().out
     assert all(said.count(name) == 1 for name in ("broken.hdr is left out", "broken.obj is left out",
                                                   "broken_color.png is left out"))
@@ -69,25 +72,25 @@ def test_own_files_take_the_place_of_built_in_ones(folder, capsys):
 def test_a_scene_of_own_files_alone(folder):
     for name in ("hdris/broken.hdr", "meshes/broken.obj", "textures/broken_color.png"):
         (folder / name).unlink()
-    own.use(folder / "hdris", folder / "meshes", folder / "textures", 1.0)
-    scene_generator.build_scene((5, 0), "paper", 1, 2048)
+    OWN_FILES.use_folders(folder / "hdris", folder / "meshes", folder / "textures", 1.0)
+    generator.build_scene((5, 0), "paper", 1, 2048)
     things = [thing for thing in bpy.data.objects if thing.name.startswith("object")]
     assert things and all(len(thing.data.polygons) % 6 == 0 for thing in things)  # cubes, subdivided
     linked = {node.image.name.partition("_")[0] for material in bpy.data.materials for node in material.node_tree.nodes
               if node.bl_idname == "ShaderNodeTexImage"}
     assert linked <= {"brick"}
-    scene_generator.clear()
+    generator.clear_file()
     assert not [image for image in bpy.data.images if own_data.OWN in image]
 
 
 def test_scenes_stay_as_they_were_without_own_files(folder):
     def points(seed: int) -> np.ndarray:
-        scene_generator.build_scene((seed, 0), "full", 1)
+        generator.build_scene((seed, 0), "full", 1)
         return np.concatenate([np.array([v.co for v in thing.data.vertices]) for thing in bpy.data.objects
                                if thing.name.startswith("object")])
 
     before = points(4)
-    own.use(folder / "hdris", None, None, 0.0)
+    OWN_FILES.use_folders(folder / "hdris", None, None, 0.0)
     np.testing.assert_array_equal(points(4), before)
 
 
@@ -102,13 +105,13 @@ def test_folders_of_no_use_are_named(folder, arguments, message):
     (folder / "rough" / "wood_roughness.png").touch()
     folders = [name and folder / name for name in arguments[:3]]
     with pytest.raises(ValueError, match=message):
-        own.use(*folders, arguments[3])
+        OWN_FILES.use_folders(*folders, arguments[3])
 
 
 def test_names_of_maps_are_told_apart(tmp_path):
     names = ["wood_diff_1k.jpg", "wood_rough_1k.jpg", "wood_nor_gl_1k.exr", "wood_nor_dx_1k.exr", "wood_disp_1k.png",
              "photo.jpg", "sub/basecolor.png", "sub/metallic.png", "sub/height.png"]
-    sets = own.texture_sets([tmp_path / name for name in names])
+    sets = group_maps([tmp_path / name for name in names])
     assert [{kind: str(path.relative_to(tmp_path)) for kind, path in maps.items()} for maps in sets] == [
         {"base": "wood_diff_1k.jpg", "roughness": "wood_rough_1k.jpg", "normal": "wood_nor_gl_1k.exr"},
         {"base": "photo.jpg"}, {"base": "sub/basecolor.png", "metallic": "sub/metallic.png"}]
@@ -116,12 +119,12 @@ def test_names_of_maps_are_told_apart(tmp_path):
 
 def test_what_a_source_gives_is_used_by_the_generator(folder, monkeypatch):
     """Where a file cannot be used, something built in takes its place."""
-    own.use(folder / "hdris", folder / "meshes", folder / "textures", 1.0)
-    for name in ("panorama", "mesh", "maps"):
+    OWN_FILES.use_folders(folder / "hdris", folder / "meshes", folder / "textures", 1.0)
+    for name in ("load_panorama", "load_mesh", "load_maps"):
         monkeypatch.setattr(own_data, name, lambda *ignored: None)
     rng = np.random.default_rng(3)
     assert len(objects.build_object(rng, "thing", 500).data.polygons) > 0
     material = materials.build_material(rng, "full", "object", "textured_metallic")
     assert any(node.bl_idname == "ShaderNodeTexImage" for node in material.node_tree.nodes)
-    environments.build_world(rng, "hdri", 1.0)
+    worlds.build_world(rng, "hdri", 1.0)
     assert bpy.context.scene.world.node_tree.nodes["Background"].inputs["Color"].is_linked

@@ -5,7 +5,7 @@ import OpenEXR
 import pytest
 from skimage.io import imsave
 
-from tools.picture import write_whole
+from tools.common.pictures import write_whole
 
 PIXELS = np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
 

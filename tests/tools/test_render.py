@@ -9,11 +9,11 @@ import pytest
 
 from renderformer_v2.model.published.h5 import read_h5
 from tests.model.published.bundles import tiny_published_config, write_bundle
-from tools import render
 from tools.benchmark import ring
-from tools.beside import LEAST_WIDTH
-from tools.exr import read_pass
-from tools.metrics import compare
+from tools.common.metrics import compare
+from tools.common.pictures import read_pass
+from tools.render import __main__ as render
+from tools.render.comparison import LEAST_WIDTH
 
 
 def command(*arguments) -> list[str]:

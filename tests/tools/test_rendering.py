@@ -2,7 +2,7 @@
 """As many samples of Cycles as take a given time."""
 import pytest
 
-from tools.rendering import render, samples_in_time
+from tools.common.render_process import render, samples_in_time
 
 
 def clock(fixed: float, per_sample: float):

@@ -10,12 +10,12 @@ import pytest
 ROOT = Path(__file__).parents[2]
 LIST = """
 import json, sys, bpy
-from tools.datagen import scene_generator
+from tools.datagen.scenes import generator
 from tools.extension import leave
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scenes = {}
 for seed, profile in json.loads(sys.argv[1]):
-    setup = scene_generator.build_scene((seed, 0), profile, 2)
+    setup = generator.build_scene((seed, 0), profile, 2)
     tree = bpy.context.scene.world.node_tree
     scenes[f"{profile} {seed}"] = {
         "objects": {o.name: [round(x, 3) for x in o.location] for o in bpy.data.objects},

@@ -16,9 +16,9 @@ from renderformer_v2.model.light.direct.direct_light import LightPrior
 from renderformer_v2.model.lobes import LOBES
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
-from tools.datagen.facts import facts
-from tools.datagen.shards import load_sample, save_sample
-from tools.train import cache_key, config
+from tools.datagen.sample_files import load_sample, read_facts, save_sample
+from tools.train import config
+from tools.train import sample_cache as cache_key
 from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
@@ -154,7 +154,7 @@ def test_training_lowers_the_loss_and_resumes_exactly(stored, tmp_path):
 
 
 def test_the_curriculum_admits_scenes_by_what_they_hold(stored, tmp_path):
-    plain = facts(stored)
+    plain = read_facts(stored)
     assert plain.environment and not (plain.volumes or plain.transmission) and plain.views == 1
     assert (plain.triangles, plain.width, plain.height) == (len(floor_scene()), 64, 64)
     assert Stage(1, volumes=False, transmission=False).admits(plain) and not Stage(1, environment=False).admits(plain)
@@ -163,7 +163,7 @@ def test_the_curriculum_admits_scenes_by_what_they_hold(stored, tmp_path):
     glass = [replace(guide, transmission_color=np.ones_like(guide.transmission_color)) for guide in guides]
     tiles = np.random.default_rng(0).random(scene.tiles.shape, np.float32)
     save_sample(tmp_path / "scene_2.npz", replace(scene, tiles=tiles, environment=None), views, glass, passes)
-    other = facts(tmp_path / "scene_2.npz")
+    other = read_facts(tmp_path / "scene_2.npz")
     assert other.transmission and not other.environment and not Stage(1, transmission=False).admits(other)
     assert other.textures and not plain.textures and not Stage(1, textures=False).admits(other)
 

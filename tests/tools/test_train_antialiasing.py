@@ -12,7 +12,7 @@ from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
 from tests.model.guided.weights import busy_network, write
 from tests.tools.test_train import stored  # noqa: F401 - a fixture
-from tools.datagen.shards import load_sample, save_sample
+from tools.datagen.sample_files import load_sample, save_sample
 from tools.train import antialiasing as training
 from tools.train.antialiasing import CHANNELS
 from tools.train.errors import SampleError

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from tools.datagen.shards import save_arrays
+from tools.datagen.sample_files import save_arrays
 from tools.train import material
 from tools.train.errors import TrainingError
 

@@ -15,7 +15,7 @@ from torch.utils.data import DataLoader
 
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen import manifest
-from tools.datagen.shards import save_sample
+from tools.datagen.sample_files import save_sample
 from tools.evaluate import __main__ as evaluate
 from tools.train import losses, network
 from tools.train.config import Stage
@@ -88,9 +88,9 @@ def test_data_that_gives_nothing_is_an_error_and_no_endless_wait(tmp_path, count
 def test_what_the_manifest_says_of_a_sample_spares_reading_it(tmp_path):
     for seed in (1, 2):
         write(tmp_path / "data", seed)
-    lines = [manifest.line(path) for path in sorted((tmp_path / "data").glob("scene_*.npz"))]
+    lines = [manifest.make_entry(path) for path in sorted((tmp_path / "data").glob("scene_*.npz"))]
     lines[0]["volumes"] = True  # which is not so
-    manifest.append(tmp_path / "data" / "manifest_00000001.jsonl", lines)
+    manifest.append_entries(tmp_path / "data" / "manifest_00000001.jsonl", lines)
     samples = stream(tmp_path / "data", tmp_path / "cache", mapper, Stage(1, volumes=False), (0, 0), 0.0)
     plain = iter(SampleStream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, 0.2), ANY, (0, 0), 0.0))
     assert {float(next(samples).direct.mean()) for _ in range(4)} == {

@@ -13,7 +13,7 @@ from renderformer_v2.model.published.bundle import load_transformer
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.tools.test_finetune import options
 from tests.tools.test_train_ranks import write
-from tools.datagen.facts import facts
+from tools.datagen.sample_files import read_facts
 from tools.train import cost, published, throughput
 from tools.train.config import TrainConfig
 from tools.train.curriculum import by_stage
@@ -76,7 +76,7 @@ def test_a_setting_that_the_network_cannot_have_is_said(tmp_path, settings, mess
 def test_the_first_stage_adds_textures_then_environments_then_volumes(tmp_path):
     for seed in range(1, 4):
         write(tmp_path / "data", seed)
-    plain, sky, smoke = (facts(path) for path in sorted((tmp_path / "data").glob("scene_*.npz")))
+    plain, sky, smoke = (read_facts(path) for path in sorted((tmp_path / "data").glob("scene_*.npz")))
     textured = replace(plain, textures=True)
     kinds = {"plain": plain, "textured": textured, "sky": sky, "smoke": smoke}
     admitted = [[name for name, scene in kinds.items() if stage.admits(scene)] for stage in config("stage1").stages]

@@ -13,7 +13,7 @@ import pytest
 from renderformer_v2.model.scene import Volumes
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.model.samples import floor_scene, floor_view
-from tools.datagen.shards import save_sample
+from tools.datagen.sample_files import save_sample
 from tools.train.samples import LOBES
 
 ROOT = Path(__file__).parents[2]

@@ -83,7 +83,7 @@ def report(editor, last_render, found):
     space.context = "RENDER"
     yield 1.0
     driver.shot("report")
-    from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import grouped
+    from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import grouped
     found["report"] = [str(group) for group in grouped(last_render.last_frame[0].remarks)]
 
 

@@ -8,7 +8,7 @@ from rendering import driver, lines, render, stages
 
 def both(comparison, found):
     """Nothing was chosen, and the picture and its reference are seen; a button shows one alone."""
-    chosen = comparison.settings()
+    chosen = comparison.settings
     yield lambda: comparison.a is not None
     found["both"] = [chosen.show, chosen.mode, comparison.a.label, comparison.b.label]
     found["button"] = []
@@ -25,14 +25,14 @@ def stop_reference(editor, comparison, last_render, found, region_of_frame=None)
     if region_of_frame:
         render.use_border = True
         render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = region_of_frame
-    from bl_ext.user_default.renderformer_v2.rf2_engine.compare import growing
+    from bl_ext.user_default.renderformer_v2.rf2_engine.compare.growing import growing_reference
     from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import growing as of_cycles
     reference = bpy.context.scene.renderformer_v2.reference
-    chosen, reference.samples, samples = comparison.settings(), 1 << 20, []
+    chosen, reference.samples, samples = comparison.settings, 1 << 20, []
     chosen.mode, chosen.split = "SPLIT", 0.5
     driver.move(*middle(region(editor)))
     driver.key(F12)
-    yield lambda: of_cycles.running() is not None and growing._shown is not None
+    yield lambda: of_cycles.running() is not None and growing_reference.picture is not None
     for number in range(2):
         yield 2.5
         samples.append(of_cycles.running().samples())
@@ -43,9 +43,9 @@ def stop_reference(editor, comparison, last_render, found, region_of_frame=None)
         yield 1.5
         driver.shot(f"{name}_grows_and_{'both' if chosen.show else 'one'}")
         found[f"{name}_buttons"].append(chosen.show)
-    with growing._shown.bind():
+    with growing_reference.picture.bind():
         import gpu
-        width, height = growing._shown.width, growing._shown.height
+        width, height = growing_reference.picture.width, growing_reference.picture.height
         pixels = gpu.state.active_framebuffer_get().read_color(0, 0, width, height, 4, 0, "FLOAT")
         pixels.dimensions = width * height * 4
         grown = np.array(pixels, np.float32).reshape(height, width, 4)[::-1]
@@ -56,7 +56,7 @@ def stop_reference(editor, comparison, last_render, found, region_of_frame=None)
     driver.shot(f"{name}_stopped")
     (last,) = last_render.last_frame
     found[f"{name}_stopped"] = [samples, last.reference_samples, last.report, comparison.b.label,
-                                growing._shown is None]
+                                growing_reference.picture is None]
     box = comparison.b.rendered
     rows = comparison.b.pixels.shape[0]
     rendered = comparison.b.pixels[rows - box.top:rows - box.bottom, box.left:box.right]
@@ -66,7 +66,7 @@ def stop_reference(editor, comparison, last_render, found, region_of_frame=None)
 
 def slots(editor, comparison, last_render, found):
     """Cycles in another slot leaves Last Render, and both slots are compared."""
-    scene, chosen = bpy.context.scene, comparison.settings()
+    scene, chosen = bpy.context.scene, comparison.settings
     image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
     before = list(last_render.last_frame)
     image.render_slots.active_index = 1

@@ -18,7 +18,7 @@ STAGES = ("Converting the scene", "Camera rays", "Network", "Cycles Reference")
 def session():
     found = driver.found
     bpy.ops.extensions.package_install_files(filepath=str(ARCHIVE), repo="user_default", enable_on_install=True)
-    from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison
+    from bl_ext.user_default.renderformer_v2.rf2_engine.compare.state import comparison
     from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
     watch()
     scene = bpy.context.scene
@@ -65,7 +65,7 @@ def session():
 
 
 def compare(editor, comparison, found):
-    chosen = comparison.settings()
+    chosen = comparison.settings
     editor.regions.update()
     region(editor, "UI").active_panel_category = "Compare"
     chosen.show = True
@@ -109,7 +109,7 @@ def compare(editor, comparison, found):
 
 def drawn(editor, comparison, found):
     """Compare shows what Blender shows, near and far, and no file has any of it."""
-    chosen, image, found["off"] = comparison.settings(), editor.spaces.active.image, []
+    chosen, image, found["off"] = comparison.settings, editor.spaces.active.image, []
     image.save_render(str(FOLDER / "compared.png"))
     chosen.mode, chosen.split = "SPLIT", 1.0
     driver.move(*middle(region(area("DOPESHEET_EDITOR"))))
@@ -159,7 +159,7 @@ def reopen(editor, comparison, found):
     image.save_render(str(path))
     loaded = bpy.data.images.load(str(path))
     editor.spaces.active.image = loaded
-    chosen = comparison.settings()
+    chosen = comparison.settings
     chosen.a.kind = chosen.b.kind = "IMAGE"
     chosen.a.image = chosen.b.image = loaded.name
     chosen.a.pass_name, chosen.b.pass_name, chosen.mode, chosen.show = "Combined", "Cycles Reference", "SPLIT", True
@@ -174,7 +174,7 @@ def reopen(editor, comparison, found):
 
 def hostile(editor, comparison, last_render, found):
     """What is compared goes away, and the engine changes under a render."""
-    chosen, scene = comparison.settings(), bpy.context.scene
+    chosen, scene = comparison.settings, bpy.context.scene
     said = found["said"] = {}
     image = next(i for i in bpy.data.images if i.type == "RENDER_RESULT")
     editor.spaces.active.image = image

@@ -19,10 +19,9 @@ import json
 import sys
 from pathlib import Path
 
-from tools.arguments import numbers
+from tools.common.arguments import numbers
 
-from .measured import MeasurementError, measured
-from .points import CYCLES_RULE, RESOLUTIONS, SUBJECTS, TRIANGLES, append, key, points, read
+from .points import CYCLES_RULE, RESOLUTIONS, SUBJECTS, TRIANGLES, MeasurementError, append, key, measured, points, read
 from .report import plot, summary
 
 

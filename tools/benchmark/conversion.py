@@ -19,9 +19,9 @@ import time
 from pathlib import Path
 
 from tools import extension
-from tools.arguments import numbers
+from tools.common.arguments import numbers
 
-from .measured import MeasurementError, measured
+from .points import MeasurementError, measured
 
 RESOLUTION = 512  # that triangles are allotted by
 SIDE = 708    # squares along the mesh of a million triangles
@@ -39,7 +39,7 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 1
     extension.load().register()
-    from tools.scene_file import open_scene
+    from tools.common.scene_file import open_scene
     found = {}
     for name, scene in [*((str(path), lambda path=path: open_scene(path)) for path in arguments.scenes)] or [
             ("one mesh", _mesh), (f"{OBJECTS} objects", _objects)]:
@@ -68,7 +68,7 @@ def _measured(budget: int, published: dict[int, float]) -> dict:
 
     from renderformer_v2.model import progress
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-    from renderformer_v2.rf2_engine.convert.report import Report
+    from renderformer_v2.rf2_engine.convert.data.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert
     depsgraph = bpy.context.evaluated_depsgraph_get()
     view, looks = convert_camera(depsgraph, RESOLUTION, RESOLUTION, None), [time.perf_counter()]

@@ -25,7 +25,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from tools.arguments import numbers, whole_number
+from tools.common.arguments import numbers, whole_number
 
 ROOT = Path(__file__).parents[2]
 TASKS = (1, 2, 5, 10, 25, 100)  # frames of a task

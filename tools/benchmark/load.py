@@ -20,7 +20,7 @@ import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 
-from tools.arguments import numbers
+from tools.common.arguments import numbers
 
 ROOT = Path(__file__).parents[2]
 IN_BLENDER = """

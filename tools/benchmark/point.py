@@ -20,7 +20,7 @@ SEED = 0
 
 def main() -> None:
     point = json.loads(sys.argv[1])
-    from ..datagen.console import silence_blender
+    from ..common.console import silence_blender
     silence_blender()
     measure = {"cycles": cycles, "rf2_small": rf2_small, "rf2_200m": rf2_200m}[point["subject"]]
     result = measure(point)

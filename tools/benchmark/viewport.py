@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from tools import extension
-from tools.arguments import numbers
+from tools.common.arguments import numbers
 
 LEVELS = (8, 4, 2, 1)
 COLUMNS = ("budget", "change", "triangles", "read", *LEVELS, "lock")
@@ -36,7 +36,7 @@ def main() -> int:
     extension.load().register()
     import bpy
 
-    from tools.scene_file import open_scene
+    from tools.common.scene_file import open_scene
     if arguments.scene:
         open_scene(arguments.scene)
     scene = bpy.context.scene

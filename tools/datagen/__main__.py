@@ -3,9 +3,9 @@
 
 One file per seed; seeds whose file is there are skipped, so a killed run goes on where it was. A seed always gives the
 same scene. --profile simple has no textures, glass or volumes and at most four lights; mixed makes every third seed
-(those that 3 divides) simple and the others full. What wide, indirect and paper hold is said in wide.py, interiors.py
-and paper.py. A line of each sample goes into a manifest (manifest.py). --hdris, --meshes and --textures name folders of
-your own files.
+(those that 3 divides) simple and the others full; scenes/wide.py, scenes/interiors.py (indirect) and scenes/paper.py
+say what the other profiles hold. A line of each sample goes into a manifest (manifest.py). --hdris, --meshes and
+--textures name folders of your own files.
 
 python -m tools.datagen OUT_DIR --blend FILE.blend [FILE.blend ...]: samples of your own scenes (blend_files.py). The
 files are opened and never saved; a sample is made again when its file is newer.
@@ -22,70 +22,71 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.arguments import whole_number
+from tools.common.arguments import whole_number
+from tools.common.console import silence_blender
 
-from . import manifest, own
-from .console import silence_blender
-from .shards import HINT_SAMPLES, sample_path, save_sample
+from . import manifest
+from .sample_files import HINT_SAMPLES, SampleCounts, sample_path, save_sample
+from .scenes.own_files import OWN_FILES
 
 DARKEST, BRIGHTEST = 0.03, 1.5  # mean of a view's median over covered pixels
 ATTEMPTS = 8
 
 
-def generate(out: Path, seeds: range, *, profile: str, views: int, samples: int, threads: int,
-             resolution: int | None = None, triangles: int | None = None, equal: int = 0,
-             hints: int = HINT_SAMPLES) -> int:
+def generate(out: Path, seeds: range, counts: SampleCounts, *, profile: str, views: int, threads: int,
+             resolution: int | None = None, triangles: int | None = None) -> int:
     """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed.
 
-    resolution: pixels, triangles: the most of a scene; in place of the scenes' own. equal: samples of a second
-    picture by Cycles, for comparison. hints: samples of the guides.
+    resolution: pixels, triangles: the most of a scene; in place of the scenes' own.
     Raises OSError when `out` cannot be written.
     """
-    from . import reference
+    from . import render_sample
 
     out.mkdir(parents=True, exist_ok=True)
-    reference.prepare(threads)
-    made, failed, start = 0, 0, time.time()
-    lines = out / f"manifest_{seeds.start:08d}.jsonl"
+    render_sample.prepare(threads)
+    finished, failed, start = 0, 0, time.time()
+    entries = out / f"manifest_{seeds.start:08d}.jsonl"
     for seed in seeds:
         path = sample_path(out, seed)
         if path.exists():
             continue
         try:
-            sample, attempt = make(seed, profile, views, samples, resolution, triangles, equal, hints)
+            sample, attempt = make_sample(seed, counts, profile, views, resolution, triangles)
         except Exception:  # one odd scene must not end a run of days
             print(f"seed {seed} failed:", traceback.format_exc(), sep="\n")
             failed += 1
             continue
-        save_sample(path, sample.scene, sample.views, sample.guides, sample.passes, hints=hints)
-        manifest.append(lines, [manifest.line(path)])
-        made += 1
+        save_sample(path, sample.scene, sample.views, sample.guides, sample.passes, hints=counts.hints)
+        manifest.append_entries(entries, [manifest.make_entry(path)])
+        finished += 1
         times = " ".join(f"{stage} {seconds:.2f}" for stage, seconds in sample.seconds.items())
         print(f"{path.name}: {len(sample.scene)} triangles, attempt {attempt + 1}, {times} s; "
-              f"{made} scenes, {60 * made / (time.time() - start):.1f} a minute", *sample.report.lines(), sep="\n  ")
+              f"{finished} scenes, {60 * finished / (time.time() - start):.1f} a minute", *sample.report.lines(),
+              sep="\n  ")
     return failed
 
 
-def make(seed: int, profile: str, views: int, samples: int, resolution: int | None, triangles: int | None = None,
-         equal: int = 0, hints: int = HINT_SAMPLES):
-    """The first well exposed reference.Sample of a seed, or its last one, and the number of attempts before it."""
-    from . import reference, scene_generator
+def make_sample(seed: int, counts: SampleCounts, profile: str, views: int, resolution: int | None,
+                triangles: int | None):
+    """The first well exposed `render_sample.Sample` of a seed, or the last, and the number of attempts before it."""
+    from . import render_sample
+    from .scenes import generator
 
     if profile == "mixed":
         profile = "full" if seed % 3 else "simple"
     for attempt in range(ATTEMPTS):
-        last = attempt == ATTEMPTS - 1
-        setup = scene_generator.build_scene((seed, attempt), profile, views, triangles)
+        is_last = attempt == ATTEMPTS - 1
+        setup = generator.build_scene((seed, attempt), profile, views, triangles)
         if resolution:
             setup = setup._replace(resolution=resolution)
-        sample = reference.make_sample(setup, samples,
-                                       lambda passes, last=last: last or well_exposed(passes["combined"]), equal, hints)
+        sample = render_sample.make_sample(
+            setup, counts, lambda passes, is_last=is_last: is_last or is_well_exposed(passes["combined"]))
         if sample is not None:
             return sample, attempt
 
 
-def well_exposed(combined: np.ndarray) -> bool:
-    """Neither nearly black nor mostly burnt out, where anything is seen."""
+def is_well_exposed(combined: np.ndarray) -> bool:
+    """Neither nearly black nor mostly burnt out, where it is covered."""
     covered = combined[combined[..., 3] > 0.5, :3]
     return len(covered) > 0 and DARKEST <= float(np.median(covered, axis=0).mean()) <= BRIGHTEST
 
@@ -118,12 +119,13 @@ def main() -> int:
                         help="of each process; 0 = an equal share of the cores")
     parser.add_argument("--part", type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args()
+    counts = SampleCounts(args.samples, args.equal, args.hints)
     if args.blend:
-        return blend_samples(args)
+        return sample_blend_files(args, counts)
     if args.scenes is None or args.first_seed is None:
         parser.error("either --blend, or --scenes and --first-seed are needed")
     try:
-        own.use(args.hdris, args.meshes, args.textures, args.own)
+        OWN_FILES.use_folders(args.hdris, args.meshes, args.textures, args.own)
     except ValueError as error:
         print(error, file=sys.stderr)
         return 2
@@ -135,28 +137,26 @@ def main() -> int:
     first = args.first_seed + max(args.part - 1, 0)
     seeds = range(first, args.first_seed + args.scenes, processes)
     try:
-        failed = generate(args.out, seeds, profile=args.profile, views=args.views or 2, samples=args.samples,
-                          threads=args.threads, resolution=args.resolution, triangles=args.triangles,
-                          equal=args.equal, hints=args.hints)
+        failed = generate(args.out, seeds, counts, profile=args.profile, views=args.views or 2, threads=args.threads,
+                          resolution=args.resolution, triangles=args.triangles)
     except OSError as error:
-        return not_written(args.out, error)
+        return report_unwritable(args.out, error)
     return 1 if failed else 0
 
 
-def blend_samples(args: argparse.Namespace) -> int:
+def sample_blend_files(args: argparse.Namespace, counts: SampleCounts) -> int:
     """Samples of the user's files, by one process: Cycles keeps all cores busy. Returns the exit status."""
     silence_blender()
     from . import blend_files
     try:
-        failed = blend_files.generate(args.out, args.blend, views=args.views or 8, samples=args.samples,
-                                      threads=args.threads, resolution=args.resolution or 128,
-                                      equal=args.equal, hints=args.hints)
+        failed = blend_files.generate(args.out, args.blend, counts, views=args.views or 8, threads=args.threads,
+                                      resolution=args.resolution or 128)
     except OSError as error:
-        return not_written(args.out, error)
+        return report_unwritable(args.out, error)
     return 1 if failed else 0
 
 
-def not_written(out: Path, error: OSError) -> int:
+def report_unwritable(out: Path, error: OSError) -> int:
     print(f"{out} cannot be written: {error.strerror or error}", file=sys.stderr)
     return 1
 

@@ -14,42 +14,47 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from mathutils import Matrix, Vector
+
 from renderformer_v2.model.errors import SceneError
 from renderformer_v2.model.scene import TILE_SIZE
-from tools.scene_file import one_line, open_scene
+from tools.common.scene_file import one_line, open_scene
 
-from . import reference
-from .cameras import Setup
-from .nearby import moved_pose
-from .shards import HINT_SAMPLES, save_sample
+from . import render_sample
+from .sample_files import SampleCounts, save_sample
+from .scenes.cameras import Setup
 
 TOGETHER = 2  # views of a sample at most: training holds all of them in memory at once
 
+# Cameras beside the user's, turned around what that looks at.
+AZIMUTH, ELEVATION = np.radians((15.0, 8.0))  # most, to either side
+NEARNESS = 0.85, 1.15                         # distance to the target, relative to before
+TRIES = 8                                     # each smaller than the one before
+CLEAR = 0.5                                   # of the distance to the target must be free
 
-def generate(out: Path, files: list[Path], *, views: int, samples: int, threads: int, resolution: int,
-             equal: int = 0, hints: int = HINT_SAMPLES) -> int:
+
+def generate(out: Path, files: list[Path], counts: SampleCounts, *, views: int, threads: int, resolution: int) -> int:
     """Make the samples that are missing in `out`, `views` views of each file. Returns how many files failed.
 
-    resolution: pixels, both sides. equal, hints: as in reference.Sample.
+    resolution: pixels, both sides.
     A file that cannot be used is named on stderr, with what to do.
     Raises OSError when `out` cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
-    bpy.utils.register_class(reference.DatagenEngine)
+    bpy.utils.register_class(render_sample.DatagenEngine)
     failed = 0
     for file in files:
         try:
             if not file.is_file():
                 raise SceneError("there is no such file")
-            make_samples(out, file, views, samples, threads, resolution, equal, hints)
+            make_samples(out, file, counts, views, threads, resolution)
         except (SceneError, RuntimeError, ValueError) as error:  # Blender raises RuntimeError for what it cannot read
             print(f"{file}: {one_line(error)}", file=sys.stderr)
             failed += 1
     return failed
 
 
-def make_samples(out: Path, file: Path, views: int, samples: int, threads: int, resolution: int, equal: int,
-                 hints: int) -> None:
+def make_samples(out: Path, file: Path, counts: SampleCounts, views: int, threads: int, resolution: int) -> None:
     """The samples of one file that are not in `out` yet. Raises SceneError, and RuntimeError as Blender does."""
     paths = [sample_path(out, file, i) for i in range(-(-views // TOGETHER))]
     missing = [i for i, path in enumerate(paths) if not is_current(path, file)]
@@ -67,10 +72,9 @@ def make_samples(out: Path, file: Path, views: int, samples: int, threads: int, 
         scene.frame_set(frame)
         count = min(TOGETHER, views - i * TOGETHER)
         cameras = build_cameras(scene, camera, count, frame not in frames[:i], np.random.default_rng(i))
-        sample = reference.make_sample(Setup(cameras, resolution=resolution), samples, lambda passes: True, equal,
-                                       hints)
+        sample = render_sample.make_sample(Setup(cameras, resolution=resolution), counts, lambda passes: True)
         save_sample(paths[i], sample.scene, sample.views, sample.guides, sample.passes, tile_size=TILE_SIZE,
-                    hints=hints)
+                    hints=counts.hints)
         for added in cameras:
             bpy.data.cameras.remove(added.data)
         print(f"{paths[i].name}: {file.name}, frame {frame}, {count} views, {len(sample.scene)} triangles, "
@@ -78,8 +82,8 @@ def make_samples(out: Path, file: Path, views: int, samples: int, threads: int, 
 
 
 def sample_path(out: Path, file: Path, index: int) -> Path:
-    place = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]  # two folders may hold files of one name
-    return out / f"scene_{file.stem}_{place}_{index:03d}.npz"
+    folder_hash = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]  # two folders may hold files of one name
+    return out / f"scene_{file.stem}_{folder_hash}_{index:03d}.npz"
 
 
 def is_current(path: Path, file: Path) -> bool:
@@ -89,7 +93,7 @@ def is_current(path: Path, file: Path) -> bool:
 
 def prepare(scene: bpy.types.Scene, threads: int) -> None:
     """One square picture of the first enabled view layer, straight from the renderer."""
-    reference.take_over(scene.render, threads)
+    render_sample.take_over(scene.render, threads)
     for name in ("use_border", "use_multiview", "use_compositing", "use_sequencer", "use_motion_blur"):
         setattr(scene.render, name, False)
     scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1
@@ -113,13 +117,13 @@ def camera_at(scene: bpy.types.Scene, frame: int) -> bpy.types.Object:
     return scene.camera
 
 
-def build_cameras(scene: bpy.types.Scene, camera: bpy.types.Object, count: int, own: bool,
+def build_cameras(scene: bpy.types.Scene, camera: bpy.types.Object, count: int, with_original: bool,
                   rng: np.random.Generator) -> list[bpy.types.Object]:
-    """Copies of `camera` at the scene's frame: with `own` the first one where it is, the others moved a little."""
+    """Copies of `camera` at the scene's frame, moved a little; `with_original` the first one is where it is."""
     depsgraph, poses = bpy.context.evaluated_depsgraph_get(), []
     for i in range(count):
-        poses.append(camera.matrix_world.copy() if own and not i else
-                     moved_pose(rng, scene, depsgraph, camera.matrix_world))
+        poses.append(camera.matrix_world.copy() if with_original and not i else
+                     move_pose(rng, scene, depsgraph, camera.matrix_world))
     return [add_copy(scene, camera, pose) for pose in poses]
 
 
@@ -130,3 +134,32 @@ def add_copy(scene: bpy.types.Scene, camera: bpy.types.Object, pose) -> bpy.type
     copy.data.dof.use_dof = False
     scene.collection.objects.link(copy)
     return copy
+
+
+def move_pose(rng: np.random.Generator, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph,
+              pose: Matrix) -> Matrix:
+    """A camera-to-world near `pose` on the same side of all walls; where there is no room it is only turned.
+
+    A camera that looks at nothing is turned in its place, too.
+    """
+    eye, forward = pose.translation, -pose.col[2].to_3d().normalized()
+    distance = free_distance(scene, depsgraph, eye, forward)
+    for size in np.linspace(1, 1 / TRIES, TRIES):
+        azimuth, elevation = size * rng.uniform(-1, 1, 2) * (AZIMUTH, ELEVATION)
+        turn = Matrix.Rotation(azimuth, 4, "Z") @ Matrix.Rotation(elevation, 4, pose.col[0].to_3d().normalized())
+        if not np.isfinite(distance):
+            break
+        pivot = eye + distance * forward
+        moved = Matrix.Translation(pivot) @ turn @ Matrix.Translation(-pivot) @ pose
+        moved.translation = pivot + (moved.translation - pivot) * (1 + size * (rng.uniform(*NEARNESS) - 1))
+        step = moved.translation - eye
+        if (free_distance(scene, depsgraph, eye, step) > 2 * step.length
+                and free_distance(scene, depsgraph, moved.translation, pivot - moved.translation) > CLEAR * distance):
+            return moved
+    return Matrix.Translation(eye) @ turn @ Matrix.Translation(-eye) @ pose
+
+
+def free_distance(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector, direction: Vector) -> float:
+    """How far it is to the first surface, in metres; infinity where there is none."""
+    is_hit, position, *_ = scene.ray_cast(depsgraph, start, direction.normalized())
+    return (position - start).length if is_hit else np.inf

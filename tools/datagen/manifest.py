@@ -19,92 +19,91 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, fields
 from pathlib import Path
 
-from .facts import Facts, facts
-from .shards import sample_paths
+from .sample_files import Facts, read_facts, sample_paths
 
-FOUND = "manifest_found.jsonl"  # lines of samples that had none
-
-
-def line(path: Path) -> dict:
-    """What the manifest says of a sample. Raises whatever the damage of a damaged file leads to."""
-    return {"file": path.name, **_content(path)} | asdict(facts(path))
+ADDED = "manifest_found.jsonl"  # lines of samples that had none
 
 
-def append(manifest: Path, lines: Iterable[dict]) -> None:
+def make_entry(path: Path) -> dict:
+    """What the manifest says of a sample. A damaged file raises whatever the damage leads to."""
+    return {"file": path.name, **_read_content(path)} | asdict(read_facts(path))
+
+
+def append_entries(manifest: Path, entries: Iterable[dict]) -> None:
     with open(manifest, "a", encoding="utf-8") as file:
-        file.writelines(json.dumps(entry) + "\n" for entry in lines)
+        file.writelines(json.dumps(entry) + "\n" for entry in entries)
 
 
-def read(folder: Path) -> dict[str, dict]:
+def read_entries(folder: Path) -> dict[str, dict]:
     """The newest line of each sample, by the name of its file. Lines that were cut off by a kill are left out."""
-    found = {}
+    entries = {}
     for manifest in sorted(folder.glob("manifest_*.jsonl"), key=lambda path: path.stat().st_mtime_ns):
         for text in manifest.read_text(encoding="utf-8").splitlines():
             try:
                 entry = json.loads(text)
-                found[entry["file"]] = entry
+                entries[entry["file"]] = entry
             except (ValueError, KeyError, TypeError):
                 continue
-    return found
+    return entries
 
 
-def facts_of(entry: dict) -> Facts:
+def facts_from_entry(entry: dict) -> Facts:
     """Raises KeyError for a line of an older version."""
     return Facts(**{f.name: entry[f.name] for f in fields(Facts)})
 
 
-def problem(path: Path, entry: dict) -> str | None:
+def find_problem(path: Path, entry: dict) -> str | None:
     """What is wrong with a sample of the manifest."""
     if not path.is_file():
         return "is missing"
     if path.stat().st_size != entry["bytes"]:
         return f"has {path.stat().st_size} bytes instead of {entry['bytes']}"
-    return None if _content(path)["sha256"] == entry["sha256"] else "has another content than when it was made"
+    return None if _read_content(path)["sha256"] == entry["sha256"] else "has another content than when it was made"
 
 
 def check(folder: Path) -> tuple[list[str], dict[str, dict]]:
     """Sentences about what is wrong, and the lines of all samples that are as they should be."""
-    known, paths = read(folder), {path.name: path for path in sample_paths(folder)}
+    known, paths = read_entries(folder), {path.name: path for path in sample_paths(folder)}
     new = [path for name, path in paths.items() if name not in known]
     problems, added = [], []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        wrong = dict(zip(known, pool.map(problem, (folder / name for name in known), known.values())))
-        for path, entry in zip(new, pool.map(_line_or_problem, new)):
+        wrong = dict(zip(known, pool.map(find_problem, (folder / name for name in known), known.values())))
+        for path, entry in zip(new, pool.map(_entry_or_problem, new)):
             if isinstance(entry, str):
                 problems.append(f"{path}: {entry}")
             else:
                 added.append(entry)
     if added:
-        append(folder / FOUND, added)
+        append_entries(folder / ADDED, added)
     problems += [f"{folder / name}: {sentence}" for name, sentence in wrong.items() if sentence]
     good = {name: entry for name, entry in known.items() if not wrong[name]}
     return sorted(problems), good | {entry["file"]: entry for entry in added}
 
 
-def _content(path: Path) -> dict:
+def _read_content(path: Path) -> dict:
     with open(path, "rb") as file:
         return {"bytes": path.stat().st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
 
-def _line_or_problem(path: Path) -> dict | str:
+def _entry_or_problem(path: Path) -> dict | str:
     try:
         with zipfile.ZipFile(path) as archive:
             if broken := archive.testzip():
                 return f"cannot be read ({broken})"
-        return line(path)
+        return make_entry(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
         return f"cannot be read ({error})"
 
 
-def summary(lines: Iterable[dict]) -> str:
+def summarize(entries: Iterable[dict]) -> str:
     """How much there is, in a sentence for each kind."""
-    lines = list(lines)
-    if not lines:
+    entries = list(entries)
+    if not entries:
         return "no samples"
-    triangles = sorted(entry["triangles"] for entry in lines)
-    kinds = (f"{sum(entry[f.name] for entry in lines)} with {f.name}" for f in fields(Facts) if f.type == "bool")
-    return (f"{len(lines)} samples, {sum(entry['views'] for entry in lines)} views, "
-            f"{sum(entry['bytes'] for entry in lines) / 1e6:.1f} MB, {triangles[0]} to {triangles[-1]} triangles "
+    triangles = sorted(entry["triangles"] for entry in entries)
+    kinds = (f"{sum(entry[f.name] for entry in entries)} with {f.name}" for f in fields(Facts) if f.type == "bool")
+    return (f"{len(entries)} samples, {sum(entry['views'] for entry in entries)} views, "
+            f"{sum(entry['bytes'] for entry in entries) / 1e6:.1f} MB, {triangles[0]} to {triangles[-1]} triangles "
             f"(median {triangles[len(triangles) // 2]}); " + ", ".join(kinds))
 
 
@@ -116,7 +115,7 @@ def main() -> int:
         print(f"there is no folder {folder}", file=sys.stderr)
         return 2
     problems, good = check(folder)
-    print(summary(good.values()))
+    print(summarize(good.values()))
     for sentence in problems:
         print(sentence, file=sys.stderr)
     if problems:

@@ -22,9 +22,9 @@ import numpy as np
 from renderformer_v2.model.color import half
 from tools.extension import run
 
-from .console import silence_blender
-from .environments import load_environment
-from .shards import save_arrays
+from ..common.console import silence_blender
+from .sample_files import save_arrays
+from .scenes.worlds import load_studio_light
 
 SIZE = 64
 PER_SHARD = 250
@@ -69,7 +69,7 @@ def build_scene(samples: int) -> bpy.types.ShaderNode:
     scene.world.use_nodes = True
     nodes, links = scene.world.node_tree.nodes, scene.world.node_tree.links
     texture = nodes.new("ShaderNodeTexEnvironment")
-    texture.image = monochrome(load_environment("studio"))
+    texture.image = monochrome(load_studio_light("studio"))
     links.new(texture.outputs["Color"], nodes["Background"].inputs["Color"])
     return material.node_tree.nodes["Principled BSDF"]
 

@@ -21,12 +21,11 @@ from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import BUNDLED
-from tools.arguments import whole_number
-from tools.datagen.shards import sample_paths
+from tools.common.arguments import whole_number
+from tools.datagen.sample_files import sample_paths
 
 from .blends import evaluate_blend
-from .page import write_page
-from .pictures import write_pictures
+from .report import write_page, write_pictures
 from .samples import evaluate_sample
 from .scores import mean
 

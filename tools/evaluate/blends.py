@@ -6,8 +6,8 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from tools.exr import read_pass
-from tools.rendering import render, render_once, samples_in_time
+from tools.common.pictures import read_pass
+from tools.common.render_process import render, render_once, samples_in_time
 
 from .scores import Evaluation, scores
 

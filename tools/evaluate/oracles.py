@@ -23,7 +23,7 @@ from renderformer_v2.model.metrics.scores import psnr
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.weights.presets import BUNDLED
-from tools.datagen.shards import load_sample, sample_paths
+from tools.datagen.sample_files import load_sample, sample_paths
 
 from .samples import prior_light
 

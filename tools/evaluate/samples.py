@@ -15,7 +15,7 @@ from renderformer_v2.model.guided.guided_inputs import guided_view
 from renderformer_v2.model.guided.pipeline import GuidedContext
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
-from tools.datagen.shards import hint_samples, load_sample
+from tools.datagen.sample_files import hint_samples, load_sample
 
 from .scores import Evaluation, scores
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.metrics import compare
+from tools.common.metrics import compare
 
 METRICS = ("psnr", "ssim", "flip")
 

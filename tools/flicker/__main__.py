@@ -26,9 +26,9 @@ from pathlib import Path
 
 from renderformer_v2.model.errors import CheckpointError, SceneError
 from tools import extension
-from tools.arguments import picture_size, whole_number
-from tools.picture import prepare
-from tools.scene_file import one_line
+from tools.common.arguments import picture_size, whole_number
+from tools.common.pictures import prepare
+from tools.common.scene_file import one_line
 
 
 def main() -> int:
@@ -88,9 +88,9 @@ def _measured(arguments: argparse.Namespace, engine: str, **settings) -> dict:
 
 
 def _show(path: Path, folders: list[Path]) -> None:
-    from tools.exr import read_pass
+    from tools.common.pictures import read_pass
 
-    from .film import film
+    from .frames import film
     frames = zip(*(sorted(folder.glob("*.exr")) for folder in folders), strict=True)
     film(path, ([read_pass(file, "Combined", "RGB") for file in files] for files in frames))
 

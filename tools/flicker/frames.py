@@ -6,24 +6,31 @@ import hashlib
 import json
 import sys
 import time
+from collections.abc import Iterable, Iterator
+from math import radians
 from pathlib import Path
 
 import bpy
+import numpy as np
+from PIL import Image
 
+from mathutils import Matrix, Vector
+
+from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.scene import View
 from renderformer_v2.model.weights.presets import weights_folder
-from tools.exr import read_pass
-from tools.scene_file import configure, open_scene, save
+from tools.common.pictures import read_pass, write_whole
+from tools.common.scene_file import configure, open_scene, save
 
 from .measure import Frame
-from .orbit import views
 
 
 def rendered(path: Path, output: Path, engine: str, frames: int, degrees: float, **settings) -> list[tuple]:
     """(View, file) of every frame; those that `output` holds already are not rendered again.
 
-    settings: as tools.scene_file.configure takes them. Each way to render has a folder of its own in `output`, so that
-    no frame is taken for another; the seconds of each are printed. Raises what Blender raises, SceneError when there is
-    no usable camera, and OSError.
+    settings: of tools.common.scene_file.configure. Frames with other settings have another folder in `output`; the
+    seconds of every frame are printed. Raises what Blender raises, SceneError when there is no usable camera, and
+    OSError.
     """
     scene = open_scene(path)
     configure(scene, engine, **settings)
@@ -56,3 +63,58 @@ def read(view, file: Path) -> Frame:
 
 def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
+def views(scene: bpy.types.Scene, frames: int, degrees: float) -> Iterator[View]:
+    """Set the scene to one frame after the other, from its first one, and give its View.
+
+    The camera turns by so many degrees a frame about a vertical axis, with the pose that the file is saved in in the
+    middle; with 0 degrees it is animated as in the file. Raises SceneError when there is no usable camera.
+    """
+    from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+
+    if degrees and scene.camera:
+        _animate(scene, [radians(degrees) * (index - (frames - 1) / 2) for index in range(frames)])
+    for index in range(frames):
+        scene.frame_set(scene.frame_start + index)
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        scale = scene.render.resolution_percentage / 100
+        yield convert_camera(depsgraph, int(scene.render.resolution_x * scale), int(scene.render.resolution_y * scale),
+                             None)
+
+
+def _animate(scene: bpy.types.Scene, angles: list[float]) -> None:
+    """Key a copy of the camera at these angles: the camera itself may be animated or constrained."""
+    pose = scene.camera.matrix_world.copy()
+    camera = bpy.data.objects.new("Orbit", scene.camera.data)
+    scene.collection.objects.link(camera)
+    scene.timeline_markers.clear()  # they may bind other cameras
+    scene.camera, camera.rotation_mode = camera, "QUATERNION"
+    pivot = Matrix.Translation(_looked_at(scene, pose))
+    for frame, angle in enumerate(angles, scene.frame_start):
+        camera.matrix_world = pivot @ Matrix.Rotation(angle, 4, "Z") @ pivot.inverted() @ pose
+        for path in ("location", "rotation_quaternion", "scale"):
+            camera.keyframe_insert(path, frame=frame)
+
+
+def _looked_at(scene: bpy.types.Scene, pose: Matrix) -> Vector:
+    """The point on the camera's axis that is nearest to the middle of what is rendered, always in front of it."""
+    corners = [item.matrix_world @ Vector(corner) for item in scene.objects
+               if item.type == "MESH" and not item.hide_render for corner in item.bound_box]
+    middle = sum(corners, Vector()) / max(len(corners), 1)
+    forward = -pose.col[2].to_3d().normalized()
+    size = max(((corner - middle).length for corner in corners), default=1.0)
+    return pose.translation + forward * max((middle - pose.translation).dot(forward), 0.1 * size)
+
+
+SECONDS = 0.125  # of a frame
+QUALITY = 95     # of 100
+
+
+def film(path: Path, frames: Iterable[Iterable[np.ndarray]]) -> None:
+    """Write a .webp of frames, each of which is pictures (H, W, 3) f32, linear. Raises OSError naming `path`."""
+    shown = [Image.fromarray(np.hstack([(linear_to_srgb(picture) * 255 + 0.5).astype(np.uint8)
+                                        for picture in pictures])) for pictures in frames]
+    write_whole(path, lambda temporary: shown[0].save(
+        temporary, save_all=True, append_images=shown[1:], duration=round(1000 * SECONDS), loop=0, quality=QUALITY,
+        method=6))

@@ -22,7 +22,7 @@ from renderformer_v2.model.guided.decoding import shown
 from renderformer_v2.model.guided.pipeline import GuidedPipeline
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.checkpoint import save_network
-from tools.datagen.shards import hint_samples, load_sample
+from tools.datagen.sample_files import hint_samples, load_sample
 
 from . import apart, ranks
 from .augment import mirrored, recolored, turn_about_z

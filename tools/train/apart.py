@@ -17,10 +17,11 @@ from torch.utils.data import DataLoader, Dataset
 from renderformer_v2.model.color import HALF_MAX
 from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.weights.presets import BUNDLED
-from tools.arguments import whole_number
-from tools.datagen.shards import sample_paths
+from tools.common.arguments import whole_number
+from tools.datagen.sample_files import sample_paths
 
-from . import cache_key, ranks
+from . import ranks
+from . import sample_cache as cache_key
 from .errors import SampleError, TrainingError
 from .run import explained
 

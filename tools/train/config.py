@@ -11,7 +11,7 @@ from torch import nn
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.weights.presets import PRESETS
-from tools.datagen.facts import Facts
+from tools.datagen.sample_files import Facts
 
 from .errors import TrainingError
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.picture import write_whole
+from tools.common.pictures import write_whole
 
 LOSSES = {"image": "picture", "direct": "direct light of the lobes", "indirect": "indirect light of the lobes"}
 SMOOTH = 7  # points of the median that is drawn over them

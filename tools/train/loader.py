@@ -13,8 +13,7 @@ from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from renderformer_v2.model.tensor_group import TensorGroup
 from tools.datagen import manifest
-from tools.datagen.facts import Facts, facts
-from tools.datagen.shards import sample_paths
+from tools.datagen.sample_files import Facts, read_facts, sample_paths
 
 from . import ranks
 from .augment import augment
@@ -71,9 +70,9 @@ class SampleStream(IterableDataset):
 
     def _read_manifest(self) -> None:
         """What it says of samples spares reading them; a line of an older version does not count."""
-        for name, entry in manifest.read(self.folder).items():
+        for name, entry in manifest.read_entries(self.folder).items():
             try:
-                self.facts[self.folder / name] = manifest.facts_of(entry)
+                self.facts[self.folder / name] = manifest.facts_from_entry(entry)
             except KeyError:
                 continue
 
@@ -83,7 +82,7 @@ class SampleStream(IterableDataset):
             return True
         if path not in self.facts:
             try:
-                self.facts[path] = facts(path)
+                self.facts[path] = read_facts(path)
             except Exception as error:  # a damaged archive raises whatever the damage leads to
                 self._leave_out(path, unreadable(path, error))
                 return False

@@ -25,11 +25,12 @@ from renderformer_v2.model.published.pipeline import PublishedPipeline, shown
 from renderformer_v2.model.renderer import padded
 from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.tensor_group import stacked
-from tools.datagen.shards import load_sample, sample_paths
+from tools.datagen.sample_files import load_sample, sample_paths
 
-from . import cache_key, ranks
+from . import ranks
+from . import sample_cache as cache_key
 from .errors import SampleError, TrainingError
-from .kept import keep, kept
+from .sample_cache import keep, kept
 from .samples import unreadable
 
 DAMAGED = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error)  # what such files raise

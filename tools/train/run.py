@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.errors import CheckpointError
-from tools.arguments import whole_number
+from renderformer_v2.model.network.layers import RMSNorm, SwiGLU
+from tools.common.arguments import whole_number
 
 from . import ranks
-from .compiled import compile_parts
 from .config import TrainConfig
 from .errors import TrainingError
 from .log import Log
@@ -138,3 +138,13 @@ def explained(work: Callable[[], None]) -> int:
         print(error, file=sys.stderr)
         return 2
     return 0
+
+
+PARTS = SwiGLU, RMSNorm
+
+
+def compile_parts(model: nn.Module) -> None:
+    """Compile at first use, for any number of tokens; the names of the weights stay."""
+    for module in model.modules():
+        if isinstance(module, PARTS):
+            module.compile(dynamic=True)

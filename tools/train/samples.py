@@ -19,11 +19,11 @@ from renderformer_v2.model.network.inputs import EnvironmentInputs, VolumeInputs
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.tensor_group import TensorGroup, stacked
 from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
-from tools.datagen.shards import load_sample
+from tools.datagen.sample_files import load_sample
 
-from . import cache_key
+from . import sample_cache as cache_key
 from .errors import SampleError
-from .kept import kept
+from .sample_cache import kept
 
 CONFIG = PRESETS[BUNDLED]()  # whose tile and panorama sizes the samples have
 

@@ -22,15 +22,14 @@ from renderformer_v2.model.network.inputs import view_inputs
 from renderformer_v2.model.network.renderformer import to_radiance
 from renderformer_v2.model.weights.presets import rf2_200m
 from renderformer_v2.rf2_engine.progress.memory import MEBI, held
-from tools.arguments import whole_number
 from tools.benchmark import ring
 from tools.benchmark.point import random_inputs
+from tools.common.arguments import whole_number
 
-from .compiled import compile_parts
 from .cost import tokens, training_flops
 from .curriculum import see
 from .losses import image_loss, structure_loss
-from .run import PRECISIONS
+from .run import PRECISIONS, compile_parts
 from .state import TrainingState
 
 

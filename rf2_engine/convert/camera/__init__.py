@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The camera, and what it sees of a scene."""
+"""The camera: projection, lens and eyes."""

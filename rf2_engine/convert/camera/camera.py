@@ -20,7 +20,7 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
     `border` is (x0, x1, y0, y1) in pixels from the bottom left of that picture, or None for all of it. `eye` is the
     camera as it is, if not given. Lens shift, sensor fit and pixel aspect are taken from the projection matrix that
     Blender itself uses. An orthographic camera becomes a distant perspective one, and `report`
-    (rf2_engine/convert/report.py) says so.
+    (rf2_engine/convert/data/report.py) says so.
 
     Raises SceneError when there is no camera or its projection cannot be expressed.
     """

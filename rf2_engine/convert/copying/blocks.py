@@ -7,9 +7,9 @@ import numpy as np
 
 from ... import compat
 from ...material_settings import latent_of
-from ..shading.blocks import Lamp, Material, World
-from ..shading.conventions import Conventions
-from ..shading.nodes import Tree
+from ..data.blocks import Lamp, Material, World
+from ..data.conventions import Conventions
+from ..data.nodes import Tree
 from .image_files import scene_linear
 from .images import Images
 from .trees import VALUES, Trees, plain

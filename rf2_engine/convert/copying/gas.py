@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..media.grids import Grid
+from ..data.copied import Grid
 
 CHANNELS = {"density": 1, "flame": 1, "heat": 1, "temperature": 1, "color": 4}
 

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ... import main_thread
-from ..shading.images.picture import FIRST_TILE, TILES_IN_A_ROW
+from ..data.images import FIRST_TILE, TILES_IN_A_ROW
 
 
 def stored_pixels(image, frame: int | None = None, tile: int | None = None) -> np.ndarray | None:

@@ -7,8 +7,7 @@ import numpy as np
 from ....model import progress
 from ....model.color import srgb_to_linear
 from ... import compat
-from ..shading.images.picture import MISSING, Picture
-from ..shading.images.pyramid import Pyramid, area_resample
+from ..data.images import MISSING, Picture, Pyramid, area_resample
 from .image_files import frame_number, scene_linear, stored_pixels
 
 DATA_SPACES = {"Non-Color", "Raw", "data"}

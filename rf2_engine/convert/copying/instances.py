@@ -8,18 +8,18 @@ import numpy as np
 
 from ....model import progress
 from ... import compat
-from ..attributes import MESH, Asked
-from ..copied import Copied, LampInstance, Surface
-from ..lamps.light_linking import dark_emitters
-from ..media.grids import Grid
-from ..meshes import mesh as meshes
-from ..meshes import strands
-from ..meshes.mesh import TriangleMesh
-from ..place import Place
-from ..report import AS_GOOD_AS_INFINITE
-from ..visibility import gas_domain, is_shown
+from ..data.copied import Copied, Grid, LampInstance, Surface
+from ..data.instance import Particle, Place
+from ..data.mesh import TriangleMesh
+from ..data.report import AS_GOOD_AS_INFINITE
+from ..shading.noise.hashing import LARGEST, jenkins
+from . import strands
+from .attributes import MESH, Asked
 from .blocks import Blocks
 from .kept import Kept
+from .light_linking import dark_emitters
+from .meshes import material_slots
+from .visibility import gas_domain, is_shown
 from .volumes import gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
@@ -88,7 +88,7 @@ class _Walk:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
     def _place(self, instance) -> Place:
-        return Place.of(instance, self.depsgraph.scene_eval.frame_current_final, self.asked)
+        return read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.asked)
 
     def _is_shown(self, instance) -> bool:
         """Asked once for all instances of an object by another."""
@@ -123,10 +123,40 @@ class _Walk:
 
     def _slots(self, obj) -> list:
         override = self.layer.material_override
-        return [self.blocks.of(block) for block in ([override] if override else meshes.material_slots(obj))]
+        return [self.blocks.of(block) for block in ([override] if override else material_slots(obj))]
 
     def _mesh(self, obj, slots: list) -> TriangleMesh:
         key = obj.data.as_pointer(), *slots
         if key not in self._read:
             self._read[key] = self.kept.meshes.of(obj, self.asked.names[MESH], self.report)
         return self._read[key]
+
+
+def read_instance(instance, frame: float, asked: Asked) -> Place:
+    """Copied from a DepsgraphObjectInstance, which lives for one step of the walk alone."""
+    obj = instance.object
+    if instance.is_instance:
+        random = (instance.random_id & 0xffffffff) / LARGEST
+    else:
+        random = jenkins(_of_name(obj.name), 0) / LARGEST
+    return Place(np.array(instance.matrix_world, np.float64), obj.name, tuple(obj.color), obj.pass_index,
+               float(random), tuple(instance.orco), tuple(instance.uv), _particle(instance, frame),
+               asked.of_object(obj), asked.of_instancer(instance), asked.of_view_layer)
+
+
+def _particle(instance, frame: float) -> Particle:
+    system = instance.particle_system if instance.is_instance else None
+    index = instance.persistent_id[0] if system else 0
+    if system is None or not 0 <= index < len(system.particles):
+        return Particle()
+    it = system.particles[index]
+    return Particle(index, frame - it.birth_time, it.lifetime, tuple(it.location), it.size, tuple(it.velocity),
+                    tuple(it.angular_velocity))
+
+
+def _of_name(name: str) -> int:
+    """Cycles' hash of a string."""
+    code = 0
+    for byte in name.encode():
+        code = (code * 37 + byte - 256 * (byte > 127)) & 0xffffffff
+    return code

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ..meshes import mesh as meshes
-from ..meshes.mesh import TriangleMesh
-from ..report import Remark, Report
-from ..shading.blocks import World
+from ..data.blocks import World
+from ..data.mesh import TriangleMesh
+from ..data.report import Remark, Report
+from .meshes import read_mesh
 
 
 @dataclass
@@ -52,9 +52,9 @@ class Meshes:
 def _read(obj, report, asked: set[str]) -> TriangleMesh:
     """The mesh of an evaluated object. In Edit Mode nothing is in it before Blender is asked for one."""
     if not obj.data.is_editmode:
-        return meshes.read_mesh(obj.data, obj.name, report, asked)
+        return read_mesh(obj.data, obj.name, report, asked)
     try:
-        return meshes.read_mesh(obj.to_mesh(), obj.name, report, asked)
+        return read_mesh(obj.to_mesh(), obj.name, report, asked)
     finally:
         obj.to_mesh_clear()
 

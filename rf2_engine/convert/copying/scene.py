@@ -5,13 +5,13 @@ from __future__ import annotations
 from ....model import progress
 from ... import compat
 from ..camera.camera import clip_start
-from ..copied import Copied
-from ..material import needs_baking
-from ..visibility import hidden_in_renders
-from ..world import drawn_by
+from ..data.copied import Copied
+from ..lamps.world import drawn_by
+from ..shading.material import needs_baking
 from .blocks import REC709, Blocks
 from .instances import add_instances
 from .kept import Kept
+from .visibility import hidden_in_renders
 
 
 def copy(depsgraph, report, by_cycles=None, baker=None, kept=None, hides=None) -> Copied:

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 
 from ... import compat
+from ..data.conventions import Conventions
+from ..data.nodes import Curve, Curves, Frame, Node, Socket, Tree
 from ..shading import ies
-from ..shading.conventions import Conventions
-from ..shading.nodes import Curve, Curves, Frame, Node, Socket, Tree
 from .images import Images
 
 VALUES = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....model.scene import CELLS, VOXELS
 from ... import compat
-from ..media.grids import Grid
+from ..data.copied import Grid
 
 NUMBERS, COLORS = {"FLOAT", "DOUBLE", "INT", "INT64"}, {"VECTOR_FLOAT", "VECTOR_DOUBLE"}
 

@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..copied import Gridded
-from ..media.grids import Grid
+from ..data.blocks import Material
+from ..data.copied import Grid, Gridded
+from ..data.instance import Place
 from ..media.volumes import DEFAULT_GRID
-from ..place import Place
-from ..shading.blocks import Material
 from ..shading.volume import grid_names, has_volume
-from ..visibility import gas_domain
 from .gas import gas_grids
 from .vdb import openvdb_module, read_grids
+from .visibility import gas_domain
 
 
 def gridded(obj, material: Material | None, place: Place, known: dict[tuple, dict[str, Grid]],

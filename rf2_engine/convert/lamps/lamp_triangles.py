@@ -11,13 +11,13 @@ import numpy as np
 
 from ....model.geometry import area_vectors
 from ....model.scene import RenderScene
+from ..data.copied import Sun
 from . import proxies
 from .beam import HALF_SPACE, spot_beam, spread_beam
 from .cones import Cone
 from .flat_light import DARK, black, shining
 from .lamp_power import ball_power, lamp_light, normalized
 from .placed_lamp import Detail, PlacedLamp, beams, half_angle_of, rotation
-from .suns import Sun
 
 BALL_RADIUS = 0.01            # of the scene radius: least size of a point or spot lamp
 SUN_ANGLE = math.radians(0.5)  # least diameter of a sun

@@ -10,10 +10,10 @@ from ....model import progress
 from ....model.clusters import clusters
 from ....model.geometry import area_vectors
 from ....model.scene import RenderScene
-from ..copied import LampInstance
-from ..meshes.mesh import within_reach
+from ..data.copied import LampInstance, Sun
+from ..data.mesh import within_reach
 from .lamp_triangles import COARSE, FINE, convert_light, convert_sun, lamp_sun
-from .suns import Sun, fewer_suns
+from .suns import fewer_suns
 
 SUNS_SHARE = 0.25        # of the triangles, where there are too many
 FACING, COLOR = 0.3, 0.1  # how much differences in these count beside a distance of the scene's radius

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..shading.blocks import Lamp
+from ..data.blocks import Lamp
 from .cones import Cone, cones, smoothstep, sphere
 from .lamp_power import LampLight
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from ....model.clusters import clusters
 from ....model.geometry import latlong_directions
+from ..data.copied import Sun
 
 MAX_SUNS = 4
 TRIES = 8                       # bright places that are looked at
@@ -17,15 +17,6 @@ CENTRINGS = 3                   # from its brightest texel to its middle
 RING = math.radians(8)          # outer radius of what is around it
 CONTRAST = 8                    # times as bright as most of the ring
 SHARE = 0.1                     # of the irradiance of a surface that faces it, beside all else
-
-
-@dataclass(frozen=True)
-class Sun:
-    """Light from far away, the same wherever it falls."""
-
-    toward: np.ndarray      # (3,) unit, world
-    irradiance: np.ndarray  # (3,) of a surface that faces it
-    angle: float            # radians, its diameter
 
 
 def split_suns(environment: np.ndarray) -> tuple[np.ndarray, list[Sun]]:

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..collected import Collected
-from ..lamps.suns import Sun
-from ..place import Place
+from ..data.collected import Collected
+from ..data.copied import Sun
+from ..data.instance import Place
+from ..data.medium import Box
 from ..shading.volume import has_volume, volume_coefficients, volume_points
-from .medium import Box
 from .shaded import shaded_medium
 
 MARGIN = 0.01   # of the box's longest side, around it

@@ -2,43 +2,28 @@
 """Average grids of numbers over the voxels of a box."""
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
-from .medium import Box, Medium, box_around, voxel_centres
+from ..data.copied import Grid
+from ..data.medium import Box, Medium, box_around, voxel_centres
 from .shaded import shaded_medium
 
 ALIGNED = 1e-6  # of an axis' length may point elsewhere
 
 
-@dataclass
-class Grid:
-    """Value i of an axis holds over [i, i + 1], as Cycles draws voxels."""
-
-    values: np.ndarray    # (x, y, z, c) f32
-    to_space: np.ndarray  # (4, 4) f64, from places counted in values: to the object's, or to the world's
-
-    def moved(self, matrix: np.ndarray) -> Grid:
-        return replace(self, to_space=matrix @ self.to_space)
-
-    def corners(self) -> np.ndarray:
-        """(8, 3) of what it fills, counted in values."""
-        return np.indices((2, 2, 2)).reshape(3, 8).T * np.array(self.values.shape[:3])
-
-    def in_box(self, box: Box, resolution: int) -> np.ndarray:
-        """(r, r, r, c) f32 in the box's voxels: means of fine grids, coarse ones interpolated; 0 outside."""
-        to_grid = np.linalg.pinv(self.to_space)
-        axes = to_grid[:3, :3] @ (box.rotation * box.size)  # columns: ways through the grid along the box's sides
-        straight = np.diag(axes)
-        if np.abs(axes - np.diag(straight)).max() > ALIGNED * np.abs(straight).min():
-            points = voxel_centres(box, resolution) @ to_grid[:3, :3].T + to_grid[:3, 3]
-            return _trilinear(self.values, points - 0.5)
-        first, values = to_grid[:3, :3] @ box.center + to_grid[:3, 3] - straight / 2, self.values
-        for axis in range(3):
-            weights = shares(first[axis], straight[axis] / resolution, resolution, values.shape[axis])
-            values = np.moveaxis(np.tensordot(weights, values, (1, axis)), 0, axis)
-        return values.astype(np.float32)
+def in_box(grid: Grid, box: Box, resolution: int) -> np.ndarray:
+    """(r, r, r, c) f32 in the box's voxels: means of fine grids, coarse ones interpolated; 0 outside."""
+    to_grid = np.linalg.pinv(grid.to_space)
+    axes = to_grid[:3, :3] @ (box.rotation * box.size)  # columns: ways through the grid along the box's sides
+    straight = np.diag(axes)
+    if np.abs(axes - np.diag(straight)).max() > ALIGNED * np.abs(straight).min():
+        points = voxel_centres(box, resolution) @ to_grid[:3, :3].T + to_grid[:3, 3]
+        return _trilinear(grid.values, points - 0.5)
+    first, values = to_grid[:3, :3] @ box.center + to_grid[:3, 3] - straight / 2, grid.values
+    for axis in range(3):
+        weights = shares(first[axis], straight[axis] / resolution, resolution, values.shape[axis])
+        values = np.moveaxis(np.tensordot(weights, values, (1, axis)), 0, axis)
+    return values.astype(np.float32)
 
 
 def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report) -> Medium:
@@ -55,7 +40,7 @@ def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficie
 
     def at(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         def values(wanted: str) -> np.ndarray | None:
-            return grids[wanted].in_box(box, len(points)) if wanted in grids else None
+            return in_box(grids[wanted], box, len(points)) if wanted in grids else None
         return coefficients(points @ to_object[:3, :3].T + to_object[:3, 3], values)
 
     return shaded_medium(name, box, at, report)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ....model.scene import CELLS
-from .medium import Box, Medium, voxel_centres
+from ..data.medium import Box, Medium, voxel_centres
 
 EVEN = 4          # cells per axis of a box that is the same everywhere
 SAME_TINT = 0.05  # most difference in colour that is not worth a remark

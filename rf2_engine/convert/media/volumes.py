@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..copied import Gridded
-from ..place import Place
+from ..data.copied import Gridded
+from ..data.instance import Place
+from ..data.medium import Medium, box_around
 from ..shading.volume import volume_coefficients, volume_points
 from .grids import grid_medium
 from .inside import filling
-from .medium import Medium, box_around
 from .shaded import shaded_medium
 
 # What Cycles shades a Volume object without material with: Principled Volume, colour 0.5, density 1.

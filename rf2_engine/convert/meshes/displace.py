@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..place import Place
+from ..data import mesh as meshes
+from ..data.instance import Place
+from ..data.mesh import TriangleMesh
 from ..shading import graph
 from ..shading.evaluate import Evaluator, Points
+from ..shading.material import HEIGHT_UNIT
 from ..shading.node_call import NodeCall, Unknown
-from . import mesh as meshes
-from .mesh import TriangleMesh
 from .subdivide import pieces, subdivide
 
-HEIGHT_UNIT = 0.025  # world units of displacement at height 1 (docs/scene-input.md 4.6)
 DICED = 1 << 14      # triangles of a diced mesh, of which the budget then takes what it wants
 FLAT = 1e-3          # normals that differ by less are one
 

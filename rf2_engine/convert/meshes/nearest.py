@@ -6,7 +6,7 @@ import numpy as np
 
 from ....model import progress
 from ...bvh import tree_of, uncollected
-from . import mesh as meshes
+from ..data import mesh as meshes
 from .blocks import blocks, points_of
 
 BATCH = 20_000  # points that are looked up before somebody asks about Esc

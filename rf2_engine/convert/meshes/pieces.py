@@ -8,9 +8,8 @@ import numpy as np
 
 from ....model import progress
 from ....model.geometry import connected
-from ..camera.apparent_size import Lens
-from . import mesh as meshes
-from .mesh import TriangleMesh
+from ..data import mesh as meshes
+from ..data.mesh import TriangleMesh
 from .sampling import keep_some
 
 LEAST = 4       # triangles for each piece that has as many
@@ -18,7 +17,7 @@ SHARE = 0.8     # of the triangles wanted at most are planned for these; what is
 MISSED = 0.2    # of the area is what leaves are worth: fewer, such as the screws of a machine, are not enlarged
 
 
-def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, lens: Lens | None) -> TriangleMesh:
+def thinned(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, target: int, lens) -> TriangleMesh:
     """`mesh`, or if much of it is pieces that do not fit into `target` triangles, some of them that stand for all.
 
     points (v, 3), faces (n, 3): of the mesh, where pieces are connected. lens: as for reduce.simplify.

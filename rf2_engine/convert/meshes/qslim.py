@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....model import progress
-from . import mesh as meshes
+from ..data import mesh as meshes
 from .blocks import blocks, points_of
 
 MANY = 64               # a mesh this many times too fine is first made coarser by cubes of 1 / FINE of the new edges,

@@ -9,9 +9,8 @@ import numpy as np
 from ....model import progress
 from ....model.errors import SceneError
 from ....model.geometry import barycentric
-from ..camera.apparent_size import Lens
-from . import mesh as meshes
-from .mesh import TriangleMesh
+from ..data import mesh as meshes
+from ..data.mesh import TriangleMesh
 from .nearest import Surface
 from .pieces import thinned
 from .qslim import reduced
@@ -21,7 +20,7 @@ KEPT_WHOLE = 64         # a mesh this small keeps all its triangles as long as t
 SEAMS = 0.1             # of the edges at most are kept for where UVs are cut
 
 
-def simplify(mesh: TriangleMesh, target: int, lens: Lens | None = None) -> TriangleMesh:
+def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     """At most `target` triangles of about the same shape, as judged through `lens`, or in the object's own frame.
 
     Normals, UVs, colours and material slots come from the nearest original triangle.

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import mesh as meshes
-from .mesh import TriangleMesh
+from ..data import mesh as meshes
+from ..data.mesh import TriangleMesh
 
 
 def subdivide(corners: np.ndarray, cost: np.ndarray, max_edge: float, budget: int,

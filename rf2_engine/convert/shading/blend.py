@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import mixed
+from ..data.arrays import mixed
 from .color_models import hsv_to_rgb, rgb_to_hsv
 from .node_call import NodeCall
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import divided
+from ..data.arrays import divided
 
 
 def _hue(rgb, high, chroma):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import joined, mixed
+from ..data.arrays import joined, mixed
+from ..data.nodes import Curve
 from .color_models import FROM_RGB, TO_RGB, hsv_to_rgb, rgb_to_hsv
 from .node_call import NodeCall
-from .nodes import Curve
 
 
 def invert(n: NodeCall):

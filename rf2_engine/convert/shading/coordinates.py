@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..data.arrays import joined, unit
+from ..data.nodes import Frame
 from . import lamp_nodes
-from .arrays import joined, unit
 from .node_call import DependsOnView, NodeCall, Unknown
-from .nodes import Frame
 
 WORLD_COORDINATES = ("Generated", "Object", "Normal", "Reflection", "UV")
 FRONT = {"Backfacing": "both sides of a face get the material of the front"}

@@ -13,11 +13,11 @@ from functools import cached_property
 import numpy as np
 
 from ....model.scene import barycentric_grid
-from ..meshes.mesh import face_normals
-from ..place import Place
+from ..data.arrays import unit
+from ..data.conventions import Conventions
+from ..data.instance import Place
+from ..data.mesh import face_normals
 from . import graph
-from .arrays import unit
-from .conventions import Conventions
 from .functions import FUNCTIONS
 from .lamp_nodes import LampPoints
 from .node_call import DependsOnView, NodeCall, Unknown

@@ -4,20 +4,20 @@ from . import (
     blend,
     colors,
     coordinates,
+    image_texture,
     input_nodes,
     lamp_nodes,
     maths,
+    noise_texture,
     normal_map,
     object_info,
     pattern,
     sky,
     spectrum,
     vectors,
+    voronoi_texture,
 )
-from .images import image_texture
-from .noise import gabor, noise_texture, voronoi
 
-FUNCTIONS = (blend.FUNCTIONS | colors.FUNCTIONS | coordinates.FUNCTIONS | gabor.FUNCTIONS | image_texture.FUNCTIONS
-             | input_nodes.FUNCTIONS | lamp_nodes.FUNCTIONS | maths.FUNCTIONS | noise_texture.FUNCTIONS
-             | normal_map.FUNCTIONS | object_info.FUNCTIONS | pattern.FUNCTIONS | sky.FUNCTIONS | spectrum.FUNCTIONS
-             | vectors.FUNCTIONS | voronoi.FUNCTIONS)
+MODULES = (blend, colors, coordinates, image_texture, input_nodes, lamp_nodes, maths, noise_texture, normal_map,
+           object_info, pattern, sky, spectrum, vectors, voronoi_texture)
+FUNCTIONS = {kind: function for module in MODULES for kind, function in module.FUNCTIONS.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import joined
+from ..data.arrays import joined
 from .node_call import NodeCall
 from .object_info import property_of
 

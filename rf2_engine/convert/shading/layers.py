@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import mixed
+from ..data.arrays import mixed
 
 # Share of light from all sides that sheen of weight 1 turns back, measured in Cycles on a white-lit sphere.
 SHEEN_ROUGHNESS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)

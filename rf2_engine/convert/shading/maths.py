@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import divided, joined, smoothstep
+from ..data.arrays import divided, joined, smoothstep
 from .node_call import NodeCall
 
 

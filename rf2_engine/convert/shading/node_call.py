@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..data.arrays import joined
 from . import graph
-from .arrays import joined
 
 OF_A_NODE = 'node "'  # how a remark about a node begins
 

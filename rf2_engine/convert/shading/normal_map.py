@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import dot, joined, mixed, unit
+from ..data.arrays import dot, joined, mixed, unit
 from .coordinates import normals_in_world
 from .node_call import NodeCall, Unknown
 

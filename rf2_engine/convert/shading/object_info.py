@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .node_call import NodeCall
+from .noise.hashing import LARGEST, jenkins
 
 
 def object_info(n: NodeCall):
@@ -16,7 +17,10 @@ def object_info(n: NodeCall):
 
 
 def particle_info(n: NodeCall):
-    return _values(getattr(n.placed().particle, n.output.name.lower().replace(" ", "_")))
+    particle = n.placed().particle
+    if n.output.name == "Random":
+        return _values(jenkins(particle.index, 0) / LARGEST)
+    return _values(getattr(particle, n.output.name.lower().replace(" ", "_")))
 
 
 def of_strands(n: NodeCall):

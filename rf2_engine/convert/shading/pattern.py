@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import joined, length, mixed, smoothstep
+from ..data.arrays import joined, length, mixed, smoothstep
 from .node_call import NodeCall
 from .noise.fractal import Fractal, fbm
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ....model.color import LUMINANCE
+from ..data.arrays import mixed
 from . import layers
-from .arrays import mixed
 from .closure import BLACK, ONE, WHITE, ZERO, Closure, lobe, window
 from .node_call import NodeCall
 from .normal_map import tangent_normal

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..report import Report
+from ..data.blocks import Material
+from ..data.report import Report
 from . import graph
-from .blocks import Material
 from .evaluate import Evaluator, Points
 from .node_call import NodeCall
 from .normal_map import tangent_normal

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import divided, dot, joined, length, unit
+from ..data.arrays import divided, dot, joined, length, unit
 from .maths import MATHS
 from .node_call import NodeCall
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..place import Place
-from ..report import Report
+from ..data.instance import Place
+from ..data.report import Report
 from . import graph
 from .evaluate import Evaluator, Points
 from .node_call import NodeCall

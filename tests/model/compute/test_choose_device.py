@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which device is taken, and what is said about a card that is not; the cards are described, not there."""
-from types import SimpleNamespace
+from functools import partial
 
 import pytest
 import torch
@@ -8,24 +8,13 @@ import torch
 from renderformer_v2.model.compute import devices, precision
 from renderformer_v2.model.compute.devices import choose_device, is_built_for, unused_card
 from renderformer_v2.model.renderer import Renderer
-
-CUDA_13 = ["sm_75", "sm_80", "sm_86", "sm_90", "sm_100", "sm_120", "compute_120"]
+from tests.described_cards import CUDA_13, describe
 
 
 @pytest.fixture
 def cards(monkeypatch):
-    """Function that puts cards (name, capability, GiB) into the machine, for a PyTorch with these programs."""
-    def put(*found, builds=CUDA_13, cuda="13.0", driver=13000):
-        monkeypatch.setattr(torch.version, "cuda", cuda)
-        monkeypatch.setattr(torch.cuda, "is_available", lambda: bool(found))
-        monkeypatch.setattr(torch.cuda, "device_count", lambda: len(found))
-        monkeypatch.setattr(torch.cuda, "get_arch_list", lambda: builds)
-        monkeypatch.setattr(torch.cuda, "get_device_name", lambda i: found[i][0])
-        monkeypatch.setattr(torch.cuda, "get_device_capability", lambda i: found[i][1])
-        monkeypatch.setattr(torch.cuda, "get_device_properties",
-                            lambda i: SimpleNamespace(total_memory=found[i][2] << 30))
-        monkeypatch.setattr(torch._C, "_cuda_getDriverVersion", lambda: driver, raising=False)
-    return put
+    """Function that puts cards (name, capability, GiB) into the machine (described_cards.py)."""
+    return partial(describe, monkeypatch)
 
 
 @pytest.mark.parametrize("capability, expected", [

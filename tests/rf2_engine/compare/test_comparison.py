@@ -11,10 +11,11 @@ import pytest
 
 import addon_utils
 from bl_ext.user_default.renderformer_v2.model.color import linear_to_srgb
-from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, events
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import events
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare.state import comparison
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
-from tools import metrics as with_libraries
+from tools.common import metrics as with_libraries
 
 PACKAGE = "bl_ext.user_default.renderformer_v2"
 
@@ -75,7 +76,7 @@ def test_the_region_is_found_in_pictures_that_were_cropped_to_another(settings, 
 
 def test_only_what_was_rendered_is_measured(settings, two_slots):
     whole = _measured()
-    assert whole.box.is_whole and "Measured" not in str(whole.notes)
+    assert whole.box.is_full and "Measured" not in str(whole.notes)
     two_slots.render.use_border = True
     two_slots.render.border_min_x, two_slots.render.border_max_x = 0.0, 0.5
     two_slots.render.border_min_y, two_slots.render.border_max_y = 0.25, 1.0
@@ -205,18 +206,18 @@ def test_after_a_reference_both_are_shown_unless_the_user_does_not_want_it(setti
 
 def test_who_switches_a_growing_reference_off_is_not_shown_it_again(settings, two_slots):
     settings.show = False
-    bpy.app.handlers.render_post.append(look := lambda *_: events.offer_both())  # an Image Editor is drawn
+    bpy.app.handlers.render_post.append(look := lambda *_: events.offer_reference())  # an Image Editor is drawn
     try:
         render_with_reference(two_slots)
     finally:
         bpy.app.handlers.render_post.remove(look)
-    assert bpy.app.timers.is_registered(events._show_both)
+    assert bpy.app.timers.is_registered(events._show_growing_reference)
     assert not bpy.app.timers.is_registered(events.show_reference)
-    bpy.app.timers.unregister(events._show_both)
-    events._show_both()
+    bpy.app.timers.unregister(events._show_growing_reference)
+    events._show_growing_reference()
     assert settings.show and settings.b.pass_name == "Cycles Reference"
-    events.offer_both()
-    assert not bpy.app.timers.is_registered(events._show_both)
+    events.offer_reference()
+    assert not bpy.app.timers.is_registered(events._show_growing_reference)
     bpy.ops.render.render()  # in which nobody looked at the editor
     assert bpy.app.timers.is_registered(events.show_reference)
     bpy.app.timers.unregister(events.show_reference)
@@ -326,7 +327,7 @@ def test_another_file_begins_without(settings):
     comparison.read()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     addon_utils.enable(PACKAGE)
-    assert comparison.a is None and not comparison.settings().show
+    assert comparison.a is None and not comparison.settings.show
 
 
 def test_disabling_leaves_nothing_behind(scene):

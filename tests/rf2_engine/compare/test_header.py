@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, header, sources
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import header, sources
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare.state import comparison
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
 

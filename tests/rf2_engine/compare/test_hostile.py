@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import compat
-from bl_ext.user_default.renderformer_v2.rf2_engine.compare import comparison, sources
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import sources
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare.state import comparison
 
 
 def measured():
@@ -85,8 +86,8 @@ def test_a_render_region_turned_inside_out_is_said(settings, two_slots):
     border = two_slots.render
     border.border_min_x, border.border_max_x, border.border_min_y, border.border_max_y = 1, 0, 1, 0
     settings.region = "BORDER"
-    found = measured()
-    assert found.closeness is not None or "7 x 7" in found.error
+    measurement = measured()
+    assert measurement.closeness is not None or "7 x 7" in measurement.error
 
 
 @pytest.mark.parametrize("file_format", ["PNG", "OPEN_EXR_MULTILAYER"])

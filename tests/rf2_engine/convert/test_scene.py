@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.mesh import areas
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.mesh import areas
 
 
 def test_empty_scene_is_valid(converted):

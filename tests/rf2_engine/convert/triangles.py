@@ -2,7 +2,7 @@
 """Triangles without Blender, to be dressed by materials."""
 import numpy as np
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.mesh import TriangleMesh
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.mesh import TriangleMesh
 
 TRIANGLE = ((1, -1, 0), (-1, 1, 0), (-1, -1, 0))  # whose tile shows the square from -1 to 1
 

@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 import cycles.engine
-from bl_ext.user_default.renderformer_v2.rf2_engine.compare import growing as both
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare.growing import growing_reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import growing
 
 from tests.rf2_engine.f12 import press_f12
@@ -72,14 +72,14 @@ def test_nothing_is_left_to_be_drawn_when_cycles_fails(lit, tmp_path, monkeypatc
 def test_before_the_first_sample_there_is_nothing(lit):
     samples = [0]
     reference = growing.Running("ViewLayer", 50, 37, 7.24, lambda: samples[0], 128, time.perf_counter() - 12.3)
-    assert growing.running() is None and both.labels() == ("RenderFormer-V2", "Cycles")
+    assert growing.running() is None and growing_reference.labels() == ("RenderFormer-V2", "Cycles")
     with growing.announced(reference):
         assert growing.running() is None and growing.size() is None
         with growing.drawable(lit):
             assert growing.running() is None
             samples[0] = 24
             assert growing.running() == reference and growing.size() == (50, 37)
-            assert both.labels() == ("RenderFormer-V2, 7.2 s", "Cycles, 24 of 128 samples, 12 s")
+            assert growing_reference.labels() == ("RenderFormer-V2, 7.2 s", "Cycles, 24 of 128 samples, 12 s")
         assert growing.running() is None
 
 

@@ -8,8 +8,9 @@ import OpenEXR
 import pytest
 import torch
 
-from bl_ext.user_default.renderformer_v2.model.compute import devices, precision
+from bl_ext.user_default.renderformer_v2.model import renderer
 from bl_ext.user_default.renderformer_v2.model.compute.devices import free_memory
+from bl_ext.user_default.renderformer_v2.model.network.layers import in_precision
 from bl_ext.user_default.renderformer_v2.model.network.memory_estimate import card_bytes
 from bl_ext.user_default.renderformer_v2.model.network.renderformer import KEYS_VALUES_BYTES, RenderFormer
 from bl_ext.user_default.renderformer_v2.model.published.image_encoder import OneFrameEncoder, vae_class
@@ -20,36 +21,60 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
+from tests.described_cards import describe
 from tests.rf2_engine.f12 import press_f12
+
+AMPERE = ("GeForce RTX 3070", (8, 6), 8)
+
+
+@pytest.fixture
+def card_beside(monkeypatch):
+    """Function that puts a card with so many free bytes into the machine, while the network stays on the CPU."""
+    def put(free):
+        describe(monkeypatch, AMPERE, free=free)
+        monkeypatch.setattr(renderer, "choose_device", lambda name: torch.device("cpu"))
+    model_cache.free()
+    yield put
+    model_cache.free()
 
 
 def test_the_device_and_its_number_format_are_said_everywhere(lit, tmp_path, monkeypatch):
-    monkeypatch.setattr(model_cache, "unused_card", lambda network: "the NVIDIA card is not used, because of a test")
+    describe(monkeypatch, ("GeForce GTX 1080", (6, 1), 8))
     lit.renderformer_v2.reference.use = False
     model_cache.free()
     press_f12(lit, tmp_path)
     (layer,) = last_render.last_frame
     assert layer.device.startswith("CPU") and layer.device.endswith("Float32")
     assert layer.device in layer.lines[0] and frame_lines.of_layer(layer)["device"] == layer.device
-    assert "approximated Device: the NVIDIA card is not used, because of a test" in layer.report
+    assert any(line.startswith("approximated Device: GeForce GTX 1080 (compute capability 6.1) is not used")
+               for line in layer.report)
     with OpenEXR.File(str(tmp_path / "picture.exr")) as file:
         assert file.header()["RenderFormer-V2 device"] == layer.device
 
 
-@pytest.mark.parametrize("needed, free, said", [(2e9, 8e9, "2.0 GB are needed, 8.0 GB are free"),
-                                                (9e9, 8e9, "smaller pieces")])
-def test_preflight_tells_what_a_card_needs(lit, monkeypatch, needed, free, said):
-    monkeypatch.setattr(card, "memory", lambda *given: (needed, free))
+@pytest.mark.parametrize("free, said", [(64e9, "64.0 GB are free"), (1e6, "0.0 GB are free: if that is too little")])
+def test_preflight_tells_what_a_card_needs(lit, monkeypatch, free, said):
+    describe(monkeypatch, AMPERE, free=free)
     found = preflight.run(bpy.context.evaluated_depsgraph_get(), lambda text, fraction: None)
-    assert not found.error and any(said in line for line in found.lines)
+    needed, known = card.memory(FrameSettings.of(lit), found.tokens, 50 * 37)
+    assert not found.error and known == free
+    assert found.card.startswith(f"Card: at most {needed / 1e9:.1f} GB are needed, {said}")
 
 
-@pytest.mark.parametrize("needed, said", [(2e9, False), (9e9, True)])
-def test_a_card_that_may_be_too_small_is_said_before_the_network_begins(lit, tmp_path, monkeypatch, needed, said):
-    monkeypatch.setattr(card, "memory", lambda settings, tokens, pixels: (needed, 8e9) if tokens > 10 else None)
+def test_more_triangles_and_pixels_need_more_of_a_card(lit, monkeypatch):
+    describe(monkeypatch, AMPERE)
+    settings = FrameSettings.of(lit)
+    small, of_many, of_large = (card.memory(settings, *size)[0] for size in ((1000, 64 * 64), (100_000, 64 * 64),
+                                                                             (1000, 3840 * 2160)))
+    assert 0 < small < min(of_many, of_large)
+
+
+@pytest.mark.parametrize("free, said", [(64e9, False), (1e6, True)])
+def test_a_card_that_may_be_too_small_is_said_before_the_network_begins(lit, tmp_path, card_beside, free, said):
+    card_beside(free)
     press_f12(lit, tmp_path)
     (layer,) = last_render.last_frame
-    assert any("8.0 GB are free: if that is too little" in line for line in layer.report) == said
+    assert any("0.0 GB are free: if that is too little" in line for line in layer.report) == said
 
 
 def test_a_network_that_is_there_already_needs_no_more_memory(monkeypatch):
@@ -70,17 +95,16 @@ def test_pytorch_is_imported_for_a_card_that_may_be_used(lit, monkeypatch, devic
     assert bool(calls) == imported
 
 
-@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
-def test_the_published_weights_are_counted_in_the_precision_that_a_card_holds_them_in(lit, monkeypatch, dtype):
-    monkeypatch.setattr(devices, "free_memory", lambda device, with_ours: 8e9)
-    monkeypatch.setattr(precision, "choose_precision", lambda name, device: dtype)
-    settings = replace(FrameSettings.of(lit), light_passes=frozenset())
+@pytest.mark.parametrize("chosen, dtype", [("fp32", torch.float32), ("auto", torch.bfloat16)])
+def test_the_published_weights_are_counted_in_the_precision_that_a_card_holds_them_in(lit, monkeypatch, chosen, dtype):
+    describe(monkeypatch, AMPERE)
+    settings = replace(FrameSettings.of(lit), light_passes=frozenset(), precision=chosen)
     assert not settings.guided
     needed, _ = card.memory(settings, 1000, 64 * 64)
-    config, item = rf2_200m(), dtype.itemsize
-    weights = needed - card_bytes(config, 0, 1000, 64 * 64, (item, item), KEYS_VALUES_BYTES)
+    config = rf2_200m()
+    weights = needed - card_bytes(config, 0, 1000, 64 * 64, (dtype.itemsize, 4), KEYS_VALUES_BYTES)
     with torch.device("meta"):
-        network = precision.in_precision(RenderFormer(config), dtype)
+        network = in_precision(RenderFormer(config), dtype)
         held = sum(p.nbytes for part in (network, OneFrameEncoder(vae_class()())) for p in part.parameters())
     assert held < weights < 1.01 * held
 

@@ -3,7 +3,7 @@
 import bpy
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame.limits import report_limits
 
 from tests.rf2_engine.f12 import cube, sun

@@ -10,7 +10,7 @@ import torch
 
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
 from bl_ext.user_default.renderformer_v2.rf2_engine import passes
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import run as cycles_run
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import reference
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render

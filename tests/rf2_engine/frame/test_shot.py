@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.errors import RenderCancelled
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.framing import Framing
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.framing import Framing
 from bl_ext.user_default.renderformer_v2.rf2_engine.frame import shot
 from bl_ext.user_default.renderformer_v2.rf2_engine.runtime import model_cache
 from bl_ext.user_default.renderformer_v2.rf2_engine.settings import FrameSettings

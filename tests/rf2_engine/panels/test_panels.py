@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.weights import presets
-from bl_ext.user_default.renderformer_v2.rf2_engine.panels import camera, copied
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import blender_panels, camera
 
 from tests.rf2_engine.f12 import cube, sun
 from tests.rf2_engine.layout import Layout
@@ -96,7 +96,7 @@ def test_a_folder_without_weights_is_warned_of_below_its_name(scene, tmp_path):
     settings = scene.renderformer_v2
     settings.weights_source, settings.weights_folder = "FOLDER", str(tmp_path)
     assert "holds no weights" in " ".join(drawn(scene, panels()["RENDERFORMER_PT_settings"]).texts)
-    settings.weights_folder = str(Path(presets.__file__).parent / "weights" / presets.BUNDLED)
+    settings.weights_folder = str(Path(presets.__file__).parent / presets.BUNDLED)
     assert "weights" not in " ".join(drawn(scene, panels()["RENDERFORMER_PT_settings"]).texts)
 
 
@@ -152,7 +152,7 @@ def test_a_camera_of_a_type_that_is_not_supported_is_warned_of_beside_its_lens(s
 
 def test_other_engines_keep_their_panels_to_themselves(scene):
     context = types.SimpleNamespace(engine="CYCLES", light=sun(scene).data, object=scene.camera, world=scene.world)
-    assert not any(panel.poll(context) for panel in copied.classes)
+    assert not any(panel.poll(context) for panel in blender_panels.registered_copies)
     simplify = bpy.types.RENDER_PT_simplify
     assert "RENDERFORMER_V2" not in simplify.COMPAT_ENGINES and "BLENDER_RENDER" in simplify.COMPAT_ENGINES
 

@@ -8,7 +8,7 @@ from skimage.io import imsave
 from bl_ext.user_default.renderformer_v2.model.published.obj_mesh import read_obj
 from bl_ext.user_default.renderformer_v2.model.published.prepared_frame import read_frame
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.importing import import_frame
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 

@@ -164,8 +164,8 @@ def test_drawing_looks_the_names_of_a_report_up_once(layers, tmp_path):
 
 def test_a_line_about_a_material_selects_what_wears_it(layers):
     worn = layers.objects["Cube"]
-    assert remarks.users(layers, worn.active_material.name) == [worn]
-    assert not remarks.users(layers, "nothing")
+    assert remarks.find_users(layers, worn.active_material.name) == [worn]
+    assert not remarks.find_users(layers, "nothing")
 
 
 def test_a_cancelled_render_says_so(layers, tmp_path, monkeypatch):

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import mesh as meshes
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying import kept as copies
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import source as sources
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import viewport
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport.source import Source, hides_in, key_of
@@ -18,10 +18,10 @@ def reads(monkeypatch):
     """Names of the objects whose meshes were read."""
     names = []
 
-    def read_mesh(mesh, name, *rest, real=meshes.read_mesh):
+    def read_mesh(mesh, name, *rest, real=copies.read_mesh):
         names.append(name)
         return real(mesh, name, *rest)
-    monkeypatch.setattr(meshes, "read_mesh", read_mesh)
+    monkeypatch.setattr(copies, "read_mesh", read_mesh)
     return names
 
 

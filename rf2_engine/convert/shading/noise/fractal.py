@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import mixed
+from ...data.arrays import mixed
 from .perlin import perlin
 
 MOST_OCTAVES = 15

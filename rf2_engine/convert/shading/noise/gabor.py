@@ -1,56 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Gabor Texture: phasors scattered over a lattice and added (Lagae et al. 2009; Tricard et al. 2019)."""
+"""Gabor noise: phasors scattered over a lattice and added (Lagae et al. 2009; Tricard et al. 2019)."""
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import TINIEST, unit
-from ..node_call import NodeCall
 from .hashing import of_floats
-from .lattice import Lattice, in_blocks
+from .lattice import Lattice
 
 IMPULSES = 8              # in each cell
-DEVIATIONS = 6            # how many of them the value spans
-SQUARED_KERNEL = {2: 1 / 4, 3: 1 / (4 * np.sqrt(2))}  # integral over the plane or space
-NOTHING = [np.zeros((), np.float32)] * 2  # where a texture feeds itself
-LEAST_FREQUENCY = 1e-3
 FARTHEST = 2**24           # beyond, cells are as close together as numbers are
 
 
-def gabor_texture(n: NodeCall):
-    """All outputs come of the same sums."""
-    dimensions = 2 if n.node.gabor_type == "2D" else 3
-    real, imaginary = n.evaluator.remembered(replace(n, output=n.node.outputs[0]), _sums, NOTHING)
-    spread = DEVIATIONS * np.sqrt(IMPULSES * SQUARED_KERNEL[dimensions] / 2)
-    if n.output.name == "Value":
-        result = imaginary / spread / 2 + 0.5
-    elif n.output.name == "Phase":
-        result = (np.arctan2(imaginary, real) + np.pi) / (2 * np.pi)
-    else:
-        result = np.hypot(real, imaginary) / spread
-    return result[..., None]
-
-
-def _sums(n: NodeCall) -> list[np.ndarray]:
-    """Real and imaginary part, (...) each."""
-    dimensions = 2 if n.node.gabor_type == "2D" else 3
-    at = (n.coordinates()[..., :dimensions] * n["Scale"]).astype(np.float32)
-    frequency = np.maximum(n["Frequency"], LEAST_FREQUENCY)[..., 0]
-    isotropy = 1 - np.clip(n["Anisotropy"], 0, 1)[..., 0]
-    turn = n["Orientation"]
-    if dimensions == 3:
-        x, y, z = np.moveaxis(unit(turn), -1, 0)
-        azimuth = np.arccos(np.clip(x / np.maximum(np.hypot(x, y), TINIEST), -1, 1))
-        angles = np.arccos(np.clip(z, -1, 1)), np.sign(y) * azimuth
-    else:
-        angles = (turn[..., 0],)
-    return in_blocks(_phasor, at, frequency, isotropy, *angles)
-
-
-def _phasor(at, frequency, isotropy, *angles):
+def phasor(at, frequency, isotropy, *angles):
     """Real and imaginary part (m,) at points (d, m)."""
     cell = np.clip(np.nan_to_num(np.floor(at)), -FARTHEST, FARTHEST).astype(np.int32)
     part = at - cell
@@ -93,6 +56,3 @@ def _direction(where, seed, isotropy, angles):
     inclination = angles[0] + of_floats(x, y, z, seed) * np.pi * isotropy
     azimuth = angles[1] + of_floats(z, x, seed, y) * np.pi * isotropy
     return np.stack([np.sin(inclination) * np.cos(azimuth), np.sin(inclination) * np.sin(azimuth), np.cos(inclination)])
-
-
-FUNCTIONS = {"ShaderNodeTexGabor": gabor_texture}

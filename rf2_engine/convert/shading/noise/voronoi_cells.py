@@ -7,7 +7,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..arrays import mixed, smoothstep
+from ...data.arrays import mixed, smoothstep
 from .hashing import color_of_floats, of_floats, pcg, point_of_floats
 from .lattice import Lattice
 

@@ -6,9 +6,9 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.camera import sees, view_rays
 from bl_ext.user_default.renderformer_v2.model.errors import SceneError
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.apparent_size import apparent_size
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.visible import Hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.apparent_size import apparent_size
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.visible import Hits
 
 from tests.rf2_engine.f12 import cube
 from tests.rf2_engine.still_life import with_cycles

@@ -4,8 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.lamp_triangles import COARSE, FINE, convert_light
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 

@@ -6,9 +6,9 @@ import bpy
 import numpy as np
 import pytest
 
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.suns import split_suns
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.world import convert_world
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.lamps.world import convert_world
 
 from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, irradiance

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.rays import Rays
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import mesh as meshes
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import pieces, reduce
 
 LEAVES, LEAF = 6000, 0.02  # how many, and half a side
 
 
 def test_a_crown_of_fewer_leaves_lets_as_much_light_through(report):
-    full = meshes.read_mesh(_crown(), "crown", report)
+    full = read_mesh(_crown(), "crown", report)
     small = reduce.simplify(full, 3000)
     assert 2000 < len(small) <= 3000
     assert small.area == pytest.approx(full.area, rel=0.02)
@@ -24,12 +24,12 @@ def test_a_crown_of_fewer_leaves_lets_as_much_light_through(report):
 def test_what_is_large_among_many_pieces_is_kept_as_it_is(report):
     bpy.ops.mesh.primitive_cylinder_add(radius=0.1, depth=2, location=(0, 0, -1), vertices=32)
     trunk = bpy.context.object
-    alone = meshes.read_mesh(trunk.data, "trunk", report)
+    alone = read_mesh(trunk.data, "trunk", report)
     crown = bpy.data.objects.new("Crown", _crown())
     bpy.context.collection.objects.link(crown)
     with bpy.context.temp_override(active_object=trunk, selected_editable_objects=[trunk, crown]):
         bpy.ops.object.join()
-    full = meshes.read_mesh(trunk.data, "tree", report)
+    full = read_mesh(trunk.data, "tree", report)
     assert len(full) == len(alone) + 2 * LEAVES
     points, faces = reduce._welded(full.corners)
     some = pieces.thinned(full, points, faces, 3000, None)
@@ -39,7 +39,7 @@ def test_what_is_large_among_many_pieces_is_kept_as_it_is(report):
 
 
 def test_no_piece_becomes_larger_than_a_tenth_of_the_mesh(report):
-    some = reduce.simplify(meshes.read_mesh(_crown(), "crown", report), 60)
+    some = reduce.simplify(read_mesh(_crown(), "crown", report), 60)
     extent = np.ptp(some.corners, axis=1).max()
     assert 4 * LEAF < extent < 0.11 * 2
 
@@ -52,7 +52,7 @@ def test_small_pieces_of_little_area_are_not_enlarged(report):
     screws.scale = [0.1] * 3
     with bpy.context.temp_override(active_object=body, selected_editable_objects=[body, screws]):
         bpy.ops.object.join()
-    mesh = meshes.read_mesh(body.data, "machine", report)
+    mesh = read_mesh(body.data, "machine", report)
     assert pieces.thinned(mesh, *reduce._welded(mesh.corners), 1000, None) is mesh
 
 
@@ -61,7 +61,7 @@ def test_a_mesh_whose_pieces_fit_keeps_them_all(target, report):
     bpy.ops.mesh.primitive_monkey_add()
     bpy.ops.object.modifier_add(type="SUBSURF")
     bpy.ops.object.modifier_apply(modifier="Subdivision")
-    mesh = meshes.read_mesh(bpy.context.object.data, "monkey", report)
+    mesh = read_mesh(bpy.context.object.data, "monkey", report)
     assert pieces.thinned(mesh, *reduce._welded(mesh.corners), target, None) is mesh
 
 

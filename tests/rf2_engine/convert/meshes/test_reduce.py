@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model import progress
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data import mesh as meshes
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.budget import share_budget
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import blocks, qslim, reduce
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import mesh as meshes
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.budget import share_budget
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.nearest import Surface
 from mathutils import Vector
 from mathutils.geometry import closest_point_on_tri
@@ -31,7 +32,7 @@ def test_simplified_mesh_keeps_uv_and_material_borders(report):
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=60, y_subdivisions=60)
     obj = bpy.context.object
     obj.data.polygons.foreach_set("material_index", np.repeat([0, 1], 1800))
-    mesh = reduce.simplify(meshes.read_mesh(obj.data, "grid", report), 300)
+    mesh = reduce.simplify(read_mesh(obj.data, "grid", report), 300)
     np.testing.assert_allclose(mesh.uv["UVMap"], (mesh.corners[..., :2] + 1) / 2, atol=1e-4)
     above = mesh.corners.mean(axis=1)[:, 1] > 0
     np.testing.assert_array_equal(above, mesh.slot)
@@ -40,7 +41,7 @@ def test_simplified_mesh_keeps_uv_and_material_borders(report):
 
 def test_cylinder_keeps_its_hard_edges(report):
     bpy.ops.mesh.primitive_cylinder_add(vertices=400)
-    mesh = reduce.simplify(meshes.read_mesh(bpy.context.object.data, "cylinder", report), 200)
+    mesh = reduce.simplify(read_mesh(bpy.context.object.data, "cylinder", report), 200)
     vertical = np.abs(mesh.normals[..., 2])
     cap = np.abs(meshes.face_normals(mesh.corners)[:, 2]) > 0.7
     assert vertical[cap].min() > 0.99 and vertical[~cap].max() < 0.01
@@ -99,7 +100,7 @@ def in_blocks(monkeypatch):
 
 def test_a_very_large_mesh_is_simplified_in_blocks_without_cracks(in_blocks, report):
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=5)
-    mesh = meshes.read_mesh(bpy.context.object.data, "ball", report)
+    mesh = read_mesh(bpy.context.object.data, "ball", report)
     told = []
     with progress.reporting(lambda text, fraction: told.append(fraction)):
         small = reduce.simplify(mesh, 500)
@@ -113,7 +114,7 @@ def test_a_very_large_mesh_is_simplified_in_blocks_without_cracks(in_blocks, rep
 
 def test_the_nearest_triangle_is_found_in_whatever_block_it_is(in_blocks, report):
     bpy.ops.mesh.primitive_monkey_add()
-    corners = meshes.read_mesh(bpy.context.object.data, "monkey", report).corners.astype(np.float64)
+    corners = read_mesh(bpy.context.object.data, "monkey", report).corners.astype(np.float64)
     points = np.random.default_rng(0).uniform(-1.5, 1.5, (50, 3))
     faces = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
     found = Surface(corners.reshape(-1, 3), faces).nearest(points)

@@ -4,7 +4,7 @@ import itertools
 
 import bpy
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.attributes import STORED
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.attributes import STORED
 
 from tests.rf2_engine.convert.shading.kinds import (
     attribute,

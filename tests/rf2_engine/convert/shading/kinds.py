@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.attributes import STORED
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.attributes import STORED
 
 from tests.rf2_engine.convert.shading.squares import Case
 

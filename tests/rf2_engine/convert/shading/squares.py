@@ -11,12 +11,12 @@ import bpy
 import numpy as np
 
 from bl_ext.user_default.renderformer_v2.model.scene import TILE_SIZE
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.attributes import MESH, Asked
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import points_of
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes.mesh import read_mesh
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.attributes import MESH, Asked
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.instances import read_instance
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import points_of
 
 from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered
@@ -118,7 +118,7 @@ def compare(cases: list[Case]) -> list[tuple[np.ndarray, np.ndarray, list[str]]]
     picture, found = rendered(scene), []
     depsgraph = bpy.context.evaluated_depsgraph_get()
     asked = Asked(depsgraph)
-    places = {instance.object.name: Place.of(instance, scene.frame_current, asked)
+    places = {instance.object.name: read_instance(instance, scene.frame_current, asked)
               for instance in depsgraph.object_instances}
     for i, case in enumerate(cases):
         row, column = TILE_SIZE * (i // columns), TILE_SIZE * (i % columns)

@@ -6,9 +6,9 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, NORMAL, ROUGHNESS
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.material import MaterialTiles
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.place import Place
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.instance import Place
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import MaterialTiles
 from mathutils import Euler, Matrix
 
 from tests.rf2_engine.convert.copies import copied

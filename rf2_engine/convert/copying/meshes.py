@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Read evaluated Blender meshes and their material slots (docs/scene-input.md 2)."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ....model import progress
+from ..data.mesh import TriangleMesh, corner_keys, face_normals, has_area, lengths, unit_or, within_reach
+from . import attributes
+
+ROUNDING = 1e-6  # of the length of unit vectors
+
+
+def read_mesh(mesh, name: str, report, asked=()) -> TriangleMesh:
+    """Copy an evaluated `bpy.types.Mesh`; `name` is the object that the report mentions.
+
+    asked: names of attributes that materials ask for, besides colours.
+
+    Triangles with corners that are not finite, without area, or with the corners of another are left out and reported.
+    """
+    progress.report()
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    loop = _read(mesh.loop_triangles, "loops", 3 * count, np.int32).reshape(count, 3)
+    progress.report()
+    # These are copied at one go; triangles are asked one by one, which takes many times as long.
+    polygon = _read(mesh.loop_triangle_polygons, "value", count, np.int32)
+    vertex = _read(mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), np.int32)[loop] if count else loop
+    slot = np.zeros(count, np.int32)
+    if "material_index" in mesh.attributes:
+        slot = _read(mesh.loop_triangles, "material_index", count, np.int32)
+    progress.report()
+    position = _read(mesh.vertices, "co", 3 * len(mesh.vertices)).reshape(-1, 3)
+    normal = _read(mesh.corner_normals, "vector", 3 * len(mesh.loops)).reshape(-1, 3)
+    uv = {layer.name: _read(layer.uv, "vector", 2 * len(mesh.loops)).reshape(-1, 2)[loop] for layer in mesh.uv_layers}
+    active = next((layer.name for layer in mesh.uv_layers if layer.active_render), None)
+    named = attributes.of_mesh(mesh, asked, loop, vertex, polygon)
+    progress.report()
+    space = np.float32([mesh.texspace_location, mesh.texspace_size])
+    triangles = TriangleMesh(position[vertex], normal[loop], uv, active, named, _render_color(mesh), slot, space)
+    return _without_broken(triangles, name, report)
+
+
+def material_slots(obj) -> list:
+    """The evaluated materials (or None) of an object by material index, slots linked to the object included."""
+    on_mesh, on_object = list(obj.data.materials), list(obj.material_slots)
+    slots = []
+    for i in range(max(len(on_mesh), len(on_object), 1)):
+        material = on_mesh[i] if i < len(on_mesh) else None
+        if i < len(on_object) and (material is None or on_object[i].link == "OBJECT"):
+            material = on_object[i].material
+        slots.append(material)
+    return slots
+
+
+def _without_broken(mesh: TriangleMesh, name: str, report) -> TriangleMesh:
+    finite = within_reach(mesh.corners)
+    if not finite.all():
+        report.refused(name, f"{np.count_nonzero(~finite)} triangles with infinite or invalid vertices were removed")
+        mesh = mesh.take(finite)
+    progress.report()
+    solid = has_area(mesh.corners)
+    if not solid.all():
+        report.refused(name, f"{np.count_nonzero(~solid)} triangles without area were removed")
+        mesh = mesh.take(solid)
+    progress.report()
+    first = _first_of_its_place(mesh.corners)
+    if len(first) < len(mesh):
+        report.approximated(name, f"{len(mesh) - len(first)} triangles were removed as duplicates")
+        mesh = mesh.take(first)
+    progress.report()
+    if not (np.abs(lengths(mesh.normals) - 1) < ROUNDING).all():
+        mesh = replace(mesh, normals=unit_or(mesh.normals, face_normals(mesh.corners)[:, None]))
+    progress.report()
+    return mesh.mapped(lambda layer: layer if np.isfinite(layer).all() else np.nan_to_num(layer, posinf=0, neginf=0))
+
+
+def _first_of_its_place(corners: np.ndarray) -> np.ndarray:
+    """Indices, in order, of all triangles but those with the same three corners as one before."""
+    one = corner_keys(corners) @ np.ones(3, np.uint64)  # whatever the order of the corners
+    if np.diff(np.sort(one)).all():
+        return np.arange(len(one))
+    return np.sort(np.unique(one, return_index=True)[1])
+
+
+def _render_color(mesh) -> str | None:
+    index, layers = mesh.color_attributes.render_color_index, mesh.color_attributes
+    return layers[index].name if 0 <= index < len(layers) else None
+
+
+def _read(collection, attribute: str, size: int, dtype=np.float32) -> np.ndarray:
+    values = np.empty(size, dtype)
+    collection.foreach_get(attribute, values)
+    return values

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Decide how many triangles each mesh keeps, so that Max Triangles is spent where it is visible
+(docs/scene-input.md 2.3).
+
+A mesh of curvature k whose n triangles cover a of the picture is wrong by about k a sqrt(1 / n). The sum over all
+meshes is least where n is proportional to (k a)^(2/3).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ....model import progress
+from ....model.geometry import area_vectors
+from ..data.collected import Collected, Part
+from ..data.memo import Memo, content
+from ..data.mesh import TriangleMesh
+from ..meshes import reduce
+from ..meshes.reduce import COARSEST, KEPT_WHOLE
+from ..meshes.sampling import keep_some
+from .apparent_size import ApparentSize, Lens
+from .framing import Framing
+from .visible import GRID, Hits
+
+HIDDEN = 0.05      # how much of the picture counts that something would fill if it were not hidden
+DETAIL = 0.6       # of the budget at most goes to the coarsest shapes of many instances
+LEVEL = 8          # instances that look so many times as large as others are simplified apart from them
+LEVELS = 5
+SAMPLE = 20_000    # triangles that tell how curved a mesh is
+TEXTURE, FLAT = 1.0, 0.1  # curvature that textures, and the lack of both, are worth
+
+
+@dataclass
+class Simplification:
+    """What becomes of the parts of a scene, of which k are simplified."""
+
+    parts: list[Part]
+    targets: np.ndarray              # (k,) triangles each part may keep
+    nearest: list[np.ndarray]         # (4, 4) object to world, of the instance that shows most
+    apparent: ApparentSize | None
+
+    def apply(self, report, memo: Memo | None = None) -> None:
+        """Simplify what is too fine; memo: of conversions before."""
+        before: dict[str, list[int]] = {}
+        for i, (part, target, matrix) in enumerate(zip(self.parts, self.targets, self.nearest, strict=True)):
+            if target >= len(part.mesh):
+                continue
+            area, count = part.mesh.area, len(part.mesh)
+            lens = None if self.apparent is None else Lens(matrix, self.apparent)
+            with progress.part(i / len(self.parts), (i + 1) / len(self.parts),
+                               f"Simplifying meshes, {i + 1} of {len(self.parts)}"):
+                simplified = partial(reduce.simplify, part.mesh, int(target), lens)
+                if memo is None:
+                    part.mesh = simplified()
+                else:
+                    key = content(part.mesh), int(target), matrix.tobytes(), self.apparent
+                    part.mesh = memo.of(key, lambda _, work=simplified: work(), report)
+            part.flux_gain *= area / part.mesh.area
+            before.setdefault(part.name, [count]).append(len(part.mesh))
+        for name, (count, *after) in before.items():
+            to = f"{min(after)}" if min(after) == max(after) else f"{min(after)} to {max(after)}"
+            report.approximated(name, f"simplified from {count} to {to} triangles")
+
+
+def allotted(collected: Collected, budget: int, framing: Framing, hits: Hits | None, wanted: list[int],
+             report) -> Simplification:
+    """How fine everything becomes; the least visible instances are left out where not even coarse shapes of all fit.
+
+    wanted: triangles of each part with those by which it will be subdivided; hits: None where there is no camera, and
+    everything is seen alike.
+    """
+    parts, apparent = collected.parts, framing.apparent
+    counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
+    if not parts or counts @ copies <= budget:
+        framing.shares = {} if framing.shares is None else framing.shares
+        return Simplification([], np.zeros(0, np.int64), [], apparent)
+    shown = _shares_of_picture(parts, apparent, hits)
+    parts, shown, wanted = _levels(*_kept(parts, shown, wanted, budget, report))
+    collected.parts = parts
+    counts, copies = (np.array([f(part) for part in parts], np.int64) for f in (lambda p: len(p.mesh), _copies))
+    detail = np.array([_curvature(part.mesh) + (TEXTURE if part.is_textured else FLAT) for part in parts])
+    weights = (np.array([share.max() for share in shown]) * detail) ** (2 / 3)
+    shares = share_budget(np.maximum(counts, wanted), copies, weights, budget)
+    shares = framing.steadied(_names(parts), shares, counts, copies, budget)
+    nearest = [part.matrices[in_picture.argmax()] for part, in_picture in zip(parts, shown, strict=True)]
+    return Simplification(parts, shares, nearest, apparent)
+
+
+def share_budget(counts, copies, weights, budget: int) -> np.ndarray:
+    """(k,) int triangles each mesh may keep so that sum(copies * result) <= budget.
+
+    counts: (k,) triangles per mesh; copies: (k,) instances of it; weights: (k,) > 0, what it is worth. Shares are in
+    proportion to the weights, small meshes are kept whole while half of the budget suffices, and none gets less than
+    `COARSEST`: for that many the budget must suffice.
+    """
+    counts, copies, weights = np.asarray(counts, np.int64), np.asarray(copies, np.int64), np.asarray(weights, float)
+    if counts @ copies <= budget:
+        return counts
+    floor = KEPT_WHOLE
+    while floor > COARSEST and np.minimum(counts, floor) @ copies > budget / 2:
+        floor //= 2
+    low, high = 0.0, float(counts.max() / weights.min())
+    for _ in range(60):
+        middle = (low + high) / 2
+        fits = _shares(counts, floor, middle * weights) @ copies <= budget
+        low, high = (middle, high) if fits else (low, middle)
+    return _shares(counts, floor, low * weights)
+
+
+def _shares(counts: np.ndarray, floor: int, wanted: np.ndarray) -> np.ndarray:
+    return np.minimum(counts, np.maximum(floor, wanted.astype(np.int64)))
+
+
+def _names(parts: list[Part]) -> list[tuple]:
+    """What tells the parts apart, in the next frame too: objects of one name have levels and kinds."""
+    seen: dict[tuple, int] = {}
+    names = []
+    for part in parts:
+        name = part.name, part.emits
+        seen[name] = seen.get(name, -1) + 1
+        names.append((*name, seen[name]))
+    return names
+
+
+def _copies(part: Part) -> int:
+    return len(part.places)
+
+
+def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None, hits: Hits | None) -> list[np.ndarray]:
+    """For each part (m,) > 0, how much of the picture each of its instances is worth; 1 is all of it."""
+    seen = np.zeros(sum(map(_copies, parts)))
+    if hits is not None:
+        seen += np.bincount(hits.instance[hits.instance >= 0], minlength=len(seen)) / GRID ** 2
+    shares = []
+    for part in parts:
+        mine, seen = seen[:_copies(part)], seen[_copies(part):]
+        middle, scale = _middles_and_scales(part)
+        area = part.mesh.area * scale ** 2
+        if apparent is None:
+            shares.append(area + 1e-30)
+            continue
+        away = middle - apparent.eye
+        radius = np.linalg.norm(np.ptp(part.mesh.bounds, axis=0)) / 2 * scale
+        distance = np.linalg.norm(away, axis=1)
+        whole = (area / 4 / (distance - radius).clip(apparent.near) ** 2 / apparent.solid_angle).clip(0, 1)
+        angle = np.arccos((away @ apparent.axis / distance.clip(1e-30)).clip(-1, 1))
+        ahead = angle - np.arcsin((radius / distance.clip(1e-30)).clip(0, 1)) < np.arccos(apparent.cosine)
+        missed = ahead & ((whole < 2 / GRID ** 2) | part.emits)  # too small for the rays, or looked through by them
+        shares.append(np.maximum(mine, np.where(missed, whole, HIDDEN * whole)) + 1e-12)
+    return shares
+
+
+def _middles_and_scales(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Places of its instances in the world (m, 3), and their scale compared with the mesh (m,)."""
+    (low, high), matrix = part.mesh.bounds, np.array(part.matrices)
+    scale = np.linalg.norm(matrix[:, :3, :3], axis=(1, 2)) / np.sqrt(3)
+    return matrix[:, :3, :3] @ ((low + high) / 2) + matrix[:, :3, 3], scale
+
+
+def _kept(parts: list[Part], shown: list[np.ndarray], wanted, budget: int, report):
+    """Without the instances of which not even the coarsest shape fits: the least visible first, lights last."""
+    least = np.array([min(len(part.mesh), COARSEST) for part in parts])
+    copies = np.array(list(map(_copies, parts)))
+    if any(len(part.mesh) > COARSEST for part in parts):
+        budget = int(DETAIL * budget)
+    if least @ copies <= budget:
+        return parts, shown, wanted
+    owner = np.repeat(np.arange(len(parts)), copies)
+    order = np.lexsort((-np.concatenate(shown), ~np.array([part.emits for part in parts])[owner]))
+    fits = np.zeros(len(owner), bool)
+    fits[order] = np.cumsum(least[owner[order]]) <= budget
+    kept = []
+    for part, share, want, keep in zip(parts, shown, wanted, np.split(fits, np.cumsum(copies)[:-1]), strict=True):
+        if not keep.all():
+            some = "it exceeds" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances exceed"
+            room = f"{some} Max Triangles"
+            if keep.any() and len(part.mesh) <= COARSEST and not part.emits:  # as cards and leaves are
+                keep = _sampled(part, share, np.count_nonzero(keep))
+                report.approximated(part.name, f"{room}: a sample is kept and enlarged to cover the same area")
+            else:
+                report.unplaced(part.name, f"{room}: raise it")
+            part.places = [place for place, k in zip(part.places, keep, strict=True) if k]
+        if part.places:
+            kept.append((part, share[keep], want))
+    return [list(column) for column in zip(*kept)]
+
+
+def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:
+    """(m,) bool: about `count` of its instances, at most, which are enlarged here to the area of all of them."""
+    places, scale = _middles_and_scales(part)
+    low, high = part.mesh.bounds
+    keep, growth = keep_some(share, count - 0.5, places=places, sizes=scale * (high - low).max())
+    for i in np.flatnonzero(keep):
+        part.places[i] = replace(part.places[i], matrix=part.places[i].matrix @ _about((low + high) / 2, growth[i]))
+    return keep
+
+
+def _about(middle: np.ndarray, growth: float) -> np.ndarray:
+    """(4, 4) enlarging what is around a point."""
+    matrix = np.diag([growth] * 3 + [1.0])
+    matrix[:3, 3] = (1 - growth) * middle
+    return matrix
+
+
+def _levels(parts: list[Part], shown: list[np.ndarray], wanted):
+    """Parts whose instances look unlike in size become several, so that near ones are finer than far ones."""
+    split = []
+    for part, share, want in zip(parts, shown, wanted, strict=True):
+        level = np.minimum(np.log(share.max() / share) / np.log(LEVEL), LEVELS - 1).astype(int)
+        if len(part.mesh) <= COARSEST:
+            level[:] = 0
+        for one in np.unique(level):
+            rows = np.flatnonzero(level == one)
+            split.append((replace(part, places=[part.places[i] for i in rows]), share[rows], want))
+    return [list(column) for column in zip(*split)]
+
+
+def _curvature(mesh: TriangleMesh) -> float:
+    """Mean curvature times the size of the surface, about: 0 for a plane, 1 to 2 for a ball."""
+    corners = mesh.corners[:: max(len(mesh) // SAMPLE, 1)].astype(np.float64)
+    cells = int(np.clip(np.sqrt(len(corners) / 24), 1, 16))
+    normals, middle = area_vectors(corners), corners.mean(axis=1)
+    low, extent = middle.min(axis=0), max(float(np.ptp(middle, axis=0).max()), 1e-30)
+    cell = ((middle - low) * (cells / extent)).astype(int).clip(0, cells - 1) @ (1, cells, cells ** 2)
+    total = np.linalg.norm(normals, axis=1).sum()
+    sums = np.stack([np.bincount(cell, normals[:, i]) for i in range(3)], axis=1)
+    spread = 1 - np.linalg.norm(sums, axis=1).sum() / total
+    return float(cells * np.sqrt(2 * max(spread, 0) * total) / extent / 3) if total else 0.0

@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender materials to material tiles and emission (docs/scene-input.md 3, 4)."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ....model import progress
+from ....model.scene import (
+    BASE_COLOR,
+    HEIGHT,
+    IOR,
+    METALLIC,
+    NORMAL,
+    ROUGHNESS,
+    TILE_CHANNELS,
+    TILE_SIZE,
+    TRANSMISSION,
+    TWO_LOBES,
+    constant_tile,
+)
+from ..data.blocks import Material
+from ..data.instance import Place
+from ..data.mesh import TriangleMesh, face_normals
+from ..data.report import Report
+from . import graph
+from .closure import Closure, SurfaceParameters, lobe, parameters
+from .evaluate import Evaluator, Points, interpolated
+from .node_call import NodeCall
+from .normal_map import bent_by
+from .surface import closure_at, is_emission
+from .two_lobes import two_lobes
+from .volume import has_surface
+
+HEIGHT_UNIT = 0.025          # world units of displacement at height 1 (docs/scene-input.md 4.6)
+SCALE_DIGITS = 3             # squares of sizes that differ by less are the same
+CHUNK = 256                  # triangles evaluated at once
+BAKED_CHUNK = 1024           # and where some may be baked, for which Cycles reads the whole scene each time
+EMITTER_RADIANCE = 1.0       # from here on the own light of a surface outshines what it reflects
+DARK_FRACTION = 0.01         # triangles this much darker than the brightest one of an emission texture do not shine
+CLEAR = 0.95                 # a triangle that lets more light straight through than this is left out
+ONE_TRIANGLE = TriangleMesh(np.eye(3, dtype=np.float32)[None], np.full((1, 3, 3), 3 ** -0.5, np.float32), {}, None, {},
+                            None, np.zeros(1, np.int32), np.float32([(0, 0, 0), (1, 1, 1)]))
+NO_LATENT = (0.0,) * 9
+EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
+
+
+class MaterialTiles:
+    """Collects the tiles of one conversion; equal homogeneous materials share a tile."""
+
+    def __init__(self, report, baker=None):
+        self.report, self.baker = report, baker
+        self._chunks: list[np.ndarray] = []
+        self._latents: list[np.ndarray] = []
+        self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
+        self._count = 0
+        self._constant: dict[tuple, int] = {}
+        self._placed: set[Material] = set()  # those that look different from place to place
+        self._scaled: set[Material] = set()  # and those that look different by size
+
+    @property
+    def tiles(self) -> np.ndarray:
+        """(T, 11, 32, 32) f16, the rows that the returned tile indices mean."""
+        empty = np.zeros((0, TILE_CHANNELS, TILE_SIZE, TILE_SIZE), np.float16)
+        return np.concatenate([empty, *self._chunks])
+
+    @property
+    def latents(self) -> np.ndarray | None:
+        """(T, 9) f32 of these tiles, 0 where a material has none; None where none has one."""
+        found = np.concatenate([np.zeros((0, len(NO_LATENT)), np.float32), *self._latents])
+        return found if found.any() else None
+
+    @property
+    def two_lobes(self) -> np.ndarray | None:
+        """(T, 7, 32, 32) f16 of these tiles (model/scene.py), 0 where a material has none; None where none has them."""
+        if all(isinstance(chunk, int) for chunk in self._lobes):
+            return None
+        side = len(TWO_LOBES), TILE_SIZE, TILE_SIZE
+        return np.concatenate([np.zeros((chunk, *side), np.float16) if isinstance(chunk, int) else chunk
+                               for chunk in self._lobes])
+
+    def triangle_tiles(self, material: Material | None, mesh: TriangleMesh,
+                       place: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Tiles and emission of n triangles that all wear `material`.
+
+        Returns tile index (n,) i32, -1 where there is as good as nothing (CLEAR), and radiance (n, 3) f32. A
+        homogeneous material has one tile, one with textures a tile per triangle. `sharing` tells afterwards which
+        other instances look the same.
+        """
+        n = len(mesh)
+        emission = np.zeros((n, 3), np.float32)
+        if n == 0:
+            return np.zeros(0, np.int32), emission
+        if material is None:
+            return np.full(n, self._constant_index(constant_tile()), np.int32), emission
+        index, nothing, reflects = np.empty(n, np.int32), np.zeros(n, bool), False
+        chunk = BAKED_CHUNK if self.baker else CHUNK
+        for start in range(0, n, chunk):
+            part = slice(start, min(start + chunk, n))
+            with progress.part(start / n, part.stop / n):
+                progress.report()
+                points = points_of(mesh.take(part), place or Place())
+                surface, height = self.evaluate(material, points)
+                lobes = two_lobes(material, points)
+            emission[part] = self.report.finite(material.name, "its emission", triangle_mean(surface.emission))
+            tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
+            own = None if lobes is None else lobe_arrays(lobes, len(tiles))
+            if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
+                tiles = np.repeat(tiles, len(own), axis=0)
+            reflects |= surface.base_color.any()
+            nothing[part] = triangle_mean(surface.clear)[..., 0] > CLEAR
+            if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
+                index[:] = self._constant_index(tiles[0], material.latent, own)
+                emission[:], nothing[:] = emission[start], nothing[start]
+                break
+            if len(tiles) == 1:
+                index[part] = self._constant_index(tiles[0], material.latent, own)
+            else:
+                index[part] = np.arange(self._count, self._count + len(tiles))
+                self._append(tiles, material.latent, own)
+        emission[emission.max(axis=1) < DARK_FRACTION * emission.max()] = 0
+        emitters = emission.max(axis=1) >= EMITTER_RADIANCE
+        if emitters.any():
+            index[emitters] = self._constant_index(EMITTER_TILE)
+            if reflects:
+                self.report.approximated(material.name, "where it emits light, it reflects like a white diffuse "
+                                                        "surface")
+        index[nothing & ~emission.any(axis=1)] = -1
+        return index, emission
+
+    def shows_through(self, material, mesh: TriangleMesh, place: Place, smooth: float) -> np.ndarray:
+        """(n,) share of light that goes straight, or through glass of at most the roughness `smooth`, at triangles."""
+        if material is None:
+            return np.zeros(len(mesh))
+        surface, _ = self.evaluate(material, points_of(mesh, place))
+        through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
+        return np.broadcast_to(triangle_mean(through)[..., 0], len(mesh))
+
+    def evaluate(self, material: Material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
+        """The surface and its height, in the units of a tile, at these points."""
+        tree = material.node_tree
+        if tree is None:
+            color = np.array(material.diffuse_color[:3], np.float32)
+            return parameters(lobe(color)), np.zeros(1, np.float32)
+        evaluator = Evaluator(points, tree.conventions, self.report, material.name, self.baker)
+        evaluator.material_index = material.pass_index
+        output = graph.output_node(tree)
+        output = None if output is None else NodeCall(evaluator, output)
+        closure = Closure() if output is None else closure_at(output, "Surface")
+        if evaluator.depends_on_ray:
+            lighting = Evaluator(replace(points, camera_ray=False), tree.conventions, self.report, material.name,
+                                 self.baker)
+            lighting.material_index = material.pass_index
+            closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
+            evaluator.depends_on_place |= lighting.depends_on_place
+        if (closure.emission < 0).any():
+            self.report.approximated(material.name, "negative light is ignored")
+        if (not closure.weight.any() and not closure.emission.any() and has_surface(material)
+                and not (output is not None and is_emission(output.source("Surface")))):
+            self.report.approximated(material.name, "no surface shader is connected to the Material Output, so it is "
+                                                    "black")
+        displacement, surface = _displacement(material, output), parameters(closure)
+        if material.displacement_method == "BUMP" and displacement.ndim > 1:
+            surface.normal = bent_by(output, surface.normal, displacement)
+            displacement = np.zeros(1, np.float32)
+        if evaluator.depends_on_place:
+            self._placed.add(material)
+        if evaluator.depends_on_scale:
+            self._scaled.add(material)
+        return surface, np.clip(displacement / HEIGHT_UNIT, -1, 1)
+
+    def sharing(self, material, place: Place):
+        """What places have in common that share what `triangle_tiles` found of this material, which comes first."""
+        if material in self._placed:
+            return id(place)
+        if material in self._scaled:
+            linear = place.matrix[:3, :3]
+            return tuple(np.round(linear.T @ linear, SCALE_DIGITS).ravel())
+        return None
+
+    def _constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
+                        lobes: np.ndarray | None = None) -> int:
+        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes()
+        if key not in self._constant:
+            self._constant[key] = self._count
+            self._append(tile[None], latent, lobes)
+        return self._constant[key]
+
+    def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None, lobes: np.ndarray | None) -> None:
+        self._lobes.append(len(tiles) if lobes is None else lobes)
+        self._chunks.append(tiles)
+        self._latents.append(np.tile(np.float32(latent or NO_LATENT), (len(tiles), 1)))
+        self._count += len(tiles)
+
+
+class _Noted:
+    """In place of a baker: remembers that one was asked for."""
+
+    asked = False
+
+    def bake(self, n):
+        self.asked = True
+        raise RuntimeError("it is baked later")
+
+
+def needs_baking(material: Material) -> bool:
+    """Whether a baker will be asked for nodes of it."""
+    noted = _Noted()
+    MaterialTiles(Report(), noted).triangle_tiles(material, ONE_TRIANGLE)
+    return noted.asked
+
+
+def _displacement(material, output: NodeCall | None) -> np.ndarray:
+    """World units along the normal, by what reaches the Displacement input."""
+    n = None if output is None else output.source("Displacement")
+    if n is None or n.points.is_displaced:
+        return np.zeros(1, np.float32)
+    if n.kind != "ShaderNodeDisplacement":
+        n.approximated(f"displacement by {n.node.bl_label} is ignored")
+        return np.zeros(1, np.float32)
+    found = (n["Height"] - n["Midlevel"]) * n["Scale"]
+    return found * _normal_scale(n) if n.node.space == "OBJECT" else found
+
+
+def _normal_scale(n: NodeCall) -> np.ndarray:
+    """(1,), or (m, 1, 1, 1) of an object scaled unevenly: how much its matrix lengthens the normal of a triangle."""
+    linear = n.scaled()
+    scale = np.linalg.svd(linear, compute_uv=False)
+    if np.ptp(scale) < 1e-3 * scale.max():
+        return scale[:1].astype(np.float32)
+    normals = face_normals(n.points.corners)
+    return np.linalg.norm(normals @ linear.T, axis=1).astype(np.float32)[:, None, None, None]
+
+
+def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
+    """(m, 11, 32, 32) f16, m = 1 when no parameter varies over the surface."""
+    placed = ((BASE_COLOR, surface.base_color), (METALLIC, surface.metallic), (ROUGHNESS, surface.roughness),
+              (IOR, surface.ior), (TRANSMISSION, surface.transmission), (NORMAL, surface.normal), (HEIGHT, height))
+    count = max(len(values) if values.ndim > 1 else 1 for _, values in placed)
+    tiles = np.empty((count, TILE_CHANNELS, TILE_SIZE, TILE_SIZE), np.float16)
+    for channel, values in placed:
+        channels = slice(channel, channel + 1) if isinstance(channel, int) else channel
+        full = np.broadcast_to(values, (count, TILE_SIZE, TILE_SIZE, values.shape[-1]))
+        tiles[:, channels] = np.moveaxis(full, -1, 1)
+    return tiles
+
+
+def lobe_arrays(lobes: dict[str, np.ndarray], count: int) -> np.ndarray:
+    """(m, 7, 32, 32) f16 of what `two_lobes` found, m = `count` of tiles if nothing varies over the surface."""
+    named = {name: lobes[name] for name in TWO_LOBES.parts}
+    count = max([count] + [len(values) for values in named.values() if values.ndim > 1])
+    found = np.empty((count, len(TWO_LOBES), TILE_SIZE, TILE_SIZE), np.float16)
+    for name, values in named.items():
+        full = np.broadcast_to(values, (count, TILE_SIZE, TILE_SIZE, values.shape[-1]))
+        found[:, TWO_LOBES[name]] = np.moveaxis(full, -1, 1)
+    return found
+
+
+def points_of(mesh: TriangleMesh, place: Place) -> Points:
+    """The texels of the tiles of a mesh."""
+    uv = {name: interpolated(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
+    attributes = {name: interpolated(layer) for name, layer in mesh.attributes.items()}
+    return Points(uv, mesh.active_uv, attributes, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
+                  place, is_displaced=mesh.is_displaced, camera_ray=True)
+
+
+def triangle_mean(values: np.ndarray) -> np.ndarray:
+    """(c,) or (m, 32, 32, c) -> (c,) or (m, c): mean over the cells inside the triangle."""
+    if values.ndim == 1:
+        return values
+    rows = np.arange(TILE_SIZE)
+    inside = rows[:, None] + rows[None] < TILE_SIZE
+    return values[:, inside].mean(axis=1)

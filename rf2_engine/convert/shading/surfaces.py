@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The triangles of all instances, with their materials."""
+from __future__ import annotations
+
+import numpy as np
+
+from ....model import progress
+from ....model.scene import RenderScene
+from ..data import mesh as meshes
+from ..data.collected import Part
+from ..data.instance import Place
+from .material import MaterialTiles
+
+
+def dressed(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:
+    """Surfaces and mesh emitters in world space; instances share the tiles that do not depend on their place."""
+    rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
+    for i, part in enumerate(parts):
+        with progress.part(i / len(parts), (i + 1) / len(parts), f"Reading materials, {i + 1} of {len(parts)}"):
+            shared = {}
+            for j, place in enumerate(part.places):
+                with progress.part(j / len(part.places), (j + 1) / len(part.places)):
+                    progress.report()
+                    for name, values in _instance(part, place, materials, shared, report).items():
+                        rows[name].append(values)
+    scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes)
+    for name, values in rows.items():
+        if values:
+            setattr(scene, name, np.concatenate(values))
+    count = len(scene.triangles)
+    scene.beam_axis, scene.beam_cosine = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
+    return scene
+
+
+def _instance(part: Part, place: Place, materials: MaterialTiles, shared: dict, report) -> dict[str, np.ndarray]:
+    """Fields of a RenderScene for the triangles of one instance; shared: as in `_materials`."""
+    tile_index, emission = _materials(part, place, materials, shared)
+    there = tile_index >= 0
+    if not there.all():
+        report.approximated(part.name, f"{np.count_nonzero(~there)} of its {len(there)} triangles are left out, "
+                                       "because they are almost fully transparent")
+    corners, normals = meshes.transform(part.mesh, place.matrix)
+    near, solid = meshes.within_reach(corners), meshes.has_area(corners)
+    if not near.all():
+        report.refused(part.name, "it is too large or too far away: reset its transform")
+    elif not solid.any():
+        report.skipped(part.name, "its scale is 0")
+    fields = {"triangles": corners, "normals": normals, "emission": emission, "tile_index": tile_index}
+    return {name: values[near & solid & there] for name, values in fields.items()}
+
+
+def _materials(part: Part, place: Place, materials: MaterialTiles, shared: dict) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) i32 tile and (n, 3) f32 radiance of the triangles of an instance of a part.
+
+    shared: by material slot and MaterialTiles.sharing what instances have in common, filled here.
+    """
+    mesh = part.mesh
+    tile_index, emission = np.zeros(len(mesh), np.int32), np.zeros((len(mesh), 3), np.float32)
+    slots = np.unique(mesh.slot)
+    for i, slot in enumerate(slots):
+        rows, material = np.flatnonzero(mesh.slot == slot), part.materials[slot]
+        found = shared.get((slot, materials.sharing(material, place)))
+        with progress.part(i / len(slots), (i + 1) / len(slots)):
+            if found is None:
+                found = materials.triangle_tiles(material, mesh.take(rows), place)
+                shared[slot, materials.sharing(material, place)] = found
+            tile_index[rows], emission[rows] = found
+    return tile_index, emission * np.float32(part.flux_gain)

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shaders as tile parameters: values, emission, groups, mixing and what is reported."""
+import re
+
+import bpy
+import numpy as np
+import pytest
+
+from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, constant_tile
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.instance import Place
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.functions import FUNCTIONS
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.layers import effective_ior
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import MaterialTiles
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.spectrum import blackbody_color
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
+
+from tests.rf2_engine.convert.copies import copied
+from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material
+from tests.rf2_engine.convert.triangles import triangles
+
+UV = np.float32([[(0, 0), (1, 0), (0, 1)]])
+
+
+@pytest.fixture(autouse=True)
+def scene():
+    empty_cycles_scene()
+
+
+def tile_of(made, report=None, uv=None):
+    """(11,) parameters and (3,) radiance of a homogeneous material."""
+    tiles = MaterialTiles(report or Report())
+    index, emission = tiles.triangle_tiles(copied(made), triangles(3, None if uv is None else np.repeat(uv, 3, axis=0)))
+    assert len(tiles.tiles) <= 2 and len(set(index)) == 1
+    tile = tiles.tiles[index[0]]
+    assert (tile == tile[:, :1, :1]).all()
+    return tile[:, 0, 0].astype(np.float32), emission[0]
+
+
+def assert_tile(made, report=None, **expected):
+    tile, emission = tile_of(made, report)
+    np.testing.assert_allclose(tile, constant_tile(**expected)[:, 0, 0].astype(np.float32), atol=2e-3)
+    return emission
+
+
+@pytest.mark.parametrize("ior, level, expected", [(1.5, 0.5, 1.329431), (1.45, 0.5, 1.29852), (1.33, 0.5, 1.22259),
+                                                  (1.8, 0.5, 1.50636), (1.5, 1.0, 1.5), (1.5, 0.0, 1.0)])
+def test_effective_ior(ior, level, expected):
+    assert effective_ior(np.float64(ior), np.float64(level)) == pytest.approx(expected, abs=1e-5)
+
+
+def test_principled_constants():
+    opaque, _, _ = material(Base_Color=(0.1, 0.2, 0.3, 1), Metallic=0.25, Roughness=0.4)
+    assert_tile(opaque, base_color=(0.1, 0.2, 0.3), metallic=0.25, roughness=0.4, ior=1.3294)
+    glass, _, _ = material(Transmission_Weight=1.0, IOR=1.33, Roughness=0.1)
+    assert_tile(glass, base_color=(0.8, 0.8, 0.8), roughness=0.1, ior=1.33, transmission=1)
+    partly, _, _ = material(Transmission_Weight=0.25)
+    assert_tile(partly, base_color=(0.8, 0.8, 0.8), roughness=0.5, ior=0.75 * 1.3294 + 0.25 * 1.5, transmission=0.25)
+
+
+def test_other_shaders():
+    gray = (0.5, 0.5, 0.5)
+    assert_tile(None, base_color=(0.8, 0.8, 0.8))
+    assert_tile(material("ShaderNodeBsdfDiffuse", Color=(0.1, 0.2, 0.3, 1))[0], base_color=(0.1, 0.2, 0.3))
+    assert_tile(material("ShaderNodeBsdfGlossy", Color=(*gray, 1), Roughness=0.2)[0],
+                base_color=gray, metallic=1, roughness=0.2)
+    assert_tile(material("ShaderNodeBsdfGlass", Color=(*gray, 1), Roughness=0.2)[0],
+                base_color=(0.25, 0.25, 0.25), roughness=0.2, ior=1.5, transmission=1)
+
+
+def test_mix_of_diffuse_and_glossy_is_partly_metallic():
+    made, tree, mix = material("ShaderNodeMixShader", Fac=0.25)
+    diffuse, glossy = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeBsdfGlossy")
+    diffuse.inputs["Color"].default_value = glossy.inputs["Color"].default_value = (0.6, 0.6, 0.6, 1)
+    glossy.inputs["Roughness"].default_value = 0.3
+    tree.links.new(diffuse.outputs[0], mix.inputs[1])
+    tree.links.new(glossy.outputs[0], mix.inputs[2])
+    assert_tile(made, base_color=(0.6, 0.6, 0.6), metallic=0.25, roughness=0.3)
+
+
+def test_emitters_are_white_and_dim_glow_keeps_the_surface():
+    bright, _, _ = material("ShaderNodeEmission", Color=(1, 0.5, 0.25, 1), Strength=40.0)
+    np.testing.assert_allclose(assert_tile(bright, base_color=(1, 1, 1)), (40, 20, 10))
+    dim, _, _ = material(Base_Color=(0.1, 0.2, 0.3, 1), Emission_Strength=0.5)
+    np.testing.assert_allclose(assert_tile(dim, base_color=(0.1, 0.2, 0.3), roughness=0.5, ior=1.3294), 0.5)
+
+
+def test_emission_texture_is_averaged_per_triangle():
+    image = bpy.data.images.new("Halves", 2, 1, float_buffer=True)
+    image.pixels.foreach_set(np.array([0, 0, 0, 1, 1, 1, 1, 1], np.float32))
+    made, tree, shader = material("ShaderNodeEmission", Strength=8.0)
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image, texture.interpolation = image, "Closest"
+    tree.links.new(texture.outputs[0], shader.inputs["Color"])
+    left = np.array([(0, 0), (0.5, 0), (0, 1)], np.float32)
+    across = np.array([(0, 0), (1, 0), (0.5, 1)], np.float32)
+    uv = np.stack([left, left + [0.5, 0], across]).astype(np.float32)
+    tiles = MaterialTiles(Report())
+    index, emission = tiles.triangle_tiles(copied(made), triangles(3, uv))
+    np.testing.assert_allclose(emission[:, 0], [0, 8, 4], atol=0.15)
+    assert tiles.tiles[index[1], 0, 0, 0] == 1 and tiles.tiles[index[0], 0, 0, 0] == 0
+
+
+def test_values_come_through_groups_reroutes_and_muted_nodes():
+    made, tree, shader = material()
+    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+    group.interface.new_socket("In", in_out="INPUT", socket_type="NodeSocketColor")
+    group.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketColor")
+    entry, leave, invert = (group.nodes.new(n) for n in ("NodeGroupInput", "NodeGroupOutput", "ShaderNodeInvert"))
+    group.links.new(entry.outputs[0], invert.inputs["Color"])
+    group.links.new(invert.outputs[0], leave.inputs[0])
+    color, reroute, user = (tree.nodes.new(n) for n in ("ShaderNodeRGB", "NodeReroute", "ShaderNodeGroup"))
+    user.node_tree, color.outputs[0].default_value = group, (0.9, 0.8, 0.7, 1)
+    tree.links.new(color.outputs[0], reroute.inputs[0])
+    tree.links.new(reroute.outputs[0], user.inputs[0])
+    tree.links.new(user.outputs[0], shader.inputs["Base Color"])
+    np.testing.assert_allclose(tile_of(made)[0][:3], (0.1, 0.2, 0.3), atol=1e-3)
+    invert.mute = True
+    np.testing.assert_allclose(tile_of(made)[0][:3], (0.9, 0.8, 0.7), atol=1e-3)
+
+
+def test_active_output_for_cycles_wins():
+    made, tree, _ = material(Base_Color=(1, 0, 0, 1))
+    other, diffuse = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new("ShaderNodeBsdfDiffuse")
+    diffuse.inputs["Color"].default_value = (0, 1, 0, 1)
+    tree.links.new(diffuse.outputs[0], other.inputs["Surface"])
+    other.target = "CYCLES"
+    np.testing.assert_allclose(tile_of(made)[0][:3], (0, 1, 0))
+
+
+@pytest.mark.parametrize("space, scale, expected", [
+    ("OBJECT", (1, 1, 1), 0.5), ("OBJECT", (2, 2, 2), 1), ("OBJECT", (0.4, 0.4, 1.5), 0.75), ("WORLD", (2, 2, 2), 0.5)])
+def test_displacement_becomes_height(space, scale, expected):
+    """Measured in Cycles: a plane at 0.1 above midlevel rises by that times its scale along its normal, in space OBJECT
+    alone."""
+    made, tree, _ = material()
+    made.displacement_method = "BOTH"
+    node = tree.nodes.new("ShaderNodeDisplacement")
+    node.space = space
+    for name, value in (("Height", 0.75), ("Midlevel", 0.5), ("Scale", 0.05)):
+        node.inputs[name].default_value = value
+    output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
+    tree.links.new(node.outputs[0], output.inputs["Displacement"])
+    tiles = MaterialTiles(Report())
+    index, _ = tiles.triangle_tiles(copied(made), triangles(2), Place(np.diag([*scale, 1.0])))
+    np.testing.assert_allclose(tiles.tiles[index, HEIGHT], expected, atol=1e-3)
+
+
+def test_vertex_colours_vary_inside_a_triangle():
+    made, tree, shader = material()
+    node = tree.nodes.new("ShaderNodeVertexColor")
+    node.layer_name = "Paint"
+    tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+    tiles = MaterialTiles(Report())
+    index, _ = tiles.triangle_tiles(copied(made), triangles(1, attributes={"Paint": np.eye(3, 4)[None]}))
+    tile = tiles.tiles[index[0]].astype(np.float32)
+    np.testing.assert_allclose(tile[:3, 0, 31], (0.984375, 0.015625, 0), atol=1e-3)
+    np.testing.assert_allclose(tile[:3, 0, 0], (0.015625, 0.015625, 0.96875), atol=1e-3)
+
+
+def in_group(tree, kind):
+    """Output of a node of a new group in the tree."""
+    group = bpy.data.node_groups.new("Inside", "ShaderNodeTree")
+    group.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketFloat")
+    node, leave = group.nodes.new(kind), group.nodes.new("NodeGroupOutput")
+    group.links.new(node.outputs[0], leave.inputs[0])
+    user = tree.nodes.new("ShaderNodeGroup")
+    user.node_tree = group
+    return user.outputs[0]
+
+
+def test_an_input_keeps_its_value_where_the_node_before_cannot_be_evaluated():
+    made, tree, shader = material(name="Rock", Base_Color=(0.1, 0.2, 0.3, 1), Roughness=0.35)
+    tree.links.new(tree.nodes.new("ShaderNodeUVAlongStroke").outputs[0], shader.inputs["Base Color"])
+    tree.links.new(in_group(tree, "ShaderNodeWireframe"), shader.inputs["Roughness"])
+    report = Report()
+    assert_tile(made, report, base_color=(0.1, 0.2, 0.3), roughness=0.35, ior=1.3294)
+    stroke, wire = report.lines()
+    assert all(word in stroke for word in ("Rock", "UV Along Stroke", '"Base Color" of "Principled BSDF" keeps'))
+    assert all(word in wire for word in ("Rock", '"Wireframe" in "Inside"', '"Roughness" of "Principled BSDF" keeps'))
+
+
+def test_every_node_of_blender_is_evaluated_or_reported():
+    made, tree, shader = material(name="Rock")
+    seen = 0
+    for kind in filter(re.compile("ShaderNode.").match, dir(bpy.types)):
+        try:
+            node = tree.nodes.new(kind)
+        except RuntimeError:
+            continue  # a base class
+        if node.outputs and node.outputs[0].type != "SHADER":
+            tree.links.new(node.outputs[0], shader.inputs["Roughness"])
+            report = Report()
+            MaterialTiles(report).triangle_tiles(copied(made), triangles(1, UV))
+            assert kind in FUNCTIONS or any("keeps its own value" in line for line in report.lines()), kind
+            seen += 1
+    assert seen > 60
+
+
+def test_a_report_names_the_material():
+    made, tree, shader = material(name="Rock", Coat_Weight=1.0)
+    report = Report()
+    tile_of(made, report)
+    assert "Rock" in report.lines()[0] and "coat" in report.lines()[0]
+    empty, tree, _ = material(name="Empty")
+    tree.links.clear()
+    assert_tile(empty, report, base_color=(0, 0, 0))
+    assert "Empty" in report.lines()[-1]
+
+
+def test_volume_coefficients_and_surfaces():
+    made, tree, volume = material("ShaderNodeVolumePrincipled", Density=2.0, Color=(0.5, 0.25, 1, 1),
+                                  Absorption_Color=(0, 0.25, 0, 1))
+    output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
+    assert has_surface(copied(made)) and volume_coefficients(copied(made), Report()) is None
+    tree.links.clear()
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+    scattering, absorption = volume_coefficients(copied(made), Report())
+    np.testing.assert_allclose(scattering, (1, 0.5, 2))
+    np.testing.assert_allclose(absorption, (1, 0.75, 0))
+    assert not has_surface(copied(made)) and has_surface(None)
+    tree.links.new(tree.nodes.new("ShaderNodeBsdfTransparent").outputs[0], output.inputs["Surface"])
+    assert not has_surface(copied(made))
+
+
+@pytest.mark.parametrize("kelvin", [500, 1500, 3000, 6500, 10000, 20000])
+def test_black_bodies_have_blenders_colour(kelvin):
+    light = bpy.data.lights.new("Lamp", "POINT")
+    light.use_temperature, light.temperature = True, kelvin
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(blackbody_color(np.array([kelvin])), light.temperature_color, rtol=0.005, atol=0.005)
+
+
+@pytest.mark.parametrize("output, expected", [("Color", (0.1, 0.2, 0.6)), ("Alpha", (0.25,) * 3), ("Fac", (0.3,) * 3)])
+def test_colour_attribute_without_a_name_is_the_one_that_renders(output, expected):
+    made, tree, shader = material("ShaderNodeEmission", Strength=1.0)
+    mesh = bpy.data.meshes.new("Painted")
+    mesh.from_pydata([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [], [(0, 1, 2, 3)])
+    for name, color in (("First", (1, 1, 1, 1)), ("Second", (0.1, 0.2, 0.6, 0.25))):
+        layer = mesh.color_attributes.new(name, "FLOAT_COLOR", "POINT")
+        layer.data.foreach_set("color", np.tile(np.float32(color), 4))
+    mesh.color_attributes.render_color_index = 1
+    node = tree.nodes.new("ShaderNodeAttribute" if output == "Fac" else "ShaderNodeVertexColor")
+    if output == "Fac":
+        node.attribute_name = "Second"
+    tree.links.new(node.outputs[output], shader.inputs["Color"])
+    _, emission = MaterialTiles(Report()).triangle_tiles(copied(made), read_mesh(mesh, "Painted", Report()))
+    np.testing.assert_allclose(emission[0], expected, atol=1e-5)

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An open .blend file made ready to be rendered by one of the two engines, and its picture saved."""
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from renderformer_v2.model.weights.presets import BUNDLED
+
+from .pictures import write_whole
+
+FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
+ENGINES = {"renderformer": "RENDERFORMER_V2", "cycles": "CYCLES"}
+
+
+def open_scene(path: Path):
+    """The active scene of a .blend file. Raises ValueError when no view layer is enabled, RuntimeError as Blender."""
+    import bpy
+    bpy.ops.wm.open_mainfile(filepath=str(path.resolve()))
+    scene = bpy.context.scene
+    if not any(layer.use for layer in scene.view_layers):
+        raise ValueError(f'no view layer of scene "{scene.name}" is enabled for rendering: '
+                         "switch on Use for Rendering in View Layer Properties")
+    return scene
+
+
+def configure(scene, engine: str, *, samples: int | None = None, resolution: tuple[int, int] | None = None,
+              weights: str | None = None, threads: int | None = None, light: str | None = None, beside: bool = False,
+              reference_samples: int | None = None, unclamped: bool = False) -> None:
+    """Choose one of ENGINES and its settings; those that are not given stay as the file has them.
+
+    samples: guide samples, of small pictures too, or Cycles' samples. weights: BUNDLED, or a folder. light: "TRACED" or
+    "NETWORK". beside: with a Cycles reference, of `reference_samples`. unclamped: Cycles keeps light that has bounced
+    as it is.
+    """
+    scene.render.engine = ENGINES[engine]
+    if samples:
+        owner, name = (scene.cycles, "samples") if engine == "cycles" else (scene.renderformer_v2, "guide_samples")
+        setattr(owner, name, samples)
+        scene.renderformer_v2.more_when_small = False
+    if threads:
+        scene.render.threads_mode, scene.render.threads = "FIXED", threads
+        scene.renderformer_v2.threads_mode = "AUTO"  # Blender's
+    if resolution:
+        scene.render.resolution_x, scene.render.resolution_y = resolution
+        scene.render.resolution_percentage = 100
+    if weights:
+        scene.renderformer_v2.weights_source = "BUNDLED" if weights == BUNDLED else "FOLDER"
+        scene.renderformer_v2.weights_folder = os.path.abspath(weights)
+    if beside:
+        scene.renderformer_v2.reference.use = True
+        if reference_samples:
+            scene.renderformer_v2.reference.samples = reference_samples
+    if unclamped:
+        scene.cycles.sample_clamp_indirect = 0
+    if light:
+        scene.renderformer_v2.light = light
+
+
+def save(path: Path, scene) -> None:
+    """The last render as multilayer EXR in full floats, or as PNG, by suffix. Raises OSError as write_whole does."""
+    import bpy
+
+    from renderformer_v2.rf2_engine.compat import set_file_format
+    settings = scene.render.image_settings
+    set_file_format(settings, FORMATS[path.suffix.lower()])
+    if path.suffix.lower() == ".exr":
+        settings.color_depth = "32"
+    result = bpy.data.images["Render Result"]
+    write_whole(path, lambda file: result.save_render(str(file), scene=scene))
+
+
+def one_line(error: Exception) -> str:
+    """What an exception says; Blender's say it several times, each time as an error."""
+    messages = dict.fromkeys(line.removeprefix("Error: ").strip() for line in str(error).splitlines())
+    return " ".join(filter(None, messages))

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""report.html: the figures and pictures of all scenes on one page, which needs nothing but the files beside it."""
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from renderformer_v2.model.color import linear_to_srgb
+from tools.common.metrics import flip
+
+from .scores import Evaluation
+
+TEMPLATE = Path(__file__).with_name("page.html")
+OURS = "RenderFormer-V2"
+BESIDE = {  # keys of a scene's "beside", in the order of the page
+    "without_network": "without the network",
+    "network_alone": "network alone",
+    "priors_alone": "neither network nor traced light",
+    "traced_alone": "traced light alone",
+    "cycles_equal": "Cycles, equal time",
+}
+CYCLES = "cycles_"  # and a number of samples: keys beside these
+COLUMNS = {  # of the table: keys of a scene
+    "psnr": ("PSNR", "dB", "{:.2f}"),
+    "ssim": ("SSIM", "", "{:.4f}"),
+    "flip": ("FLIP", "", "{:.4f}"),
+    "seconds": ("time", "s", "{:.2f}"),
+    "cycles_seconds": ("Cycles reference", "s", "{:.2f}"),
+    "triangles": ("triangles", "", "{:.0f}"),
+}
+
+
+def write_page(report: dict, pictures: dict[str, list[list[Picture]]], path: Path) -> None:
+    """Write the page of a report (report.json), with the pictures of each view by scene."""
+    from jinja2 import Environment
+
+    compact = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)  # no line is left where a block was
+    template = compact.from_string(TEMPLATE.read_text("utf-8"))
+    scenes, mean = report["scenes"], report["mean"]
+    columns = {key: column for key, column in COLUMNS.items() if any(key in s for s in scenes.values())}
+    known = {key for scene in scenes.values() for key in scene.get("beside", {})}
+    beside = {key: title for key, title in BESIDE.items() if key in known} | {
+        key: f"Cycles, {key.removeprefix(CYCLES)} samples" for key in sorted(known - set(BESIDE), key=_samples)}
+    worst = min(scenes, key=lambda name: scenes[name]["psnr"])
+    path.write_text(template.render(
+        weights=report["weights"], scenes=scenes, mean=mean, worst=worst, columns=columns, beside=beside, ours=OURS,
+        pictures=pictures, titles=TITLES, amplified=AMPLIFIED, magma=_magma()), "utf-8")
+
+
+def _samples(key: str) -> int:
+    return int(key.removeprefix(CYCLES))
+
+
+def _magma(stops: int = 17) -> str:
+    """The colours of the FLIP map from 0 to 1, as the stops of a CSS gradient."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return ", ".join(to_hex(colormaps["magma"](i / (stops - 1))) for i in range(stops))
+
+
+AMPLIFIED = 4  # times, the difference
+TITLES = {
+    "ours": "RenderFormer-V2",
+    "reference": "Cycles, reference",
+    "equal": "Cycles, equal time",
+    "difference": f"difference × {AMPLIFIED}",
+    "flip": "FLIP",
+}
+
+
+class Picture(NamedTuple):
+    kind: str  # a key of TITLES
+    file: str  # relative to the report
+    width: int
+    height: int
+
+
+def write_pictures(evaluation: Evaluation, report: Path, scene: str) -> list[list[Picture]]:
+    """Write PNGs below `report`, sRGB-encoded and clipped to [0, 1]; those of each view, in the order of TITLES."""
+    from skimage.io import imsave
+
+    folder = Path("pictures") / scene
+    (report / folder).mkdir(parents=True, exist_ok=True)
+    found = []
+    for index, view in enumerate(evaluation.views, 1):
+        pixels = with_errors({kind: linear_to_srgb(linear) for kind, linear in view.items()})
+        row = []
+        for kind in sorted(pixels, key=list(TITLES).index):
+            file = folder / f"{index}-{kind}.png"
+            imsave(report / file, (pixels[kind] * 255 + 0.5).astype(np.uint8), check_contrast=False)
+            row.append(Picture(kind, file.as_posix(), pixels[kind].shape[1], pixels[kind].shape[0]))
+        found.append(row)
+    return found
+
+
+def with_errors(view: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """sRGB (H, W, 3) pictures of one view, and where "ours" differs from "reference"."""
+    from matplotlib import colormaps
+
+    ours, reference = view["ours"], view["reference"]
+    return view | {"difference": np.clip(np.abs(ours - reference) * AMPLIFIED, 0, 1),
+                   "flip": colormaps["magma"](flip(ours, reference))[..., :3]}

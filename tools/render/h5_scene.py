@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`tools.render` for H5 scenes of the research code: render one, or write one from the open .blend file."""
+from __future__ import annotations
+
+import functools
+import time
+from pathlib import Path
+
+import numpy as np
+
+from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.errors import CheckpointError
+from renderformer_v2.model.weights.presets import BUNDLED
+
+from ..common.pictures import write_whole
+
+
+def render(path: Path, weights: str | None, outputs: list[Path], resolution: tuple[int, int] | None) -> dict:
+    """Every view of the file as linear EXR or sRGB PNG in folders that exist; statistics as `tools.render` prints.
+
+    Raises SceneError for the scene, CheckpointError for the weights or a picture that is not finite, ValueError for a
+    resolution that is not square, OSError as the disk does.
+    """
+    from renderformer_v2.model.compute.devices import choose_device
+    from renderformer_v2.model.compute.precision import choose_precision
+    from renderformer_v2.model.published.h5 import read_h5
+    from renderformer_v2.model.published.pipeline import PublishedPipeline
+
+    _require_bundle(weights)
+    width, height = resolution or (512, 512)
+    if width != height:
+        raise ValueError(f"H5 scenes are rendered square, not {width}x{height}")
+    device = choose_device()
+    begin = time.perf_counter()
+    pipeline = PublishedPipeline(weights, device, choose_precision("auto", device))
+    scene = read_h5(path)
+    images = pipeline.render_processed(scene, width)
+    if not np.isfinite(images).all():
+        raise CheckpointError(f"the network's picture of {path} holds values that are not finite: move and scale the "
+                              f"scene to about [-0.5, 0.5], or get the weights in {weights} again")
+    seconds = time.perf_counter() - begin
+    written = [_numbered(output, i, len(images)) for output in outputs for i in range(len(images))]
+    for output, image in zip(written, list(images) * len(outputs), strict=True):
+        write_whole(output, functools.partial(_save, image=image))
+    return {"scene": str(path), "seconds": {"total": round(seconds, 3)}, "triangles": len(scene.triangles),
+            "size": (width, height), "weights": weights, "output": list(map(str, written))}
+
+
+def export(scene, weights: str | None, path: Path) -> dict:
+    """Write the open file's `scene` (bpy), as F12 would show one of its view layers, into a folder that exists.
+
+    Raises CheckpointError, ValueError or RuntimeError with a message for the user, and OSError as the disk does.
+    """
+    from renderformer_v2.rf2_engine.convert.data.report import Report
+    from renderformer_v2.rf2_engine.paper_scenes.h5_export import export_h5
+    report, begin = Report(), time.perf_counter()
+    converted = export_h5(scene, weights, path, report)
+    return {"scene": scene.name, "seconds": {"total": round(time.perf_counter() - begin, 3)},
+            "triangles": len(converted), "report": report.lines(), "output": [str(path)]}
+
+
+def _require_bundle(weights: str | None) -> None:
+    if weights in (None, BUNDLED):
+        raise CheckpointError("H5 scenes hold latents of the published weights: give their folder with --weights")
+
+
+def _numbered(path: Path, index: int, count: int) -> Path:
+    return path if count == 1 else path.with_name(f"{path.stem}_{index:03d}{path.suffix}")
+
+
+def _save(path: Path, image: np.ndarray) -> None:
+    if path.suffix.lower() == ".png":
+        from skimage.io import imsave
+        imsave(path, (linear_to_srgb(image) * 255 + 0.5).astype(np.uint8), check_contrast=False)
+        return
+    import OpenEXR
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(image, np.float32)}) as file:
+        file.write(str(path))

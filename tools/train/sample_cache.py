@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Prepared samples on disk, as float16 safetensors for the next epoch."""
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from renderformer_v2.model.color import HALF_MAX
+
+# Not for half precision.
+EXACT = ("triangles", "texture_index", "origin", "position", "positions", "light", "exposure")
+
+
+def kept(stored: Path, key: str, make: Callable[[], object], kinds: dict[str, type]):
+    """The group of tensors that is `stored`, made and stored before if it is not there with this key.
+
+    kinds: the classes of its inner groups by their names, and its own as "". What is returned went through float16.
+    """
+    keep(stored, key, make)
+    return _unflatten(load_file(stored), kinds, "")
+
+
+def keep(stored: Path, key: str, make: Callable[[], object]) -> None:
+    """The same without reading it."""
+    if not is_current(stored, key):
+        temporary = stored.with_suffix(f".{os.getpid()}.tmp")
+        save_file(_flatten(make()), temporary, metadata={"key": key})
+        temporary.replace(stored)
+
+
+def is_current(stored: Path, key: str) -> bool:
+    try:
+        with safe_open(stored, "pt") as file:
+            return file.metadata().get("key") == key
+    except (OSError, SafetensorError):  # not there, or cut short
+        return False
+
+
+def _flatten(part, prefix: str = "") -> dict[str, Tensor]:
+    flat = {}
+    for f in fields(part):
+        value = getattr(part, f.name)
+        if isinstance(value, Tensor):
+            half = value.is_floating_point() and f.name not in EXACT
+            flat[prefix + f.name] = (value.clamp(-HALF_MAX, HALF_MAX).half() if half else value).contiguous()
+        elif value is not None:
+            flat |= _flatten(value, f"{prefix}{f.name}.")
+    return flat
+
+
+def _unflatten(flat: dict[str, Tensor], kinds: dict[str, type], name: str):
+    values = {}
+    for f in fields(kinds[name]):
+        inner = {k.removeprefix(f"{f.name}."): v for k, v in flat.items() if k.startswith(f"{f.name}.")}
+        if inner:
+            values[f.name] = _unflatten(inner, kinds, f.name)
+        else:
+            value = flat.get(f.name)
+            values[f.name] = value.float() if value is not None and value.is_floating_point() else value
+    return kinds[name](**values)
+
+
+ROOT = Path(__file__).resolve().parents[2]
+# The code between a file of tools.datagen and a prepared sample: if any of it changes, all are prepared again.
+SOURCES = ("model/*.py", "model/guided/*.py", "model/light/**/*.py", "model/material/*.py", "model/network/inputs.py",
+           "tools/datagen/sample_files.py", "tools/train/antialiasing.py", "tools/train/sample_cache.py",
+           "tools/train/samples.py")
+PUBLISHED = ("model/*.py", "model/material/*.py", "model/network/inputs.py", "model/published/*.py",
+             "tools/datagen/sample_files.py", "tools/train/published_samples.py", "tools/train/sample_cache.py")
+
+
+def stored_path(path: Path, cache: Path, kind: str = "") -> Path:
+    """The one file that the cache holds for the sample at `path` as prepared in this way, whatever is in it."""
+    return cache / f"{path.stem}-{_digest(str(path.resolve()))}{kind}.safetensors"
+
+
+def key(path: Path, sources: tuple[str, ...] = SOURCES) -> str:
+    """Changes with the sample's file and with the code that prepares it. Raises OSError if there is no such file."""
+    status = path.stat()
+    return f"{status.st_size}-{status.st_mtime_ns}-{code_version(sources)}"
+
+
+@functools.cache
+def code_version(sources: tuple[str, ...] = SOURCES) -> str:
+    return _digest("".join(file.read_text(encoding="utf-8") for pattern in sources
+                           for file in sorted(ROOT.glob(pattern))))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
