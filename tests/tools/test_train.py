@@ -12,7 +12,7 @@ import torch
 from renderformer_v2.model.guided.encoders import panorama_size
 from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.guided.network import new_network
-from renderformer_v2.model.light.direct.direct_light import LightPrior
+from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.lobes import LOBES
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
@@ -104,9 +104,9 @@ def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
                     environment=np.roll(environment, -shift * 512 // columns, axis=1))
     x, v = torch.tensor([[0.3, -0.5, 0.0]]), torch.tensor([[0.0, 0.6, 0.8]])
     n = torch.tensor([[0.0, 0.0, 1.0]])
-    still = LightPrior(replace(floor_scene(), environment=environment))
+    still = DirectLight(replace(floor_scene(), environment=environment))
     turn, gloss = torch.tensor(quarter), torch.tensor([[0.4], [0.04]])
-    torch.testing.assert_close(LightPrior(world)(x @ turn.T, n, v @ turn.T, *gloss), still(x, n, v, *gloss), rtol=1e-3,
+    torch.testing.assert_close(DirectLight(world)(x @ turn.T, n, v @ turn.T, *gloss), still(x, n, v, *gloss), rtol=1e-3,
                                atol=1e-4)
     torch.testing.assert_close(turned.inputs.triangles, sample.inputs.triangles @ turn.T, atol=1e-6, rtol=0)
     torch.testing.assert_close(turned.inputs.environment.ldr, sample.inputs.environment.ldr.roll(-shift, -1))
