@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Small scenes without Blender: a floor of triangles under one light, seen from above, and others made of it."""
+from dataclasses import replace
+
 import numpy as np
 
 from renderformer_v2.model.camera import view_rays
+from renderformer_v2.model.light.bounce.radiosity import Radiosity
+from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.light.estimate import SceneLight
 from renderformer_v2.model.scene import Guides, RenderScene, View, constant_tile
 
 
@@ -57,3 +62,21 @@ def walls(color) -> RenderScene:
     floor = scene.triangles[~scene.is_light]
     wall = np.stack([np.full_like(floor[..., 0], -1), floor[..., 1], floor[..., 0] + 1], axis=-1)[:, ::-1]
     return scene.appended(flat(wall.copy(), color))
+
+
+def closed_box(color) -> RenderScene:
+    """Two units wide, with a lamp in its middle."""
+    square = np.float32([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
+    sides = [np.roll(square + np.float32((0, 0, z)), axis, axis=-1) for axis in range(3) for z in (-1, 1)]
+    scene = floor_scene()
+    lamp = scene.triangles[scene.is_light]
+    scene.triangles[scene.is_light] = lamp - lamp.mean(axis=(0, 1)) + np.float32((0.3, 0.2, 0.1))
+    lights = {name: getattr(scene, name)[scene.is_light] for name in
+              ("triangles", "normals", "emission", "beam_axis", "beam_cosine", "tile_index")}
+    return flat(np.concatenate(sides), color).appended(replace(scene, **lights))
+
+
+def scene_light(scene: RenderScene) -> SceneLight:
+    """Of a scene in network units."""
+    direct = DirectLight(scene)
+    return SceneLight(scene, direct, Radiosity(scene, direct))

@@ -11,7 +11,7 @@ import torch
 from torch import nn
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
-from renderformer_v2.model.guided.antialiasing import KernelPredictor
+from renderformer_v2.model.guided.kernels import KernelPredictor
 from tools.train import antialiasing, apart, material, ranks
 from tools.train.errors import TrainingError
 

@@ -12,12 +12,13 @@ import torch
 from renderformer_v2.model.guided.encoders import panorama_size
 from renderformer_v2.model.guided.guide_tensors import FEATURES
 from renderformer_v2.model.guided.network import new_network
-from renderformer_v2.model.light.direct.direct_light import LightPrior
-from renderformer_v2.model.light_passes import LOBES
+from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.lobes import LOBES
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.sample_files import load_sample, read_facts, save_sample
-from tools.train import config, sample_cache
+from tools.train import config
+from tools.train import sample_cache as cache_key
 from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
@@ -76,7 +77,7 @@ def test_the_cache_keeps_data_sets_apart_and_replaces_what_is_out_of_date(stored
     for file in (other, stored):  # another content under the same name
         save_sample(file, scene, views, guides, [{name: 3 * x for name, x in p.items()} for p in passes])
         assert cached_sample(file, cache).image.mean() > 2.5 * first.image.mean()
-    monkeypatch.setattr(sample_cache, "code_version", lambda sources: "newer")
+    monkeypatch.setattr(cache_key, "code_version", lambda sources: "newer")
     before = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
     cached_sample(stored, cache), cached_sample(other, cache)
     after = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
@@ -87,7 +88,7 @@ def test_the_cache_keeps_data_sets_apart_and_replaces_what_is_out_of_date(stored
 
 
 def test_the_version_of_the_preparing_code_covers_files_that_are_there():
-    assert all(list(sample_cache.ROOT.glob(pattern)) for pattern in sample_cache.SOURCES + sample_cache.PUBLISHED)
+    assert all(list(cache_key.ROOT.glob(pattern)) for pattern in cache_key.SOURCES + cache_key.PUBLISHED)
 
 
 def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
@@ -103,9 +104,9 @@ def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
                     environment=np.roll(environment, -shift * 512 // columns, axis=1))
     x, v = torch.tensor([[0.3, -0.5, 0.0]]), torch.tensor([[0.0, 0.6, 0.8]])
     n = torch.tensor([[0.0, 0.0, 1.0]])
-    still = LightPrior(replace(floor_scene(), environment=environment))
+    still = DirectLight(replace(floor_scene(), environment=environment))
     turn, gloss = torch.tensor(quarter), torch.tensor([[0.4], [0.04]])
-    torch.testing.assert_close(LightPrior(world)(x @ turn.T, n, v @ turn.T, *gloss), still(x, n, v, *gloss), rtol=1e-3,
+    torch.testing.assert_close(DirectLight(world)(x @ turn.T, n, v @ turn.T, *gloss), still(x, n, v, *gloss), rtol=1e-3,
                                atol=1e-4)
     torch.testing.assert_close(turned.inputs.triangles, sample.inputs.triangles @ turn.T, atol=1e-6, rtol=0)
     torch.testing.assert_close(turned.inputs.environment.ldr, sample.inputs.environment.ldr.roll(-shift, -1))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.guided.antialiasing import CENTRE, SEEN, KernelPredictor, exposure_of, seen, weighted
+from renderformer_v2.model.guided.kernels import CENTRE, SEEN, KernelPredictor, exposure_of, seen, weighted
 from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import BUNDLED, weights_folder

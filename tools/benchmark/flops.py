@@ -8,7 +8,7 @@ import time
 import torch
 
 from renderformer_v2.model.guided.decoding import OUTPUTS
-from renderformer_v2.model.guided.guide_tensors import FEATURES
+from renderformer_v2.model.guided.features import FEATURES
 from renderformer_v2.model.network.config import SWIN_WINDOW, ModelConfig
 from renderformer_v2.model.network.embedding import ENVIRONMENT_GRID
 from renderformer_v2.model.network.layers import nerf_width

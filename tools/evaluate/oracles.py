@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""python -m tools.evaluate.oracles SAMPLE_DIR: what the network could add to the priors, if it knew the answer.
+"""python -m tools.evaluate.oracles SAMPLE_DIR: what the network could add to estimated light, if it knew the answer.
 
 SAMPLE_DIR holds samples of `python -m tools.datagen`. With traced light and without, the picture that the network adds
 to is mended in ways that look at the reference: by a factor of all bounced light of the scene, by one for each lobe, by
@@ -25,7 +25,7 @@ from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.weights.presets import BUNDLED
 from tools.datagen.sample_files import load_sample, sample_paths
 
-from .samples import prior_light
+from .samples import estimated_light, world_radiance
 
 FACTORS = np.geomspace(0.25, 4.0, 33)
 ROUNDS = 4
@@ -112,10 +112,11 @@ def _bilateral(picture: np.ndarray, alike: np.ndarray) -> np.ndarray:
 
 def shown(encoded: EncodedScene, view: View, guides: Guides, passes: dict[str, np.ndarray]) -> Shown:
     """What the network adds to, in world radiance."""
-    light = prior_light(encoded, view, guides, ("image", "indirect"))
-    bounced = light["indirect"] * np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
+    light = estimated_light(encoded, view, guides)
+    radiance, indirect = (world_radiance(encoded, x) for x in (light.radiance(), light.indirect()))
+    bounced = indirect * np.stack([guides.diffuse_color, guides.glossy_color, guides.transmission_color])
     seen = guides.emission + guides.environment
-    return Shown(light["image"] + seen - bounced.sum(0), bounced, passes["diffuse_indirect"] * guides.diffuse_color,
+    return Shown(radiance + seen - bounced.sum(0), bounced, passes["diffuse_indirect"] * guides.diffuse_color,
                  passes["combined"][..., :3] + passes["environment"],
                  np.dstack([guides.normal, guides.diffuse_color]).astype(np.float32))
 

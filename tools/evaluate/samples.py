@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from renderformer_v2.model.compute.inference import inference
-from renderformer_v2.model.guided.decoding import OUTPUTS, decode_bands
-from renderformer_v2.model.guided.guided_inputs import guided_view
-from renderformer_v2.model.guided.pipeline import GuidedContext
+from renderformer_v2.model.guided.pipeline import GuidedScene
+from renderformer_v2.model.light.estimate import estimate_light
+from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
 from tools.datagen.sample_files import hint_samples, load_sample
 
-from .scores import Evaluation, compute_scores
+from .scores import Evaluation, scores
 
 
 def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
@@ -31,7 +29,7 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
     ours = [_picture(encoded, view, guide, hints) for view, guide in seen]
     seconds = time.perf_counter() - begin
     beside = {}
-    if isinstance(encoded.encoded, GuidedContext) and guides[0].traced is not None:
+    if isinstance(encoded.encoded, GuidedScene) and guides[0].traced is not None:
         beside["traced_alone"] = [guide.traced for guide in guides]
         beside["without_network"] = [without_network(encoded, view, guide) for view, guide in seen]
         untraced = [(view, replace(guide, traced=None)) for view, guide in seen]
@@ -46,8 +44,8 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
     if "priors_alone" in beside:
         beside["network_alone"] = [_picture(encoded, view, guide, hints) for view, guide in untraced]
     references = [p["combined"][..., :3] + p["environment"] for p in passes]
-    found = compute_scores(ours, references, triangles=len(scene), seconds=seconds)
-    found["beside"] = {name: compute_scores(shown, references) for name, shown in beside.items()}
+    found = scores(ours, references, triangles=len(scene), seconds=seconds)
+    found["beside"] = {name: scores(shown, references) for name, shown in beside.items()}
     columns = {"ours": ours, "reference": references} | (
         {"equal": beside["cycles_equal"]} if "cycles_equal" in beside else {})
     return Evaluation(found, [dict(zip(columns, row)) for row in zip(*columns.values())])
@@ -55,7 +53,7 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
 
 def _picture(encoded: EncodedScene, view: View, guides: Guides, hints: int) -> np.ndarray:
     """(H, W, 3) on an opaque film; hints: samples that the guides are made of."""
-    if not isinstance(encoded.encoded, GuidedContext):
+    if not isinstance(encoded.encoded, GuidedScene):
         return encoded.view(view, guides) + guides.emission + guides.environment
     lobes = encoded.lobes(view, guides, apart=False)
     whole = {"whole": lobes.radiance + guides.emission + guides.environment}
@@ -63,17 +61,18 @@ def _picture(encoded: EncodedScene, view: View, guides: Guides, hints: int) -> n
 
 
 def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
-    """(H, W, 3) radiance of what the guided network adds to: traced light, or the light prior, and the radiosity."""
-    return prior_light(encoded, view, guides, ("image",))["image"]
+    """(H, W, 3) world radiance of the light that the guided network corrects."""
+    return world_radiance(encoded, estimated_light(encoded, view, guides).radiance())
 
 
-def prior_light(encoded: EncodedScene, view: View, guides: Guides, keys: Sequence[str]) -> dict[str, np.ndarray]:
-    """The `keys` of `decode_light` without the network, (..., H, W, 3) world radiance; no `direct` of traced light."""
-    frame, context = encoded.normalization, encoded.encoded
-    config = encoded.renderer.pipeline.network.config
-    with inference():
-        inputs = guided_view(context.scene, frame.view(view), frame.guides(guides), context.prior, context.radiosity,
-                             config, direct=guides.traced is None)
-        light = decode_bands(torch.zeros(1, len(OUTPUTS), view.height, view.width), inputs.guides, keys)
-        exposure = frame.exposure * inputs.guides.exposure
-        return {key: (radiance[0] / exposure).movedim(-3, -1).numpy() for key, radiance in light.items()}
+def estimated_light(encoded: EncodedScene, view: View, guides: Guides) -> SurfaceLight:
+    """The light that the guided network corrects, in network exposure; no direct light where light was traced."""
+    frame = encoded.normalization
+    with torch.inference_mode():
+        return estimate_light(encoded.encoded.light, frame.view(view), frame.guides(guides),
+                              with_direct=guides.traced is None)
+
+
+def world_radiance(encoded: EncodedScene, light: torch.Tensor) -> np.ndarray:
+    """(1, ..., 3, H, W) radiance in network exposure -> (..., H, W, 3)."""
+    return (light[0] / encoded.normalization.exposure).movedim(-3, -1).cpu().numpy()

@@ -16,12 +16,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from renderformer_v2.model.fields import COLOR, DIRECTION, map_channels
-from renderformer_v2.model.guided.antialiasing import SEEN, KernelPredictor, exposure_of, seen, tensor, weighted
-from renderformer_v2.model.guided.decoding import shown
+from renderformer_v2.model.fields import COLOR, DIRECTION, mapped_channels
+from renderformer_v2.model.guided.exposure import shown
+from renderformer_v2.model.guided.kernels import SEEN, KernelPredictor, exposure_of, seen, tensor, weighted
+from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.guided.pipeline import GuidedPipeline
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.checkpoint import save_network
+from renderformer_v2.model.weights.presets import weights_folder
 from tools.datagen.sample_files import hint_samples, load_sample
 
 from . import apart, ranks
@@ -64,7 +66,7 @@ def augmented(parts: Tensor) -> Tensor:
     """Parts (N, sum(CHANNELS), h, w) turned about Z, recoloured and mirrored, all alike."""
     order, turn = torch.randperm(3), turn_about_z(float(torch.rand(())) * 2 * torch.pi)
     known, ours, wanted = parts.split(CHANNELS, 1)
-    known = map_channels(known, SEEN, {COLOR: recolored(order), DIRECTION: turn})
+    known = mapped_channels(known, SEEN, {COLOR: recolored(order), DIRECTION: turn})
     order = torch.cat([order, torch.tensor([3])])
     return mirrored(torch.cat([known, ours[:, order], wanted[:, order]], 1))
 
@@ -105,7 +107,7 @@ def fit(options: argparse.Namespace) -> None:
     renderer = Renderer(options.start, device="cpu", precision="fp32")
     if not isinstance(renderer.pipeline, GuidedPipeline):
         raise TrainingError(f"{options.start} is a published network, which knows no guides and no edges")
-    network = renderer.pipeline.network.requires_grad_(False)
+    network = load_network(weights_folder(options.start))
     samples = apart.rendered(options, network, ("kernel_predictor",), lambda path: pixels(renderer, path))
     samples = [sample for sample in samples if min(sample.shape[2:]) >= SIDE]
     if not samples:

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from renderformer_v2.model.guided.decoding import shown
+from renderformer_v2.model.guided.exposure import shown
 
 PERCEPTUAL_WEIGHT = 0.05
 SHOWN_WEIGHT = 0.25  # of the error as it is seen on a screen, which weighs dark places as an eye does
@@ -41,9 +41,9 @@ def image_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
             + PSNR_WEIGHT * (BEST_PSNR - decibels).mean())
 
 
-def lobe_loss(light: Tensor, target: Tensor, colors: Tensor) -> Tensor:
-    """L1 of the log of each lobe's light where the lobe has any colour; all (V, lobes, 3, H, W)."""
-    weight = colors.clamp(0, 1)
+def lobe_loss(light: Tensor, target: Tensor, albedo: Tensor) -> Tensor:
+    """L1 of the log of each lobe's light, weighted by the lobe's albedo; all (V, lobes, 3, H, W)."""
+    weight = albedo.clamp(0, 1)
     error = (log_radiance(light) - log_radiance(target)).abs()
     return LOBE_WEIGHT * (error * weight).sum() / weight.sum().clamp_min(1.0)
 

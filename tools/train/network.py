@@ -14,8 +14,7 @@ from pathlib import Path
 
 import torch
 
-from renderformer_v2.model.guided.decoding import decode_light
-from renderformer_v2.model.guided.guide_tensors import FEATURES
+from renderformer_v2.model.guided.decoding import corrected_light
 from renderformer_v2.model.guided.network import GuidedRenderFormer, new_network
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.weights.checkpoint import save_network
@@ -34,14 +33,13 @@ DIFFUSE_ALONE = torch.tensor([1.0, 0.0, 0.0]).view(1, 3, 1, 1, 1)
 
 def sample_loss(model: GuidedRenderFormer, sample: TrainingSample, perceptual) -> dict[str, torch.Tensor]:
     """Losses of all views of one scene."""
-    guides = sample.view.guides
-    light = decode_light(model.render_view(model.encode_scene(sample.inputs), sample.view), guides)
-    # Traced hints hold the specular lobes' indirect light in part; diffuse light that has bounced they never hold.
-    hinted = guides.features[:, FEATURES["hinted"], None] > 0
-    unknown = guides.colors * torch.where(hinted, DIFFUSE_ALONE.to(guides.colors), 1.0)
-    losses = {"image": image_loss(light["image"], sample.image, perceptual),
-              "direct": lobe_loss(light["direct"], sample.direct, guides.colors),
-              "indirect": lobe_loss(light["indirect"], sample.indirect, unknown)}
+    light = corrected_light(model.render_view(model.encode_scene(sample.inputs), sample.view), sample.view)
+    # Traced light contains the indirect light of the specular lobes in part, and never that of the diffuse lobe.
+    is_traced = light.is_traced.view(-1, 1, 1, 1, 1) > 0
+    untraced = light.albedo * torch.where(is_traced, DIFFUSE_ALONE.to(light.albedo), 1.0)
+    losses = {"image": image_loss(light.radiance(), sample.image, perceptual),
+              "direct": lobe_loss(light.direct, sample.direct, light.albedo),
+              "indirect": lobe_loss(light.indirect(), sample.indirect, untraced)}
     return losses | {"total": sum(losses.values())}
 
 

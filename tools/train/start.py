@@ -17,14 +17,14 @@ KERNELS = "kernel_predictor."  # how their names begin
 def start_from(model: GuidedRenderFormer, folder: Path) -> None:
     """Take over the weights in folder/model.safetensors; inputs and outputs that only `model` has start at zero.
 
-    Where there was no kernel predictor, `model` keeps its own; where there was nothing else, its own transformer starts
-    without a say. Raises TrainingError when a tensor is missing there for another reason, or has another shape than
+    Without a kernel predictor there, `model` keeps its own; with nothing else there, its transformer starts by leaving
+    light as it is. Raises TrainingError when a tensor is missing there for another reason, or has another shape than
     fewer inputs or outputs explain.
     """
     stored = load_file(folder / "model.safetensors")
     parts = {name.startswith(KERNELS) for name in stored}
     if parts == {True}:
-        model.rest()
+        model.zero_outputs()
     with torch.no_grad():
         for name, p in model.named_parameters():
             if name.startswith(KERNELS) not in parts:

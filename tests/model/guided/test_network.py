@@ -7,15 +7,14 @@ import pytest
 import torch
 
 from renderformer_v2.model.guided.decoding import OUTPUTS
-from renderformer_v2.model.guided.guided_inputs import guided_inputs, guided_view
-from renderformer_v2.model.guided.network import load_network
-from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.guided.features import guided_view
+from renderformer_v2.model.guided.guided_inputs import guided_inputs
+from renderformer_v2.model.guided.network import KernelNetwork, load_network
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.weights.presets import BUNDLED, rf2_small, weights_folder
 from tests.model.guided.weights import busy_network, write
-from tests.model.samples import floor_scene, floor_view
+from tests.model.samples import floor_scene, floor_view, scene_light
 
 
 @pytest.fixture(scope="module")
@@ -30,9 +29,7 @@ def inputs(network):
 
 @pytest.fixture
 def view(network):
-    scene = floor_scene()
-    prior = DirectLight(scene)
-    return guided_view(scene, *floor_view(), prior, Radiosity(scene, prior), network.config)
+    return guided_view(scene_light(floor_scene()), *floor_view(), network.config)
 
 
 @torch.no_grad()
@@ -46,9 +43,9 @@ def test_a_beam_changes_the_light_tokens_alone(network, inputs):
 
 @torch.no_grad()
 def test_ray_tokens_are_where_they_hit_and_know_what(network, view):
-    assert torch.equal(network.ray_positions(view), view.guides.positions)
+    assert torch.equal(network.ray_positions(view), view.positions)
     paper = RenderFormer.embed_rays(network, view)
-    torch.testing.assert_close(network.embed_rays(view) - paper, network.guidance.bundles(view.guides.features))
+    torch.testing.assert_close(network.embed_rays(view) - paper, network.guidance.bundles(view.features))
 
 
 @torch.no_grad()
@@ -66,7 +63,8 @@ def test_inputs_without_a_mapper_hold_the_parameters(network):
 def test_the_bundled_weights_are_kernels_alone():
     folder = weights_folder(BUNDLED)
     network, preset = load_network(folder), rf2_small()
-    assert network.is_idle and {name.partition(".")[0] for name in network.state_dict()} == {"kernel_predictor"}
+    assert isinstance(network, KernelNetwork) and {
+        name.partition(".")[0] for name in network.state_dict()} == {"kernel_predictor"}
     assert network.config == replace(preset, guidance=replace(preset.guidance, transformer=False))
     assert (folder / "model.safetensors").stat().st_size < 100_000
 

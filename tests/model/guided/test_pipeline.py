@@ -11,29 +11,40 @@ from tests.model.samples import floor_view, walls
 
 
 @pytest.fixture
-def lamps_looked_for(monkeypatch):
-    """A list with an entry for every search for the lamps that places see."""
-    found, real = [], DirectLight.lamps_share
+def renderer() -> Renderer:
+    return Renderer(device="cpu", precision="fp32")
+
+
+@pytest.fixture
+def traced_points(monkeypatch):
+    """A list with an entry for every time that shadows of emitters are traced."""
+    calls, real = [], DirectLight.emitter_visibility
 
     def spied(self, position, *rest):
-        found.append(len(position))
+        calls.append(len(position))
         return real(self, position, *rest)
-    monkeypatch.setattr(DirectLight, "lamps_share", spied)
-    return found
+    monkeypatch.setattr(DirectLight, "emitter_visibility", spied)
+    return calls
 
 
-def test_lamps_at_pixels_only_where_no_light_was_traced(lamps_looked_for):
+def test_shadows_of_emitters_at_pixels_only_where_no_light_was_traced(renderer, traced_points):
     view, guides = floor_view()
     traced = replace(guides, traced=np.full(guides.diffuse_color.shape, 0.25, np.float32))
-    encoded = Renderer(device="cpu", precision="fp32").encode(walls((0.6, 0.2, 0.2)))
+    encoded = renderer.encode(walls((0.6, 0.2, 0.2)))
 
-    lamps_looked_for.clear()
-    shown = encoded.lobes(view, traced, apart=False).radiance
-    assert not lamps_looked_for
+    traced_points.clear()
+    displayed = encoded.lobes(view, traced, apart=False).radiance
+    assert not traced_points
     apart = encoded.lobes(view, traced)
-    assert lamps_looked_for and apart.direct.any()
-    np.testing.assert_array_equal(shown, apart.radiance)
+    assert traced_points and apart.direct.any()
+    np.testing.assert_array_equal(displayed, apart.radiance)
 
-    lamps_looked_for.clear()
+    traced_points.clear()
     encoded.view(view, guides)
-    assert lamps_looked_for
+    assert traced_points
+
+
+def test_kernels_alone_need_no_tokens_and_no_material_mapper(renderer):
+    pipeline, encoded = renderer.pipeline, renderer.encode(walls((0.6, 0.2, 0.2)))
+    assert pipeline.transformer is None and pipeline.mapper is None
+    assert encoded.encoded.context is None and encoded.tokens == 0

@@ -9,9 +9,9 @@ import torch
 
 from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.first_hits import camera_rays
-from renderformer_v2.model.first_hits.camera_rays import SAMPLE_POINTS, CameraRays
+from renderformer_v2.model.first_hits.camera_rays import PLACES, CameraRays
 from renderformer_v2.model.first_hits.from_rays import guides_of_hits
-from renderformer_v2.model.light.edges import edges
+from renderformer_v2.model.light.edges import find_edges
 from renderformer_v2.model.pictures import bands
 from tests.model.samples import flat, floor_scene, floor_view
 
@@ -26,7 +26,7 @@ def first_hits(scene, view):
     return guides_of_hits(scene, view, rays, met.triangle.reshape(SIZE, SIZE), met.weights.reshape(SIZE, SIZE, 2))
 
 
-def seen(color=(0.5, 0.5, 0.5)):
+def floor_and_plate(color=(0.5, 0.5, 0.5)):
     """A grey floor and a plate of this colour above its left half, that reaches 0.3 pixels into a column."""
     floor, (view, _) = floor_scene().triangles[:-1], floor_view(SIZE, SIZE)
     end = 0.3 * 2 / SIZE  # two units from the camera
@@ -39,10 +39,10 @@ def seen(color=(0.5, 0.5, 0.5)):
 
 
 def test_light_is_mixed_by_how_much_a_pixel_sees_of_each_surface():
-    scene, view, guides, light = seen()
+    scene, view, guides, light = floor_and_plate()
     before = light.clone()
-    edges(scene, view, guides, CPU).mix(light, 0)
-    inside, covered = slice(4, -4), (SAMPLE_POINTS[:, 0] < 0.3).mean()
+    find_edges(scene, view, guides, CPU).mix(light, 0)
+    inside, covered = slice(4, -4), (PLACES[:, 0] < 0.3).mean()
     expected = covered * PLATE + (1 - covered) * FLOOR
     assert light[0, inside, EDGE].numpy() == pytest.approx(expected, abs=0.15)
     assert torch.equal(light[:, inside, :EDGE - 1], before[:, inside, :EDGE - 1])
@@ -51,51 +51,52 @@ def test_light_is_mixed_by_how_much_a_pixel_sees_of_each_surface():
 
 
 def test_light_of_a_black_surface_counts_for_nothing():
-    scene, view, guides, light = seen((0, 0, 0))
-    edges(scene, view, guides, CPU).mix(light, 0)
+    scene, view, guides, light = floor_and_plate((0, 0, 0))
+    find_edges(scene, view, guides, CPU).mix(light, 0)
     assert light[0, 4:-4, EDGE].numpy() == pytest.approx(FLOOR, abs=0.05)
 
 
 def test_a_sliver_that_no_ray_finds_shows_the_light_of_what_is_around_in_its_colour(monkeypatch):
-    scene, view, guides, light = seen((0, 0, 0))
-    middle = camera_rays.SAMPLE_POINTS * 0 + np.float32((0.01, 0.5))
-    monkeypatch.setattr(camera_rays, "SAMPLE_POINTS", middle)  # on the plate, of which the pixels have the middle
-    edges(scene, view, guides, CPU).mix(light, 0)
+    scene, view, guides, light = floor_and_plate((0, 0, 0))
+    middle = camera_rays.PLACES * 0 + np.float32((0.01, 0.5))
+    monkeypatch.setattr(camera_rays, "PLACES", middle)  # on the plate, of which the pixels have the middle
+    find_edges(scene, view, guides, CPU).mix(light, 0)
     assert light[0, 4:-4, EDGE - 1].numpy() == pytest.approx(FLOOR, abs=0.05)
 
 
 @pytest.mark.parametrize("brighter", ["floor", "plate"])
 def test_highlights_may_lose_light_and_never_spread(brighter):
-    scene, view, guides, light = seen()
+    scene, view, guides, light = floor_and_plate()
     before = light if brighter == "floor" else PLATE + FLOOR - light
     dimmed, mixed = before.clone(), before.clone()
-    found = edges(scene, view, guides, CPU)
-    found.mix(dimmed, 1, dims_only=True)
-    found.mix(mixed, 1)
+    edges = find_edges(scene, view, guides, CPU)
+    edges.mix(dimmed, 1, only_darken=True)
+    edges.mix(mixed, 1)
     change = mixed[0, 4:-4, EDGE] - before[0, 4:-4, EDGE]  # of pixels whose middle is on the floor
     assert (change < -0.1).all() if brighter == "floor" else (change > 0.1).all()
     assert torch.equal(dimmed, torch.minimum(mixed, before))
 
 
 def test_one_surface_has_no_edges():
-    scene, view, _, light = seen()
+    scene, view, _, light = floor_and_plate()
     floor = replace(scene, seen=scene.triangles[:, :, 2].max(1) < 0.5)
-    found = edges(floor, view, first_hits(floor, view), CPU)
-    assert len(found.at) == 0
-    found.mix(light, 0)  # nothing to do is no error
+    edges = find_edges(floor, view, first_hits(floor, view), CPU)
+    assert len(edges.pixel) == 0
+    edges.mix(light, 0)  # nothing to do is no error
 
 
 def test_where_the_tokens_are_not_what_is_seen_light_stays():
-    scene, view, guides, light = seen()
+    scene, view, guides, light = floor_and_plate()
     before, moved = light.clone(), replace(scene, triangles=scene.triangles - np.float32((0, 0, 0.3)))
-    edges(moved, view, guides, CPU).mix(light, 0)
+    find_edges(moved, view, guides, CPU).mix(light, 0)
     assert torch.equal(light, before)
 
 
 def test_edges_of_a_large_picture_are_found_in_bands(monkeypatch):
-    scene, view, guides, _ = seen()
-    whole = edges(scene, view, guides, CPU)
+    scene, view, guides, _ = floor_and_plate()
+    whole = find_edges(scene, view, guides, CPU)
     monkeypatch.setattr("renderformer_v2.model.light.edges.bands", partial(bands, pixels=5 * SIZE))
-    parts = edges(scene, view, guides, CPU)
-    assert len(whole.at) > SIZE and torch.equal(whole.at, parts.at) and torch.equal(whole.around, parts.around)
+    parts = find_edges(scene, view, guides, CPU)
+    assert len(whole.pixel) > SIZE and torch.equal(whole.pixel, parts.pixel)
+    assert torch.equal(whole.neighbours, parts.neighbours)
     torch.testing.assert_close(whole.share, parts.share)

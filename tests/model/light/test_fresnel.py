@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from renderformer_v2.model.light.direct.form_factors import cosines, ggx_lobe
-from renderformer_v2.model.light.fresnel import gain, whole
+from renderformer_v2.model.light.fresnel import gain, lobe_albedo
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 
@@ -35,9 +35,8 @@ def test_a_lobe_is_what_it_reflects_of_light_from_everywhere(roughness, cosine, 
                                  + cosine * (alpha2 + (1 - alpha2) * n_l.square()).sqrt())
     slanting = reflectance + (1 - reflectance) * (1 - facing) ** 5
     expected = (density * masked * slanting / (4 * cosine)).mean() * 2 * math.pi
-    of = [torch.tensor([x]) for x in (cosine, roughness)]
-    found = whole(torch.tensor([reflectance]), *of)
-    assert found.item() == pytest.approx(expected.item(), rel=0.06)
+    albedo = lobe_albedo(*(torch.tensor([x]) for x in (reflectance, cosine, roughness)))
+    assert albedo.item() == pytest.approx(expected.item(), rel=0.06)
 
     lobe = ggx_lobe(towards.T[:, None], cosines(towards.T[:, None], UP), torch.tensor(tiny), UP, v,
                     torch.tensor([roughness]), torch.tensor([reflectance]))
@@ -46,12 +45,12 @@ def test_a_lobe_is_what_it_reflects_of_light_from_everywhere(roughness, cosine, 
 
 def test_what_a_layer_gains_by_the_angle_of_a_lamp_is_nothing_if_lamps_are_all_around():
     cosine = (torch.arange(200) + 0.5)[None] / 200
-    given = torch.tensor([0.04, 0.5]), torch.tensor([0.67, 0.3])
-    found = gain(given[0], cosine.expand(2, 200), given[1])
-    torch.testing.assert_close((found * 2 * cosine).mean(1), torch.ones(2), atol=0.02, rtol=0)
-    for at, gains, roughness in zip(*given[:1], found, given[1], strict=True):
-        slanting, steep = whole(at.expand(2), cosine[0, [40, 180]], roughness.expand(2))
-        assert (gains[40] / gains[180]).item() == pytest.approx((slanting / steep).item(), rel=1e-3)
+    f0s, roughnesses = torch.tensor([0.04, 0.5]), torch.tensor([0.67, 0.3])
+    gains = gain(f0s, cosine.expand(2, 200), roughnesses)
+    torch.testing.assert_close((gains * 2 * cosine).mean(1), torch.ones(2), atol=0.02, rtol=0)
+    for f0, of_layer, roughness in zip(f0s, gains, roughnesses, strict=True):
+        slanting, steep = lobe_albedo(f0.expand(2), cosine[0, [40, 180]], roughness.expand(2))
+        assert (of_layer[40] / of_layer[180]).item() == pytest.approx((slanting / steep).item(), rel=1e-3)
 
 
 def test_a_dielectric_is_lit_less_from_where_the_viewer_is_than_from_opposite_at_a_slant():

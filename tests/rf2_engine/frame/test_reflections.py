@@ -4,8 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.light import reflections
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits as first_hits
+from bl_ext.user_default.renderformer_v2.model.light.specular import ends
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
 
@@ -19,10 +19,10 @@ def guides(monkeypatch):
     seen = []
 
     def spy(*given):
-        seen.append(reflections.add_path_ends(*given))
+        seen.append(ends.add_path_ends(*given))
         return seen[-1]
 
-    monkeypatch.setattr(first_hits, "with_ends", spy)
+    monkeypatch.setattr(hits, "add_path_ends", spy)
     return seen
 
 
@@ -45,7 +45,7 @@ def test_what_a_mirror_shows_is_where_cycles_shows_it(scene, tmp_path, guides, m
     assert guides[0].reflected_position[shown, 1].max() < -7.9 and guides[0].refracted_color is None
     np.testing.assert_allclose(guides[0].reflected_normal[shown][:, 1].astype(float), 1, atol=1e-2)
 
-    monkeypatch.setattr(reflections, "RAYS", shown.size // 8)  # a large picture is looked at in part
+    monkeypatch.setattr(ends, "PATHS", shown.size // 8)  # a large picture is looked at in part
     press_f12(scene, tmp_path)
     coarse = guides[1].reflected_color.max(-1) > 0
     assert not (coarse == shown).all() and (coarse == shown).mean() > 0.9

@@ -9,7 +9,7 @@ from torch.nn import functional as F
 
 from renderformer_v2.model.geometry import area_vectors, unit
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
-from renderformer_v2.model.light.caustics.photon_map import Caustics
+from renderformer_v2.model.light.caustics.photon_map import PhotonMap
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.material import reflectance
 from renderformer_v2.model.scene import RenderScene, constant_tile
@@ -38,7 +38,7 @@ def pane(height: float, thickness: float, half: float = 1.0) -> np.ndarray:
 
 def light_on_floor(scene: RenderScene) -> torch.Tensor:
     """(3,) radiance of the middle of a floor, if it were white, by photons."""
-    return Radiosity(scene, DirectLight(scene)).caustics(AROUND, UP.expand(100, 3)).mean(0)
+    return Radiosity(scene, DirectLight(scene)).caustics.radiance(AROUND, UP.expand(100, 3)).mean(0)
 
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, -0.6, 0.8), (0.6, 0.6, -0.53)])
@@ -50,19 +50,20 @@ def test_photons_that_lie_evenly_light_a_surface_evenly_however_it_is_turned(nor
     place = (torch.arange(side) + 0.5) * spacing - 0.5
     x, y = (each.reshape(-1, 1) for each in torch.meshgrid(place, place, indexing="ij"))
     flux = torch.tensor([[1.0, 2.0, 3.0]]) * spacing**2
-    lit = Caustics(x * u + y * v, normal.expand(side**2, 3), flux.expand(side**2, 3))
+    photons = PhotonMap(x * u + y * v, normal.expand(side**2, 3), flux.expand(side**2, 3))
     at = 0.6 * (torch.rand(500, 2, generator=torch.Generator().manual_seed(0)) - 0.5)
-    found = lit(at[:, :1] * u + at[:, 1:] * v, normal.expand(500, 3))
+    points, normals = at[:, :1] * u + at[:, 1:] * v, normal.expand(500, 3)
+    found = photons.radiance(points, normals)
     torch.testing.assert_close(found * torch.pi, torch.tensor([[1.0, 2.0, 3.0]]).expand(500, 3), rtol=0.05, atol=0)
-    assert lit(at[:, :1] * u + at[:, 1:] * v, -normal.expand(500, 3)).abs().max() == 0  # the other side is dark
-    assert lit(at[:, :1] * u + at[:, 1:] * v + normal, normal.expand(500, 3)).abs().max() == 0  # and what is above
+    assert photons.radiance(points, -normals).abs().max() == 0  # the other side is dark
+    assert photons.radiance(points + normal, normals).abs().max() == 0  # and what is above
 
 
 def test_few_photons_are_spread_far_and_many_stay_where_they_are():
     at = torch.tensor([[0.0, 0.0, 0.0], [0.05, 0.0, 0.0]])
-    shown = [Caustics(*(x.expand(count, 3) for x in (MIDDLE, UP, torch.ones(1, 3) / count)))(at, UP.expand(2, 3))[:, 0]
-             for count in (4, 4000)]
-    assert shown[0][1] > 0.05 * shown[0][0] > 0 and shown[1][1] < 1e-3 * shown[1][0]
+    few, many = (PhotonMap(*(x.expand(count, 3) for x in (MIDDLE, UP, torch.ones(1, 3) / count)))
+                 .radiance(at, UP.expand(2, 3))[:, 0] for count in (4, 4000))
+    assert few[1] > 0.05 * few[0] > 0 and many[1] < 1e-3 * many[0]
 
 
 def test_a_thin_pane_passes_what_fresnel_leaves_of_the_light_of_a_lamp(monkeypatch):
@@ -91,7 +92,7 @@ def test_a_ball_gathers_light_and_a_blurred_one_less():
     for blurred in (0.02, reflectance.BLURRED):
         with pytest.MonkeyPatch.context() as patched:
             patched.setattr(reflectance, "BLURRED", blurred)
-            found.append(Radiosity(scene, DirectLight(scene)).caustics(MIDDLE, UP)[0, 0].item())
+            found.append(Radiosity(scene, DirectLight(scene)).caustics.radiance(MIDDLE, UP)[0, 0].item())
     assert found[0] > 3 * unshaded and found[0] > 2 * found[1] > 0
 
 
@@ -112,7 +113,7 @@ def test_light_that_glass_gathers_bounces_on():
     under, found = torch.tensor([[0.0, 0.0, 0.2]]), []
     for plate in of_glass(pane(0.3, 0.01, half=1.5)), flat(np.float32(pane(0.3, 0.01, half=1.5)), (0.0, 0.0, 0.0)):
         scene = floor_scene().appended(plate)
-        found.append(Radiosity(scene, DirectLight(scene))(under, -UP)[0, :3])
+        found.append(Radiosity(scene, DirectLight(scene)).indirect(under, -UP)[0])
     assert (found[0] > 0.005).all() and (found[0] > 5 * found[1]).all()
 
 
@@ -127,9 +128,9 @@ def test_half_the_photons_give_the_same_light(monkeypatch):
 def test_light_stays_on_a_surface_beside_which_another_is_dark():
     """Of a table just above a floor, photons light the top, and not what is below."""
     at = torch.cat([torch.rand(20000, 2, generator=torch.Generator().manual_seed(0)) - 0.5, torch.zeros(20000, 1)], 1)
-    lit = Caustics(at, UP.expand(20000, 3), torch.full((20000, 3), 1 / 20000))
+    photons = PhotonMap(at, UP.expand(20000, 3), torch.full((20000, 3), 1 / 20000))
     middle = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, -0.04], [0.0, 0.0, 0.04]])
-    found = lit(middle, UP.expand(3, 3))[:, 0]
+    found = photons.radiance(middle, UP.expand(3, 3))[:, 0]
     assert found[0].item() == pytest.approx(1 / np.pi, rel=0.2) and found[1:].abs().max() == 0
 
 
@@ -138,7 +139,7 @@ def test_milky_glass_is_lit_from_within_and_clear_glass_is_not():
     for transmission, lit in (0.6, True), (0.9, False):
         scene = floor_scene().appended(of_glass(pane(0.3, 0.2, half=0.3), transmission=transmission))
         bounce = Radiosity(scene, DirectLight(scene))
-        found = bounce.caustics(torch.tensor([[0.05, 0.03, 0.2]]), UP)
+        found = bounce.caustics.radiance(torch.tensor([[0.05, 0.03, 0.2]]), UP)
         assert (found.min() > 0) == lit
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The closed forms of the light prior against brute-force integration."""
+"""The closed forms of direct light against brute-force integration."""
 import math
 
 import numpy as np
@@ -42,7 +42,7 @@ def integrated_irradiance(corners, x, n, samples=400):
 
 def diffuse(scene, x, n):
     t = lambda a: torch.tensor(np.float32(a))[None]  # noqa: E731
-    return DirectLight(scene)(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0, :3].numpy()
+    return DirectLight(scene).lobes(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0][0].numpy()
 
 
 @pytest.mark.parametrize("cosine, sine2", [(0.9, 0.1), (0.2, 0.3), (-0.2, 0.3), (0.0, 0.5), (-0.5, 0.9)])
@@ -117,6 +117,6 @@ def test_a_sun_shines_alike_on_near_and_far_ground():
     sun.triangles[sun.is_light] = (sun.triangles[sun.is_light] - np.float32((0, 0, 2))) * 25 + np.float32((0, 0, 50))
     points = torch.tensor([[0.0, 0.0, 0.0], [300.0, 0.0, 0.0], [0.0, -5000.0, 0.0]])
     up = torch.tensor([[0.0, 0.0, 1.0]]).expand(3, 3)
-    light = DirectLight(sun)(points, up, up, torch.ones(3), torch.ones(3))[:, :3]
+    light = DirectLight(sun).lobes(points, up, up, torch.ones(3), torch.ones(3))[0]
     assert light[0].min() > 0
     torch.testing.assert_close(light[1:], light[:1].expand(2, 3), rtol=0.02, atol=0)

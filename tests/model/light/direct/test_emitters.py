@@ -68,7 +68,7 @@ def irradiance(corners, radiance, x, n) -> np.ndarray:
 
 def diffuse(scene, x, n=UP) -> np.ndarray:
     t = lambda a: torch.tensor(np.float32(a))[None]  # noqa: E731
-    return np.pi * DirectLight(scene)(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0, :3].double().numpy()
+    return np.pi * DirectLight(scene).lobes(t(x), t(n), t(n), *torch.tensor([[0.5], [0.04]]))[0][0].double().numpy()
 
 
 def test_emission_texture_becomes_few_emitters_of_the_same_light():

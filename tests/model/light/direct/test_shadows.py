@@ -25,21 +25,21 @@ def under_a_sky(corners: np.ndarray) -> RenderScene:
                        np.zeros(n, np.int32), constant_tile((0.8, 0.8, 0.8))[None], np.ones((32, 64, 3), np.float32))
 
 
-def sky(prior: DirectLight, points: torch.Tensor, normals: torch.Tensor) -> torch.Tensor:
-    return prior.arriving(points, normals)[:, :3]
+def sky(direct: DirectLight, points: torch.Tensor, normals: torch.Tensor) -> torch.Tensor:
+    return direct.visibility(points, normals).sky
 
 
 def test_no_sky_shines_into_a_closed_box():
     scene = under_a_sky(BOX)
     points = torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) * 1.9 - 0.95
     normals = torch.nn.functional.normalize(torch.randn(500, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
-    prior = DirectLight(scene)
-    assert sky(prior, points, normals).mean() < 0.01
-    assert Radiosity(scene, prior)(points, normals).mean() < 0.02
+    direct = DirectLight(scene)
+    assert sky(direct, points, normals).mean() < 0.01
+    assert all(x.mean() < 0.02 for x in Radiosity(scene, direct).indirect_and_sky(points, normals))
     wall = torch.tensor(BOX.mean(axis=1))
     outwards = torch.where(wall.abs() > 0.9, wall, 0.0)
-    assert sky(prior, wall, -outwards).mean() < 0.01
-    assert sky(prior, wall, outwards).min() > 0.99
+    assert sky(direct, wall, -outwards).mean() < 0.01
+    assert sky(direct, wall, outwards).min() > 0.99
 
 
 def test_an_open_sky_is_whole_and_a_wall_hides_half_of_it():
@@ -55,7 +55,8 @@ def test_a_plate_keeps_a_lamp_from_what_is_below_it():
     plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, 1)))
     shaded = DirectLight(scene.appended(plate))
     points = torch.tensor([[0.0, 0.0, 0.0], [0.9, 0.9, 0.0], [0.0, 0.0, 1.0]])
-    torch.testing.assert_close(shaded.arriving(points, UP.expand(3, 3))[:, 3], torch.tensor([0.0, 1.0, 1.0]))
+    visible = shaded.visibility(points, UP.expand(3, 3)).emitters[:, 0]
+    torch.testing.assert_close(visible, torch.tensor([0.0, 1.0, 1.0]))
 
 
 def test_the_shadow_of_a_wide_lamp_has_a_soft_edge():
@@ -65,11 +66,11 @@ def test_the_shadow_of_a_wide_lamp_has_a_soft_edge():
     scene.triangles[scene.is_light] = (lamp - lamp.mean(axis=(0, 1))) * 6 + np.float32((0, 0, 2))
     plate = under_a_sky(SQUARE + np.float32((1, 0, 1)))
     shaded, many = DirectLight(scene.appended(plate)), 400
-    seen = []
+    start, visible = r2_starts(torch.arange(many))[:, None], []
     for x in (-0.9, 0.0, 0.9):
         points = torch.tensor([[x, 0.1, 0.0]]).expand(many, 3)
-        seen.append(shaded.lamps_share(points, UP.expand(many, 3), r2_starts(torch.arange(many))[:, None]).mean().item())
-    assert seen[0] > 0.95 and 0.25 < seen[1] < 0.75 and seen[2] < 0.05
+        visible.append(shaded.emitter_visibility(points, UP.expand(many, 3), start)[0].mean().item())
+    assert visible[0] > 0.95 and 0.25 < visible[1] < 0.75 and visible[2] < 0.05
 
 
 def test_suns_are_parallel_and_one_emitter_however_many_triangles_they_have():
@@ -83,10 +84,10 @@ def test_a_highlight_has_the_shadow_of_its_own_lamp():
     floor = floor_scene()
     aside = replace(under_a_sky(floor.triangles[-1:] + np.float32((1.5, 0, -0.5))), emission=floor.emission[-1:])
     start = r2_starts(torch.arange(4))[None]
-    for height, seen in (1, 0), (9, 1):
+    for height, visible in (1, 0), (9, 1):
         plate = under_a_sky(SQUARE * 0.3 + np.float32((0, 0, height)))
-        prior = DirectLight(floor.appended(aside, plate))
+        direct = DirectLight(floor.appended(aside, plate))
         gloss = torch.full((1,), 0.1), torch.full((1,), 0.04)
-        diffuse, glossy = prior.lamps_share(torch.zeros(1, 3), UP, start, UP, *gloss).split(3, 1)
-        torch.testing.assert_close(glossy, torch.full((1, 3), float(seen)), atol=0.02, rtol=0)
-        assert 0.1 < diffuse.mean() < 0.9 or seen
+        diffuse, glossy = direct.emitter_visibility(torch.zeros(1, 3), UP, start, UP, *gloss)
+        torch.testing.assert_close(glossy, torch.full((1, 3), float(visible)), atol=0.02, rtol=0)
+        assert 0.1 < diffuse.mean() < 0.9 or visible

@@ -57,10 +57,10 @@ def test_a_roof_throws_its_shadow_into_the_fog():
 def test_fog_lights_surfaces_with_about_what_it_takes_from_them():
     """Below an even sky, and nothing but thin fog: what arrives at a surface in it is neither more nor less light."""
     scene = foggy(0.1, sky=(1.0, 1.0, 1.0))
-    prior = DirectLight(scene)
+    direct = DirectLight(scene)
     point, up = torch.tensor([[0.1, 0.2, -0.5]]), torch.tensor([[0.0, 0.0, 1.0]])
-    from_sky = prior.diffuse(point, up)[0]
-    from_fog = Radiosity(scene, prior)(point, up)[0, :3]
+    from_sky = direct.diffuse(point, up)[0]
+    from_fog = Radiosity(scene, direct).indirect(point, up)[0]
     assert (from_fog > 0.07).all() and (from_sky < 0.93).all()
     torch.testing.assert_close(from_sky + from_fog, torch.ones(3), atol=0.03, rtol=0)
 

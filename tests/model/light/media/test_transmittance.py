@@ -28,7 +28,7 @@ def box(side=(2.0, 2.0, 2.0), euler=(0.0, 0.0, 0.0), absorption=0.0, scattering=
 
 
 def passing(volumes: Volumes, begin, end) -> float:
-    return Fog(volumes).passing(torch.tensor([begin]), torch.tensor([end])).item()
+    return Fog(volumes).transmittance(torch.tensor([begin]), torch.tensor([end])).item()
 
 
 @pytest.mark.parametrize("begin, end, inside", [
@@ -51,15 +51,15 @@ def test_a_volume_darkens_what_lamps_sky_and_other_surfaces_light():
     clear.environment = np.ones((4, 8, 3), np.float32)
     murky = replace(clear, volumes=box(absorption=0.8))
     point = torch.tensor([[0.1, 0.1, 0.0]])
-    lights, arriving, bounced = [], [], []
+    visible, bounced = [], []
     for scene in (clear, murky):
-        lights.append(prior := DirectLight(scene))
-        arriving.append(prior.arriving(point, UP)[0])
-        radiosity = Radiosity(scene, prior)
+        direct = DirectLight(scene)
+        visible.append(torch.cat(direct.visibility(point, UP)))
+        radiosity = Radiosity(scene, direct)
         radiosity.leaving = torch.ones_like(radiosity.leaving)
-        bounced.append(radiosity(torch.tensor([[0.1, 0.1, 0.6]]), -UP)[0])
-    lamp = torch.cat([lights[1].origins]).mean(0).norm().item()
-    sky, lamps = (arriving[1] / arriving[0]).split(3)
+        bounced.append(radiosity.indirect(torch.tensor([[0.1, 0.1, 0.6]]), -UP)[0])
+    lamp = direct.emitters.origins.mean(0).norm().item()
+    sky, lamps = visible[1] / visible[0]
     assert 0.2 < sky[0] < np.exp(-0.8) + 0.05  # at least a unit of the box above, more aside
     assert lamps[0].item() == pytest.approx(np.exp(-0.8 * min(lamp, 1.0)), abs=0.1)
     assert np.exp(-0.8 * 1.2) < bounced[1][0] / bounced[0][0] < np.exp(-0.8 * 0.6) + 0.02

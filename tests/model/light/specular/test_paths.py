@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderformer_v2.model.geometry import reflected, refracted
-from renderformer_v2.model.light.specular.paths import SURFACES, follow
+from renderformer_v2.model.light.specular.paths import SURFACES, follow_paths
 from renderformer_v2.model.scene import RenderScene, constant_tile
 
 RED, GOLD = (0.8, 0.1, 0.1), (1.0, 0.7, 0.3)
@@ -52,7 +52,7 @@ def ends(scene: RenderScene, direction=(1.0, 0.0, 0.0), error=0.0):
         triangle, distance = exact(origins, rays)
         return triangle, np.maximum(distance - error, 0)
 
-    return follow(scene, cast, np.zeros((1, 3)), ray / np.linalg.norm(ray), eye=np.float32((-5, 0, 0)))
+    return follow_paths(scene, cast, np.zeros((1, 3)), ray / np.linalg.norm(ray), eye=np.float32((-5, 0, 0)))
 
 
 def test_a_path_ends_at_the_first_matte_surface():
@@ -151,6 +151,6 @@ def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_
     def of_solid(origins, rays):
         triangle, distance = beyond(origins, rays)
         return np.where(triangle >= 0, triangle + 4, -1), distance
-    without, found = (follow(scene, cast, start, ray, np.float32((-5, 0, 0)), each) for each in (None, of_solid))
+    without, found = (follow_paths(scene, cast, start, ray, np.float32((-5, 0, 0)), each) for each in (None, of_solid))
     np.testing.assert_allclose(without.color, [GOLD], atol=1e-3)
     np.testing.assert_allclose(found.color, [RED], atol=1e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.guided.antialiasing import (
+from renderformer_v2.model.guided.kernels import (
     CENTRE,
     LEAST,
     RADIUS,

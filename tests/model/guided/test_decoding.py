@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The transformer corrects estimated light: not at all by zeros, and within bounds."""
+from dataclasses import replace
+
+import pytest
+import torch
+
+from renderformer_v2.model.guided.decoding import LARGEST_FACTOR, OUTPUTS, corrected_light, factor
+from renderformer_v2.model.guided.features import FEATURES, GuidedView, guided_view
+from renderformer_v2.model.weights.presets import rf2_small
+from tests.model.samples import floor_view, scene_light, walls
+
+
+def inputs(is_traced=False, width=64) -> GuidedView:
+    """With direct and indirect light of all lobes; the left half of the picture shows a black surface."""
+    view, guides = floor_view(width, 64)
+    guides.transmission_color = 0.5 * guides.diffuse_color
+    for name in ("diffuse_color", "glossy_color", "transmission_color"):
+        getattr(guides, name)[:, :width // 2] = 0
+    if is_traced:
+        guides = replace(guides, traced=0.5 * guides.diffuse_color)
+    inputs = guided_view(scene_light(walls((0.8, 0.3, 0.3))), view, guides, rf2_small())
+    is_covered = inputs.features[:, FEATURES["alpha"]]
+    added = {name: getattr(inputs.light, name) + 0.3 * is_covered for name in ("behind", "refracted")}
+    return replace(inputs, light=replace(inputs.light, **added))
+
+
+def outputs(view: GuidedView, **values: float) -> torch.Tensor:
+    """Channels of the decoder: zeros but for these."""
+    raw = torch.zeros(1, len(OUTPUTS), *view.features.shape[2:])
+    for name, value in values.items():
+        raw[:, OUTPUTS[name]] = value
+    return raw
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+@pytest.mark.parametrize("width", [64, 72])
+@pytest.mark.parametrize("is_traced", [False, True])
+def test_zeros_leave_light_exactly_as_it_is(is_traced, width, dtype):
+    view = inputs(is_traced, width)
+    corrected = corrected_light(outputs(view).to(dtype), view)
+    for name, values in vars(view.light).items():
+        assert torch.equal(getattr(corrected, name), values), name
+    assert torch.equal(corrected.radiance(), view.light.radiance())
+
+
+@pytest.mark.parametrize("is_traced", [False, True])
+def test_a_black_object_in_a_lit_room_stays_exactly_black_until_the_decoder_adds_light(is_traced):
+    view = inputs(is_traced)
+    corrected = corrected_light(outputs(view, direct=2.0, indirect=2.0, traced=2.0), view).radiance()
+    black, others = corrected[..., :32], corrected[..., 32:]
+    assert not black.any() and others[..., view.features[0, FEATURES.index("alpha"), :, 32:] > 0].min() > 0
+    assert (corrected_light(outputs(view, rest=9.0), view).radiance()[0, :, 32, 16] > 0.1).all()
+
+
+def test_a_factor_of_zero_is_1_and_others_are_bounded():
+    raw = torch.tensor([-30.0, 0.0, 30.0])
+    torch.testing.assert_close(factor(raw), torch.tensor([1 / LARGEST_FACTOR, 1.0, LARGEST_FACTOR]))
+    assert factor(raw)[1] == 1
+
+
+@pytest.mark.parametrize(("raw", "expected"), [(30.0, LARGEST_FACTOR), (-30.0, 1 / LARGEST_FACTOR)])
+@pytest.mark.parametrize(("name", "fields"), [
+    ("direct", ["direct"]), ("indirect", ["bounced", "behind", "reflected", "refracted"]), ("traced", ["traced"])])
+def test_light_is_corrected_within_bounds_and_by_its_own_channels_alone(name, fields, raw, expected):
+    view = inputs(is_traced=True)
+    corrected = corrected_light(outputs(view, **{name: raw}), view)
+    for field, before in vars(view.light).items():
+        torch.testing.assert_close(getattr(corrected, field), before * (expected if field in fields else 1))
+        assert field not in fields or before.any(), field
+
+
+def test_each_lobe_and_colour_has_a_factor_of_its_own():
+    view = inputs()
+    for lobe, fields in enumerate((["bounced"], ["reflected"], ["behind", "refracted"])):
+        for color in range(3):
+            raw = outputs(view)
+            raw[:, OUTPUTS["direct"]][:, 3 * lobe + color] = raw[:, OUTPUTS["indirect"]][:, 3 * lobe + color] = 30.0
+            corrected, expected = corrected_light(raw, view), view.light.direct.clone()
+            expected[:, lobe, color] *= LARGEST_FACTOR
+            torch.testing.assert_close(corrected.direct, expected)
+            for field in ("bounced", "reflected", "behind", "refracted"):
+                expected = getattr(view.light, field).clone()
+                expected[:, color] *= LARGEST_FACTOR if field in fields else 1
+                torch.testing.assert_close(getattr(corrected, field), expected)
+
+
+def test_no_light_where_nothing_is_hit():
+    view = inputs(width=128)
+    radiance = corrected_light(torch.full((1, len(OUTPUTS), 64, 128), 3.0), view).radiance()
+    empty = view.features[0, FEATURES.index("alpha")] == 0
+    assert empty.any() and (~empty).any()
+    assert not radiance[..., empty].any()

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the transformer is given of each pixel and ray bundle."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.guided import guidance
+from renderformer_v2.model.guided.features import FEATURES, MISS_DISTANCE, RADIANCE_FEATURES, guided_view, with_exposure
+from renderformer_v2.model.guided.guidance import Guidance
+from renderformer_v2.model.weights.presets import rf2_small
+from tests.model.samples import floor_scene, floor_view, scene_light
+
+CONFIG = rf2_small()
+
+
+def inputs(width=64, height=64, radiance=40.0, traced=None):
+    view, guides = floor_view(width, height)
+    guides = guides if traced is None else replace(guides, traced=guides.diffuse_color * np.float32(traced))
+    return guided_view(scene_light(floor_scene(radiance=radiance)), view, guides, CONFIG)
+
+
+def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
+    view = inputs(128, 64)
+    positions = view.positions.view(8, 16, 3)
+    assert view.features.shape == (1, len(FEATURES), 64, 128)
+    torch.testing.assert_close(positions[4, 8, 2], torch.tensor(0.0), atol=1e-5, rtol=0)
+    camera = torch.tensor([0.0, 0.0, 3.0])
+    drawn_in = positions[0, 0].norm()
+    ahead = positions[0, 0] / drawn_in / (2 - drawn_in)
+    torch.testing.assert_close((ahead - camera).norm(), torch.tensor(MISS_DISTANCE))
+
+
+def test_far_bundles_are_drawn_in():
+    view, guides = floor_view()
+    guides.position = guides.position + np.float32((0, 500, 0)) * (guides.alpha[..., None] > 0)
+    far = guided_view(scene_light(floor_scene()), view, guides, CONFIG)
+    assert 1.9 < far.positions.norm(dim=-1).max() <= 2
+    assert far.features[:, FEATURES["offset"]].abs().max() < 1
+
+
+@pytest.mark.parametrize("traced", [None, 0.5])
+def test_features_are_those_of_the_light_as_it_is_exposed(traced):
+    view = inputs(traced=traced)
+    light = view.light
+    for name, field in RADIANCE_FEATURES.items():
+        exposed = torch.pow(10, view.features[:, FEATURES[name]]) - 1
+        torch.testing.assert_close(exposed, getattr(light, field).flatten(1, -3), atol=1e-5, rtol=1e-4)
+    assert torch.equal(view.features[:, FEATURES["colors"]], light.albedo.flatten(1, 2))
+    assert torch.equal(view.features[:, FEATURES["roughness"]], light.roughness)
+    assert (view.features[:, FEATURES["hinted"]] == light.is_traced).all() and light.is_traced.item() == bool(traced)
+
+
+def test_exposure_scales_all_radiance_of_each_view_and_nothing_else():
+    view = inputs(traced=0.5)
+    brighter = with_exposure(view.light, torch.tensor([4.0]))
+    torch.testing.assert_close(brighter.radiance(), 4 * view.light.radiance())
+    assert torch.equal(brighter.albedo, view.light.albedo) and torch.equal(brighter.roughness, view.light.roughness)
+
+
+def test_what_a_view_sees_is_exposed_alike_however_bright_it_is():
+    """A dim room beside a bright one is no dark picture to the network."""
+    bright, dim = inputs(traced=0.5), inputs(radiance=0.04, traced=0.5e-3)
+    torch.testing.assert_close(dim.exposure, 1000 * bright.exposure, rtol=0.01, atol=0)
+    torch.testing.assert_close(dim.features, bright.features, rtol=0.02, atol=1e-3)
+    assert inputs(radiance=0.0).exposure == 1
+
+
+@torch.no_grad()
+def test_bands_of_a_large_picture_give_the_same_tokens(monkeypatch):
+    features, encoder = inputs(128, 64).features, Guidance(replace(CONFIG, latent_dim=12))
+    tokens = encoder.bundles(features)
+    monkeypatch.setattr(guidance, "BAND_PIXELS", 24 * 128)
+    torch.testing.assert_close(encoder.bundles(features), tokens)

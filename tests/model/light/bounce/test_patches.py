@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Patches: where they are, how large, and what they reflect."""
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.light.bounce import patches
+from renderformer_v2.model.light.bounce.openness import Openness
+from renderformer_v2.model.light.bounce.patches import Patches, make_patches
+from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.light.direct.emitter_light import NearEmitters
+from renderformer_v2.model.material.reflectance import BLURRED, layer_reflectance
+from renderformer_v2.model.scene import BASE_COLOR, IOR, ROUGHNESS, RenderScene
+from tests.model.samples import closed_box, flat, floor_scene, walls
+
+NO_EMITTERS = NearEmitters(np.zeros((0, 3), np.float32), np.zeros(0, np.float32))
+
+
+def patches_of(scene: RenderScene) -> Patches:
+    """The patches of the scene's radiosity."""
+    direct = DirectLight(scene)
+    openness = Openness(direct.occluder_triangles, direct.occluders, torch.device("cpu"))
+    return make_patches(scene, direct.emitters.near(), openness=openness)
+
+
+def test_patches_of_the_rest_stay_when_something_moves(monkeypatch):
+    """However many triangles come and go: light would flicker."""
+    monkeypatch.setattr(patches, "PATCHES", 512)
+    fine = floor_scene(side=24).triangles[:-1] * 0.1 + np.float32((0.5, 0, 0.3))
+    found = []
+    for plate in fine, fine[7:] + np.float32((0.01, 0, 0.02)):
+        made = make_patches(walls((0.8, 0.05, 0.05)).appended(flat(plate, (0, 0, 0))), NO_EMITTERS)
+        found.append(made.center[made.albedo[:, 0] > 0.5])
+    assert 100 < len(found[0]) and torch.equal(*found)
+
+
+def test_no_patch_is_on_both_sides_of_a_wall():
+    """A floor that reaches from a closed box to the outside, under its walls."""
+    box = closed_box((0.5, 0.5, 0.5))
+    inner, outer = box.triangles * np.float32((0.5, 0.5, 0.4)), box.triangles[:, ::-1] * np.float32((0.6, 0.6, 0.5))
+    floor = floor_scene(side=1).triangles[:-1] * np.float32((2, 2, 0)) - np.float32((0, 0, 0.3))
+    scene = flat(np.concatenate([inner, outer, floor]), (0.5, 0.5, 0.5))
+    scene.environment = np.full((8, 16, 3), 1.0, np.float32)
+    made = patches_of(scene)
+    on_floor = made.corners[:, :, 2].sub(-0.3).abs().amax(1) < 1e-4
+    reach = made.corners[on_floor][:, :, :2].abs().amax(2)  # of the corners, from the middle
+    inside = torch.zeros(len(made.center)).index_add(0, made.patch[on_floor], (reach.amin(1) < 0.45).float())
+    outside = torch.zeros(len(made.center)).index_add(0, made.patch[on_floor], (reach.amax(1) > 0.65).float())
+    assert (inside > 0).sum() > 20 and (outside > 0).sum() > 20 and not ((inside > 0) & (outside > 0)).any()
+
+
+def test_what_stands_on_a_floor_is_no_patch_with_the_underside_of_that():
+    plate = closed_box((0.5, 0.5, 0.5)).triangles[:, ::-1]
+    floor, block = plate * np.float32((1, 1, 0.02)), plate * np.float32((0.2, 0.2, 0.1)) + np.float32((0, 0, 0.12))
+    made = patches_of(flat(np.concatenate([floor, block]), (0.5, 0.5, 0.5)))
+    for row in range(len(made.center)):
+        heights = made.corners[made.patch == row][..., 2]
+        assert not len(heights) or not ((heights < -0.01).any() and (heights > 0.01).any() and (
+            made.vector[row, 2].abs() > 0.9 * made.vector[row].norm()))
+
+
+def test_patches_are_small_where_a_lamp_is_near():
+    scene = closed_box((0.5, 0.5, 0.5))
+    lamp = np.float32([[0.0, 0.0, -0.9]])
+    made = make_patches(scene, NearEmitters(lamp, np.ones(1, np.float32)))
+    on_floor = made.center[:, 2] < -0.99
+    near = (made.center[:, :2].norm(dim=-1) < 0.2) & on_floor
+    far = (made.center[:, :2].norm(dim=-1) > 0.9) & on_floor
+    assert near.sum() > 10 and 20 * made.vector[near].norm(dim=-1).mean() < made.vector[far].norm(dim=-1).mean()
+
+
+def test_of_parts_as_large_as_each_other_a_patch_stands_on_the_first():
+    """Not on whichever thread was last: pictures would differ from run to run."""
+    count = 1000
+    center = torch.rand(count, 3, generator=torch.Generator().manual_seed(0)) * 1e-3 + 1e-3
+    vector = torch.tensor([[0.0, 0.0, 1e-6]]).repeat(count, 1)
+    alike = torch.zeros(count, dtype=torch.long)
+    middle, *_ = patches._merge(center, vector, torch.ones(count, 9), alike, alike, NO_EMITTERS, 1)
+    torch.testing.assert_close(middle, center[:1], rtol=0, atol=0)
+
+
+def test_the_points_of_patches_lie_on_them():
+    scene = closed_box((0.5, 0.5, 0.5))
+    made = make_patches(scene, DirectLight(scene).emitters.near())
+    points, normals = made.points(4)
+    assert points.shape == normals.shape == (len(made.center), 4, 3)
+    torch.testing.assert_close(points.abs().amax(-1), torch.ones(points.shape[:2]), atol=1e-5, rtol=0)
+    away, size = (points - made.center[:, None]).norm(dim=-1), made.vector.norm(dim=-1).sqrt()
+    assert (away <= 2 * size[:, None]).all() and (away.amax(1) > 0.1 * size).all()
+    assert ((normals * made.vector[:, None]).sum(-1) > 0).all()
+
+
+def test_a_smooth_layer_takes_its_own_share_of_the_diffuse_light_and_sends_on_as_much_as_a_blurred_one():
+    """Cycles blurs glossy surfaces that matte ones see, and a rougher layer reflects less at a slant."""
+    scene = floor_scene()
+    scene.tiles[:, ROUGHNESS], scene.tiles[:, IOR], scene.tiles[:, BASE_COLOR] = 0.2, 1.3291, 0.5
+    diffuse, metal, glossy = patches_of(scene).albedo[0].view(3, 3)[:, 0].tolist()
+    own, of_blurred = (layer_reflectance(np.float32(1.3291), np.float32(x)) for x in (0.2, BLURRED ** 0.5))
+    assert diffuse == pytest.approx(0.5 * (1 - own), rel=1e-3) and glossy == pytest.approx(of_blurred, rel=1e-3)
+    assert of_blurred < 0.7 * own and metal == 0

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The light that is estimated at the first hits of a view."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.fields import layouts
+from renderformer_v2.model.light import estimate
+from renderformer_v2.model.light.estimate import estimate_light
+from renderformer_v2.model.light.surface_light import SurfaceLight
+from renderformer_v2.model.scene import ROUGHNESS
+from tests.model.samples import floor_scene, floor_view, scene_light, walls
+
+
+def test_light_has_the_shapes_that_it_says_and_traced_light_is_passed_on():
+    view, guides = floor_view(64, 32)
+    guides = replace(guides, traced=guides.diffuse_color - np.float32(0.3))
+    light = estimate_light(scene_light(floor_scene()), view, guides)
+    sizes = {"V": 1, "H": 32, "W": 64}
+    for name, layout in layouts(SurfaceLight).items():
+        assert getattr(light, name).shape == tuple(sizes.get(size, size) for size in layout.shape), name
+    assert light.is_traced.tolist() == [1]
+    np.testing.assert_array_equal(light.traced[0].permute(1, 2, 0), guides.traced.clip(0))  # denoised: below 0 at times
+
+
+def test_light_behind_a_surface_is_gathered_where_it_lets_light_through():
+    light, (view, guides) = scene_light(floor_scene()), floor_view()
+    assert not estimate_light(light, view, guides).behind.any()
+    guides.transmission_color = guides.diffuse_color
+    guides.position = guides.position + np.float32((0, 0, 0.5)) * (guides.alpha[..., None] > 0)  # glass above the floor
+    found = estimate_light(light, view, guides)
+    assert found.behind[0, :, 32, 32].min() > 0.01 > 10 * found.bounced[0, :, 32, 32].max()
+
+
+def test_smooth_glass_shows_lamps_and_sky_where_its_paths_end_and_rough_glass_what_arrives_at_its_back():
+    scene, (view, guides) = floor_scene(), floor_view()
+    guides.transmission_color = guides.diffuse_color
+    light, is_covered = scene_light(scene), torch.from_numpy(guides.alpha > 0)
+    straight = estimate_light(light, view, guides)
+    guides.refracted_light = np.full_like(guides.position, 2.0)
+    for roughness in (0.0, 1.0):
+        scene.tiles[:, ROUGHNESS] = roughness
+        found = estimate_light(light, view, guides)
+        assert found.direct[0, 2][:, is_covered].numpy() == pytest.approx(2 * (1 - roughness), rel=1e-5)
+        assert not torch.equal(found.direct[0, 2], straight.direct[0, 2])
+
+
+def test_a_rough_surface_shows_no_image_but_the_mean_of_light_that_has_bounced_before():
+    scene, (view, guides) = walls((0.8, 0.8, 0.8)), floor_view()
+    ends = {"reflected_position": guides.position, "reflected_normal": guides.normal,
+            "reflected_color": np.full_like(guides.position, 0.5), "traced": np.zeros_like(guides.position),
+            "diffuse_color": np.zeros_like(guides.position)}  # of metal, whose first bounce is traced
+    light, is_covered, reflections = scene_light(scene), torch.from_numpy(guides.alpha > 0), []
+    for roughness in (0.1, 0.9):
+        scene.tiles[:, ROUGHNESS] = roughness
+        found = estimate_light(light, view, replace(guides, **ends))
+        reflections.append(found.reflected[0][:, is_covered])
+    image = 0.5 * found.bounced[0][:, is_covered]
+    torch.testing.assert_close(reflections[0], image)
+    assert 0 < reflections[1].mean() < 0.5 * image.mean()
+
+
+def test_a_black_object_in_a_lit_room_is_exactly_black():
+    view, guides = floor_view()
+    for name in ("diffuse_color", "glossy_color", "transmission_color"):
+        getattr(guides, name)[:, :32] = 0
+    radiance = estimate_light(scene_light(walls((0.8, 0.3, 0.3))), view, guides).radiance()
+    assert not radiance[..., :32].any() and radiance[..., 32, 40:48].min() > 0
+
+
+def test_bands_of_a_large_picture_change_nothing(monkeypatch):
+    light, (view, guides) = scene_light(floor_scene()), floor_view(128, 64)
+    whole = estimate_light(light, view, guides)
+    monkeypatch.setattr(estimate, "BAND_PIXELS", 24 * 128)
+    bands = estimate_light(light, view, guides)
+    for name in vars(whole):
+        torch.testing.assert_close(getattr(bands, name), getattr(whole, name))
