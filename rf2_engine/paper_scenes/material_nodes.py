@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from ...model.published.prepared_frame import HEIGHT, MAPS, MEASURED, FrameMaterial, map_file, list_maps
+from ...model.published.prepared_frame import HEIGHT, MAPS, MEASURED, FrameMaterial, list_maps, map_file
 from ..convert.shading.material import HEIGHT_UNIT
 from ..material_settings import read_latent, set_latent
 
