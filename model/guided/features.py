@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ..fields import COLOR, DIRECTION, POINT, RADIANCE, Channels, array, mapped
+from ..fields import COLOR, DIRECTION, POINT, RADIANCE, Channels, array, map_arrays
 from ..geometry import contracted, reflected
 from ..light.effort import FULL, Effort
 from ..light.estimate import SceneLight, estimate_light
@@ -67,7 +67,7 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
 
 def with_exposure(light: SurfaceLight, exposure: Tensor) -> SurfaceLight:
     """Light (V views) with its radiance scaled by factors (V,)."""
-    return mapped(light, {RADIANCE: lambda x: x * exposure.view(-1, *[1] * (x.ndim - 1))})
+    return map_arrays(light, {RADIANCE: lambda x: x * exposure.view(-1, *[1] * (x.ndim - 1))})
 
 
 def _features(light: SurfaceLight, surfaces: HitSurfaces, position: Tensor, bundles: Tensor, patch: int) -> Tensor:

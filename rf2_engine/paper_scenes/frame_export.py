@@ -30,10 +30,10 @@ from ..convert.camera.camera import convert_camera
 from ..convert.collect import collect
 from ..convert.copying.scene import copy
 from ..convert.data import mesh as meshes
-from ..convert.data.collected import Collected, Part
-from ..convert.data.instance import Place
+from ..convert.data.collected import CollectedScene, Part
+from ..convert.data.instance import Instance
 from ..convert.lamps.lamps import convert_lamps
-from ..convert.lamps.world import world_light
+from ..convert.lamps.world import convert_world_light
 from ..convert.media.fog import add_fog
 from ..cycles.world import CyclesWorld
 from ..progress.status import Status
@@ -76,7 +76,7 @@ class _Export:
     def run(self, name: str, by_cycles: CyclesWorld) -> PreparedFrame:
         self.frame.name, self.frame.cameras = name, self._cameras()
         copied = copy(self.depsgraph, self.report, by_cycles)
-        environment, suns = world_light(copied.world, copied.drawn, self.report, whole=True)
+        environment, suns = convert_world_light(copied.world, copied.drawn, self.report, whole=True)
         collected = collect(copied, self.report)
         if not collected.parts:
             raise SceneError(f'Scene "{name}" shows no surface: a frame needs at least one mesh')
@@ -115,7 +115,7 @@ class _Export:
                 cameras.append(_frame_camera(matrix, float(np.degrees(evaluated.data.angle))))
         return cameras
 
-    def _add_part(self, part: Part, place: Place) -> None:
+    def _add_part(self, part: Part, place: Instance) -> None:
         for slot in np.unique(part.mesh.slot):
             mesh = part.mesh.take(part.mesh.slot == slot)
             described = self._describe_material(part.materials[slot], mesh, place)
@@ -126,7 +126,7 @@ class _Export:
                 self._add(place.name or part.name, corners[usable], normals[usable], None if uv is None else uv[usable],
                           described)
 
-    def _describe_material(self, material, mesh, place: Place) -> DescribedMaterial:
+    def _describe_material(self, material, mesh, place: Instance) -> DescribedMaterial:
         """The description of a material; computed once if nothing in it depends on the mesh or the instance."""
         key = material, mesh.active_uv
         if key not in self._materials:
@@ -161,7 +161,7 @@ class _Export:
             material = FrameMaterial("homo_diffuse_specular", LAMP, emission=tuple(radiance.tolist()))
             self._add("Lamp", lamp.triangles[rows], lamp.normals[rows], None, DescribedMaterial(material))
 
-    def _add_media(self, collected: Collected) -> None:
+    def _add_media(self, collected: CollectedScene) -> None:
         for i, medium in enumerate(collected.media):
             file = f"{EXTERNAL}/volume_{i}.vdb"
             (self.folder / EXTERNAL).mkdir(exist_ok=True)

@@ -9,10 +9,10 @@ import numpy as np
 from ...model.published.prepared_frame import HEIGHT, MEASURED, FrameMaterial
 from ...model.scene import TILE_SIZE
 from ..convert.data.blocks import Material
-from ..convert.data.instance import Place
+from ..convert.data.instance import Instance
 from ..convert.data.mesh import TriangleMesh
 from ..convert.data.report import Report
-from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, points_of, triangle_mean
+from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, mean_over_triangle, texel_points
 from ..convert.shading.normal_map import UP
 from ..convert.shading.two_lobes import two_lobes
 
@@ -34,12 +34,12 @@ class DescribedMaterial:
     latent: np.ndarray | None = None                           # (9,) f32
 
 
-def describe(material: Material | None, mesh: TriangleMesh, place: Place, report: Report) -> DescribedMaterial:
+def describe(material: Material | None, mesh: TriangleMesh, place: Instance, report: Report) -> DescribedMaterial:
     """Describe the material of triangles of one slot in an instance. The report names what is lost."""
     if material is None:
         return DescribedMaterial(BARE)
-    values = _Values(material, points_of(_sample_triangles(mesh), place), report)
-    emission = triangle_mean(values["emission"]).reshape(-1, 3)
+    values = _Values(material, texel_points(_sample_triangles(mesh), place), report)
+    emission = mean_over_triangle(values["emission"]).reshape(-1, 3)
     if emission.max() >= EMITTER_RADIANCE:
         if np.ptp(emission, axis=0).max() > 0.01 * emission.max():
             report.approximated(material.name, "all of it shines with the mean of its light")
@@ -52,8 +52,8 @@ def describe(material: Material | None, mesh: TriangleMesh, place: Place, report
         return DescribedMaterial(FrameMaterial(MEASURED), latent=np.float32(material.latent))
     if not values.varies:
         return DescribedMaterial(_homogeneous(values.numbers()))
-    sheet = _Values(material, points_of(_uv_sheet(mesh), place), Report())
-    moved = _Values(material, points_of(_move_sheet(_uv_sheet(mesh)), place), Report())
+    sheet = _Values(material, texel_points(_uv_sheet(mesh), place), Report())
+    moved = _Values(material, texel_points(_move_sheet(_uv_sheet(mesh)), place), Report())
     if not mesh.uv or not sheet.equals(moved):
         report.approximated(material.name, "it varies by more than UVs: its mean is used; bake it to images first")
         return DescribedMaterial(_homogeneous(values.numbers()))
@@ -81,7 +81,7 @@ class _Values(dict):
         return all(np.allclose(value, other[key], atol=1e-4) for key, value in self.items() if key != "normal")
 
     def numbers(self) -> dict[str, list[float] | float]:
-        means = {key: triangle_mean(value).reshape(-1, value.shape[-1]).mean(axis=0) for key, value in self.items()}
+        means = {key: mean_over_triangle(value).reshape(-1, value.shape[-1]).mean(axis=0) for key, value in self.items()}
         return {key: mean.tolist() if len(mean) > 1 else float(mean[0]) for key, mean in means.items()}
 
 

@@ -147,9 +147,9 @@ def _find_device(problems: list[str]) -> str:
     except packages.MissingPackages as error:
         problems.append(str(error))
         return ""
-    from ...model.compute.devices import choose_device, unused_card
+    from ...model.compute.devices import choose_device, explain_unused_card
     device = str(choose_device())
-    reason = "" if device.startswith("cuda") else unused_card(wheels.has_nvidia_driver())
+    reason = "" if device.startswith("cuda") else explain_unused_card(wheels.has_nvidia_driver())
     return f"{device}; {reason}" if reason else device
 
 

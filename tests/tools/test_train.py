@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from renderformer_v2.model.guided.encoders import panorama_size
-from renderformer_v2.model.guided.guide_tensors import FEATURES
+from renderformer_v2.model.guided.features import FEATURES
 from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.light.direct.direct_light import DirectLight
-from renderformer_v2.model.lobes import LOBES
+from renderformer_v2.model.light_passes import LOBES
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.sample_files import load_sample, read_facts, save_sample

@@ -11,11 +11,11 @@ import time
 import torch
 
 from renderformer_v2.model.camera import square_view
-from renderformer_v2.model.compute.devices import choose_device, free_memory, name_of, unused_card
+from renderformer_v2.model.compute.devices import choose_device, device_name, explain_unused_card, free_memory
 from renderformer_v2.model.compute.inference import inference
-from renderformer_v2.model.compute.precision import NAMES, choose_precision, failure, tensor_float_32
+from renderformer_v2.model.compute.precision import NAMES, choose_precision, find_failure, tensor_float_32
 from renderformer_v2.model.network.inputs import view_inputs
-from renderformer_v2.model.network.renderformer import RenderFormer, as_released
+from renderformer_v2.model.network.renderformer import RenderFormer, store_as_released
 from renderformer_v2.model.weights.presets import rf2_200m
 
 from . import ring
@@ -30,9 +30,9 @@ def measure(name: str, precision: str = "auto", triangles: int = TRIANGLES, reso
     """The device and its numbers. Raises ValueError for a device that is not there."""
     device, config = choose_device(name), config or rf2_200m()
     dtype = choose_precision(precision, device)
-    measurement = {"device": name_of(device), "torch": torch.__version__, "cuda": torch.version.cuda,
+    measurement = {"device": device_name(device), "torch": torch.__version__, "cuda": torch.version.cuda,
              "system": f"{platform.system()} {platform.machine()}", "threads": torch.get_num_threads(),
-             "precision": NAMES[dtype], "precision_fails": failure(dtype, device), "unused_card": unused_card(),
+             "precision": NAMES[dtype], "precision_fails": find_failure(dtype, device), "explain_unused_card": explain_unused_card(),
              "free_bytes": free_memory(device), "triangles": triangles, "resolution": resolution}
     if measurement["precision_fails"]:
         return measurement
@@ -44,7 +44,7 @@ def measure(name: str, precision: str = "auto", triangles: int = TRIANGLES, reso
     if dtype != torch.float32:
         exact, seconds = _time_stages(network, inputs, rays, device)
         measurement |= {f"float32_{key}": value for key, value in seconds.items()}
-    network = as_released(network, dtype, device)
+    network = store_as_released(network, dtype, device)
     if device.type == "cuda":
         torch.cuda.reset_peak_memory_stats(device)
     _time_stages(network, inputs, rays, device)  # warm up

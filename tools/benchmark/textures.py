@@ -24,7 +24,7 @@ import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from renderformer_v2.model.compute.devices import choose_device, name_of
+from renderformer_v2.model.compute.devices import choose_device, device_name
 from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.compute.precision import NAMES, choose_precision
 from renderformer_v2.model.material.mappers import MAPPERS, Appearance
@@ -47,7 +47,7 @@ def measure(triangles: int, device: torch.device, vae: nn.Module | None = None) 
     with inference(), tempfile.TemporaryDirectory() as folder:
         vae.save_pretrained(folder)
         vae = vae.to(device).eval()
-        measurement = {"device": name_of(device), "threads": torch.get_num_threads(), "precision": NAMES[dtype],
+        measurement = {"device": device_name(device), "threads": torch.get_num_threads(), "precision": NAMES[dtype],
                  "video_seconds": _time_image(lambda x: vae.encode(x[:, :, None]).latent_dist.mean, images.to(device))}
         chosen = ImageEncoder(Path(folder), device, dtype).dtype
         frame = OneFrameEncoder(vae).to(device, chosen, memory_format=torch.channels_last)

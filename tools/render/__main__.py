@@ -124,11 +124,11 @@ def _render(arguments: argparse.Namespace, scene) -> dict:
                   "tokens": None, "triangles": None, "report": [], "output": list(map(str, arguments.output))}
     if arguments.engine == "cycles":
         statistics["samples"] = scene.cycles.samples
-    from renderformer_v2.rf2_engine.progress.frame_lines import of_layer
+    from renderformer_v2.rf2_engine.progress.frame_lines import describe_layer
     from renderformer_v2.rf2_engine.progress.last_render import last_frame
     # Without the engine there are none: Cycles rendered, or compositor or sequencer made the picture alone.
     if last_frame:
-        layers = [of_layer(layer) for layer in last_frame]
+        layers = [describe_layer(layer) for layer in last_frame]
         if arguments.beside_cycles:
             _compare(layers, scene, arguments.sheet)
         statistics |= _combine(layers) | {"seconds": _add_seconds(layers) | statistics["seconds"]}

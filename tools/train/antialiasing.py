@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from renderformer_v2.model.fields import COLOR, DIRECTION, mapped_channels
+from renderformer_v2.model.fields import COLOR, DIRECTION, map_channels
 from renderformer_v2.model.guided.exposure import shown
 from renderformer_v2.model.guided.kernels import SEEN, KernelPredictor, exposure_of, seen, tensor, weighted
 from renderformer_v2.model.guided.network import load_network
@@ -66,7 +66,7 @@ def augmented(parts: Tensor) -> Tensor:
     """Parts (N, sum(CHANNELS), h, w) turned about Z, recoloured and mirrored, all alike."""
     order, turn = torch.randperm(3), turn_about_z(float(torch.rand(())) * 2 * torch.pi)
     known, ours, wanted = parts.split(CHANNELS, 1)
-    known = mapped_channels(known, SEEN, {COLOR: recolored(order), DIRECTION: turn})
+    known = map_channels(known, SEEN, {COLOR: recolored(order), DIRECTION: turn})
     order = torch.cat([order, torch.tensor([3])])
     return mirrored(torch.cat([known, ours[:, order], wanted[:, order]], 1))
 

@@ -16,16 +16,15 @@ from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
 from renderformer_v2.model.light.estimate import SceneLight
 from renderformer_v2.model.light.surface_light import SurfaceLight
-from renderformer_v2.model.lobes import LOBES
+from renderformer_v2.model.light_passes import LOBES
 from renderformer_v2.model.network.inputs import EnvironmentInputs, VolumeInputs, material_tiles
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.tensor_group import TensorGroup, stacked
 from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
 from tools.datagen.sample_files import load_sample
 
-from . import sample_cache as cache_key
+from . import sample_cache
 from .errors import SampleError
-from .sample_cache import kept
 
 CONFIG = PRESETS[BUNDLED]()  # whose tile and panorama sizes the samples have
 
@@ -76,8 +75,8 @@ def build_sample(path: Path, hinted: bool = True) -> TrainingSample:
 
 def cached_sample(path: Path, cache: Path, hinted: bool = True) -> TrainingSample:
     """`build_sample`, kept in `cache` for the next epoch; made again when it is out of date."""
-    stored = cache_key.stored_path(path, cache, "" if hinted else "-alone")
-    return kept(stored, cache_key.key(path), lambda: build_sample(path, hinted), KINDS)
+    stored = sample_cache.cache_path(path, cache, "" if hinted else "-alone")
+    return sample_cache.load_or_make(stored, sample_cache.sample_key(path), lambda: build_sample(path, hinted), KINDS)
 
 
 KINDS = {"": TrainingSample, "inputs": GuidedInputs, "view": GuidedView, "light": SurfaceLight,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....model import progress
-from ....model.clusters import clusters
+from ....model.clusters import split_clusters
 from ....model.geometry import area_vectors
 from ....model.scene import RenderScene
 from ..data.copied import LampInstance, Sun
@@ -80,7 +80,7 @@ def _merge_lamps(shapes: list[RenderScene], most: int, center: np.ndarray, radiu
     features = np.concatenate([offset, FACING * facing, COLOR * flux / flux.sum(axis=1, keepdims=True)], axis=1)
     kinds = [np.flatnonzero(kind == k) for k in np.unique(kind)]
     return [_merge_group(shapes, rows, flux, np.average(positions[rows], axis=0, weights=power[rows]), positions)
-            for rows in clusters(features, power, kinds, most)]
+            for rows in split_clusters(features, power, kinds, most)]
 
 
 def _summary(shape: RenderScene) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:

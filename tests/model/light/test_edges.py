@@ -9,7 +9,7 @@ import torch
 
 from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.first_hits import camera_rays
-from renderformer_v2.model.first_hits.camera_rays import PLACES, CameraRays
+from renderformer_v2.model.first_hits.camera_rays import SAMPLE_POINTS, CameraRays
 from renderformer_v2.model.first_hits.from_rays import guides_of_hits
 from renderformer_v2.model.light.edges import find_edges
 from renderformer_v2.model.pictures import bands
@@ -42,7 +42,7 @@ def test_light_is_mixed_by_how_much_a_pixel_sees_of_each_surface():
     scene, view, guides, light = floor_and_plate()
     before = light.clone()
     find_edges(scene, view, guides, CPU).mix(light, 0)
-    inside, covered = slice(4, -4), (PLACES[:, 0] < 0.3).mean()
+    inside, covered = slice(4, -4), (SAMPLE_POINTS[:, 0] < 0.3).mean()
     expected = covered * PLATE + (1 - covered) * FLOOR
     assert light[0, inside, EDGE].numpy() == pytest.approx(expected, abs=0.15)
     assert torch.equal(light[:, inside, :EDGE - 1], before[:, inside, :EDGE - 1])
@@ -58,8 +58,8 @@ def test_light_of_a_black_surface_counts_for_nothing():
 
 def test_a_sliver_that_no_ray_finds_shows_the_light_of_what_is_around_in_its_colour(monkeypatch):
     scene, view, guides, light = floor_and_plate((0, 0, 0))
-    middle = camera_rays.PLACES * 0 + np.float32((0.01, 0.5))
-    monkeypatch.setattr(camera_rays, "PLACES", middle)  # on the plate, of which the pixels have the middle
+    middle = camera_rays.SAMPLE_POINTS * 0 + np.float32((0.01, 0.5))
+    monkeypatch.setattr(camera_rays, "SAMPLE_POINTS", middle)  # on the plate, of which the pixels have the middle
     find_edges(scene, view, guides, CPU).mix(light, 0)
     assert light[0, 4:-4, EDGE - 1].numpy() == pytest.approx(FLOOR, abs=0.05)
 
