@@ -55,8 +55,8 @@ def _needed(settings: FrameSettings, device, tokens: int, pixels: int) -> int:
     item = choose_precision(settings.precision, device).itemsize
     if settings.network is Network.PUBLISHED:
         view_item = 4 if has_tensor_float_32(device) else item
-        return IMAGE_ENCODER + estimate_card_bytes(presets.rf2_200m(), PUBLISHED_PARAMETERS, tokens, pixels, (item, view_item),
-                                          KEYS_VALUES_BYTES)
+        return IMAGE_ENCODER + estimate_card_bytes(presets.rf2_200m(), PUBLISHED_PARAMETERS, tokens, pixels,
+                                                   (item, view_item), KEYS_VALUES_BYTES)
     needed = GUIDED_WEIGHTS + GUIDED_BAND + GUIDED_TOKEN * tokens + GUIDED_PIXEL * pixels
     config = ModelConfig.from_dict(described(presets.weights_folder(settings.weights)))
     if config.guidance and not config.guidance.transformer:

@@ -81,7 +81,8 @@ class _Values(dict):
         return all(np.allclose(value, other[key], atol=1e-4) for key, value in self.items() if key != "normal")
 
     def numbers(self) -> dict[str, list[float] | float]:
-        means = {key: mean_over_triangle(value).reshape(-1, value.shape[-1]).mean(axis=0) for key, value in self.items()}
+        means = {key: mean_over_triangle(value).reshape(-1, value.shape[-1]).mean(axis=0)
+                 for key, value in self.items()}
         return {key: mean.tolist() if len(mean) > 1 else float(mean[0]) for key, mean in means.items()}
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.light.specular import ends
-from bl_ext.user_default.renderformer_v2.rf2_engine.frame import hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.frame import first_hits
 
 from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
 
@@ -22,7 +22,7 @@ def guides(monkeypatch):
         seen.append(ends.add_path_ends(*given))
         return seen[-1]
 
-    monkeypatch.setattr(hits, "add_path_ends", spy)
+    monkeypatch.setattr(first_hits, "add_path_ends", spy)
     return seen
 
 
