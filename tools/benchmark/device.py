@@ -32,7 +32,8 @@ def measure(name: str, precision: str = "auto", triangles: int = TRIANGLES, reso
     dtype = choose_precision(precision, device)
     measurement = {"device": device_name(device), "torch": torch.__version__, "cuda": torch.version.cuda,
              "system": f"{platform.system()} {platform.machine()}", "threads": torch.get_num_threads(),
-             "precision": NAMES[dtype], "precision_fails": find_failure(dtype, device), "unused_card": explain_unused_card(),
+             "precision": NAMES[dtype], "precision_fails": find_failure(dtype, device),
+             "unused_card": explain_unused_card(),
              "free_bytes": free_memory(device), "triangles": triangles, "resolution": resolution}
     if measurement["precision_fails"]:
         return measurement
