@@ -28,7 +28,7 @@ class Picture:
     combined: np.ndarray  # (H, W, 4)
     guides: Guides
     lobes: Lobes
-    tokens: int = 0  # of the scene that was encoded last; 0 before any was
+    tokens: int = 0  # of the scene that was encoded last; 0 without a transformer
 
     @classmethod
     def unlit(cls, hits: FirstHits, exposure: float) -> Picture:

@@ -92,7 +92,7 @@ def _render_layer(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
         output.write_views(engine, layer.name, rendered.passes)
     reference_report = Report()
     samples = reference.add(layer, rendered.passes, reference_report) if settings.reference else 0  # 8. Reference
-    if rendered.tokens:  # otherwise the network had nothing to do
+    if rendered.device:  # otherwise nothing was loaded
         layer.plan.learn_memory(status.memory_added, len(views) * view.width * view.height, len(scene))
     return LayerStatistics(layer.name, size=(view.width, view.height), triangles=len(scene), tokens=rendered.tokens,
                            weights=settings.weights, device=rendered.device, seconds=layer.plan.seconds,
@@ -104,7 +104,7 @@ class Rendered(NamedTuple):
     """The picture of a view layer."""
 
     passes: dict[str, Passes]  # by view, as output.write_views takes them
-    tokens: int                # that the network was given; 0 if it had nothing to do
+    tokens: int                # length of the sequence of the transformer; 0 without one
     device: str                # that the network worked on, as in LayerStatistics
 
 
