@@ -33,7 +33,7 @@ def layers(file: exr.Multilayer, scene: bpy.types.Scene) -> list[str]:
 
 def passes(file: exr.Multilayer, layer: str, scene: bpy.types.Scene) -> list[str]:
     """The passes of a layer as the header lists them."""
-    existing = dict.fromkeys(file.apart(name)[0] for other, name in file.passes if other == layer)
+    existing = dict.fromkeys(file.split_view(name)[0] for other, name in file.passes if other == layer)
     announced = _announced(file, scene.view_layers[layer], scene) if layer in scene.view_layers else []
     table = [p.blender_name for p in pass_table.PASSES]
     return [name for name in dict.fromkeys(["Combined", *announced, *table, *existing])

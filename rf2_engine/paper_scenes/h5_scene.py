@@ -44,13 +44,13 @@ def export_h5(scene: bpy.types.Scene, weights: str | None, path: Path, report: R
     if weights in (None, BUNDLED):
         raise CheckpointError("H5 scenes hold latents of the published weights: choose those in Render Properties > "
                               "RenderFormer-V2 > Weights, or give their folder with --weights")
-    settings = scene.renderformer_v2
+    ours = scene.renderformer_v2
+    options = ConversionOptions(ours.token_budget, ours.max_edge, ours.as_is, ours.paper_lamps)
 
     def convert_scene(engine, depsgraph):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None, report)
-        return convert(depsgraph, view, token_budget=settings.token_budget, max_edge=settings.max_edge, report=report,
-                       by_cycles=CyclesWorld(engine, depsgraph, Status(engine)), as_is=settings.as_is,
-                       paper_lamps=settings.paper_lamps), view
+        return convert(depsgraph, view, options, report,
+                       cycles_world=CyclesWorld(engine, depsgraph, Status(engine))), view
 
     converted, view = in_render(scene, convert_scene)
     if not len(converted):

@@ -16,7 +16,7 @@ from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
 from tools.datagen.sample_files import hint_samples, load_sample
 
-from .scores import Evaluation, scores
+from .scores import Evaluation, compute_scores
 
 
 def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
@@ -44,8 +44,8 @@ def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
     if "priors_alone" in beside:
         beside["network_alone"] = [_picture(encoded, view, guide, hints) for view, guide in untraced]
     references = [p["combined"][..., :3] + p["environment"] for p in passes]
-    found = scores(ours, references, triangles=len(scene), seconds=seconds)
-    found["beside"] = {name: scores(shown, references) for name, shown in beside.items()}
+    found = compute_scores(ours, references, triangles=len(scene), seconds=seconds)
+    found["beside"] = {name: compute_scores(shown, references) for name, shown in beside.items()}
     columns = {"ours": ours, "reference": references} | (
         {"equal": beside["cycles_equal"]} if "cycles_equal" in beside else {})
     return Evaluation(found, [dict(zip(columns, row)) for row in zip(*columns.values())])
@@ -68,7 +68,7 @@ def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.nda
 def estimated_light(encoded: EncodedScene, view: View, guides: Guides) -> SurfaceLight:
     """The light that the guided network corrects, in network exposure; no direct light where light was traced."""
     frame = encoded.normalization
-    with torch.inference_mode():
+    with inference():
         return estimate_light(encoded.encoded.light, frame.view(view), frame.guides(guides),
                               with_direct=guides.traced is None)
 

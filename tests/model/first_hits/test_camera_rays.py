@@ -52,4 +52,4 @@ def test_what_cameras_do_not_see_is_passed(half):
 def test_a_ray_ends_at_a_point_unless_something_is_before_it_or_it_is_in_the_air(half):
     scene, view = half
     points = np.float32([(-0.3, 0.1, 0), (-0.3, 0.1, -0.5), (-0.3, 0.1, 0.5), (0.5, 0, 0)])
-    assert CameraRays(scene, view).end_at(points, 0.01).tolist() == [True, False, False, False]
+    assert CameraRays(scene, view).hits_lie_at(points, 0.01).tolist() == [True, False, False, False]
