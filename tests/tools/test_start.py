@@ -10,7 +10,7 @@ from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.weights.checkpoint import save_network
 from renderformer_v2.model.weights.presets import rf2_small
 from tools.train.errors import TrainingError
-from tools.train.start import start_from
+from tools.train.network import start_from
 
 TINY = replace(rf2_small(), latent_dim=48, num_layers=1, num_heads=1, dim_feedforward=64, num_register_tokens=2,
                intra_rope_pe_num_freqs=8, view_transformer_latent_dim=48, view_transformer_ffn_hidden_dim=64,
