@@ -73,10 +73,10 @@ class _Export:
         self.frame = PreparedFrame("", {}, [])
         self._materials: dict[tuple, DescribedMaterial] = {}
 
-    def run(self, name: str, by_cycles: CyclesWorld) -> PreparedFrame:
+    def run(self, name: str, cycles_world: CyclesWorld) -> PreparedFrame:
         self.frame.name, self.frame.cameras = name, self._cameras()
-        copied = copy(self.depsgraph, self.report, by_cycles)
-        environment, suns = convert_world_light(copied.world, copied.drawn, self.report, whole=True)
+        copied = copy(self.depsgraph, self.report, cycles_world)
+        environment, suns = convert_world_light(copied.world, copied.world_panorama, self.report, keep_suns=True)
         collected = collect(copied, self.report)
         if not collected.parts:
             raise SceneError(f'Scene "{name}" shows no surface: a frame needs at least one mesh')
@@ -86,7 +86,7 @@ class _Export:
                               float(np.linalg.norm(high - low)) / 2, clear, self.report)
         (self.folder / MESHES).mkdir(parents=True, exist_ok=True)
         for part in collected.parts:
-            for place in part.places:
+            for place in part.instances:
                 self._add_part(part, place)
         for lamp in lamps:
             self._add_lamp(lamp)
