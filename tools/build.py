@@ -28,8 +28,8 @@ MANIFEST = "blender_manifest.toml"
 def extension_command() -> Path:
     """blender_ext.py of the installed bpy wheel. Raises FileNotFoundError without one."""
     spec = find_spec("bpy")
-    places = Path(spec.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py") if spec else ()
-    for path in places:
+    paths = Path(spec.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py") if spec else ()
+    for path in paths:
         return path
     raise FileNotFoundError("Blender's extension command was not found: install the bpy wheel (make render does)")
 
@@ -39,7 +39,7 @@ def build(folder: Path) -> Path:
 
     Raises subprocess.CalledProcessError with the command's output.
     """
-    archive = folder / f"{_name()}.zip"
+    archive = folder / f"{_package_name()}.zip"
     folder.mkdir(parents=True, exist_ok=True)
     _run("build", "--source-dir", str(ROOT), "--output-filepath", str(archive))
     _run("validate", str(archive))
@@ -48,7 +48,7 @@ def build(folder: Path) -> Path:
 
 def build_for(platform: str, wheels: list[Path], folder: Path) -> Path:
     """The validated zip for one of wheel_files.PLATFORMS, with these wheels. Raises as `build` does."""
-    archive = folder / f"{_name()}-{platform.replace('-', '_')}.zip"
+    archive = folder / f"{_package_name()}-{platform.replace('-', '_')}.zip"
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="renderformer-v2-build-") as temporary:
         source = Path(temporary) / "source"
@@ -58,13 +58,13 @@ def build_for(platform: str, wheels: list[Path], folder: Path) -> Path:
         for wheel in wheels:
             shutil.copy(wheel, source / "wheels")
         text = (source / MANIFEST).read_text()
-        (source / MANIFEST).write_text(manifest(text, platform, [wheel.name for wheel in wheels]))
+        (source / MANIFEST).write_text(make_manifest(text, platform, [wheel.name for wheel in wheels]))
         _run("build", "--source-dir", str(source), "--output-filepath", str(archive))
     _run("validate", str(archive))
     return archive
 
 
-def manifest(text: str, platform: str, wheels: list[str]) -> str:
+def make_manifest(text: str, platform: str, wheels: list[str]) -> str:
     """The manifest of a package for one platform, with the names and licences of the wheels that it brings along."""
     licenses = tomllib.loads(text)["license"]
     lines = [line for line in text.splitlines() if not line.startswith("license = ")]
@@ -74,9 +74,9 @@ def manifest(text: str, platform: str, wheels: list[str]) -> str:
     return "\n".join(lines[:at] + [f"{key} = {json.dumps(value)}" for key, value in listed.items()] + lines[at:]) + "\n"
 
 
-def _name() -> str:
-    found = tomllib.loads((ROOT / MANIFEST).read_text())
-    return f"{found['id']}-{found['version']}"
+def _package_name() -> str:
+    manifest_values = tomllib.loads((ROOT / MANIFEST).read_text())
+    return f"{manifest_values['id']}-{manifest_values['version']}"
 
 
 def _run(*arguments: str) -> None:
@@ -90,17 +90,17 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         if arguments.without_wheels:
-            _tell(build(arguments.output))
+            _report(build(arguments.output))
             return 0
         for platform in wheel_files.PLATFORMS:
-            _tell(build_for(platform, wheel_files.fetch(platform, arguments.output / "wheels"), arguments.output))
+            _report(build_for(platform, wheel_files.fetch(platform, arguments.output / "wheels"), arguments.output))
     except subprocess.CalledProcessError as error:
         print(error.stdout + error.stderr, file=sys.stderr)
         return 1
     return 0
 
 
-def _tell(archive: Path) -> None:
+def _report(archive: Path) -> None:
     print(f"{archive} ({archive.stat().st_size / 1e6:.1f} MB)", flush=True)
 
 

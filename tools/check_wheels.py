@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from .common import wheel_files
-from .common.binaries import Binary, binary
+from .common.binaries import Binary, read_binary
 from .extension import ROOT
 
 sys.path.append(str(ROOT / "rf2_engine" / "setup"))  # these are parts of a program, not of a package
@@ -56,40 +56,40 @@ def install(wheel: Path, name: str, version: str, target: Path) -> None:
     shutil.rmtree(staging)
 
 
-def compiled(folder: Path, system: str) -> dict[str, Binary]:
+def read_binaries(folder: Path, system: str) -> dict[str, Binary]:
     """All compiled files of a folder by their paths."""
-    found = {}
+    binaries = {}
     for path in sorted(distributions.measure_files(folder)):
         parts = PurePosixPath(path).name.split(".")
         if not set(MODULES[system] + LIBRARIES[system]) & {f".{part}" for part in parts[1:]}:
             continue
         try:
-            entry = binary((folder / path).read_bytes())
+            entry = read_binary((folder / path).read_bytes())
         except (struct.error, ValueError, StopIteration):
             entry = Binary("damaged", (), ())
         if entry:
-            found[path] = entry
-    return found
+            binaries[path] = entry
+    return binaries
 
 
-def wrong_machines(files: dict[str, Binary], system: str, machine: str) -> list[str]:
+def find_wrong_machines(files: dict[str, Binary], system: str, machine: str) -> list[str]:
     return [f"{path} is made for {file.system} {' '.join(file.machines)}" for path, file in files.items()
             if file.system != system or machine not in file.machines]
 
 
-def missing_libraries(files: dict[str, Binary], system: str) -> list[str]:
+def find_missing_libraries(files: dict[str, Binary], system: str) -> list[str]:
     """"A needs B", of all that modules load and what these load in turn, by name."""
-    there = {PurePosixPath(path).name.lower(): path for path in files}
+    provided = {PurePosixPath(path).name.lower(): path for path in files}
     waiting = [path for path in files if path.endswith(MODULES[system]) and not _is_library(path, system)]
-    seen, missing = set(waiting), []
+    visited, missing = set(waiting), []
     while waiting:
         path = waiting.pop()
         for need in files[path].needs:
             name = PurePosixPath(need).name.lower()
-            if name in there:
-                if there[name] not in seen:
-                    seen.add(there[name])
-                    waiting.append(there[name])
+            if name in provided:
+                if provided[name] not in visited:
+                    visited.add(provided[name])
+                    waiting.append(provided[name])
             elif not (need if system == "macosx" else name).lower().startswith(PRESENT[system]):
                 missing.append(f"{path} needs {need}")
     return sorted(missing)
@@ -99,25 +99,25 @@ def _is_library(path: str, system: str) -> bool:
     return system == "linux" and PurePosixPath(path).name.startswith("lib")
 
 
-def too_long(paths: Iterable[str]) -> list[str]:
+def find_too_long(paths: Iterable[str]) -> list[str]:
     """Paths that only programs reach which ask Windows for long ones, as our installer does."""
     return [path for path in paths if len(WINDOWS) + len(path) > LONGEST]
 
 
 def check(platform: str, python: str, folder: Path, expected: dict[str, str]) -> dict:
-    """What was found in a folder of wheels; "problems" is empty when all is well."""
+    """A line of the report on a folder of wheels; "problems" is empty when all is well."""
     system, machine = MACHINES[platform]
-    intact, files = distributions.find_intact(folder, by_content=True), compiled(folder, system)
+    intact, files = distributions.find_intact(folder, by_content=True), read_binaries(folder, system)
     problems = [f"{name} {version} is not complete" for name, version in expected.items()
                 if intact.get(name) != version]
-    problems += wrong_machines(files, system, machine) + missing_libraries(files, system)
+    problems += find_wrong_machines(files, system, machine) + find_missing_libraries(files, system)
     sizes = distributions.measure_files(folder)
-    imported = [path for path in too_long(sizes) if path.endswith((".py", *MODULES[system], *LIBRARIES[system]))]
+    imported = [path for path in find_too_long(sizes) if path.endswith((".py", *MODULES[system], *LIBRARIES[system]))]
     if platform.startswith("windows"):
         problems += [f"{path} is too long for Windows" for path in imported]
     return {"platform": platform, "python": python, "distributions": len(expected), "files": len(sizes),
             "bytes": sum(sizes.values()), "compiled": len(files), "longest_path": max(map(len, sizes), default=0),
-            "too_long_on_windows": len(too_long(sizes)), "problems": problems}
+            "too_long_on_windows": len(find_too_long(sizes)), "problems": problems}
 
 
 def main() -> int:
@@ -132,15 +132,15 @@ def main() -> int:
         for python in options.pythons:
             target, expected = options.folder / f"{platform}-{python}", {}
             shutil.rmtree(target, ignore_errors=True)
-            for name, version, tag, pin in wheel_files.fitting(platform, python):
+            for name, version, tag, pin in wheel_files.find_fitting(platform, python):
                 if name.startswith(options.leave_out):
                     continue
-                file = wheel_files.fetched(name, version, tag, pin["sha256"], options.folder / "wheels", python)
+                file = wheel_files.fetch_one(name, version, tag, pin["sha256"], options.folder / "wheels", python)
                 install(file, name, version, target)
                 expected[name] = version
-            found = check(platform, python, target, expected)
-            failed += bool(found["problems"])
-            print(json.dumps(found), flush=True)
+            result = check(platform, python, target, expected)
+            failed += bool(result["problems"])
+            print(json.dumps(result), flush=True)
     return 1 if failed else 0
 
 

@@ -32,7 +32,7 @@ def main() -> int:
     arguments.folder.mkdir(parents=True, exist_ok=True)
     for number, picture in enumerate(_render_frames(scene, depsgraph, arguments)):
         _save(picture.pixels, arguments.folder / f"{number:04}.png", scene)
-        print(f"frame {number + 1} of {arguments.frames}: {picture.drawn:.2f} s, {picture.triangles} triangles",
+        print(f"frame {number + 1} of {arguments.frames}: {picture.seconds:.2f} s, {picture.triangles} triangles",
               flush=True)
     return 0
 

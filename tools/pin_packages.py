@@ -45,43 +45,43 @@ CUDA_WHEELS = {  # likewise, for Windows, where it holds all of CUDA
     for python in ("311", "313")}
 
 
-def needs(root: str) -> dict[str, set[str]]:
+def find_needs(root: str) -> dict[str, set[str]]:
     """{distribution: SYSTEMS where it is needed} of everything that `root` needs, itself too."""
-    found = defaultdict(set)
+    systems_by_name = defaultdict(set)
     for (system, (platform_system, sys_platform, machine)), python in product(SYSTEMS.items(), PYTHONS):
         environment = {"platform_system": platform_system, "sys_platform": sys_platform, "platform_machine": machine,
                        "python_version": python, "python_full_version": f"{python}.0",
                        "os_name": "nt" if sys_platform == "win32" else "posix"}
         waiting = [Requirement(root)]
-        seen = set()
+        visited = set()
         while waiting:
             requirement = waiting.pop()
             name = canonicalize_name(requirement.name)
             key = name, frozenset(requirement.extras)
-            if name in LEFT_OUT or key in seen:
+            if name in LEFT_OUT or key in visited:
                 continue
-            seen.add(key)
-            found[name].add(system)
+            visited.add(key)
+            systems_by_name[name].add(system)
             for extra in (requirement.extras or {""}):
-                waiting += [further for further in map(Requirement, requires(name))
+                waiting += [further for further in map(Requirement, read_requirements(name))
                             if not further.marker or further.marker.evaluate(environment | {"extra": extra})]
-    return found
+    return systems_by_name
 
 
-def requires(name: str) -> list[str]:
+def read_requirements(name: str) -> list[str]:
     try:
         return metadata.requires(name) or []
     except metadata.PackageNotFoundError:
         return []  # needed on other systems only
 
 
-def files(name: str) -> list[dict]:
+def list_wheels(name: str) -> list[dict]:
     request = Request(f"{INDEX}/{name}/", headers={"Accept": "application/vnd.pypi.simple.v1+json"})
     with urlopen(request, timeout=60) as answer:
         return [file for file in json.load(answer)["files"] if file["filename"].endswith(".whl")]
 
 
-def version(name: str, offered: list[dict]) -> str:
+def choose_version(name: str, offered: list[dict]) -> str:
     """The installed one, else the newest."""
     try:
         return metadata.version(name)
@@ -89,7 +89,7 @@ def version(name: str, offered: list[dict]) -> str:
         return str(max(parse_wheel_filename(file["filename"])[1] for file in offered))
 
 
-def system_of(platform: str) -> str:
+def find_system(platform: str) -> str:
     """Of a wheel, as in SYSTEMS; "any" or "" (a system that Blender does not run on)."""
     if platform == "any" or platform.startswith("macosx") and platform.endswith("universal2"):
         return "any"
@@ -106,24 +106,24 @@ def fits(python: str, abi: str) -> bool:
 
 def pin(name: str, systems: set[str]) -> dict:
     """{"version", "files": {tag: {"sha256", "download", "unpacked" (bytes)}}}."""
-    offered = files(name)
-    wanted = version(name, offered)
+    offered = list_wheels(name)
+    version = choose_version(name, offered)
     pinned = {}
     for file in offered:
-        found = parse_wheel_filename(file["filename"])[1]
+        offered_version = parse_wheel_filename(file["filename"])[1]
         python, abi, platform = file["filename"].removesuffix(".whl").split("-")[-3:]
-        system = system_of(platform)
-        if str(found) == wanted and fits(python, abi) and system and (system == "any" or system in systems):
+        system = find_system(platform)
+        if str(offered_version) == version and fits(python, abi) and system and (system == "any" or system in systems):
             pinned[f"{python}-{abi}-{platform}"] = {"sha256": file["hashes"]["sha256"], "download": file["size"]}
-    size = unpacked(name)
+    size = measure_unpacked(name)
     here = max((file["download"] for tag, file in pinned.items() if tag.endswith(("x86_64", "any"))
                 and "macosx" not in tag), default=0)
     for file in pinned.values():
         file["unpacked"] = round(file["download"] * (size / here if size and here else UNPACKED))
-    return {"version": wanted, "files": pinned}
+    return {"version": version, "files": pinned}
 
 
-def unpacked(name: str) -> int:
+def measure_unpacked(name: str) -> int:
     """Bytes of what is installed here, 0 if it is not."""
     try:
         return sum(file.size or 0 for file in metadata.files(name) or ())
@@ -132,14 +132,14 @@ def unpacked(name: str) -> int:
 
 
 def main() -> None:
-    graph = {root: needs(root) for root in ROOTS}
+    graph = {root: find_needs(root) for root in ROOTS}
     systems = defaultdict(set)
-    for found in graph.values():
-        for name, where in found.items():
+    for needs in graph.values():
+        for name, where in needs.items():
             systems[name] |= where
     wheels = {name: pin(name, where) for name, where in sorted(systems.items())}
     wheels["torch+cpu"] = {"version": f"{wheels['torch']['version']}+cpu", "files": CPU_WHEELS}
-    groups = {root: sorted(found) for root, found in graph.items()}
+    groups = {root: sorted(needs) for root, needs in graph.items()}
     wheels["torch+cuda"] = {"version": wheels["torch"]["version"], "files": CUDA_WHEELS}
     for own in ("torch+cpu", "torch+cuda"):
         groups[own] = [own, *(name for name in groups["torch"] if name != "torch" and not name.startswith(CUDA))]

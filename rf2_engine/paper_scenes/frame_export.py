@@ -86,7 +86,7 @@ class _Export:
                               float(np.linalg.norm(high - low)) / 2, clear, self.report)
         (self.folder / MESHES).mkdir(parents=True, exist_ok=True)
         for part in collected.parts:
-            for place in part.places:
+            for place in part.instances:
                 self._add_part(part, place)
         for lamp in lamps:
             self._add_lamp(lamp)

@@ -22,6 +22,7 @@ from ...model.published.processed_scene import ProcessedScene
 from ...model.scene import RenderScene
 from ...model.weights.presets import BUNDLED
 from ..convert.camera.camera import convert_camera
+from ..convert.data.options import ConversionOptions
 from ..convert.data.report import Report
 from ..convert.scene import convert
 from ..cycles.world import CyclesWorld
@@ -44,13 +45,13 @@ def export_h5(scene: bpy.types.Scene, weights: str | None, path: Path, report: R
     if weights in (None, BUNDLED):
         raise CheckpointError("H5 scenes hold latents of the published weights: choose those in Render Properties > "
                               "RenderFormer-V2 > Weights, or give their folder with --weights")
-    ours = scene.renderformer_v2
-    options = ConversionOptions(ours.token_budget, ours.max_edge, ours.as_is, ours.paper_lamps)
+    settings = scene.renderformer_v2
+    options = ConversionOptions(settings.token_budget, settings.max_edge, settings.as_is, settings.paper_lamps)
 
     def convert_scene(engine, depsgraph):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None, report)
-        return convert(depsgraph, view, options, report,
-                       cycles_world=CyclesWorld(engine, depsgraph, Status(engine))), view
+        cycles_world = CyclesWorld(engine, depsgraph, Status(engine))
+        return convert(depsgraph, view, options, report, cycles_world=cycles_world), view
 
     converted, view = in_render(scene, convert_scene)
     if not len(converted):

@@ -12,7 +12,7 @@ from torch import nn
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
 from renderformer_v2.model.guided.kernels import KernelPredictor
-from tools.train import antialiasing, apart, material, ranks
+from tools.train import antialiasing, material, ranks
 from tools.train.errors import TrainingError
 
 
@@ -32,7 +32,7 @@ def kernels(work: Path) -> list[float]:
     """The same after 20 steps of `antialiasing.train`, which the first process alone writes."""
     torch.manual_seed(0)
     clock = count()
-    apart.time = SimpleNamespace(monotonic=lambda: next(clock))  # in steps
+    antialiasing.time = SimpleNamespace(monotonic=lambda: next(clock))  # in steps
     predictor = KernelPredictor(4)
     samples = [torch.rand(1, sum(antialiasing.CHANNELS), 48, 48).half() for _ in range(2)]
     antialiasing.train(predictor, samples, 21.0, lambda: (work / f"written-by-{ranks.rank()}").touch())

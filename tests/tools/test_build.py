@@ -18,7 +18,7 @@ def wheels(tmp_path):
     """Files with the names of a platform's wheels, and little in them."""
     def make(platform: str) -> list:
         files = [tmp_path / wheel_files.file_name(name, version, tag)
-                 for name, version, tag, _ in wheel_files.of_platform(platform)]
+                 for name, version, tag, _ in wheel_files.find_small(platform)]
         for path in files:
             path.write_bytes(wheel(path.name.split("-")[0].replace("_", "-"), payload=10))
         return files
@@ -27,7 +27,7 @@ def wheels(tmp_path):
 
 @pytest.mark.parametrize("platform", PLATFORMS)
 def test_every_python_has_each_small_package_once(platform):
-    found = wheel_files.of_platform(platform)
+    found = wheel_files.find_small(platform)
     for python in wheel_files.PYTHONS:
         fit = [name for name, _, tag, _ in found if tag.startswith(python) or "abi3" in tag]
         assert sorted(fit) == sorted(wheel_files.SMALL)
@@ -50,7 +50,7 @@ def test_a_package_is_valid_and_says_what_it_brings(platform, wheels, tmp_path):
 def test_wheels_that_are_there_are_not_downloaded_again(tmp_path, monkeypatch):
     content, asked = wheel("safetensors"), []
     tag, pin = "cp310-abi3-win_amd64", {"sha256": hashlib.sha256(content).hexdigest()}
-    monkeypatch.setattr(wheel_files, "of_platform", lambda platform: [("safetensors", "1", tag, pin)])
+    monkeypatch.setattr(wheel_files, "find_small", lambda platform: [("safetensors", "1", tag, pin)])
     monkeypatch.setattr(wheel_files, "_download", lambda requirement, tag, folder, python: asked.append(requirement))
     (tmp_path / "safetensors-1-cp310-abi3-win_amd64.whl").write_bytes(content)
     assert len(wheel_files.fetch("windows-x64", tmp_path)) == 1 and not asked

@@ -10,7 +10,7 @@ import pytest
 from tests.rf2_engine.setup.index import wheel
 from tools import check_wheels
 from tools.common import wheel_files
-from tools.common.binaries import Binary, binary
+from tools.common.binaries import Binary, read_binary
 
 import distributions  # isort: skip  # check_wheels makes it importable
 PLATFORMS, PYTHONS = list(wheel_files.PLATFORMS), wheel_files.PYTHONS
@@ -26,31 +26,31 @@ def mach(machine: int, *needs: str) -> bytes:
 
 def test_headers_say_what_a_file_is_made_for_and_what_it_loads():
     pip = Path(importlib.util.find_spec("pip").origin).parent / "_vendor" / "distlib"  # programs for Windows
-    assert binary((pip / "t64.exe").read_bytes()) == Binary("win", ("amd64",), ("KERNEL32.dll", "SHLWAPI.dll"))
-    assert binary((pip / "t64-arm.exe").read_bytes()).machines == ("arm64",)
+    assert read_binary((pip / "t64.exe").read_bytes()) == Binary("win", ("amd64",), ("KERNEL32.dll", "SHLWAPI.dll"))
+    assert read_binary((pip / "t64-arm.exe").read_bytes()).machines == ("arm64",)
     arm, intel = 0x0100000C, 0x01000007
     one = mach(arm, "@rpath/libc10.dylib", "/usr/lib/libSystem.B.dylib")
-    assert binary(one) == Binary("macosx", ("arm64",), ("@rpath/libc10.dylib", "/usr/lib/libSystem.B.dylib"))
+    assert read_binary(one) == Binary("macosx", ("arm64",), ("@rpath/libc10.dylib", "/usr/lib/libSystem.B.dylib"))
     other = mach(intel, "@rpath/libc10.dylib")
     both = struct.pack(">2I", 0xCAFEBABE, 2) + struct.pack(">5I", intel, 3, 48, len(other), 3) + struct.pack(
         ">5I", arm, 0, 48 + len(other), len(one), 3) + other + one
-    assert binary(both).machines == ("x86_64", "arm64") and binary(b"text") is None
+    assert read_binary(both).machines == ("x86_64", "arm64") and read_binary(b"text") is None
     with pytest.raises((struct.error, ValueError)):
-        binary(one[:60])
+        read_binary(one[:60])
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a library of this system")
 def test_libraries_of_this_system():
     import torch
     folder = Path(torch.__file__).parent
-    found = binary(next(folder.glob("_C.*.so")).read_bytes())
+    found = read_binary(next(folder.glob("_C.*.so")).read_bytes())
     assert found.system == "linux" and "libtorch_python.so" in found.needs and "libc.so.6" in found.needs
 
 
 @pytest.mark.parametrize("platform", PLATFORMS)
 @pytest.mark.parametrize("python", PYTHONS)
 def test_every_system_has_one_wheel_of_what_it_needs(platform, python):
-    found = wheel_files.fitting(platform, python)
+    found = wheel_files.find_fitting(platform, python)
     names = {name for name, *_ in found}
     assert len(names) == len(found) and set(wheel_files.SMALL) <= names and "numpy" not in names
     assert ("torch" in names) == (platform != "macos-x64"), "PyTorch is made for all but this one"
@@ -60,7 +60,7 @@ def test_every_system_has_one_wheel_of_what_it_needs(platform, python):
 @pytest.mark.parametrize("platform", PLATFORMS)
 def test_wheels_of_a_foreign_system_are_installed_up_to_the_import(platform, tmp_path):
     target, expected = tmp_path / "packages", {}
-    for name, version, tag, _ in wheel_files.fitting(platform, "cp311"):
+    for name, version, tag, _ in wheel_files.find_fitting(platform, "cp311"):
         if name in wheel_files.SMALL:
             file = tmp_path / wheel_files.file_name(name, version, tag)
             file.write_bytes(wheel(name, version, payload=10))
@@ -79,12 +79,12 @@ def test_what_is_missing_or_made_for_another_system_is_named():
              "a/lib/one.dll": Binary("win", ("amd64",), ("lost.dll", "VCRUNTIME140.dll")),
              "a/lib/unused.dll": Binary("win", ("amd64",), ("also_lost.dll",)),
              "a/old.pyd": Binary("win", ("arm64",), ())}
-    assert check_wheels.missing_libraries(files, "win") == ["a/lib/one.dll needs lost.dll"]
-    assert check_wheels.wrong_machines(files, "win", "amd64") == ["a/old.pyd is made for win arm64"]
+    assert check_wheels.find_missing_libraries(files, "win") == ["a/lib/one.dll needs lost.dll"]
+    assert check_wheels.find_wrong_machines(files, "win", "amd64") == ["a/old.pyd is made for win arm64"]
     apple = {"b/_native.so": Binary("macosx", ("arm64",), ("/usr/lib/libSystem.B.dylib", "@rpath/libomp.dylib"))}
-    assert check_wheels.missing_libraries(apple, "macosx") == ["b/_native.so needs @rpath/libomp.dylib"]
+    assert check_wheels.find_missing_libraries(apple, "macosx") == ["b/_native.so needs @rpath/libomp.dylib"]
 
 
 def test_paths_that_are_too_long_for_windows_are_found():
     room = check_wheels.LONGEST - len(check_wheels.WINDOWS)
-    assert 100 < room < 200 and check_wheels.too_long(["x" * room, "y" * (room + 1)]) == ["y" * (room + 1)]
+    assert 100 < room < 200 and check_wheels.find_too_long(["x" * room, "y" * (room + 1)]) == ["y" * (room + 1)]

@@ -13,24 +13,24 @@ from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import BUNDLED
 from tests.model.samples import floor_view, walls
 from tools.datagen.sample_files import save_sample
-from tools.evaluate.oracles import FACTORS, ORACLES, Shown, shown
+from tools.evaluate.oracles import FACTORS, ORACLES, CorrectableView, prepare_view
 
 ROOT = Path(__file__).parents[2]
 FACTOR = float(FACTORS[len(FACTORS) // 2 + 4])
 
 
 @pytest.fixture(scope="module")
-def lit() -> Shown:
+def lit() -> CorrectableView:
     """A view of walls as the network is given it, with much more bounced light."""
     view, guides = floor_view()
     black = np.zeros_like(guides.diffuse_color)
     passes = {"combined": np.dstack([black, guides.alpha]), "environment": black, "diffuse_indirect": black}
     encoded = Renderer(BUNDLED, device="cpu", precision="fp32").encode(walls((0.6, 0.2, 0.2)))
-    found = shown(encoded, view, guides, passes)
-    return replace(found, bounced=found.bounced * (0.05 / found.bounced.mean()))
+    found = prepare_view(encoded, view, guides, passes)
+    return replace(found, indirect=found.indirect * (0.05 / found.indirect.mean()))
 
 
-def gains(view: Shown) -> dict[str, float]:
+def gains(view: CorrectableView) -> dict[str, float]:
     found = {name: oracle([view]) for name, oracle in ORACLES.items()}
     return {name: value - found["without_network"] for name, value in found.items()}
 
@@ -42,13 +42,13 @@ def test_factors_mend_bounced_light_that_is_too_dark_everywhere(lit):
 
 def test_a_factor_of_one_lobe_mends_what_one_for_all_does_not(lit):
     left = (np.arange(lit.rest.shape[1]) < lit.rest.shape[1] // 2)[:, None]
-    some = replace(lit, bounced=np.stack([left * lit.bounced[0], ~left * lit.bounced[0], 0 * lit.bounced[0]]))
+    some = replace(lit, indirect=np.stack([left * lit.indirect[0], ~left * lit.indirect[0], 0 * lit.indirect[0]]))
     found = gains(replace(some, reference=some.picture((1.0, FACTOR, 1.0))))
     assert found["factor_per_lobe"] > found["factor_per_scene"] + 5
 
 
 def test_the_reference_s_own_bounced_light_mends_any_error_of_ours(lit):
-    diffuse = lit.bounced[0] * np.linspace(0.5, 2, lit.bounced.shape[2])[:, None]
+    diffuse = lit.indirect[0] * np.linspace(0.5, 2, lit.indirect.shape[2])[:, None]
     found = gains(replace(lit, diffuse=diffuse, reference=lit.picture((0.0, 1.0, 1.0)) + diffuse))
     assert found["cycles_diffuse"] > 20
 

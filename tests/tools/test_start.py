@@ -10,7 +10,7 @@ from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.weights.checkpoint import save_network
 from renderformer_v2.model.weights.presets import rf2_small
 from tools.train.errors import TrainingError
-from tools.train.start import start_from
+from tools.train.network import start_from
 
 TINY = replace(rf2_small(), latent_dim=48, num_layers=1, num_heads=1, dim_feedforward=64, num_register_tokens=2,
                intra_rope_pe_num_freqs=8, view_transformer_latent_dim=48, view_transformer_ffn_hidden_dim=64,
@@ -70,9 +70,10 @@ def test_a_transformer_that_was_not_there_begins_without_a_say(tmp_path):
     save_network(tmp_path, kernels.config, kernels.state_dict())
     model, stored = new_network(TINY), load_file(tmp_path / "model.safetensors")
     tokens = model.reg_tokens.clone()
-    assert not model.is_idle
+    outputs = model.view_transformer.out_dpt.scratch.output_conv2[-1].weight
+    assert outputs.any()
     start_from(model, tmp_path)
-    assert model.is_idle and torch.equal(model.reg_tokens, tokens)
+    assert not outputs.any() and torch.equal(model.reg_tokens, tokens)
     for name, p in model.kernel_predictor.named_parameters():
         assert torch.equal(p, stored[f"kernel_predictor.{name}"].float()), name
 

@@ -2,7 +2,7 @@
 """Training samples, their symmetries, and resuming; on a scene made without Blender."""
 import json
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +17,7 @@ from renderformer_v2.model.light_passes import LOBES
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view
 from tools.datagen.sample_files import load_sample, read_facts, save_sample
-from tools.train import config
-from tools.train import sample_cache as cache_key
+from tools.train import config, sample_cache
 from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
@@ -52,10 +51,10 @@ def stored(tmp_path):
 
 
 def same(a, b, tolerance: float):
-    for name in a.__dataclass_fields__:
-        x, y = getattr(a, name), getattr(b, name)
+    for f in fields(a):
+        x, y = getattr(a, f.name), getattr(b, f.name)
         if isinstance(x, torch.Tensor):
-            torch.testing.assert_close(x, y, atol=tolerance, rtol=tolerance, msg=lambda m, name=name: f"{name}: {m}")
+            torch.testing.assert_close(x, y, atol=tolerance, rtol=tolerance, msg=lambda m, f=f: f"{f.name}: {m}")
         elif x is not None:
             same(x, y, tolerance)
 
@@ -77,7 +76,7 @@ def test_the_cache_keeps_data_sets_apart_and_replaces_what_is_out_of_date(stored
     for file in (other, stored):  # another content under the same name
         save_sample(file, scene, views, guides, [{name: 3 * x for name, x in p.items()} for p in passes])
         assert cached_sample(file, cache).image.mean() > 2.5 * first.image.mean()
-    monkeypatch.setattr(cache_key, "code_version", lambda sources: "newer")
+    monkeypatch.setattr(sample_cache, "code_version", lambda sources: "newer")
     before = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
     cached_sample(stored, cache), cached_sample(other, cache)
     after = {file: file.stat().st_mtime_ns for file in cache.iterdir()}
@@ -88,11 +87,11 @@ def test_the_cache_keeps_data_sets_apart_and_replaces_what_is_out_of_date(stored
 
 
 def test_the_version_of_the_preparing_code_covers_files_that_are_there():
-    assert all(list(cache_key.ROOT.glob(pattern)) for pattern in cache_key.SOURCES + cache_key.PUBLISHED)
+    assert all(list(sample_cache.ROOT.glob(pattern)) for pattern in sample_cache.SOURCES + sample_cache.PUBLISHED)
 
 
 def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
-    """The prior of the turned lights and panorama is the one that the augmentation carried along."""
+    """Direct light turns with lamps and panorama, and the augmented sample holds the turned ones."""
     sample = build_sample(stored)
     shift = 32  # a quarter turn
     columns = panorama_size(TINY)[1]
@@ -106,8 +105,8 @@ def test_a_turned_scene_is_the_scene_of_a_turned_world(stored):
     n = torch.tensor([[0.0, 0.0, 1.0]])
     still = DirectLight(replace(floor_scene(), environment=environment))
     turn, gloss = torch.tensor(quarter), torch.tensor([[0.4], [0.04]])
-    torch.testing.assert_close(DirectLight(world)(x @ turn.T, n, v @ turn.T, *gloss), still(x, n, v, *gloss), rtol=1e-3,
-                               atol=1e-4)
+    torch.testing.assert_close(DirectLight(world).lobes(x @ turn.T, n, v @ turn.T, *gloss),
+                               still.lobes(x, n, v, *gloss), rtol=1e-3, atol=1e-4)
     torch.testing.assert_close(turned.inputs.triangles, sample.inputs.triangles @ turn.T, atol=1e-6, rtol=0)
     torch.testing.assert_close(turned.inputs.environment.ldr, sample.inputs.environment.ldr.roll(-shift, -1))
     torch.testing.assert_close(turned.image, sample.image)
@@ -117,12 +116,11 @@ def test_swapped_colours_keep_picture_and_parts_consistent(stored):
     sample = build_sample(stored)
     order = torch.tensor([2, 0, 1])
     swapped = turned_and_swapped(sample, 0, order)
-    unshadowed = lambda s: (s.view.guides.prior * s.view.guides.colors).sum(1)  # noqa: E731
-    torch.testing.assert_close(unshadowed(swapped), unshadowed(sample)[:, order])
-    guides = swapped.view.guides
-    colors, light = (guides.features[:, FEATURES[name]].unflatten(1, (3, 3)) for name in ("colors", "light"))
-    torch.testing.assert_close(colors, guides.colors)
-    torch.testing.assert_close(torch.pow(10, light) - 1, guides.prior, rtol=1e-3, atol=1e-4)
+    torch.testing.assert_close(swapped.view.light.radiance(), sample.view.light.radiance()[:, order])
+    light, features = swapped.view.light, swapped.view.features
+    colors, direct = (features[:, FEATURES[name]].unflatten(1, (3, 3)) for name in ("colors", "light"))
+    torch.testing.assert_close(colors, light.albedo)
+    torch.testing.assert_close(torch.pow(10, direct) - 1, light.direct, rtol=1e-3, atol=1e-4)
     tiles, before = swapped.inputs.texture, sample.inputs.texture
     torch.testing.assert_close(tiles[:, :3], before[:, :3][:, order])
     torch.testing.assert_close(tiles[:, 3:], before[:, 3:])

@@ -14,7 +14,6 @@ from tests.model.guided.weights import busy_network, write
 from tests.tools.test_train import stored  # noqa: F401 - a fixture
 from tools.datagen.sample_files import load_sample, save_sample
 from tools.train import antialiasing as training
-from tools.train import apart
 from tools.train.antialiasing import CHANNELS
 from tools.train.errors import SampleError
 
@@ -27,7 +26,7 @@ def test_a_sample_becomes_what_the_predictor_sees_and_what_it_should_make(stored
     traced = tmp_path / "scene_00000001.npz"
     save_sample(traced, scene, [view], [guide], [reference], hints=32)
     scene, (view,), (guide,), (reference,) = load_sample(traced)
-    found = training.pixels(renderer, traced)
+    found = training.render_sample(renderer, traced)
     radiance = renderer.encode(scene).view(view, guide)
     exposure = exposure_of(radiance, guide)
     assert found.shape == (2, sum(CHANNELS), view.height, view.width)
@@ -48,7 +47,7 @@ def test_a_sample_becomes_what_the_predictor_sees_and_what_it_should_make(stored
 def test_a_damaged_sample_is_named(tmp_path):
     (tmp_path / "scene_00000002.npz").write_bytes(b"no sample")
     with pytest.raises(SampleError, match="scene_00000002.npz"):
-        training.pixels(None, tmp_path / "scene_00000002.npz")
+        training.render_sample(None, tmp_path / "scene_00000002.npz")
 
 
 def test_noise_of_a_pixel_is_learnt_to_be_taken_out():
@@ -74,7 +73,7 @@ def test_a_trained_predictor_goes_on_from_what_it_knows_and_an_untrained_one_is_
     for predictor in (untrained, trained):
         training.train(predictor, samples, 1e-9, lambda: None)
     assert all(torch.equal(value, before[name]) for name, value in trained.state_dict().items())
-    assert untrained.leave.bias[CENTRE] == training.SURE
+    assert untrained.leave.bias[CENTRE] == training.CENTRE_LOGIT
 
 
 def test_the_command_says_what_is_missing(tmp_path, capsys, monkeypatch):
@@ -91,8 +90,8 @@ def test_pictures_without_room_for_a_part_are_named(stored, tmp_path, capsys, mo
 
 @pytest.mark.parametrize("is_whole", [True, False])
 def test_a_folder_of_the_same_kind_is_written_and_trained_further(stored, tmp_path, monkeypatch, is_whole):  # noqa: F811
-    monkeypatch.setattr(apart, "LEARNING_RATE", 0.05)  # one step, all that a busy machine makes, is seen in half floats
-    monkeypatch.setattr(apart, "WARM_UP", 1)
+    monkeypatch.setattr(training, "LEARNING_RATE", 0.05)  # a single step shows in half floats
+    monkeypatch.setattr(training, "WARM_UP", 1)
     before = write(tmp_path / "start", busy_network()) if is_whole else weights_folder(BUNDLED)
     for name in ("first", "second"):
         out = tmp_path / name
@@ -105,4 +104,4 @@ def test_a_folder_of_the_same_kind_is_written_and_trained_further(stored, tmp_pa
         assert set(was) == set(now) and config == same
         assert all(torch.equal(now[key], was[key]) != key.startswith("kernel_predictor.") for key in was)
         before = out / "weights"
-    assert Renderer(before, device="cpu", precision="fp32").pipeline.is_idle != is_whole
+    assert (Renderer(before, device="cpu", precision="fp32").pipeline.transformer is not None) == is_whole

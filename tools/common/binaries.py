@@ -18,46 +18,46 @@ class Binary:
     needs: tuple[str, ...]     # names or paths of libraries, as they are written there
 
 
-def binary(data: bytes) -> Binary | None:
+def read_binary(data: bytes) -> Binary | None:
     """None for what is no such file. Raises struct.error or ValueError for one that is cut off."""
     if data[:4] == b"\x7fELF" and data[4] == 2:
-        return _elf(data)
+        return _read_elf(data)
     if data[:2] == b"MZ":
-        return _pe(data)
+        return _read_pe(data)
     if data[:4] == b"\xcf\xfa\xed\xfe":
-        return _mach(data)
+        return _read_mach(data)
     if data[:4] == b"\xca\xfe\xba\xbe" and struct.unpack_from(">I", data, 4)[0] < 20:  # else a Java class
         count, = struct.unpack_from(">I", data, 4)
         places = (struct.unpack_from(">5I", data, 8 + 20 * i)[2:4] for i in range(count))
-        parts = [_mach(data[start:start + size]) for start, size in places]
+        parts = [_read_mach(data[start:start + size]) for start, size in places]
         return Binary("macosx", tuple(part.machines[0] for part in parts), parts[0].needs)
     return None
 
 
-def _text(data: bytes, at: int) -> str:
+def _read_text(data: bytes, at: int) -> str:
     return data[at:data.index(b"\0", at)].decode()
 
 
-def _elf(data: bytes) -> Binary:
+def _read_elf(data: bytes) -> Binary:
     machine, = struct.unpack_from("<H", data, 18)
     table, = struct.unpack_from("<Q", data, 32)
     size, count = struct.unpack_from("<2H", data, 54)
     headers = [struct.unpack_from("<2I6Q", data, table + i * size) for i in range(count)]
     loaded = [(address, length, offset) for kind, _, offset, address, _, length, *_ in headers if kind == 1]
 
-    def place(address: int) -> int:
+    def to_offset(address: int) -> int:
         return next(offset + address - start for start, length, offset in loaded if start <= address < start + length)
 
     entries = []
     for kind, _, offset, _, _, length, *_ in headers:
         if kind == 2:  # the dynamic section
             entries = list(struct.iter_unpack("<2Q", data[offset:offset + length]))
-    names = next((place(value) for tag, value in entries if tag == 5), 0)
+    names = next((to_offset(value) for tag, value in entries if tag == 5), 0)
     return Binary("linux", (ELF_MACHINES.get(machine, str(machine)),),
-                  tuple(_text(data, names + value) for tag, value in entries if tag == 1))
+                  tuple(_read_text(data, names + value) for tag, value in entries if tag == 1))
 
 
-def _pe(data: bytes) -> Binary:
+def _read_pe(data: bytes) -> Binary:
     start, = struct.unpack_from("<I", data, 0x3C)
     machine, sections = struct.unpack_from("<2H", data, start + 4)
     optional, = struct.unpack_from("<H", data, start + 20)
@@ -65,25 +65,25 @@ def _pe(data: bytes) -> Binary:
         return Binary("win", (PE_MACHINES.get(machine, str(machine)),), ())
     tables = [struct.unpack_from("<4I", data, start + 24 + optional + 40 * i + 8) for i in range(sections)]
 
-    def place(address: int) -> int:
+    def to_offset(address: int) -> int:
         return next(raw + address - virtual for size, virtual, raw_size, raw in tables
                     if virtual <= address < virtual + max(size, raw_size))
 
     needs, (imports,) = [], struct.unpack_from("<I", data, start + 24 + 120)
-    offset = imports and place(imports)  # libraries that are loaded at the first call only stand elsewhere
+    offset = imports and to_offset(imports)  # libraries that are loaded at the first call only stand elsewhere
     while offset and (name := struct.unpack_from("<I", data, offset + 12)[0]):
-        needs.append(_text(data, place(name)))
+        needs.append(_read_text(data, to_offset(name)))
         offset += 20
     return Binary("win", (PE_MACHINES.get(machine, str(machine)),), tuple(needs))
 
 
-def _mach(data: bytes) -> Binary:
+def _read_mach(data: bytes) -> Binary:
     machine, = struct.unpack_from("<I", data, 4)
     count, = struct.unpack_from("<I", data, 16)
     offset, needs = 32, []
     for _ in range(count):
         command, size = struct.unpack_from("<2I", data, offset)
         if command in LOAD_DYLIB:
-            needs.append(_text(data, offset + struct.unpack_from("<I", data, offset + 8)[0]))
+            needs.append(_read_text(data, offset + struct.unpack_from("<I", data, offset + 8)[0]))
         offset += size
     return Binary("macosx", (MACH_MACHINES.get(machine, str(machine)),), tuple(needs))

@@ -25,36 +25,36 @@ def pins() -> dict:
     return json.loads(PINS.read_text())["wheels"]
 
 
-def _suits(platform: str, system: str) -> bool:
+def _suits_platform(platform: str, system: str) -> bool:
     begin, ends = PLATFORMS[platform]
     return system.startswith(begin) and system.endswith(ends)
 
 
-def of_platform(platform: str) -> list[tuple[str, str, str, dict]]:
+def find_small(platform: str) -> list[tuple[str, str, str, dict]]:
     """(distribution, version, tag, {"sha256", "download"}) of the small wheels for one of PLATFORMS."""
     pinned = pins()
     return [(name, pinned[name]["version"], tag, file) for name in SMALL for tag, file in pinned[name]["files"].items()
             for python, abi, system in [tag.split("-")]
-            if _suits(platform, system) and (abi == "abi3" or python in PYTHONS)]
+            if _suits_platform(platform, system) and (abi == "abi3" or python in PYTHONS)]
 
 
-def fitting(platform: str, python: str) -> list[tuple[str, str, str, dict]]:
+def find_fitting(platform: str, python: str) -> list[tuple[str, str, str, dict]]:
     """The same of all pinned distributions for one of PLATFORMS and PYTHONS, the best wheel of each.
 
     The builds of PyTorch that have their own index have no hash and are left out.
     """
-    found = []
+    wheels = []
     for name, pin in pins().items():
         tags = [tag for tag in pin["files"] if _fits(tag, platform, python)]
         if tags and "+" not in name:
             best = min(tags, key=lambda tag: (tag.endswith("any"), tag.split("-")[0] != python))
-            found.append((name, pin["version"], best, pin["files"][best]))
-    return found
+            wheels.append((name, pin["version"], best, pin["files"][best]))
+    return wheels
 
 
 def _fits(tag: str, platform: str, python: str) -> bool:
     made_for, abi, system = tag.split("-")
-    if system != "any" and not _suits(platform, system):
+    if system != "any" and not _suits_platform(platform, system):
         return False
     if abi == "none":
         return "py3" in made_for
@@ -70,10 +70,10 @@ def fetch(platform: str, folder: Path) -> list[Path]:
 
     Raises subprocess.CalledProcessError with pip's output, also where a file has not the pinned hash.
     """
-    return [fetched(name, version, tag, pin["sha256"], folder) for name, version, tag, pin in of_platform(platform)]
+    return [fetch_one(name, version, tag, pin["sha256"], folder) for name, version, tag, pin in find_small(platform)]
 
 
-def fetched(name: str, version: str, tag: str, sha256: str, folder: Path, python: str = "") -> Path:
+def fetch_one(name: str, version: str, tag: str, sha256: str, folder: Path, python: str = "") -> Path:
     """One wheel as a file in `folder`. python: for what runs with any, one of PYTHONS. Raises as `fetch` does."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / file_name(name, version, tag)
@@ -86,13 +86,13 @@ def fetched(name: str, version: str, tag: str, sha256: str, folder: Path, python
 def _download(requirement: str, tag: str, folder: Path, any_python: str = "") -> None:
     python, abi, systems = tag.split("-")
     python = python if python.startswith("cp") else any_python
-    wanted = folder / "wanted.txt"
-    wanted.write_text(requirement + "\n")
+    requirements = folder / "wanted.txt"
+    requirements.write_text(requirement + "\n")
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
-               "--only-binary=:all:", "--require-hashes", "--requirement", str(wanted), "--dest", str(folder),
+               "--only-binary=:all:", "--require-hashes", "--requirement", str(requirements), "--dest", str(folder),
                "--implementation", "cp", "--python-version", python.removeprefix("cp"), "--abi", abi]
     command += [option for system in systems.split(".") for option in ("--platform", system)]
     try:
         subprocess.run(command, check=True, capture_output=True, text=True)
     finally:
-        wanted.unlink()
+        requirements.unlink()

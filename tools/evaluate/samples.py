@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Samples of tools.datagen: the network's picture of what is stored, beside what it is made from."""
+"""Samples of tools.datagen: the network's pictures, and those of estimated and traced light beside them."""
 from __future__ import annotations
 
 import time
@@ -20,44 +20,41 @@ from .scores import Evaluation, compute_scores
 
 
 def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
-    """Mean metrics over the views of one sample, and of what it is set beside."""
+    """Mean metrics over the views of one sample, and of the pictures "beside" ours."""
     scene, views, guides, passes = load_sample(path)
     begin = time.perf_counter()
     encoded = renderer.encode(scene)
-    seen = list(zip(views, guides, strict=True))
     hints = hint_samples(path)
-    ours = [_picture(encoded, view, guide, hints) for view, guide in seen]
+    ours = [_render(encoded, view, guide, hints) for view, guide in zip(views, guides, strict=True)]
     seconds = time.perf_counter() - begin
-    beside = {}
+    surfaces, network_alone = {}, {}  # radiance without directly seen emitters and world
     if isinstance(encoded.encoded, GuidedScene) and guides[0].traced is not None:
-        beside["traced_alone"] = [guide.traced for guide in guides]
-        beside["without_network"] = [without_network(encoded, view, guide) for view, guide in seen]
-        untraced = [(view, replace(guide, traced=None)) for view, guide in seen]
-        beside["priors_alone"] = [without_network(encoded, view, guide) for view, guide in untraced]
+        untraced = [replace(guide, traced=None) for guide in guides]
+        surfaces["traced_alone"] = [guide.traced for guide in guides]
+        surfaces["without_network"] = [without_network(encoded, *pair) for pair in zip(views, guides)]
+        surfaces["priors_alone"] = [without_network(encoded, *pair) for pair in zip(views, untraced)]
+        network_alone["network_alone"] = [_render(encoded, *pair, hints) for pair in zip(views, untraced)]
     if "equal" in passes[0]:
-        beside["cycles_equal"] = [p["equal"][..., :3] - guide.emission for p, guide in zip(passes, guides, strict=True)]
-
-    def shown(surfaces: list[np.ndarray]) -> list[np.ndarray]:
-        return [a + guide.emission + guide.environment for a, guide in zip(surfaces, guides, strict=True)]
-
-    beside = {name: shown(surfaces) for name, surfaces in beside.items()}
-    if "priors_alone" in beside:
-        beside["network_alone"] = [_picture(encoded, view, guide, hints) for view, guide in untraced]
+        surfaces["cycles_equal"] = [p["equal"][..., :3] - guide.emission
+                                    for p, guide in zip(passes, guides, strict=True)]
+    beside = {name: [surface + guide.emission + guide.environment
+                     for surface, guide in zip(of_views, guides, strict=True)] for name, of_views in surfaces.items()}
+    beside |= network_alone
     references = [p["combined"][..., :3] + p["environment"] for p in passes]
-    found = compute_scores(ours, references, triangles=len(scene), seconds=seconds)
-    found["beside"] = {name: compute_scores(shown, references) for name, shown in beside.items()}
+    scores = compute_scores(ours, references, triangles=len(scene), seconds=seconds)
+    scores["beside"] = {name: compute_scores(pictures, references) for name, pictures in beside.items()}
     columns = {"ours": ours, "reference": references} | (
         {"equal": beside["cycles_equal"]} if "cycles_equal" in beside else {})
-    return Evaluation(found, [dict(zip(columns, row)) for row in zip(*columns.values())])
+    return Evaluation(scores, [dict(zip(columns, row)) for row in zip(*columns.values())])
 
 
-def _picture(encoded: EncodedScene, view: View, guides: Guides, hints: int) -> np.ndarray:
+def _render(encoded: EncodedScene, view: View, guides: Guides, hints: int) -> np.ndarray:
     """(H, W, 3) on an opaque film; hints: samples that the guides are made of."""
     if not isinstance(encoded.encoded, GuidedScene):
         return encoded.view(view, guides) + guides.emission + guides.environment
     lobes = encoded.lobes(view, guides, apart=False)
-    whole = {"whole": lobes.radiance + guides.emission + guides.environment}
-    return encoded.antialiased(whole, lobes, guides, hints)["whole"]
+    picture = {"picture": lobes.radiance + guides.emission + guides.environment}
+    return encoded.antialiased(picture, lobes, guides, hints)["picture"]
 
 
 def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
@@ -68,7 +65,7 @@ def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.nda
 def estimated_light(encoded: EncodedScene, view: View, guides: Guides) -> SurfaceLight:
     """The light that the guided network corrects, in network exposure; no direct light where light was traced."""
     frame = encoded.normalization
-    with inference():
+    with torch.inference_mode():
         return estimate_light(encoded.encoded.light, frame.view(view), frame.guides(guides),
                               with_direct=guides.traced is None)
 

@@ -43,17 +43,17 @@ def compare_fixtures(folder: Path) -> int:
 
 
 def compare_precision(arguments: argparse.Namespace) -> int:
-    found = []
+    results = []
     for path in sorted(arguments.folder.glob("net_full*.json")):
         try:
-            found.append(precision_psnr(Case.load(path), PRECISIONS[arguments.precision]))
-            print(f"{path.stem} {found[-1]:.1f} dB{'' if found[-1] >= PSNR else '  FAILED'}", flush=True)
+            results.append(precision_psnr(Case.load(path), PRECISIONS[arguments.precision]))
+            print(f"{path.stem} {results[-1]:.1f} dB{'' if results[-1] >= PSNR else '  FAILED'}", flush=True)
         except Exception as error:
-            found.append(0.0)
+            results.append(0.0)
             print(f"{path.stem} {reason(error)}  FAILED", flush=True)
-    if not found:
+    if not results:
         print(f"no fixtures of the full network in {arguments.folder}", file=sys.stderr)
-    return 0 if found and all(psnr >= PSNR for psnr in found) else 1
+    return 0 if results and all(psnr >= PSNR for psnr in results) else 1
 
 
 if __name__ == "__main__":

@@ -41,8 +41,8 @@ def recorded_layouts(actual: torch.Tensor, case: Case, name: str, cut: str) -> l
 
 def folder_errors(folder: Path) -> Iterator[tuple[str, str, float]]:
     """(case, tensor name, error) of every fixture in the folder; (case, reason, infinity) where one cannot be run."""
-    for path in sorted({found.with_suffix(".json") for found in folder.glob("*")
-                        if found.suffix in (".json", ".safetensors")}):
+    for path in sorted({file.with_suffix(".json") for file in folder.glob("*")
+                        if file.suffix in (".json", ".safetensors")}):
         try:
             for name, error in file_errors(path):
                 yield path.stem, name, error

@@ -54,16 +54,16 @@ def tokens(config: ModelConfig, triangles: int, resolution: int) -> tuple[int, i
 
 def rows(cards: tuple[int, ...], rate: float) -> list[dict]:
     """Of each stage: what a scene costs, how many the paper's time is enough for, and the days of other cards."""
-    config, found = rf2_200m(), []
+    config, table = rf2_200m(), []
     for stage in STAGES:
         flops = training_flops(config, stage.triangles, stage.resolution, dense=stage.dense)
         scene, view = tokens(config, stage.triangles, stage.resolution)
-        found.append({
+        table.append({
             "stage": stage.name, "scene_tokens": scene, "view_tokens": view, "tflop_per_scene": round(flops / 1e12, 2),
             "tokens_per_second_and_card": round((scene + view) * rate / flops),
             "scenes_of_the_paper": round(stage.days * 86400 * CARDS * rate / flops),
             "days": {count: round(stage.days * CARDS / count, 1) for count in cards}})
-    return found
+    return table
 
 
 def main() -> int:

@@ -33,15 +33,16 @@ def main() -> int:
 
 def points(logs: list[Path]) -> list[dict]:
     """The lines of all logs by step. Raises OSError, and ValueError naming a file that is no such log."""
-    found: dict[int, dict] = {}
+    entries: dict[int, dict] = {}
     for log in logs:
         try:
             lines = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
             begin = min(line["step"] for line in lines)
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{log} is no log of tools.train.network: choose log.jsonl of its --out") from error
-        found = {step: line for step, line in found.items() if step < begin} | {line["step"]: line for line in lines}
-    return [found[step] for step in sorted(found)]
+        earlier = {step: line for step, line in entries.items() if step < begin}
+        entries = earlier | {line["step"]: line for line in lines}
+    return [entries[step] for step in sorted(entries)]
 
 
 def draw(lines: list[dict], path: Path) -> None:

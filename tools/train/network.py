@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import torch
+from safetensors.torch import load_file
 
 from renderformer_v2.model.guided.decoding import corrected_light
 from renderformer_v2.model.guided.network import GuidedRenderFormer, new_network
@@ -21,13 +22,14 @@ from renderformer_v2.model.weights.checkpoint import save_network
 
 from .config import Stage, TrainConfig
 from .curriculum import iterate_stages
+from .errors import TrainingError
 from .loader import stream
 from .losses import image_loss, lobe_loss, perceptual_term
 from .run import add_arguments, run, run_command
 from .samples import TrainingSample
-from .start import start_from
 from .state import TrainingState
 
+KERNELS = "kernel_predictor."  # how the names of its tensors begin
 DIFFUSE_ALONE = torch.tensor([1.0, 0.0, 0.0]).view(1, 3, 1, 1, 1)
 
 
@@ -62,6 +64,36 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     run(state, config, options, iterate_stages(config, state, scenes),
         lambda sample: sample_loss(model, sample, perceptual),
         lambda: save_network(options.out / "weights", model.config, state.average))
+
+
+def start_from(model: GuidedRenderFormer, folder: Path) -> None:
+    """Take over the weights in folder/model.safetensors; inputs and outputs that only `model` has start at zero.
+
+    Without a kernel predictor there, `model` keeps its own; with nothing else there, its transformer starts by leaving
+    light as it is. Raises TrainingError when a tensor is missing there for another reason, or has another shape than
+    fewer inputs or outputs explain.
+    """
+    stored = load_file(folder / "model.safetensors")
+    parts = {name.startswith(KERNELS) for name in stored}
+    if parts == {True}:
+        model.zero_outputs()
+    with torch.no_grad():
+        for name, p in model.named_parameters():
+            if name.startswith(KERNELS) not in parts:
+                continue
+            if name not in stored:
+                raise TrainingError(f"{folder} has no {name}: it holds another network")
+            values = stored[name].to(p)
+            if not _fits_into(values, p):
+                raise TrainingError(f"{folder}: {name} has shape {tuple(values.shape)}, not {tuple(p.shape)}")
+            p.zero_()
+            p[tuple(slice(size) for size in values.shape[:2])] = values
+
+
+def _fits_into(values: torch.Tensor, p: torch.Tensor) -> bool:
+    """Whether the shapes are equal, or either the outputs or the inputs, the first two axes, are fewer."""
+    is_fewer = [few < many for few, many in zip(values.shape[:2], p.shape) if few != many]
+    return values.ndim == p.ndim and values.shape[2:] == p.shape[2:] and is_fewer in ([], [True])
 
 
 def main() -> int:
