@@ -21,6 +21,7 @@ def million_triangles() -> dict:
 
     from examples.effects import empty
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
+    from renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
     from renderformer_v2.rf2_engine.convert.data.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert
 
@@ -40,7 +41,7 @@ def million_triangles() -> dict:
     scene.collection.objects.link(bpy.data.objects.new("Hills", mesh))
     depsgraph, before = bpy.context.evaluated_depsgraph_get(), peak()
     view = convert_camera(depsgraph, 64, 64, None)
-    made = convert(depsgraph, view, token_budget=4096, max_edge=0.2, report=Report()).triangles
+    made = convert(depsgraph, view, ConversionOptions(4096, 0.2), Report()).triangles
     a, b, c = corners[faces[:, 0]], corners[faces[:, 1]], corners[faces[:, 2]]
     exact = 2 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
     area = np.linalg.norm(np.cross(made[:, 1] - made[:, 0], made[:, 2] - made[:, 0]), axis=1).sum()

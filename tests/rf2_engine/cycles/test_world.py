@@ -176,5 +176,5 @@ def test_where_cycles_cannot_draw_a_world_the_render_goes_on(scene, monkeypatch,
     sky_world(0.5, kind=("PREETHAM",))
     monkeypatch.setattr(cycles.engine, "reset", reset)
     press_f12(scene, tmp_path)
-    assert len(calls) == 2 and last_render.last_frame[0].tokens
+    assert len(calls) == 2 and last_render.last_frame[0].device
     assert any("Sky Texture" in line for line in last_render.last_frame[0].report)

@@ -213,6 +213,7 @@ def test_esc_leaves_what_was_traced_and_the_other_passes(scene, tmp_path, monkey
     shining = material("Shining")
     shining.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 2
     cube(scene, of=shining)
+    cube(scene, "Ground", (0, -2, -3))  # light bounces from here
     tick(scene.view_layers[0], {"normal", "emission", "environment"})
     finished = press_f12(scene, tmp_path)
     monkeypatch.setattr(Status, "esc_pressed", lambda status: status._displayed[0] == stage)

@@ -51,7 +51,7 @@ if sys.argv[1] == "unbegun":
         renders(True)
     scene.render.use_border, scene.render.engine = False, "RENDERFORMER_V2"
     renders()
-    print("rendered", [layer.tokens > 0 for layer in last_frame])
+    print("rendered", [bool(layer.device) for layer in last_frame])
     scene.render.use_border = True
     renders(True)
     package.unregister()
@@ -71,7 +71,7 @@ Status.esc_pressed = lambda status: False
 package.register()
 scene.render.engine = "RENDERFORMER_V2"
 renders()
-print("again", [layer.tokens > 0 for layer in last_frame])
+print("again", [bool(layer.device) for layer in last_frame])
 sys.stdout.flush()
 os._exit(0)
 """
