@@ -16,7 +16,7 @@ def key_exposure(luminance: Tensor) -> Tensor:
     return torch.where(average > 0, KEY / average.clamp_min(1e-20), 1.0)
 
 
-def shown(radiance: Tensor) -> Tensor:
+def display_encode(radiance: Tensor) -> Tensor:
     """sRGB-encoded; beyond 1 it grows slowly, so that gradients of what is too bright do not vanish."""
     x = radiance.clamp_min(0)
     curve = 1.055 * x.clamp(0.0031308, 1) ** (1 / 2.4) - 0.055

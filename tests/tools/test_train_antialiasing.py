@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.guided.kernels import CENTRE, SEEN, KernelPredictor, exposure_of, seen, weighted
+from renderformer_v2.model.guided.kernels import (
+    CENTER,
+    INPUTS,
+    KernelPredictor,
+    apply_kernels,
+    kernel_inputs,
+    picture_exposure,
+)
 from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
@@ -28,7 +35,7 @@ def test_a_sample_becomes_what_the_predictor_sees_and_what_it_should_make(stored
     scene, (view,), (guide,), (reference,) = load_sample(traced)
     found = training.render_sample(renderer, traced)
     radiance = renderer.encode(scene).view(view, guide)
-    exposure = exposure_of(radiance, guide)
+    exposure = picture_exposure(radiance, guide)
     assert found.shape == (2, sum(CHANNELS), view.height, view.width)
     known, ours, wanted = found.split(CHANNELS, 1)
     whole = exposure * (radiance + guide.emission + guide.environment)
@@ -37,11 +44,11 @@ def test_a_sample_becomes_what_the_predictor_sees_and_what_it_should_make(stored
         reference["combined"][..., :3] + reference["environment"]), rtol=1e-5, atol=1e-6)
     np.testing.assert_array_equal(ours[0, 3], guide.alpha)
     np.testing.assert_array_equal(wanted[0, 3], reference["combined"][..., 3])
-    torch.testing.assert_close(known[:1], seen(radiance, guide, exposure, 32))
+    torch.testing.assert_close(known[:1], kernel_inputs(radiance, guide, exposure, 32))
     alone = replace(guide, traced=None)
-    assert not known[1, SEEN["traced"]].any() and known[0, SEEN["traced"]].any()
+    assert not known[1, INPUTS["traced"]].any() and known[0, INPUTS["traced"]].any()
     radiance = renderer.encode(scene).view(view, alone)
-    torch.testing.assert_close(known[1:], seen(radiance, alone, exposure_of(radiance, alone), 32))
+    torch.testing.assert_close(known[1:], kernel_inputs(radiance, alone, picture_exposure(radiance, alone), 32))
 
 
 def test_a_damaged_sample_is_named(tmp_path):
@@ -61,7 +68,7 @@ def test_noise_of_a_pixel_is_learnt_to_be_taken_out():
     training.train(predictor, samples, 4.0, lambda: written.append(1))
     known, ours, wanted = samples[0].float().split(CHANNELS, 1)
     with torch.no_grad():
-        found = weighted(ours, predictor(known))
+        found = apply_kernels(ours, predictor(known))
     assert written and (found - wanted).square().mean() < 0.9 * (ours - wanted).square().mean()
 
 
@@ -73,7 +80,7 @@ def test_a_trained_predictor_goes_on_from_what_it_knows_and_an_untrained_one_is_
     for predictor in (untrained, trained):
         training.train(predictor, samples, 1e-9, lambda: None)
     assert all(torch.equal(value, before[name]) for name, value in trained.state_dict().items())
-    assert untrained.leave.bias[CENTRE] == training.CENTRE_LOGIT
+    assert untrained.leave.bias[CENTER] == training.CENTRE_LOGIT
 
 
 def test_the_command_says_what_is_missing(tmp_path, capsys, monkeypatch):

@@ -26,8 +26,15 @@ from renderformer_v2.model.color import HALF_MAX
 from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.fields import COLOR, DIRECTION, map_channels
-from renderformer_v2.model.guided.exposure import shown
-from renderformer_v2.model.guided.kernels import SEEN, KernelPredictor, exposure_of, seen, tensor, weighted
+from renderformer_v2.model.guided.exposure import display_encode
+from renderformer_v2.model.guided.kernels import (
+    INPUTS,
+    KernelPredictor,
+    apply_kernels,
+    kernel_inputs,
+    picture_exposure,
+    to_tensor,
+)
 from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.guided.pipeline import GuidedPipeline
 from renderformer_v2.model.renderer import Renderer
@@ -42,7 +49,7 @@ from .errors import SampleError, TrainingError
 from .run import report_errors
 from .samples import unreadable
 
-CHANNELS = len(SEEN), 4, 4  # inputs of the predictor, the picture and its alpha, and both as they should be
+CHANNELS = len(INPUTS), 4, 4  # inputs of the predictor, the picture and its alpha, and both as they should be
 SIDE = 48                   # pixels of a tile
 TILES = 16                  # of a step, by all processes together
 CENTRE_LOGIT = 5.0          # of a pixel's own weight, to begin with
@@ -150,10 +157,10 @@ def render_sample(renderer: Renderer, path: Path) -> Tensor:
         radiance = encoded.view(view, guide)
         ours = np.dstack([radiance + guide.emission + guide.environment, guide.alpha])
         target = reference["combined"] + np.pad(reference["environment"], ((0, 0), (0, 0), (0, 1)))
-        exposure = exposure_of(radiance, guide)
-        pictures = tensor(np.dstack([ours, target]))
+        exposure = picture_exposure(radiance, guide)
+        pictures = to_tensor(np.dstack([ours, target]))
         pictures[:, [0, 1, 2, 4, 5, 6]] *= exposure
-        rendered.append(torch.cat([seen(radiance, guide, exposure, hint_samples(path)), pictures], 1))
+        rendered.append(torch.cat([kernel_inputs(radiance, guide, exposure, hint_samples(path)), pictures], 1))
     return torch.cat(rendered)
 
 
@@ -163,7 +170,7 @@ def train(predictor: KernelPredictor, samples: list[Tensor], seconds: float, wri
     All processes draw the same tiles, and each learns from its share of them.
     """
     if not predictor.leave.weight.any():
-        predictor.forget(CENTRE_LOGIT)
+        predictor.reset(CENTRE_LOGIT)
     ranks.share(TILES, "parts of a step")
 
     def compute_gain() -> Tensor:
@@ -209,7 +216,7 @@ def augment_tiles(tiles: Tensor) -> Tensor:
     """Tiles (N, sum(CHANNELS), h, w) turned about Z, recoloured and mirrored, all alike."""
     order, turn = torch.randperm(3), turn_about_z(float(torch.rand(())) * 2 * torch.pi)
     inputs, ours, target = tiles.split(CHANNELS, 1)
-    inputs = map_channels(inputs, SEEN, {COLOR: recolored(order), DIRECTION: turn})
+    inputs = map_channels(inputs, INPUTS, {COLOR: recolored(order), DIRECTION: turn})
     order = torch.cat([order, torch.tensor([3])])
     return mirrored(torch.cat([inputs, ours[:, order], target[:, order]], 1))
 
@@ -217,8 +224,8 @@ def augment_tiles(tiles: Tensor) -> Tensor:
 def tile_gains(predictor: KernelPredictor, tiles: Tensor) -> Tensor:
     """(N,) decibels by which the predicted kernels bring tiles (N, sum(CHANNELS), h, w) closer to their targets."""
     inputs, ours, target = tiles.split(CHANNELS, 1)
-    before, after, target = (torch.cat([shown(picture[:, :3]), picture[:, 3:]], 1)
-                             for picture in (ours, weighted(ours, predictor(inputs)), target))
+    before, after, target = (torch.cat([display_encode(picture[:, :3]), picture[:, 3:]], 1)
+                             for picture in (ours, apply_kernels(ours, predictor(inputs)), target))
     errors = ((picture - target).square().mean((1, 2, 3)) + LEAST_ERROR for picture in (before, after))
     return 10 * (torch.log10(next(errors)) - torch.log10(next(errors)))
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The paper's loss shape: L1 of the log image plus a small perceptual term (paper, Loss Function); and, which the paper
-has not, the error as it is shown on a screen.
+has not, the error as it is display_encode on a screen.
 
 The paper's perceptual term is LPIPS. Its backbone is used when its weights are on this machine
 (`lpips` and torchvision's cached AlexNet); otherwise a stand-in without weights compares structure: SSIM and finite
@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from renderformer_v2.model.guided.exposure import shown
+from renderformer_v2.model.guided.exposure import display_encode
 
 PERCEPTUAL_WEIGHT = 0.05
 SHOWN_WEIGHT = 0.25  # of the error as it is seen on a screen, which weighs dark places as an eye does
@@ -34,7 +34,7 @@ def image_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
     """(V, 3, H, W) linear radiance in network exposure, both."""
     a, b = log_radiance(predicted), log_radiance(target)
     display = lambda y: (y / math.log10(2)).clamp(0, 1)  # noqa: E731
-    seen = shown(predicted) - shown(target)
+    seen = display_encode(predicted) - display_encode(target)
     decibels = -10 * torch.log10(seen.square().mean((1, 2, 3)) + 10 ** (-BEST_PSNR / 10))
     return ((a - b).abs().mean() + PERCEPTUAL_WEIGHT * perceptual(display(a), display(b))
             + SHOWN_WEIGHT * (seen.abs() + SQUARED_WEIGHT * seen.square()).mean()

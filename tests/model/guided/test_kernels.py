@@ -7,18 +7,18 @@ import pytest
 import torch
 
 from renderformer_v2.model.guided.kernels import (
-    CENTRE,
-    LEAST,
+    CENTER,
+    INPUTS,
+    LEAST_WEIGHT,
     RADIUS,
     SAMPLES,
-    SEEN,
     WEIGHTS,
     KernelPredictor,
     antialiased,
-    exposure_of,
-    seen,
-    tensor,
-    weighted,
+    apply_kernels,
+    kernel_inputs,
+    picture_exposure,
+    to_tensor,
 )
 from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
@@ -53,29 +53,29 @@ def bright_half(angle: float, samples: int, seed: int = 0):
 
 
 def test_an_untrained_predictor_leaves_every_pixel_as_it_is():
-    kernels = KernelPredictor(4)(torch.randn(1, len(SEEN), 9, 7))
+    kernels = KernelPredictor(4)(torch.randn(1, len(INPUTS), 9, 7))
     assert kernels.shape == (1, WEIGHTS, 9, 7)
     picture = torch.rand(1, 2, 9, 7)
-    torch.testing.assert_close(weighted(picture, kernels), picture, atol=1e-6, rtol=1e-6)
+    torch.testing.assert_close(apply_kernels(picture, kernels), picture, atol=1e-6, rtol=1e-6)
 
 
 def test_a_kernel_takes_from_the_pixels_around():
     picture, kernels = torch.rand(1, 3, 8, 8), torch.zeros(1, WEIGHTS, 8, 8)
-    kernels[:, CENTRE + 1] = 0.25      # the pixel to the right
-    kernels[:, CENTRE - 2 * RADIUS - 1] = 0.75  # the one above
-    found = weighted(picture, kernels)
+    kernels[:, CENTER + 1] = 0.25      # the pixel to the right
+    kernels[:, CENTER - 2 * RADIUS - 1] = 0.75  # the one above
+    found = apply_kernels(picture, kernels)
     mean = 0.25 * picture[..., 1:, 1:] + 0.75 * picture[..., :-1, :-1]
-    torch.testing.assert_close(found[..., 1:, :-1], mean, atol=2 * LEAST, rtol=0)
+    torch.testing.assert_close(found[..., 1:, :-1], mean, atol=2 * LEAST_WEIGHT, rtol=0)
     torch.testing.assert_close(found[..., 0, -1], picture[..., 0, -1])  # what lies outside is like the outermost
-    quarter = weighted(picture, kernels, 4 * MOST)  # so much less noise there is
+    quarter = apply_kernels(picture, kernels, 4 * MOST)  # so much less noise there is
     torch.testing.assert_close(quarter - picture, (found - picture) / 4)
 
 
 def test_what_shines_a_million_times_brighter_does_not_leak_through_weights_near_0():
     picture, kernels = torch.full((1, 1, 8, 8), 0.05), torch.full((1, WEIGHTS, 8, 8), 1e-3)
     picture[..., 4, 4] = 5e4
-    kernels[:, CENTRE] = 1 - 1e-3 * (WEIGHTS - 1)
-    assert torch.equal(weighted(picture, kernels), picture)
+    kernels[:, CENTER] = 1 - 1e-3 * (WEIGHTS - 1)
+    assert torch.equal(apply_kernels(picture, kernels), picture)
 
 
 def trained_like() -> KernelPredictor:
@@ -130,17 +130,18 @@ def test_kernels_do_not_depend_on_the_unit_of_light():
     radiance, guides = bright_half(0.5, FEW)
     guides = replace(guides, emission=radiance, environment=0.5 * radiance)
     brighter = replace(guides, **{name: 1000 * getattr(guides, name) for name in ("emission", "environment", "traced")})
-    exposure = exposure_of(radiance, guides)
-    assert exposure_of(1000 * radiance, brighter) == pytest.approx(exposure / 1000)
-    torch.testing.assert_close(seen(1000 * radiance, brighter, exposure / 1000, FEW),
-                               seen(radiance, guides, exposure, FEW))
+    exposure = picture_exposure(radiance, guides)
+    assert picture_exposure(1000 * radiance, brighter) == pytest.approx(exposure / 1000)
+    torch.testing.assert_close(kernel_inputs(1000 * radiance, brighter, exposure / 1000, FEW),
+                               kernel_inputs(radiance, guides, exposure, FEW))
 
 
 def test_the_noise_that_is_seen_is_that_of_the_samples_between_those_of_the_training():
     radiance, guides = bright_half(0.5, FEW)
-    noise = [float(seen(radiance, guides, 1.0, count)[:, SEEN["noise"]].unique()) for count in (1, FEW, 32, MOST, 4096)]
+    noise = [float(kernel_inputs(radiance, guides, 1.0, count)[:, INPUTS["noise"]].unique())
+             for count in (1, FEW, 32, MOST, 4096)]
     np.testing.assert_allclose(noise, [1, 1, 0.5, 0.25, 0.25])
 
 
 def test_pictures_are_stacked_row_0_on_top():
-    assert tensor(np.arange(6.0).reshape(1, 2, 3))[0, :, 0, 1].tolist() == [3, 4, 5]
+    assert to_tensor(np.arange(6.0).reshape(1, 2, 3))[0, :, 0, 1].tolist() == [3, 4, 5]
