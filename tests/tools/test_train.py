@@ -118,6 +118,11 @@ def test_swapped_colours_keep_picture_and_parts_consistent(stored):
     swapped = turned_and_swapped(sample, 0, order)
     torch.testing.assert_close(swapped.view.light.radiance(), sample.view.light.radiance()[:, order])
     light, features = swapped.view.light, swapped.view.features
+    for name, axis in (("albedo", 2), ("direct", 2), ("bounced", 1), ("behind", 1), ("reflected", 1), ("refracted", 1),
+                       ("glow", 1), ("traced", 1)):
+        assert torch.equal(getattr(light, name), getattr(sample.view.light, name).index_select(axis, order)), name
+    for name, axis in (("image", 1), ("direct", 2), ("indirect", 2)):
+        assert torch.equal(getattr(swapped, name), getattr(sample, name).index_select(axis, order)), name
     colors, direct = (features[:, FEATURES[name]].unflatten(1, (3, 3)) for name in ("colors", "light"))
     torch.testing.assert_close(colors, light.albedo)
     torch.testing.assert_close(torch.pow(10, direct) - 1, light.direct, rtol=1e-3, atol=1e-4)
