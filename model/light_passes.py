@@ -10,8 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .color import HALF_MAX
-from .pictures import bands, box_means
+from .pictures import HALF_MAX, bands, box_means
 from .scene import Guides
 
 LOBES = ("diffuse", "glossy", "transmission")

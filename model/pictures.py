@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures as arrays: sums over the squares around pixels, and horizontal bands, so that a large picture costs little
-more memory than a small one.
+"""Pictures as arrays: sRGB encoding, sums over the squares around pixels, and horizontal bands, so that a large
+picture costs little more memory than a small one.
 """
 from __future__ import annotations
 
@@ -38,3 +38,23 @@ def bands(height: int, width: int, margin: int, pixels: int = 0, multiple: int =
         report(begin / height)
         first, end = max(begin - margin, 0), min(begin + rows, height)
         yield slice(first, min(end + margin, height)), slice(begin - first, end - first)
+
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of scene-linear RGB
+HALF_MAX = 65504.0  # the largest half float
+
+
+def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
+    """sRGB values in [0, 1] -> scene-linear, any shape."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, (np.maximum(encoded, 0) * (1 / 1.055) + 0.055 / 1.055) ** 2.4)
+
+
+def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
+    """Scene-linear -> sRGB, clipped to [0, 1]; f32, any shape. NaN becomes 0."""
+    x = np.clip(np.nan_to_num(linear), 0, 1).astype(np.float32)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+
+
+def to_half(x: np.ndarray) -> np.ndarray:
+    """As f16, clipped to what that can hold."""
+    return np.clip(x, -HALF_MAX, HALF_MAX).astype(np.float16)

@@ -14,7 +14,7 @@ from ..model.errors import CheckpointError
 from ..model.published.bundle_files import AUTOMATIC, LARGE, SMALL, is_bundle
 from ..model.weights.presets import BUNDLED, weights_folder
 from . import passes
-from .convert.data.options import ConversionOptions
+from .convert.data.copied import ConversionOptions
 from .reference_settings import FrameReference, ReferenceSettings
 from .registering import classes, pairs, pointer
 from .render_size import frame_size

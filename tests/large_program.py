@@ -21,7 +21,7 @@ def million_triangles() -> dict:
 
     from examples.effects import empty
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-    from renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
+    from renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
     from renderformer_v2.rf2_engine.convert.data.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert
 

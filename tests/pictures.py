@@ -23,7 +23,7 @@ from renderformer_v2.model.first_hits.camera_rays import cast_guides
 from renderformer_v2.model.light.specular.ends import add_path_ends
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-from renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
+from renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
 from renderformer_v2.rf2_engine.convert.data.report import Report
 from renderformer_v2.rf2_engine.convert.scene import convert
 

@@ -14,7 +14,7 @@ import sys
 import bpy
 
 from tools import extension
-from tools.common.arguments import whole_number
+from tools.common.console import whole_number
 
 
 def frames(text: str) -> list[tuple[int, int]]:

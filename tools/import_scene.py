@@ -16,8 +16,7 @@ from pathlib import Path
 from renderformer_v2.model.errors import SceneError
 
 from . import extension
-from .common.arguments import file_with, whole_number
-from .common.console import reserve_stdout, to_one_line
+from .common.console import file_with, reserve_stdout, to_one_line, whole_number
 from .common.pictures import check_output
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.common.arguments import picture_size, whole_number
+from tools.common.console import picture_size, whole_number
 from tools.common.pictures import write_atomically
 from tools.common.render_process import find_samples_in_time, run_render
 

@@ -17,14 +17,15 @@ How large the pieces are belongs to whoever renders: `Pieces`.
 """
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+import numpy as np
 import torch
 
 from ..progress import report, steps
-from .buffers import like
 
 # Rows per piece: large enough for the matrix products, small enough that a piece takes well under 0.2 s and that the
 # element-wise work between the products stays in the processor's cache.
@@ -133,3 +134,19 @@ def chunked(function: Callable, *tensors: torch.Tensor, size: int = 0, axis: int
         for full, piece in zip(results, pieces):
             full.narrow(axis, begin, piece.shape[axis]).copy_(piece)
     return tuple(results) if isinstance(result, tuple) else results[0]
+
+
+HUGE = 1 << 22  # bytes: numpy asks the system for huge pages from here on
+
+
+def like(piece: torch.Tensor, length: int, axis: int) -> torch.Tensor:
+    """Room for `length` rows of what `piece` holds some of."""
+    return room((*piece.shape[:axis], length, *piece.shape[axis + 1:]), piece)
+
+
+def room(shape: tuple[int, ...], like: torch.Tensor) -> torch.Tensor:
+    """Uninitialised memory of the dtype and on the device of `like`; large ones for the CPU with few page faults."""
+    size = like.itemsize * math.prod(shape)
+    if like.device.type != "cpu" or size < HUGE:
+        return like.new_empty(shape)
+    return torch.from_numpy(np.empty(size, np.uint8)).view(like.dtype).view(shape)

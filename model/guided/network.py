@@ -15,9 +15,8 @@ from ..network.renderformer import RenderFormer
 from ..progress import part
 from ..weights.checkpoint import read_network
 from .decoding import OUTPUTS
-from .encoders import EnvironmentEncoder, TileEncoder
+from .encoders import EnvironmentEncoder, Guidance, TileEncoder
 from .features import FEATURES, GuidedView
-from .guidance import Guidance
 from .guided_inputs import GuidedInputs
 from .kernels import KernelPredictor
 

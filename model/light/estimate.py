@@ -13,8 +13,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from ..compute.buffers import like
-from ..compute.inference import current_pieces
+from ..compute.inference import current_pieces, like
 from ..light_passes import LOBES
 from ..progress import part
 from ..scene import Guides, RenderScene, View

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from .. import progress
-from ..color import HALF_MAX, LUMINANCE, srgb_to_linear
+from ..pictures import HALF_MAX, LUMINANCE, srgb_to_linear
 
 PIXELS_PER_DEGREE = 67.02  # 0.7 m away from a 0.7 m wide display of 3840 pixels
 

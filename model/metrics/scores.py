@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import progress
-from ..color import linear_to_srgb
-from ..pictures import box_sums
+from ..pictures import box_sums, linear_to_srgb
 from .flip import flip_map, hdr_flip_map
 
 WINDOW = 7                       # pixels, the side of SSIM's square window

@@ -15,8 +15,7 @@ from itertools import accumulate
 import torch
 from torch.nn import functional as F
 
-from ..compute.buffers import room
-from ..compute.inference import current_pieces, cuts, is_inference
+from ..compute.inference import current_pieces, cuts, is_inference, room
 from ..progress import report
 
 SAFE_EXPONENT = 60.0  # exp of it, and of its negative, times the longest sequence, is far inside of float32

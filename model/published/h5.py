@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..color import to_half
 from ..environment import rotate_environment
 from ..errors import SceneError
 from ..geometry import area_vectors
+from ..pictures import to_half
 from ..scene import Volumes
 from .h5_datasets import Datasets, load_h5py, open_datasets
 from .processed_scene import RAW_CHANNELS, ProcessedScene

@@ -11,8 +11,8 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ...model.color import srgb_to_linear
 from ...model.metrics.flip import magma
+from ...model.pictures import srgb_to_linear
 from ..cycles import growing as cycles_growing
 from . import events, overlay, shader
 from .growing import growing_reference

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Export Comparison: a PNG sheet of A, B, their difference and the FLIP map, and the numbers as JSON beside it."""
+"""Export Comparison: a PNG sheet of A, B, their difference and the FLIP map, the numbers as JSON, and file formats."""
 from __future__ import annotations
 
 import json
 import tempfile
+from contextlib import contextmanager
+from operator import attrgetter
 from pathlib import Path
 
 import blf
@@ -13,7 +15,7 @@ import numpy as np
 
 from ...model.metrics import flip, scores
 from ...model.metrics.flip import magma
-from .file_format import file_format
+from .. import compat
 from .measuring import Box, Measurement
 from .pictures import Picture
 
@@ -156,3 +158,31 @@ def _write_texts(path: Path, labels: list[tuple[str, int, int]], size: int, heig
             blf.draw_buffer(0, text)
     imbuf.write(picture, filepath=str(path))
     picture.free()
+
+
+RESTORED = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec", "compression", "color_management",
+            "use_exr_interleave", "views_format")  # in this order: a format decides what the later ones may be
+# Where Color Management is Override: Blender resets them with the format, and when it becomes Override again.
+OVERRIDDEN = ("linear_colorspace_settings.name", "display_settings.display_device", "view_settings.view_transform",
+              "view_settings.look", "view_settings.exposure", "view_settings.gamma")
+
+
+@contextmanager
+def file_format(scene: bpy.types.Scene, name: str, colorspace: str = "", **settings):
+    """Inside, the scene saves files of this format with these image settings, linear ones in this color space."""
+    image_settings = scene.render.image_settings
+    is_override = image_settings.color_management == "OVERRIDE"
+    before = {key: attrgetter(key)(image_settings) for key in RESTORED + OVERRIDDEN * is_override
+              if hasattr(image_settings, key.partition(".")[0])}
+    try:
+        compat.set_file_format(image_settings, name)
+        for key, value in settings.items():
+            setattr(image_settings, key, value)
+        if colorspace and is_override:
+            image_settings.linear_colorspace_settings.name = colorspace
+        yield
+    finally:
+        for key, value in before.items():
+            if value != attrgetter(key)(image_settings):
+                owner, _, last = key.rpartition(".")
+                setattr(getattr(image_settings, owner) if owner else image_settings, last, value)

@@ -9,9 +9,9 @@ import bpy
 import numpy as np
 
 from ...model import progress
-from ...model.color import linear_to_srgb
 from ...model.errors import RenderCancelled
 from ...model.metrics import scores
+from ...model.pictures import linear_to_srgb
 from . import header
 from .pictures import Picture
 

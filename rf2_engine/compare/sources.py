@@ -12,11 +12,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...model.color import srgb_to_linear
+from ...model.pictures import srgb_to_linear
 from .. import compat, exr
 from .. import passes as pass_table
 from . import header
-from .file_format import file_format
+from .export import file_format
 from .pictures import Picture, lacks_reference, read_credits
 from .slots import full, render_slots
 

@@ -9,8 +9,7 @@ import numpy as np
 from ...model import progress
 from .data.blocks import Material
 from .data.collected import CollectedScene, Part
-from .data.copied import CopiedMesh, CopiedScene, CopiedVolume
-from .data.instance import Instance
+from .data.copied import CopiedMesh, CopiedScene, CopiedVolume, Instance
 from .data.mesh import TriangleMesh
 from .data.report import Report
 from .media.volumes import MeshVolume, gridded

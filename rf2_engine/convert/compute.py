@@ -13,8 +13,7 @@ from ...model.scene import RenderScene, View
 from .collect import collect
 from .data.cache import ConversionCache
 from .data.collected import CollectedScene
-from .data.copied import CopiedScene
-from .data.options import ConversionOptions
+from .data.copied import ConversionOptions, CopiedScene
 from .data.report import Report
 from .fitting.apparent_size import measure_apparent_size
 from .fitting.budget import Simplification, allot_triangles

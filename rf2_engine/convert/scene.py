@@ -6,7 +6,7 @@ from ...model import progress
 from ...model.scene import RenderScene, View
 from . import compute
 from .copying.scene import copy
-from .data.options import ConversionOptions
+from .data.copied import ConversionOptions
 from .data.report import Report
 from .fitting.framing import Framing
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ...model.color import HALF_MAX
+from ...model.pictures import HALF_MAX
 from .. import compat
 from .. import passes as pass_table
 from ..convert.copying.visibility import catching_hosts, shadow_catchers

@@ -31,7 +31,7 @@ from ..convert.collect import collect
 from ..convert.copying.scene import copy
 from ..convert.data import mesh as meshes
 from ..convert.data.collected import CollectedScene, Part
-from ..convert.data.instance import Instance
+from ..convert.data.copied import Instance
 from ..convert.lamps.lamps import convert_lamps
 from ..convert.lamps.world import convert_world_light
 from ..convert.media.fog import add_fog

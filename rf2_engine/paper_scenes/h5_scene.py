@@ -22,7 +22,7 @@ from ...model.published.processed_scene import ProcessedScene
 from ...model.scene import RenderScene
 from ...model.weights.presets import BUNDLED
 from ..convert.camera.camera import convert_camera
-from ..convert.data.options import ConversionOptions
+from ..convert.data.copied import ConversionOptions
 from ..convert.data.report import Report
 from ..convert.scene import convert
 from ..cycles.world import CyclesWorld

@@ -9,7 +9,7 @@ import numpy as np
 from ...model.published.prepared_frame import HEIGHT, MEASURED, FrameMaterial
 from ...model.scene import TILE_SIZE
 from ..convert.data.blocks import Material
-from ..convert.data.instance import Instance
+from ..convert.data.copied import Instance
 from ..convert.data.mesh import TriangleMesh
 from ..convert.data.report import Report
 from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, mean_over_triangle, texel_points

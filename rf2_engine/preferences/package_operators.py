@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..registering import classes
-from ..setup import package_install, packages, redraw, wheels
+from ..setup import display, package_install, packages, wheels
 from ..setup.display import draw_text, format_size, free_space
 from . import package_panel
 
@@ -44,7 +44,7 @@ class _Install:
             packages.folder(create=True), self.required_wheels(), by_content=self.by_content,
             index=preferences.package_index, torch_index=torch_index)
         if not bpy.app.background:
-            redraw.keep_redrawing()
+            display.keep_redrawing()
             return {"FINISHED"}
         installation.wait()  # for a script the operator returns when all is done
         packages.refresh()
@@ -125,5 +125,5 @@ def register() -> None:
 
 def unregister() -> None:
     package_install.current.forget()
-    redraw.unregister()
+    display.unregister()
     _unregister()

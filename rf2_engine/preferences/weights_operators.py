@@ -10,7 +10,7 @@ from ...model.published import latent_store
 from ...model.published.as_trained import TRIANGLES, WELL_KNOWN
 from ..registering import classes
 from ..runtime import model_cache, running
-from ..setup import packages, published_weights, redraw, weights_download
+from ..setup import display, packages, published_weights, weights_download
 from . import preferences
 
 RENDERING = "A render is running"
@@ -41,7 +41,7 @@ class _Download(bpy.types.Operator):
 
     def run(self, download: weights_download.Download) -> set[str]:
         if not bpy.app.background:
-            redraw.keep_redrawing()
+            display.keep_redrawing()
             return {"FINISHED"}
         download.wait()  # for a script the operator returns when all is done
         if download.state == "failed":
@@ -175,5 +175,5 @@ register, _unregister = classes(
 
 def unregister() -> None:
     weights_download.current.forget()
-    redraw.unregister()
+    display.unregister()
     _unregister()

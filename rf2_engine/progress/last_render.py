@@ -10,7 +10,7 @@ from bpy.app.handlers import persistent
 from ..convert.data.report import Remark, grouped
 from ..registering import handlers
 from ..runtime.running import ENGINE
-from ..setup import redraw
+from ..setup import display
 from . import estimate, stages
 
 REFERENCE = stages.REFERENCE.text  # also the name of the pass
@@ -120,7 +120,7 @@ def _clear(*_):
 @persistent
 def _show(*_):
     if not bpy.app.background:
-        redraw.keep_redrawing()
+        display.keep_redrawing()
 
 
 register, _remove_handlers = handlers(

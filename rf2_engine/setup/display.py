@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw sizes, long texts and progress in our panels."""
+"""Draw sizes, long texts and progress in our panels, and draw the panels again when something has changed."""
 from __future__ import annotations
 
 import shutil
@@ -9,6 +9,7 @@ from pathlib import Path
 import blf
 import bpy
 
+from . import package_install, packages, weights_download
 from .worker_process import WorkerProcess
 
 MARGIN = 70        # of a panel and an icon; pixels at Blender's usual size
@@ -71,3 +72,28 @@ def free_space(folder: Path) -> int:
     while not folder.exists():
         folder = folder.parent
     return shutil.disk_usage(folder).free
+
+
+INTERVAL = 0.25  # seconds
+
+
+def redraw() -> float | None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in ("PREFERENCES", "PROPERTIES"):
+                area.tag_redraw()
+    if package_install.current.is_running or weights_download.current.is_running:
+        return INTERVAL
+    packages.refresh()
+    return None
+
+
+def keep_redrawing() -> None:
+    """Until it ends, also when another file is opened."""
+    if not bpy.app.timers.is_registered(redraw):
+        bpy.app.timers.register(redraw, persistent=True)
+
+
+def unregister() -> None:
+    if bpy.app.timers.is_registered(redraw):
+        bpy.app.timers.unregister(redraw)

@@ -8,7 +8,7 @@ import blf
 import bpy
 import numpy as np
 
-from ...model.color import HALF_MAX
+from ...model.pictures import HALF_MAX
 from .region_view import Rectangle
 
 SIZE = 13         # of text, in pixels at an interface scale of 1

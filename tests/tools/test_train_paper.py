@@ -15,8 +15,7 @@ from tests.tools.test_finetune import options
 from tests.tools.test_train_ranks import write
 from tools.datagen.sample_files import read_facts
 from tools.train import cost, published, throughput
-from tools.train.config import TrainConfig
-from tools.train.curriculum import iterate_stages
+from tools.train.config import TrainConfig, iterate_stages
 from tools.train.errors import TrainingError
 from tools.train.state import TrainingState
 

@@ -19,7 +19,7 @@ import json
 import sys
 from pathlib import Path
 
-from tools.common.arguments import numbers
+from tools.common.console import numbers
 
 from .points import (
     CYCLES_RULE,

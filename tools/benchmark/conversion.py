@@ -18,8 +18,7 @@ import time
 from pathlib import Path
 
 from tools import extension
-from tools.common.arguments import numbers
-from tools.common.console import reserve_stdout
+from tools.common.console import numbers, reserve_stdout
 
 from .points import MeasurementError, measure_point
 
@@ -67,7 +66,7 @@ def _measure(budget: int, published: dict[int, float]) -> dict:
 
     from renderformer_v2.model import progress
     from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-    from renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
+    from renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
     from renderformer_v2.rf2_engine.convert.data.report import Report
     from renderformer_v2.rf2_engine.convert.scene import convert
     depsgraph = bpy.context.evaluated_depsgraph_get()

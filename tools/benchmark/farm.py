@@ -25,7 +25,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from tools.common.arguments import numbers, whole_number
+from tools.common.console import numbers, whole_number
 from tools.extension import ROOT
 
 from .load import count_cores

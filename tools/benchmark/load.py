@@ -19,7 +19,7 @@ import sys
 import tempfile
 from contextlib import contextmanager
 
-from tools.common.arguments import numbers
+from tools.common.console import numbers
 from tools.extension import ROOT
 
 IN_BLENDER = """

@@ -33,7 +33,7 @@ from renderformer_v2.model.published.latent_store import LatentStore
 from renderformer_v2.model.published.scene_encoder import SceneEncoder
 from renderformer_v2.model.scene import BASE_COLOR, TILE_SIZE, RenderScene, constant_tile
 from tools.benchmark.flops import product_rate
-from tools.common.arguments import whole_number
+from tools.common.console import whole_number
 
 SIZES = {"hidden_dim": 128, "num_layers": 3, "latent_dim": 9}  # of a mapper
 SEED, ALONE = 0, 2 * BATCH_CPU  # images encoded by themselves

@@ -20,8 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tools import extension
-from tools.common.arguments import numbers
-from tools.common.console import reserve_stdout
+from tools.common.console import numbers, reserve_stdout
 from tools.common.viewport import read_camera_pose, request_picture
 
 LEVELS = (8, 4, 2, 1)

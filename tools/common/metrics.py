@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.metrics.scores import psnr
+from renderformer_v2.model.pictures import linear_to_srgb
 
 AMPLIFIED = 4  # times, a difference that is shown
 

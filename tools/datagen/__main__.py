@@ -22,8 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.common.arguments import whole_number
-from tools.common.console import silence_blender
+from tools.common.console import silence_blender, whole_number
 
 from . import manifest
 from .sample_files import HINT_SAMPLES, SampleCounts, sample_path, save_sample

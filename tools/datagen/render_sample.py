@@ -16,7 +16,7 @@ from renderformer_v2.model.light.specular.ends import add_path_ends  # noqa: E40
 from renderformer_v2.model.scene import Guides, RenderScene, View  # noqa: E402
 from renderformer_v2.rf2_engine import passes as pass_table  # noqa: E402
 from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera  # noqa: E402
-from renderformer_v2.rf2_engine.convert.data.options import ConversionOptions  # noqa: E402
+from renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions  # noqa: E402
 from renderformer_v2.rf2_engine.convert.data.report import Report  # noqa: E402
 from renderformer_v2.rf2_engine.convert.scene import convert  # noqa: E402
 from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa: E402

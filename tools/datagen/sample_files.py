@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from renderformer_v2.model.color import to_half
+from renderformer_v2.model.pictures import to_half
 from renderformer_v2.model.scene import TILE_SIZE, Guides, RenderScene, View, Volumes
 
 STORED_TILE = 8

@@ -19,7 +19,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from renderformer_v2.model.color import to_half
+from renderformer_v2.model.pictures import to_half
 from tools.extension import run
 
 from ..common.console import silence_blender

@@ -21,7 +21,7 @@ from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import BUNDLED
-from tools.common.arguments import whole_number
+from tools.common.console import whole_number
 from tools.datagen.sample_files import sample_paths
 
 from .blends import evaluate_blend

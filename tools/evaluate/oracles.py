@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 from skimage.filters import gaussian
 
-from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.metrics.scores import psnr
+from renderformer_v2.model.pictures import linear_to_srgb
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.weights.presets import BUNDLED

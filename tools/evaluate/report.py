@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.pictures import linear_to_srgb
 from tools.common.metrics import AMPLIFIED, add_error_pictures
 from tools.common.pictures import to_bytes
 

@@ -25,8 +25,7 @@ from pathlib import Path
 
 from renderformer_v2.model.errors import CheckpointError, SceneError
 from tools import extension
-from tools.common.arguments import picture_size, whole_number
-from tools.common.console import reserve_stdout, to_one_line
+from tools.common.console import picture_size, reserve_stdout, to_one_line, whole_number
 from tools.common.pictures import check_output, read_pass
 
 

@@ -16,7 +16,7 @@ from PIL import Image
 
 from mathutils import Matrix, Vector
 
-from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.pictures import linear_to_srgb
 from renderformer_v2.model.scene import View
 from renderformer_v2.model.weights.presets import weights_folder
 from tools.common.pictures import read_pass, to_bytes, write_atomically

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.pictures import linear_to_srgb
 from renderformer_v2.model.scene import View
 
 ROUNDING = 0.01  # pixels, of positions in float32

@@ -26,8 +26,7 @@ from renderformer_v2.model.compute import threads
 from renderformer_v2.model.errors import CheckpointError, SceneError
 from renderformer_v2.model.weights.presets import BUNDLED
 from tools import extension
-from tools.common.arguments import file_with, picture_size, whole_number
-from tools.common.console import reserve_stdout, to_one_line
+from tools.common.console import file_with, picture_size, reserve_stdout, to_one_line, whole_number
 from tools.common.pictures import check_output
 from tools.common.scene_file import ENGINES, FORMATS, configure, open_scene, save_picture
 

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.pictures import linear_to_srgb
 from tools.common.metrics import AMPLIFIED, add_error_pictures, compare
 from tools.common.pictures import read_pass, write_atomically
 

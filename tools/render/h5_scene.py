@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from renderformer_v2.model.color import linear_to_srgb
 from renderformer_v2.model.errors import CheckpointError
+from renderformer_v2.model.pictures import linear_to_srgb
 from renderformer_v2.model.weights.presets import BUNDLED
 from tools.common.pictures import to_bytes, write_atomically
 

@@ -22,7 +22,6 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 from torch.utils.data import DataLoader, Dataset
 
-from renderformer_v2.model.color import HALF_MAX
 from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.fields import COLOR, DIRECTION, map_channels
@@ -37,10 +36,11 @@ from renderformer_v2.model.guided.kernels import (
 )
 from renderformer_v2.model.guided.network import load_network
 from renderformer_v2.model.guided.pipeline import GuidedPipeline
+from renderformer_v2.model.pictures import HALF_MAX
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.checkpoint import save_network
 from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
-from tools.common.arguments import whole_number
+from tools.common.console import whole_number
 from tools.datagen.sample_files import hint_samples, load_sample, sample_paths
 
 from . import ranks, sample_cache

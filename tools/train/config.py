@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 
@@ -10,10 +11,12 @@ from torch import nn
 
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.network.config import ModelConfig
+from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.weights.presets import PRESETS
 from tools.datagen.sample_files import Facts
 
 from .errors import TrainingError
+from .state import TrainingState
 
 KINDS = "textures", "environment", "volumes", "transmission"  # that a stage admits or does not
 
@@ -111,3 +114,20 @@ def _filled(kind, values, where: str):
         if keys:
             raise TrainingError(f"{where}: {wrong} keys {', '.join(sorted(keys))}")
     return kind(**values)
+
+
+def iterate_stages(config: TrainConfig, state: TrainingState, begin: Callable[[Stage], Iterator]) -> Iterator:
+    """Samples of the stage that each step belongs to; `begin(stage)` gives them from that step on."""
+    stage, samples = None, iter(())
+    while True:
+        if config.stage(state.step) != stage:
+            stage = config.stage(state.step)
+            set_attention(state.model, dense=stage.dense)
+            samples = begin(stage)
+        yield next(samples)
+
+
+def set_attention(network: RenderFormer, *, dense: bool) -> None:
+    """All tokens of stage 1, or those of the window of the network's configuration. The weights are the same."""
+    window = None if network.config.dense else network.config.local_attention_window_size_half
+    network.transformer.half = None if dense else window

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.weights.presets import rf2_200m
 from tools.benchmark.flops import forward_flops, stage1_flops
-from tools.common.arguments import numbers
+from tools.common.console import numbers
 
 PASSES = 3
 RATE = 312e12 / 3

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from renderformer_v2.model.published.bundle_files import is_bundle
 from renderformer_v2.model.weights.presets import BUNDLED, PRESETS, weights_folder
-from tools.common.arguments import whole_number
+from tools.common.console import whole_number
 from tools.extension import ROOT
 
 COOLDOWN = 0.25  # of the minutes

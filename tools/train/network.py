@@ -20,8 +20,7 @@ from renderformer_v2.model.guided.network import GuidedRenderFormer, new_network
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.weights.checkpoint import save_network
 
-from .config import Stage, TrainConfig
-from .curriculum import iterate_stages
+from .config import Stage, TrainConfig, iterate_stages
 from .errors import TrainingError
 from .loader import stream
 from .losses import image_loss, lobe_loss, perceptual_term

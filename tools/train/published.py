@@ -27,8 +27,7 @@ from renderformer_v2.model.published.pipeline import PublishedPipeline
 from renderformer_v2.model.weights.files import FORMAT
 
 from . import ranks
-from .config import Stage, TrainConfig
-from .curriculum import iterate_stages
+from .config import Stage, TrainConfig, iterate_stages
 from .errors import TrainingError
 from .loader import shared_stream
 from .losses import image_loss, perceptual_term

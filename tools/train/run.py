@@ -6,6 +6,7 @@ Its state is saved, so that another run goes on from there. As many processes ta
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -17,12 +18,11 @@ from torch import Tensor, nn
 from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.network.layers import RMSNorm, SwiGLU
-from tools.common.arguments import whole_number
+from tools.common.console import whole_number
 
 from . import ranks
 from .config import TrainConfig
 from .errors import TrainingError
-from .log import Log
 from .state import TrainingState
 
 COMPILED = SwiGLU, RMSNorm  # chains of small operations between the products and attentions, which gain by it
@@ -147,3 +147,31 @@ def report_errors(work: Callable[[], None]) -> int:
         print(error, file=sys.stderr)
         return 2
     return 0
+
+
+class Log:
+    def __init__(self, path: Path):
+        self.path, self.begin = path, time.monotonic()
+        self.sums: dict[str, float] = {}
+        self.count = 0
+        if ranks.is_first() and path.is_file() and not path.read_bytes().endswith(b"\n"):  # killed within a line
+            self._append("\n")
+
+    def add(self, losses: dict[str, float]) -> None:
+        """Count the losses of one step into the means of the next line."""
+        for name, value in losses.items():
+            self.sums[name] = self.sums.get(name, 0.0) + value
+        self.count += 1
+
+    def write(self, step: int, **more) -> None:
+        """A line with the means since the last one, also printed."""
+        record = {"step": step, "minutes": round((time.monotonic() - self.begin) / 60, 2)}
+        record |= {name: round(total / self.count, 7) for name, total in self.sums.items()} | more
+        if ranks.is_first():
+            self._append(json.dumps(record) + "\n")
+            print(record, flush=True)
+        self.sums, self.count = {}, 0
+
+    def _append(self, text: str) -> None:
+        with open(self.path, "a") as file:
+            file.write(text)

@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from renderformer_v2.model.color import HALF_MAX
+from renderformer_v2.model.pictures import HALF_MAX
 
 ROOT = Path(__file__).resolve().parents[2]
 # The code between a file of tools.datagen and a prepared sample: if any of it changes, all are prepared again.

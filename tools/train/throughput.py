@@ -24,10 +24,10 @@ from renderformer_v2.model.weights.presets import rf2_200m
 from renderformer_v2.rf2_engine.progress import memory
 from tools.benchmark import ring
 from tools.benchmark.point import random_inputs
-from tools.common.arguments import whole_number
+from tools.common.console import whole_number
 
+from .config import set_attention
 from .cost import tokens, training_flops
-from .curriculum import set_attention
 from .losses import image_loss, structure_loss
 from .run import PRECISIONS, compile_parts
 from .state import TrainingState

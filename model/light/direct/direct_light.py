@@ -14,12 +14,10 @@ from ...scene import RenderScene
 from ..chunks import in_chunks
 from ..media.in_scattering import InScattering
 from ..media.transmittance import fog_of
-from ..occluders import is_solid, passes_light
+from ..occluders import TensorRays, is_solid, passes_light
 from ..sampling import hashed_starts
-from ..tensor_rays import TensorRays
 from .emitter_light import EmitterLight
-from .environment_light import EnvironmentLight
-from .sky_visibility import SkyVisibility
+from .environment_light import EnvironmentLight, SkyVisibility
 
 SKY_RAYS = 48   # from a point on a surface
 AIR_RAYS = 6    # to each of six sides of a point in the air

@@ -18,11 +18,11 @@ from ...geometry import area_vectors
 from ...scene import RenderScene
 from ..fresnel import gain
 from ..media.transmittance import Fog
+from ..occluders import TensorRays
 from ..sampling import R2, disk_points, triangle_weights
-from ..tensor_rays import TensorRays
 from .emitters import DISTANT, gather_emitters
+from .environment_light import LIFT
 from .form_factors import beam, cosines, ggx_lobe, sphere_directions, sphere_form_factor, triangle_directions
-from .sky_visibility import LIFT
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
 END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends

@@ -2,11 +2,12 @@
 """Irradiance and roughness-filtered radiance of a lat-long environment map, in closed form per direction.
 
 Diffuse light uses nine spherical-harmonic coefficients (Ramamoorthi and Hanrahan 2001), glossy light a stack of maps
-blurred by the GGX lobe (the first half of Karis' split sum, 2013).
+blurred by the GGX lobe (the first half of Karis' split sum, 2013). The share that arrives is found by rays.
 """
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -14,6 +15,10 @@ from torch.nn import functional as F
 
 from ...compute.devices import run_operator
 from ...environment import direction_map
+from ..chunks import in_chunks
+from ..media.transmittance import Fog
+from ..occluders import TensorRays
+from ..sampling import cosine_directions
 
 ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 BLUR = 0.3                            # roughness at which one of many rays reads the map
@@ -91,3 +96,30 @@ def _harmonics(d: Tensor) -> Tensor:
         torch.full_like(x, 0.282095), 0.488603 * y, 0.488603 * z, 0.488603 * x,
         1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y),
     ], -1)
+
+
+LIFT = 2e-3      # network units that a ray starts off its surface
+FOG_REACH = 2.0  # network units from a point: fog beyond dims nothing
+CHUNK = 4096     # points at a time
+
+
+class SkyVisibility:
+    """Rays that miss all occluders, weighted by the environment's radiance."""
+
+    def __init__(self, occluders: TensorRays, environment: EnvironmentLight, fog: Fog | None = None):
+        self.occluders, self.environment, self.fog = occluders, environment, fog
+
+    def __call__(self, position: Tensor, normal: Tensor, start: Tensor, rays: int) -> Tensor:
+        """(P, 3) share of the environment's RGB irradiance that arrives at points (P, 3) with unit normals (P, 3).
+
+        start: (P, 2) in [0, 1), as of `cosine_directions`.
+        """
+        return in_chunks(CHUNK, partial(self._trace, rays), position, normal, start)
+
+    def _trace(self, rays: int, x: Tensor, n: Tensor, start: Tensor) -> Tensor:
+        direction = cosine_directions(n, rays, start)
+        origin = (x + LIFT * n)[:, None].expand_as(direction).reshape(-1, 3)
+        visible = (~self.occluders.is_blocked(origin, direction.reshape(-1, 3))).view(-1, rays).to(x.dtype)
+        if self.fog is not None:
+            visible = visible * self.fog.transmittance(x[:, None], x[:, None] + FOG_REACH * direction)
+        return self.environment.visible_share(direction, visible)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....model import progress
-from ....model.color import srgb_to_linear
+from ....model.pictures import srgb_to_linear
 from ... import compat
 from ..data.images import MISSING, Picture, Pyramid, area_resample
 from .image_files import frame_number, read_pixels, scene_linear

@@ -8,8 +8,7 @@ import numpy as np
 
 from ....model import progress
 from ... import compat
-from ..data.copied import CopiedMesh, CopiedScene, Grid, LampInstance
-from ..data.instance import Instance, Particle
+from ..data.copied import CopiedMesh, CopiedScene, Grid, Instance, LampInstance, Particle
 from ..data.mesh import TriangleMesh
 from ..data.report import AS_GOOD_AS_INFINITE
 from ..shading.noise.hashing import LARGEST, jenkins

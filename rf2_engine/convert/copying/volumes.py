@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..data.blocks import Material
-from ..data.copied import CopiedVolume, Grid
-from ..data.instance import Instance
+from ..data.copied import CopiedVolume, Grid, Instance
 from ..media.volumes import DEFAULT_GRID
 from ..shading.volume import find_grid_names, has_volume
 from .vdb import openvdb_module, read_grids

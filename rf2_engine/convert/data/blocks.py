@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ....model.color import LUMINANCE
+from ....model.pictures import LUMINANCE
 
 
 @dataclass(eq=False)

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .copied import LampInstance
-from .instance import Instance
+from .copied import Instance, LampInstance
 from .medium import Medium
 from .mesh import TriangleMesh
 

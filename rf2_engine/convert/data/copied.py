@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .blocks import Lamp, Material, World
-from .instance import Instance
 from .mesh import TriangleMesh
 
 
@@ -77,3 +76,43 @@ class CopiedScene:
     objects: list[tuple[CopiedMesh, Instance] | CopiedVolume] = field(default_factory=list)  # in their order
     lamps: list[LampInstance] = field(default_factory=list)
     clip_start: float = 0.0  # of the camera, world units along its axis
+
+
+@dataclass(frozen=True)
+class ConversionOptions:
+    """How a scene becomes tokens."""
+
+    token_budget: int  # most triangles of the result, of which lamps take no more than half
+    max_edge: float    # longest edge, a fraction of the longest side of the scene's box; farther away it may be longer
+    as_is: bool = False  # one unit of the world is one of the network's, around its origin; light keeps its strength
+    paper_lamps: bool = False  # each lamp becomes one small triangle (lamps/one_triangle.py)
+
+
+@dataclass(frozen=True)
+class Particle:
+    """The particle of an instance; without one, values are those of the first particle, at rest."""
+
+    index: int = 0
+    age: float = 0.0       # frames
+    lifetime: float = 0.0
+    location: tuple = (0.0, 0.0, 0.0)
+    size: float = 0.0
+    velocity: tuple = (0.0, 0.0, 0.0)
+    angular_velocity: tuple = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Instance:
+    """One instance of an object."""
+
+    matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # (4, 4) f64, object to world
+    name: str = ""
+    color: tuple = (1.0, 1.0, 1.0, 1.0)
+    index: int = 0
+    random: float = 0.0
+    generated: tuple = (0.0, 0.0, 0.0)  # of the instancer at the instance
+    uv: tuple = (0.0, 0.0)
+    particle: Particle = Particle()
+    properties: dict = field(default_factory=dict)  # numbers and vectors that materials read, by name
+    instancer_properties: dict = field(default_factory=dict)
+    view_layer_properties: dict = field(default_factory=dict)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....model.color import HALF_MAX
+from ....model.pictures import HALF_MAX
 
 AS_GOOD_AS_INFINITE = 1e15  # squares of what is beyond do not fit into float32
 SOME = 3                    # names in a sentence

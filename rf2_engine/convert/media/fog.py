@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..data.collected import CollectedScene
-from ..data.copied import Sun
-from ..data.instance import Instance
+from ..data.copied import Instance, Sun
 from ..data.medium import Box
 from ..shading.volume import has_volume, volume_coefficients, volume_points
 from .volumes import shaded_medium

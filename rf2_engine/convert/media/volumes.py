@@ -7,8 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ....model.scene import CELLS
-from ..data.copied import CopiedVolume, Grid
-from ..data.instance import Instance
+from ..data.copied import CopiedVolume, Grid, Instance
 from ..data.medium import Box, Medium, box_around, voxel_centres
 from ..shading.volume import volume_coefficients, volume_points
 from .grids import in_box

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..data import mesh as meshes
-from ..data.instance import Instance
+from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
 from ..shading import graph
 from ..shading.evaluate import Evaluator, Points

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ....model.color import LUMINANCE
+from ....model.pictures import LUMINANCE
 from .normal_map import UP
 
 IOR_RANGE = (1.0, 2.5)  # the mappers' training range

@@ -15,7 +15,7 @@ import numpy as np
 from ....model.scene import barycentric_grid
 from ..data.arrays import unit
 from ..data.blocks import Conventions
-from ..data.instance import Instance
+from ..data.copied import Instance
 from ..data.mesh import face_normals
 from . import graph
 from .functions import FUNCTIONS

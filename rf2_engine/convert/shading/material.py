@@ -21,7 +21,7 @@ from ....model.scene import (
     constant_tile,
 )
 from ..data.blocks import Material
-from ..data.instance import Instance
+from ..data.copied import Instance
 from ..data.mesh import TriangleMesh, face_normals
 from ..data.report import Report
 from . import graph

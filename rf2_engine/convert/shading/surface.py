@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....model.color import LUMINANCE
+from ....model.pictures import LUMINANCE
 from ..data.arrays import mix_values
 from . import layers
 from .closure import BLACK, ONE, WHITE, ZERO, Closure, lobe, window

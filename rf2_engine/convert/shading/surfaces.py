@@ -8,7 +8,7 @@ from ....model import progress
 from ....model.scene import RenderScene
 from ..data import mesh as meshes
 from ..data.collected import Part
-from ..data.instance import Instance
+from ..data.copied import Instance
 from .material import MaterialTiles
 
 

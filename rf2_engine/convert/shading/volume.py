@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..data.instance import Instance
+from ..data.copied import Instance
 from ..data.report import Report
 from . import graph
 from .evaluate import Evaluator, Points

@@ -9,7 +9,7 @@ from renderformer_v2.model import renderer
 from renderformer_v2.model.compute.devices import device_of_operator, run_operator
 from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.compute.threads import shared, team
-from renderformer_v2.model.guided import guidance
+from renderformer_v2.model.guided import encoders
 from renderformer_v2.model.light import estimate
 from renderformer_v2.model.network import decoder
 from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, RenderScene, Volumes, constant_tile
@@ -21,7 +21,7 @@ from tests.model.samples import flat, floor_scene, floor_view
 @pytest.fixture
 def pictures(monkeypatch):
     """What a function of the device makes on the pretended one and on the CPU."""
-    for module in (bands, decoder, estimate, guidance):
+    for module in (bands, decoder, estimate, encoders):
         monkeypatch.setattr(module, "BAND_PIXELS", 1 << 11)  # half of the picture
 
     def both(function) -> list[np.ndarray]:

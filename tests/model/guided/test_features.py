@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.guided import guidance
+from renderformer_v2.model.guided import encoders
+from renderformer_v2.model.guided.encoders import Guidance
 from renderformer_v2.model.guided.features import FEATURES, MISS_DISTANCE, RADIANCE_FEATURES, guided_view, with_exposure
-from renderformer_v2.model.guided.guidance import Guidance
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_scene, floor_view, scene_light
 
@@ -71,5 +71,5 @@ def test_what_a_view_sees_is_exposed_alike_however_bright_it_is():
 def test_bands_of_a_large_picture_give_the_same_tokens(monkeypatch):
     features, encoder = inputs(128, 64).features, Guidance(replace(CONFIG, latent_dim=12))
     tokens = encoder.bundles(features)
-    monkeypatch.setattr(guidance, "BAND_PIXELS", 24 * 128)
+    monkeypatch.setattr(encoders, "BAND_PIXELS", 24 * 128)
     torch.testing.assert_close(encoder.bundles(features), tokens)

@@ -7,7 +7,7 @@ import pytest
 import torch
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from renderformer_v2.model import color, progress
+from renderformer_v2.model import pictures, progress
 from renderformer_v2.model.metrics import flip
 from renderformer_v2.model.metrics import scores as metrics
 from renderformer_v2.model.metrics.scores import excess_noise, lpips
@@ -51,7 +51,7 @@ def test_flip_is_the_authors(pair):
 
 
 def test_hdr_flip_is_the_authors(pair):
-    bright = [color.srgb_to_linear(picture) * np.float32(scale) for picture, scale in zip(pair, (20, 18))]
+    bright = [pictures.srgb_to_linear(picture) * np.float32(scale) for picture, scale in zip(pair, (20, 18))]
     expected, mean, _ = flip_evaluator.evaluate(*bright, "HDR", applyMagma=False)
     ours = flip.hdr_flip_map(*bright)
     assert ours.mean() == pytest.approx(mean, rel=2e-3)
@@ -80,7 +80,7 @@ def test_flip_can_be_cancelled():
 
 def test_closeness_is_that_of_srgb_encoded_pictures():
     a, b = _picture(0), _picture(1)
-    close = metrics.compare(color.srgb_to_linear(a), color.srgb_to_linear(b) + np.where(b == 1, 9, 0))
+    close = metrics.compare(pictures.srgb_to_linear(a), pictures.srgb_to_linear(b) + np.where(b == 1, 9, 0))
     assert close.psnr == pytest.approx(metrics.psnr(a, b), abs=1e-3)
     assert close.ssim == pytest.approx(metrics.ssim(a, b), abs=1e-4)
     assert close.flip == pytest.approx(flip.flip_map(b, a).mean(), rel=1e-3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import addon_utils
-from bl_ext.user_default.renderformer_v2.model.color import linear_to_srgb
+from bl_ext.user_default.renderformer_v2.model.pictures import linear_to_srgb
 from bl_ext.user_default.renderformer_v2.rf2_engine.compare import events
 from bl_ext.user_default.renderformer_v2.rf2_engine.compare.state import comparison
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status

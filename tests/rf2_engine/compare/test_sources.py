@@ -6,7 +6,7 @@ import OpenEXR
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine import exr
-from bl_ext.user_default.renderformer_v2.rf2_engine.compare import file_format, sources
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import export, sources
 
 
 def _channels(path):
@@ -94,7 +94,7 @@ def test_what_is_missing_is_named(settings, two_slots):
 def test_reading_changes_no_settings(settings, two_slots):
     of_scene = two_slots.render.image_settings
     for name in ("JPEG", "OPEN_EXR"):
-        with file_format.file_format(two_slots, name):
-            before = {key: getattr(of_scene, key) for key in file_format.RESTORED if hasattr(of_scene, key)}
+        with export.file_format(two_slots, name):
+            before = {key: getattr(of_scene, key) for key in export.RESTORED if hasattr(of_scene, key)}
             sources.Reader(two_slots).picture(settings.a)
             assert {key: getattr(of_scene, key) for key in before} == before

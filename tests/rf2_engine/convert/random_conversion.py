@@ -15,7 +15,7 @@ from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.errors import SceneError
 from bl_ext.user_default.renderformer_v2.model.normalize import Normalization
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bl_ext.user_default.renderformer_v2.model.color import linear_to_srgb
+from bl_ext.user_default.renderformer_v2.model.pictures import linear_to_srgb
 
 from tests.rf2_engine.f12 import press_f12
 from tests.rf2_engine.still_life import composite_into, compositor, tick, with_cycles

@@ -24,7 +24,7 @@ from bl_ext.user_default.renderformer_v2.model.scene import (
 )
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.vdb import openvdb_module
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 from bl_ext.user_default.renderformer_v2.rf2_engine.paper_scenes.files import write_panorama

@@ -12,10 +12,10 @@ import pytest
 
 import addon_utils  # bpy puts it on the path
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import (
+    display,
     distributions,
     package_install,
     packages,
-    redraw,
     wheels,
 )
 
@@ -149,13 +149,13 @@ def test_a_second_installation_into_the_same_folder_is_refused(index, target):
 
 def test_opening_a_file_goes_on_and_disabling_the_addon_ends_it(index, target):
     begun = stalled(index, target)
-    redraw.keep_redrawing()
+    display.keep_redrawing()
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert begun.is_running and bpy.app.timers.is_registered(redraw.redraw) and redraw.redraw() > 0
+    assert begun.is_running and bpy.app.timers.is_registered(display.redraw) and display.redraw() > 0
     addon_utils.disable(PACKAGE)
     try:
         assert begun.state == "cancelled" and tidied(target)
-        assert not bpy.app.timers.is_registered(redraw.redraw)
+        assert not bpy.app.timers.is_registered(display.redraw)
     finally:
         addon_utils.enable(PACKAGE)
 
@@ -187,7 +187,7 @@ def test_the_panels_find_what_has_arrived(index, target):
     begun = package_install.current.begin(target, wanted(), index=index.address)
     assert missing() == list(NAMES)
     finished(begun)
-    assert redraw.redraw() is None and not missing()
+    assert display.redraw() is None and not missing()
 
 
 def test_a_wheel_that_is_not_the_pinned_one_is_refused(index, target):

@@ -13,7 +13,7 @@ import addon_utils  # bpy puts it on the path
 from bl_ext.user_default.renderformer_v2.model.errors import CheckpointError
 from bl_ext.user_default.renderformer_v2.model.published.image_encoder import find_vae
 from bl_ext.user_default.renderformer_v2.rf2_engine.preferences import preferences
-from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights, redraw, weights_download
+from bl_ext.user_default.renderformer_v2.rf2_engine.setup import display, published_weights, weights_download
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup.weights_download import Download
 
 from tests.rf2_engine.installed import PACKAGE
@@ -346,11 +346,11 @@ def test_the_token_is_not_stored_in_the_preferences(online):
 
 def test_the_progress_goes_on_after_opening_a_file(online, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
-    redraw.keep_redrawing()
+    display.keep_redrawing()
     for load in (bpy.ops.wm.read_homefile, lambda: bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))):
         load()
-        assert bpy.app.timers.is_registered(redraw.redraw)
-    bpy.app.timers.unregister(redraw.redraw)
+        assert bpy.app.timers.is_registered(display.redraw)
+    bpy.app.timers.unregister(display.redraw)
 
 
 def test_a_folder_of_the_user_comes_before_the_download(online, tmp_path):

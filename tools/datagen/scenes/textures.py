@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from renderformer_v2.model.color import linear_to_srgb
+from renderformer_v2.model.pictures import linear_to_srgb
 
 SIZE = 128
 PATTERNS = ("noise", "checker", "bricks", "stripes", "dots")

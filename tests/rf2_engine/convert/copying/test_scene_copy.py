@@ -15,7 +15,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert import compute as co
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.compute import compute
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import copy
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles.bake import Promise

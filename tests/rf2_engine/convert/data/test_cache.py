@@ -9,7 +9,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.cache import CopyCache
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.scene import copy
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.cache import ConversionCache
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import reduce
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.normalize import Normalization, central_irradiance
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.options import ConversionOptions
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import ConversionOptions
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.scene import convert
 from mathutils import Matrix
 

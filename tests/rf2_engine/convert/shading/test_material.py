@@ -8,7 +8,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model.scene import HEIGHT, constant_tile
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.instance import Instance
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import Instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.functions import FUNCTIONS
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.layers import effective_ior

@@ -6,7 +6,7 @@ import pytest
 
 from bl_ext.user_default.renderformer_v2.model import progress
 from bl_ext.user_default.renderformer_v2.model.scene import BASE_COLOR, NORMAL, ROUGHNESS
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.instance import Instance
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.copied import Instance
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import MaterialTiles
 from mathutils import Euler, Matrix
