@@ -14,7 +14,8 @@ from ...scene import RenderScene
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import EnvironmentLight
 from ..edge_stopping import dot
-from ..occluders import TensorRays, is_solid
+from ..occluders import is_solid
+from ..tensor_rays import TensorRays
 from ..weighted_rows import weighted_rows
 from .bright_patches import BrightPatches
 from .panes import Panes

@@ -9,8 +9,8 @@ from torch.nn import functional as F
 
 from ...geometry import area_vectors, quartered
 from ..direct.environment_light import LIFT
-from ..occluders import TensorRays
 from ..sampling import cosine_directions, hashed_starts
+from ..tensor_rays import TensorRays
 
 LARGEST = 2048   # triangles, the largest, that are tested in each round
 RAYS = 8         # from a point to each side

@@ -8,7 +8,7 @@ from torch import Tensor
 from ...progress import part
 from ..direct.environment_light import BLUR, EnvironmentLight
 from ..edge_stopping import dot
-from ..occluders import TensorRays
+from ..tensor_rays import TensorRays
 from .patches import Patches
 
 SURFACES = 2          # of glass that dim a ray

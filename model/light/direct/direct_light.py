@@ -14,8 +14,9 @@ from ...scene import RenderScene
 from ..chunks import in_chunks
 from ..media.in_scattering import InScattering
 from ..media.transmittance import fog_of
-from ..occluders import TensorRays, is_solid, passes_light
+from ..occluders import is_solid, passes_light
 from ..sampling import hashed_starts
+from ..tensor_rays import TensorRays
 from .emitter_light import EmitterLight
 from .environment_light import EnvironmentLight, SkyVisibility
 

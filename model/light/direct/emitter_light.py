@@ -18,8 +18,8 @@ from ...geometry import area_vectors
 from ...scene import RenderScene
 from ..fresnel import gain
 from ..media.transmittance import Fog
-from ..occluders import TensorRays
 from ..sampling import R2, disk_points, triangle_weights
+from ..tensor_rays import TensorRays
 from .emitters import DISTANT, gather_emitters
 from .environment_light import LIFT
 from .form_factors import beam, cosines, ggx_lobe, sphere_directions, sphere_form_factor, triangle_directions

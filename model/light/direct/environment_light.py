@@ -17,8 +17,8 @@ from ...compute.devices import run_operator
 from ...environment import direction_map
 from ..chunks import in_chunks
 from ..media.transmittance import Fog
-from ..occluders import TensorRays
 from ..sampling import cosine_directions
+from ..tensor_rays import TensorRays
 
 ROUGHNESS_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 BLUR = 0.3                            # roughness at which one of many rays reads the map
