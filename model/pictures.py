@@ -11,6 +11,8 @@ import numpy as np
 from .progress import report
 
 BAND_PIXELS = 1 << 18  # of a band; also what lies between two looks at the Esc key
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of scene-linear RGB
+HALF_MAX = 65504.0  # the largest half float
 
 
 def box_sums(x: np.ndarray, radius: int) -> np.ndarray:
@@ -38,10 +40,6 @@ def bands(height: int, width: int, margin: int, pixels: int = 0, multiple: int =
         report(begin / height)
         first, end = max(begin - margin, 0), min(begin + rows, height)
         yield slice(first, min(end + margin, height)), slice(begin - first, end - first)
-
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of scene-linear RGB
-HALF_MAX = 65504.0  # the largest half float
 
 
 def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:

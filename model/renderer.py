@@ -32,6 +32,7 @@ from .guided.pipeline import GuidedPipeline
 from .light.effort import FULL, Effort
 from .light_passes import Lobes
 from .normalize import Normalization
+from .pipeline import LobePipeline
 from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle
 from .published.pipeline import PublishedPipeline
@@ -70,13 +71,14 @@ class Renderer:
         return f"{device_name(self.device)}, {NAMES[self.dtype]}"
 
     def fitted(self, compute: Callable[[], T]) -> T:
-        """compute(), again in smaller pieces where a card's memory is too small for it; `remark` says so then.
+        """compute() inside `inference()`, again in smaller pieces where a card's memory is too small; `remark` says so.
 
         Raises torch.OutOfMemoryError when it is too small for the smallest ones.
         """
         while True:
             try:
-                return compute()
+                with inference(self.pieces):
+                    return compute()
             except torch.OutOfMemoryError:
                 if not self.pieces.shrink():
                     raise
@@ -88,10 +90,8 @@ class Renderer:
 
     def prepare(self, scene: RenderScene) -> None:
         """What `encode` can keep of a scene in world units for later renders: published weights' textures."""
-        if isinstance(self.pipeline, PublishedPipeline):
-            normalized = Normalization.of(scene).scene(scene)
-            with inference(self.pieces):
-                self.fitted(lambda: self.pipeline.prepare(normalized))
+        normalized = Normalization.of(scene).scene(scene)
+        self.fitted(lambda: self.pipeline.prepare(normalized))
 
     def encode(self, scene: RenderScene, picture_size: int = 512, draft: bool = False) -> EncodedScene:
         """Stage 1 of a scene in world units, for pictures whose longer side has so many pixels.
@@ -100,10 +100,9 @@ class Renderer:
         """
         report(0.0, "Preparing the scene")
         normalization, variant = Normalization.of(scene), self.pipeline.variant(picture_size)
-        draft = draft and isinstance(self.pipeline, GuidedPipeline)
-        with inference(self.pieces):
-            normalized, make = normalization.scene(scene), self.pipeline.draft if draft else self.pipeline.encode
-            encoded = self.fitted(lambda: make(normalized, variant))
+        draft = draft and isinstance(self.pipeline, LobePipeline)
+        normalized, encode = normalization.scene(scene), self.pipeline.draft if draft else self.pipeline.encode
+        encoded = self.fitted(lambda: encode(normalized, variant))
         return EncodedScene(self, normalization, variant, encoded, draft)
 
 
@@ -120,9 +119,7 @@ class EncodedScene:
     def finished(self) -> EncodedScene:
         """Of a draft, the scene after stage 1."""
         renderer = self.renderer
-        with inference(self.renderer.pieces):
-            return replace(self, encoded=renderer.fitted(lambda: renderer.pipeline.finished(self.encoded)),
-                           is_draft=False)
+        return replace(self, encoded=renderer.fitted(lambda: renderer.pipeline.finished(self.encoded)), is_draft=False)
 
     def view(self, view: View, guides: Guides, effort: Effort = FULL) -> np.ndarray:
         """(H, W, 3) f32 radiance of surfaces and volumes, premultiplied, scene-linear, row 0 on top.
@@ -150,26 +147,25 @@ class EncodedScene:
         alone know how.
         """
         antialiased = self.renderer.pipeline.antialiased
-        with inference(self.renderer.pieces):
-            return self.renderer.fitted(lambda: antialiased(pictures, lobes.radiance, guides, samples, wraps))
+        return self.renderer.fitted(lambda: antialiased(pictures, lobes.radiance, guides, samples, wraps))
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""
         pipeline = self.renderer.pipeline
-        wanted = pipeline.variant(view.longer_side)
-        if wanted != self.variant:
-            raise ValueError(f"the scene was encoded for {self.variant}, this view needs {wanted}")
+        variant = pipeline.variant(view.longer_side)
+        if variant != self.variant:
+            raise ValueError(f"the scene was encoded for {self.variant}, this view needs {variant}")
         larger, guides = padded(view, guides, pipeline.granularity)
-        place = (..., *find_window(larger, view))
-        with inference(self.renderer.pieces):
-            given = self.normalization.view(larger), self.normalization.guides(guides)
-            found = self.renderer.fitted(lambda: run(self.encoded, *given))
-            found = {key: radiance[place] / self.normalization.exposure for key, radiance in found.items()}
-        if not all(radiance.isfinite().all() for radiance in found.values()):
+        window = (..., *find_window(larger, view))
+        inputs = self.normalization.view(larger), self.normalization.guides(guides)
+        pictures = self.renderer.fitted(lambda: {
+            name: radiance[window] / self.normalization.exposure
+            for name, radiance in run(self.encoded, *inputs).items()})
+        if not all(radiance.isfinite().all() for radiance in pictures.values()):
             exact = self.renderer.dtype == torch.float32
             advice = "the weights may be damaged" if exact else "set Precision to Float32"
             raise CheckpointError(f"The network's picture holds values that are not finite: {advice}")
-        return {key: radiance.movedim(-3, -1).cpu().numpy() for key, radiance in found.items()}
+        return {key: radiance.movedim(-3, -1).cpu().numpy() for key, radiance in pictures.items()}
 
     @property
     def tokens(self) -> int:

@@ -31,6 +31,7 @@ from ..progress import report, steps
 # element-wise work between the products stays in the processor's cache.
 CHUNK = 512
 GPU_CHUNK = 4096
+HUGE = 1 << 22  # bytes: numpy asks the system for huge pages from here on
 
 
 class Pieces:
@@ -134,9 +135,6 @@ def chunked(function: Callable, *tensors: torch.Tensor, size: int = 0, axis: int
         for full, piece in zip(results, pieces):
             full.narrow(axis, begin, piece.shape[axis]).copy_(piece)
     return tuple(results) if isinstance(result, tuple) else results[0]
-
-
-HUGE = 1 << 22  # bytes: numpy asks the system for huge pages from here on
 
 
 def like(piece: torch.Tensor, length: int, axis: int) -> torch.Tensor:

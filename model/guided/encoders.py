@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from ..compute.inference import is_inference
 from ..material.mappers import LATENT_DIM
 from ..network.config import ModelConfig
 from ..network.embedding import ENVIRONMENT_GRID
@@ -14,6 +15,8 @@ from ..scene import HEIGHT, NORMAL
 from .features import FEATURES
 
 TILE_CHANNELS = LATENT_DIM + HEIGHT + 1 - NORMAL.start  # appearance latent, normal, height
+BEAM_FEATURES = 5       # axis and two cosines of a light triangle's beam
+BAND_PIXELS = 1 << 17   # embedded at a time
 
 
 class _Halving(nn.Sequential):
@@ -51,10 +54,6 @@ def panorama_size(config: ModelConfig) -> tuple[int, int]:
     return rows, columns
 
 
-BEAM_FEATURES = 5       # axis and two cosines of a light triangle's beam
-BAND_PIXELS = 1 << 17   # embedded at a time
-
-
 class Guidance(nn.Module):
     """Embeds features of pixels into ray-bundle tokens, and beams into light tokens."""
 
@@ -69,7 +68,7 @@ class Guidance(nn.Module):
         """(V, len(FEATURES), H, W) -> (V, R, D), added to the ray tokens."""
         views, _, height, width = features.shape
         rows = max(BAND_PIXELS // (views * width) // self.patch_size, 1) * self.patch_size
-        return torch.cat([self._embed(band) for band in features.split(height if self.training else rows, dim=2)], 1)
+        return torch.cat([self._embed(band) for band in features.split(rows if is_inference() else height, dim=2)], 1)
 
     def _embed(self, band: Tensor) -> Tensor:
         patches = F.pixel_unshuffle(band, self.patch_size)

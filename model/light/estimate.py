@@ -15,6 +15,7 @@ from torch import Tensor
 
 from ..compute.inference import current_pieces, like
 from ..light_passes import LOBES
+from ..pictures import bands
 from ..progress import part
 from ..scene import Guides, RenderScene, View
 from .bounce.pixels import diffuse_bounces, glossy_bounces, outgoing_radiance
@@ -53,15 +54,14 @@ def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort
     """
     height, width = guides.alpha.shape
     effort = effort.of_picture(view.width * view.height)
-    rows = max(current_pieces().limit(BAND_PIXELS) // width // BAND_ROWS, 1) * BAND_ROWS
-    picture = None
-    for begin in range(0, height, rows):
-        band = slice(begin, min(begin + rows, height))
-        with part(BANDS * begin / height, BANDS * band.stop / height):
-            estimate = _estimate_band(light, view, guides.rows(band), begin, effort, with_direct)
-        picture = picture or _with_height(estimate, height)
-        for name in SurfaceLight.PICTURES:
-            getattr(picture, name)[..., band, :] = getattr(estimate, name)
+    picture, pixels = None, current_pieces().limit(BAND_PIXELS)
+    with part(0.0, BANDS):
+        for band, _ in bands(height, width, margin=0, pixels=pixels, multiple=BAND_ROWS):
+            with part(band.start / height, band.stop / height):
+                estimate = _estimate_band(light, view, guides.rows(band), band.start, effort, with_direct)
+            picture = picture or _with_height(estimate, height)
+            for name in SurfaceLight.PICTURES:
+                getattr(picture, name)[..., band, :] = getattr(estimate, name)
     if effort.edges:
         with part(BANDS, 1.0):
             _antialias(picture, light, view, guides, with_direct)

@@ -15,6 +15,7 @@ from .worker_process import WorkerProcess
 MARGIN = 70        # of a panel and an icon; pixels at Blender's usual size
 TABS = 22          # of a sidebar
 CHARACTERS = 70    # of a line where no region is drawn
+INTERVAL = 0.25  # seconds
 
 
 def draw_text(layout, text: str, icon: str = "ERROR") -> None:
@@ -72,9 +73,6 @@ def free_space(folder: Path) -> int:
     while not folder.exists():
         folder = folder.parent
     return shutil.disk_usage(folder).free
-
-
-INTERVAL = 0.25  # seconds
 
 
 def redraw() -> float | None:

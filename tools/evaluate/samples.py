@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.guided.pipeline import GuidedScene
 from renderformer_v2.model.light.estimate import estimate_light
 from renderformer_v2.model.light.surface_light import SurfaceLight
@@ -65,7 +66,7 @@ def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.nda
 def estimated_light(encoded: EncodedScene, view: View, guides: Guides) -> SurfaceLight:
     """The light that the guided network corrects, in network exposure; no direct light where light was traced."""
     frame = encoded.normalization
-    with torch.inference_mode():
+    with inference():
         return estimate_light(encoded.encoded.light, frame.view(view), frame.guides(guides),
                               with_direct=guides.traced is None)
 
