@@ -13,6 +13,7 @@ import numpy as np
 from .fields import DISPLACEMENT, LENGTH, POINT, RADIANCE, map_arrays
 from .geometry import area_vectors
 from .scene import Guides, RenderScene, View
+from .scene_rays import share_rays
 
 HALF_EXTENT = 0.5          # of the scene's box, in network units
 CENTRAL_IRRADIANCE = 4.0   # W/m^2 that all lights and the environment together bring to the scene's centre
@@ -40,8 +41,11 @@ class Normalization:
     def scene(self, scene: RenderScene) -> RenderScene:
         """The same scene in network units, displacement heights included."""
         scale, exposure = np.float32(self.scale), np.float32(self.exposure)
-        return map_arrays(scene, {POINT: self.points, LENGTH: lambda x: x * scale, RADIANCE: lambda x: x * exposure,
-                              DISPLACEMENT: lambda x: (x * scale).clip(-1, 1) if x.any() else x})
+        changes = {POINT: self.points, LENGTH: lambda x: x * scale, RADIANCE: lambda x: x * exposure,
+                   DISPLACEMENT: lambda x: (x * scale).clip(-1, 1) if x.any() else x}
+        normalized = map_arrays(scene, changes)
+        share_rays(scene, normalized, self.center, self.scale)
+        return normalized
 
     def view(self, view: View) -> View:
         camera = view.camera_to_world.astype(np.float32).copy()

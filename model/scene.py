@@ -151,10 +151,26 @@ class Guides:
 
 
 @dataclass
+class Geometry:
+    """The real surfaces of a scene, which rays meet: G triangles, each with the token triangle that stands for it.
+
+    The token has its material, light and visibility: what a ray finds on a triangle is that of the nearest point of
+    the token (model/shading.py).
+    """
+
+    triangles: np.ndarray = rows("G", 3, 3, behaves=POINT)    # corners, counter-clockwise from the front
+    normals: np.ndarray = rows("G", 3, 3, behaves=DIRECTION)  # unit shading normal per corner
+    token: np.ndarray = rows("G", dtype=np.int32)             # row of the scene's token triangles
+
+    def __len__(self) -> int:
+        return len(self.triangles)
+
+
+@dataclass
 class RenderScene:
     """Everything the network is told about a scene: N triangles, T material tiles, one environment, M volume cells.
 
-    Float arrays are f32, tiles f16, `tile_index` i32.
+    And, as `geometry`, what rays meet. Float arrays are f32, tiles f16, `tile_index` i32.
     """
 
     triangles: np.ndarray = rows("N", 3, 3, behaves=POINT)     # corners, counter-clockwise from the front
@@ -179,9 +195,15 @@ class RenderScene:
     # Diffuse and specular reflectance of tiles that the parameters show as one surface in between; 0 for others
     two_lobes: np.ndarray | None = array("T", len(TWO_LOBES), TILE_SIZE, TILE_SIZE, dtype=np.float16,
                                          channels=TWO_LOBES, default="none")
+    geometry: Geometry | None = None  # None: the token triangles are the real ones
 
     def __len__(self) -> int:
         return len(self.triangles)
+
+    @property
+    def surfaces(self) -> Geometry:
+        """What rays meet."""
+        return self.geometry or Geometry(self.triangles, self.normals, np.arange(len(self), dtype=np.int32))
 
     @property
     def is_light(self) -> np.ndarray:
@@ -213,19 +235,30 @@ class RenderScene:
         check_arrays(self)
         if self.volumes is not None:
             check_arrays(self.volumes, "volumes.")
+        if self.geometry is not None:
+            check_arrays(self.geometry, "geometry.")
+            token = self.geometry.token
+            if len(token) and (token.min() < 0 or token.max() >= len(self)):
+                raise ValueError(f"geometry.token reaches outside the {len(self)} triangles")
         if len(self) and (self.tile_index.min() < 0 or self.tile_index.max() >= len(self.tiles)):
             raise ValueError(f"tile_index reaches outside the {len(self.tiles)} tiles")
 
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
-        scenes, tiles = [], 0
+        scenes, tiles, count, geometries = [], 0, 0, []
         absent = [name for name in ("latents", "two_lobes")
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
             scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen,
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes))
-            tiles += len(scene.tiles)
-        return replace(self, **{name: np.concatenate([getattr(scene, name) for scene in scenes])
+            surfaces = scene.surfaces
+            geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
+            tiles, count = tiles + len(scene.tiles), count + len(scene)
+        geometry = None
+        if any(scene.geometry is not None for scene in scenes):
+            geometry = Geometry(**{name: np.concatenate([getattr(part, name) for part in geometries])
+                                   for name in layouts(self.surfaces)})
+        return replace(self, geometry=geometry, **{name: np.concatenate([getattr(scene, name) for scene in scenes])
                                 for name, layout in layouts(self).items()
                                 if layout.shape[0] in ("N", "T") and name not in absent})
 

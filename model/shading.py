@@ -1,28 +1,47 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a ray finds on a triangle of a scene: its shading normal, its side and the parameters of its material."""
+"""What a ray finds on the real surfaces of a scene: the shading normal, the side, and the material of the token."""
 from __future__ import annotations
 
 import numpy as np
 
-from .geometry import area_vectors, barycentric, dot, facing
+from .geometry import area_vectors, barycentric, corner_weights, dot, facing
 from .scene import RenderScene, texels
 
 
 def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
             direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The surface at world points (P, 3) on triangles (P,) that are met along unit directions (P, 3).
+    """The surface at points (P, 3) on triangles (P,) of the geometry that are met along unit directions (P, 3).
 
     Unit shading normals (P, 3) facing the viewer, whether they are met from behind (P,), and material texels (P, C).
     """
-    corners = scene.triangles[triangle]
+    surfaces = scene.surfaces
+    corners, token = surfaces.triangles[triangle], surfaces.token[triangle]
     weights = barycentric(corners, point).clip(0, 1).astype(np.float32)
-    x, y = texels(weights[:, :2])
-    texel = scene.tiles[scene.tile_index[triangle], :, y, x].astype(np.float32)
+    on_token = weights if scene.geometry is None else _nearest_weights(scene.triangles[token], point)
+    x, y = texels(on_token[:, :2])
+    texel = scene.tiles[scene.tile_index[token], :, y, x].astype(np.float32)
     normal = shading_normals(scene, triangle, weights, direction)
     return normal, dot(area_vectors(corners), direction) > 0, texel
 
 
 def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray, ray: np.ndarray) -> np.ndarray:
-    """(P, 3) f32 unit normals on triangles (P,) with weights (P, 3) of their corners, facing who looks along (P, 3)."""
-    normal = np.einsum("pk,pkc->pc", weights, scene.normals[triangle])
+    """(P, 3) f32 unit normals on triangles (P,) of the geometry with weights (P, 3) of their corners, facing who looks
+    along (P, 3)."""
+    normal = np.einsum("pk,pkc->pc", weights, scene.surfaces.normals[triangle])
     return facing(normal / np.sqrt(dot(normal, normal)).clip(1e-12)[:, None], ray)
+
+
+def on_tokens(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Token triangles (P,) i32 that stand for triangles (P,) of the geometry, and weights (P, 2) f32 of corners 0 and 1
+    at their points nearest to those with weights (P, 2) in these."""
+    if scene.geometry is None:
+        return triangle, weights
+    corners, token = scene.geometry.triangles[triangle], scene.geometry.token[triangle]
+    point = np.einsum("pk,pkc->pc", corner_weights(weights), corners)
+    return token, _nearest_weights(scene.triangles[token], point)[:, :2]
+
+
+def _nearest_weights(corners: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """(P, 3) f32 weights of corners (P, 3, 3) at points in the triangle near to points (P, 3)."""
+    weights = barycentric(corners, point).clip(0, 1)
+    return (weights / weights.sum(axis=-1, keepdims=True)).astype(np.float32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays from a camera to the token triangles that it sees, and guides from these alone."""
+"""Rays from a camera to the surfaces that it sees, and guides from these alone."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -11,15 +11,17 @@ import numpy as np
 from ..camera import view_rays, view_rays_at
 from ..geometry import corner_weights
 from ..progress import part
-from ..rays import Hits, Rays
+from ..rays import Hits
 from ..scene import Guides, RenderScene, View
-from ..shading import shading_normals
+from ..scene_rays import scene_rays
+from ..shading import on_tokens, shading_normals
+from ..surface_kinds import SEEN
 from .from_rays import guides_of_hits, lobe_colors, mean_guides
 
 SAMPLES = 16        # of a pixel
 BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of Cycles' default pixel filter
 FILTER_WIDTH = 1.5  # pixels, of the same
-FINDING = "Finding visible triangles"
+FINDING = "Finding visible surfaces"
 CENTER = ((0.5, 0.5),)
 # Positions in a pixel, no two in a row or column.
 SPREAD = ((0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625))
@@ -39,14 +41,11 @@ class CameraRays:
 
     def __init__(self, scene: RenderScene, view: View):
         self._scene, self._view, self._eye = scene, view, view.camera_to_world[:3, 3]
-        visible = np.flatnonzero(scene.is_seen)
-        self._rays = Rays(scene.triangles[visible] - self._eye)
-        self._row = np.append(visible, -1).astype(np.int32)  # the last one is that of no hit
+        self._rays = scene_rays(scene).among(SEEN)
 
     def closest(self, direction: np.ndarray) -> Hits:
-        """The first hits along directions (P, 3), with triangles by their row in the scene."""
-        hits = self._rays.closest(np.zeros(3), direction)
-        return hits._replace(triangle=self._row[hits.triangle])
+        """The first hits along directions (P, 3), with triangles by their row in the geometry."""
+        return self._rays.closest(self._eye, direction)
 
     def hits_lie_at(self, points: np.ndarray, tolerance: float) -> np.ndarray:
         """(P,) bool: whether the first hit towards points (P, 3) is there, within a share of the distance."""
@@ -62,7 +61,7 @@ class CameraRays:
         values = np.zeros((5, len(rays), 3), np.float32)
         values[0, hit] = hits.distance[hit, None] * rays[hit] + self._eye
         values[1, hit] = shading_normals(self._scene, triangle, corner_weights(weights), rays[hit])
-        values[2:, hit] = lobe_colors(self._scene, triangle, weights)
+        values[2:, hit] = lobe_colors(self._scene, *on_tokens(self._scene, triangle, weights))
         position, normal, *colors = values.reshape(5, len(pixel), len(SAMPLE_POINTS), 3)
         return Samples(hit.reshape(position.shape[:2]), position, normal, np.stack(colors))
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from ..camera import view_rays, view_rays_at
-from ..geometry import barycentric, corner_weights
+from ..geometry import barycentric, corner_weights, facing, unit
 from ..progress import part
-from ..rays import Rays
+from ..rays import Hits
 from ..scene import Guides, RenderScene, View
-from ..shading import shading_normals
+from ..scene_rays import scene_rays
+from ..shading import on_tokens, shading_normals
+from ..surface_kinds import ALL, SEEN
 from . import denoise_media
 from .camera_rays import FINDING, CameraRays
 from .denoise_media import Behind
@@ -54,24 +57,52 @@ def guides_from_passes(passes: Passes, scene: RenderScene, view: View, nearest_t
     covered = alpha > COVERED
     hit = covered & (passes["depth"][..., 0] < NOTHING_HIT)
 
-    position = passes["position"] * hit[..., None]
-    triangle = np.full(hit.shape, -1, np.int32)
-    weights = np.zeros((*hit.shape, 2), np.float32)
+    surfaces = FirstSurfaces.empty(passes["position"] * hit[..., None])
     if len(scene) and hit.any():
         emits = (passes["emission"] > 0).any(axis=-1)
-        triangle[hit], weights[hit] = _first_triangles(scene, view, position, hit, emits, nearest_triangles)
+        surfaces.set(hit, _first_surfaces(scene, view, surfaces.position[hit], hit, emits[hit], nearest_triangles))
     has_media = scene.volumes is not None and len(scene.volumes) > 0 and len(scene) > 0
     if has_media:
         camera = CameraRays(scene, view)
-        _add_hits_behind_media(camera, view, covered & ~hit, hit, position, triangle, weights)
+        _add_hits_behind_media(camera, scene, view, covered & ~hit, hit, surfaces)
     source = _nearest_pixels(hit, covered)
-    guides = replace(guides_without_triangles(passes), position=position.reshape(-1, 3)[source],
-                     hit_triangle=triangle.ravel()[source], hit_barycentric=weights.reshape(-1, 2)[source])
-    several = (np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha) & (guides.hit_triangle >= 0)
-    middle, rays = corner_weights(guides.hit_barycentric[several]), view_rays(view)[1][several]
-    guides.normal[several] = shading_normals(scene, guides.hit_triangle[several], middle, rays)
-    behind = _behind_media(scene, camera, hit, triangle, weights) if has_media else None
+    shown = surfaces.taken(source)
+    guides = replace(guides_without_triangles(passes), position=shown.position, hit_triangle=shown.token,
+                     hit_barycentric=shown.weights)
+    several = (np.linalg.norm(passes["normal"], axis=-1) < ONE_SURFACE * alpha) & (shown.token >= 0)
+    guides.normal[several] = facing(shown.normal[several], view_rays(view)[1][several])
+    behind = _behind_media(scene, camera, hit, surfaces) if has_media else None
     return denoise_media.smoothed(guides, scene.volumes, view, behind)
+
+
+class FirstSurfaces(NamedTuple):
+    """The surfaces that P rays, or those of all pixels (H, W), meet first."""
+
+    position: np.ndarray  # (P, 3) f32, world
+    normal: np.ndarray    # (P, 3) f32, shading normal facing the viewer; 0 = nothing is met
+    token: np.ndarray     # (P,) i32, the token triangle that stands for the surface; -1 = nothing is met
+    weights: np.ndarray   # (P, 2) f32 of the token's corners 0 and 1
+
+    @classmethod
+    def empty(cls, position: np.ndarray) -> FirstSurfaces:
+        """Without surfaces at positions (..., 3)."""
+        shape = position.shape[:-1]
+        return cls(position, np.zeros_like(position), np.full(shape, -1, np.int32), np.zeros((*shape, 2), np.float32))
+
+    def set(self, rows, surfaces: FirstSurfaces) -> None:
+        for own, other in zip(self, surfaces, strict=True):
+            own[rows] = other
+
+    def taken(self, source: np.ndarray) -> FirstSurfaces:
+        """Those of other pixels, by flat index (H, W)."""
+        return FirstSurfaces(*(x.reshape(source.size, *x.shape[2:])[source] for x in self))
+
+    @classmethod
+    def of_hits(cls, scene: RenderScene, hits: Hits, eye: np.ndarray, rays: np.ndarray) -> FirstSurfaces:
+        """Where rays (P, 3) from a point hit the geometry, all of them."""
+        return cls(hits.distance[:, None] * rays + eye,
+                   shading_normals(scene, hits.triangle, corner_weights(hits.weights), rays),
+                   *on_tokens(scene, hits.triangle, hits.weights))
 
 
 def guides_without_triangles(passes: Passes) -> Guides:
@@ -99,23 +130,23 @@ def clear_outside(passes: Passes, outside: np.ndarray | None) -> Passes:
                      "depth": np.where(outside[..., None], np.float32(NOWHERE), passes["depth"])}
 
 
-def _add_hits_behind_media(camera: CameraRays, view: View, hidden: np.ndarray, hit: np.ndarray, position: np.ndarray,
-                           triangle: np.ndarray, weights: np.ndarray) -> None:
-    """Write what the rays of `hidden` pixels (H, W) hit, which ended in a medium, into the other arrays."""
+def _add_hits_behind_media(camera: CameraRays, scene: RenderScene, view: View, hidden: np.ndarray, hit: np.ndarray,
+                           surfaces: FirstSurfaces) -> None:
+    """Write what the rays of `hidden` pixels (H, W) hit, which ended in a medium, into `hit` and the surfaces."""
     rays = view_rays(view)[1][hidden]
     hits = camera.closest(rays)
     is_hit = hits.triangle >= 0
     pixels = tuple(index[is_hit] for index in np.nonzero(hidden))
-    hit[pixels], triangle[pixels], weights[pixels] = True, hits.triangle[is_hit], hits.weights[is_hit]
-    position[pixels] = hits.distance[is_hit, None] * rays[is_hit] + view.camera_to_world[:3, 3]
+    hit[pixels] = True
+    some = Hits(*(x[is_hit] for x in hits))
+    surfaces.set(pixels, FirstSurfaces.of_hits(scene, some, view.camera_to_world[:3, 3], rays[is_hit]))
 
 
-def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, triangle: np.ndarray,
-                  weights: np.ndarray) -> Behind:
+def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, surfaces: FirstSurfaces) -> Behind:
     """Lobe colours and coverage of the tokens `hit` (H, W), by more rays where neighbouring pixels differ."""
-    colors, has_token = np.zeros((3, *hit.shape, 3), np.float32), hit & (triangle >= 0)
+    colors, has_token = np.zeros((3, *hit.shape, 3), np.float32), hit & (surfaces.token >= 0)
     if has_token.any():
-        colors[:, has_token] = lobe_colors(scene, triangle[has_token], weights[has_token])
+        colors[:, has_token] = lobe_colors(scene, surfaces.token[has_token], surfaces.weights[has_token])
     coverage = has_token.astype(np.float32)
     varying = np.flatnonzero(denoise_media.varies(np.concatenate([*colors, coverage[..., None]], axis=-1)))
     for batch in np.array_split(varying, len(varying) // BATCH + 1):
@@ -125,36 +156,36 @@ def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, trian
     return Behind(colors, coverage)
 
 
-def _first_triangles(scene: RenderScene, view: View, position: np.ndarray, hit: np.ndarray, emits: np.ndarray,
-                     nearest_triangles: NearestTriangles) -> tuple[np.ndarray, np.ndarray]:
-    """Token triangle (S,) i32 and weights of its corners 0 and 1 (S, 2) f32 for the S pixels of `hit`.
+def _first_surfaces(scene: RenderScene, view: View, target: np.ndarray, hit: np.ndarray, emits: np.ndarray,
+                    nearest_triangles: NearestTriangles) -> FirstSurfaces:
+    """Those of the S pixels of `hit` (H, W) at which Cycles saw points `target` (S, 3) that emit light (S,) or not.
 
     The first one on the pixel's ray, visible or not; if what Cycles saw is not there, the first visible one; if it is
-    not there either, the triangle nearest to it.
+    not there either, the token triangle nearest to it.
     """
-    eye, (rows, columns), target = view.camera_to_world[:3, 3], np.nonzero(hit), position[hit]
+    eye, (rows, columns) = view.camera_to_world[:3, 3], np.nonzero(hit)
     rays = view_rays_at(view, columns + 0.5, rows + 0.5)[1]
-    triangle, weights = np.full(len(target), -1, np.int32), np.zeros((len(target), 2), np.float32)
-    candidates, remaining = np.arange(len(scene)), np.arange(len(target))
+    result, remaining = FirstSurfaces.empty(target.copy()), np.arange(len(target))
     with part(0.0, 0.5, FINDING):
-        for _ in range(2):
-            hits = Rays(scene.triangles[candidates] - eye).closest(np.zeros(3), rays[remaining])
-            point = hits.distance[:, None] * rays[remaining] + eye
-            row = np.append(candidates, -1)[hits.triangle]
-            unseen_light = scene.is_light[row] & ~emits[hit][remaining]
+        for kinds in (ALL, SEEN):
+            hits = scene_rays(scene).among(kinds).closest(eye, rays[remaining])
+            away = np.linalg.norm(hits.distance[:, None] * rays[remaining] + eye - target[remaining], axis=1)
+            away /= np.linalg.norm(target[remaining] - eye, axis=1)
+            unseen_light = scene.is_light[scene.surfaces.token[hits.triangle]] & ~emits[remaining]
             tolerance = np.where(unseen_light, UNSEEN_LIGHT_TOLERANCE, TOLERANCE)
-            away = np.linalg.norm(point - target[remaining], axis=1) / np.linalg.norm(target[remaining] - eye, axis=1)
-            fits = (row >= 0) & (away <= tolerance)
-            triangle[remaining[fits]], weights[remaining[fits]] = row[fits], hits.weights[fits]
-            candidates, remaining = np.flatnonzero(scene.is_seen), remaining[~fits]
-            if not len(remaining) or len(candidates) == len(scene):
+            fits = (hits.triangle >= 0) & (away <= tolerance)
+            fitting = remaining[fits]
+            result.set(fitting, FirstSurfaces.of_hits(scene, Hits(*(x[fits] for x in hits)), eye, rays[fitting]))
+            remaining = remaining[~fits]
+            if not len(remaining) or scene.is_seen.all():
                 break
     if len(remaining):
         with part(0.5, 1.0, FINDING):
             nearest = nearest_triangles(scene.triangles, target[remaining])
-        triangle[remaining] = nearest
-        weights[remaining] = barycentric(scene.triangles[nearest], target[remaining])[:, :2].clip(0, 1)
-    return triangle, weights
+        weights = barycentric(scene.triangles[nearest], target[remaining]).astype(np.float32)
+        normal = facing(unit(np.einsum("pk,pkc->pc", weights.clip(0), scene.normals[nearest])), rays[remaining])
+        result.set(remaining, FirstSurfaces(target[remaining], normal, nearest, weights[:, :2].clip(0, 1)))
+    return result
 
 
 def _nearest_pixels(known: np.ndarray, needed: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""First hits from the token triangles alone: guides for any camera, without Cycles."""
+"""First hits of our own rays alone: guides for any camera, without Cycles."""
 from __future__ import annotations
 
 import numpy as np
@@ -7,7 +7,7 @@ import numpy as np
 from ..geometry import corner_weights, seen_in
 from ..material.reflectance import normal_reflectance
 from ..scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels, tint_of_glass
-from ..shading import shading_normals
+from ..shading import on_tokens, shading_normals
 
 OF_PLACE = "position", "normal", "depth", "hit_triangle", "hit_barycentric"
 OF_ALL = "diffuse_color", "glossy_color", "transmission_color", "emission", "environment", "alpha"
@@ -18,30 +18,32 @@ def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: n
                    weights: np.ndarray) -> Guides:
     """Guides of one view from what its rays hit: one sample per pixel, materials as the token's tile has them.
 
-    rays (H, W, 3) unit, world; triangle (H, W) i32, -1 = nothing; weights (H, W, 2) of its corners 0 and 1. Colours
-    leave out how reflection grows towards grazing angles; normals face the viewer.
+    rays (H, W, 3) unit, world; triangle (H, W) i32 of the geometry, -1 = nothing; weights (H, W, 2) of its corners 0
+    and 1. Colours leave out how reflection grows towards grazing angles; normals face the viewer.
     """
     hit = triangle >= 0
     at = np.flatnonzero(hit)
     environment = np.zeros((triangle.size, 3), np.float32)
     position, normal, emission = (np.zeros_like(environment) for _ in range(3))
+    token, on_token = np.full(triangle.size, -1, np.int32), np.zeros((triangle.size, 2), np.float32)
     depth, color = np.full(triangle.size, NOTHING_HIT, np.float32), np.zeros((3, *environment.shape), np.float32)
     flat_rays = rays.reshape(-1, 3)
     if len(at):
         row, hit_weights, camera = triangle.ravel()[at], weights.reshape(-1, 2)[at], view.camera_to_world
         share = corner_weights(hit_weights)
-        position[at] = np.einsum("pk,pkc->pc", share, scene.triangles[row])
+        position[at] = np.einsum("pk,pkc->pc", share, scene.surfaces.triangles[row])
         normal[at] = shading_normals(scene, row, share, flat_rays[at])
         depth[at] = (position[at] - camera[:3, 3]) @ -camera[:3, 2]
-        emission[at] = scene.emission[row]
-        color[:, at] = lobe_colors(scene, row, hit_weights)
+        token[at], on_token[at] = on_tokens(scene, row, hit_weights)
+        emission[at] = scene.emission[token[at]]
+        color[:, at] = lobe_colors(scene, token[at], on_token[at])
     if scene.environment is not None:
         sky = np.flatnonzero(~hit)
         environment[sky] = seen_in(scene.environment, flat_rays[sky])
     whole = lambda array: array.reshape(*array.shape[:-2], *triangle.shape, 3)  # noqa: E731
     return Guides(whole(position), whole(normal), *whole(color), whole(emission), whole(environment),
-                  depth.reshape(triangle.shape), hit.astype(np.float32), triangle.astype(np.int32),
-                  weights.astype(np.float32))
+                  depth.reshape(triangle.shape), hit.astype(np.float32), token.reshape(triangle.shape),
+                  on_token.reshape(weights.shape))
 
 
 def mean_guides(parts: list[Guides]) -> Guides:
@@ -58,7 +60,7 @@ def mean_guides(parts: list[Guides]) -> Guides:
 
 
 def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(3, P, 3) diffuse, glossy and transmission colour at normal incidence; emitters reflect nothing."""
+    """(3, P, 3) diffuse, glossy and transmission colour of tokens (P,) at normal incidence; emitters reflect none."""
     x, y = texels(weights)
     texel = scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)
     base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION, None]

@@ -19,12 +19,18 @@ BRIGHT = 2.0    # times the mean radiance, from which on a patch is aimed at
 class BrightPatches:
     """Triangles (T, 3, 3), aimed at by the importance of the patches that they belong to."""
 
-    def __init__(self, corners: Tensor, patch: Tensor, importance: Tensor):
-        """patch: (T,) rows of the patches; importance: (sides,) of their fronts, then of their backs."""
+    def __init__(self, corners: Tensor, solid: Tensor, patch: Tensor, importance: Tensor):
+        """solid: (T,) bool, those that rays hit; patch: (T,) rows of the patches; importance: (sides,) of their fronts,
+        then of their backs."""
+        importance = importance.unflatten(0, (2, -1)).sum(0)  # a ray aimed at one side may hit the other
+        self._triangle = (solid & (importance > 0)[patch]).nonzero()[:, 0]
+        # By triangle, with one entry behind all for rays that hit nothing.
+        self._row = torch.full((len(corners) + 1,), len(self._triangle), device=corners.device)
+        self._row[self._triangle] = torch.arange(len(self._triangle), device=corners.device)
+        corners, patch = corners[self._triangle], patch[self._triangle]
         self.origin, self.edges = corners[:, 0], (corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         vector = torch.linalg.cross(*self.edges) / 2
         area = vector.norm(dim=-1)
-        importance = importance.unflatten(0, (2, -1)).sum(0)  # a ray aimed at one side may hit the other
         patch_area = torch.zeros_like(importance).index_add_(0, patch, area)
         density = (importance / patch_area.clamp_min(1e-20))[patch]
         cumulative = (density * area).cpu().double().cumsum(0)  # GPUs may know no float64
@@ -32,7 +38,7 @@ class BrightPatches:
         if self.exist:
             self.cumulative = (cumulative / cumulative[-1]).float().to(corners.device)
             density /= float(cumulative[-1])  # by area
-        # The row behind all triangles is for rays that hit none (triangle -1), or one without a patch.
+        # The row behind all is for rays that hit none of them.
         self.normal, self.density = F.pad(F.normalize(vector, dim=-1), (0, 0, 0, 1)), F.pad(density, (0, 1))
 
     def sample(self, position: Tensor, count: int, start: Tensor) -> tuple[Tensor, Tensor]:
@@ -43,14 +49,16 @@ class BrightPatches:
         u, v = ((k * step + start[:, 1:]) % 1 for step in R2)
         _, u, v = triangle_weights(u, v)[..., None].unbind(-2)
         target = self.origin[triangle] + u * self.edges[0][triangle] + v * self.edges[1][triangle]
-        return F.normalize(target - position[:, None], dim=-1), triangle
+        return F.normalize(target - position[:, None], dim=-1), self._triangle[triangle]
 
     def density_by_angle(self, triangle: Tensor, direction: Tensor, distance: Tensor) -> Tensor:
-        """(N,) density by solid angle with which `sample` aims along rays (N, 3) that hit triangles (N,), or -1."""
-        outside = len(self.origin)
-        triangle = torch.where(triangle < 0, outside, triangle.clamp(max=outside))
-        cosine = dot(self.normal.index_select(0, triangle).T, direction.T).abs().clamp_min(1e-6)
-        return self.density.index_select(0, triangle) * distance.clamp(max=FARTHEST).square() / cosine
+        """(N,) density by solid angle with which `sample` aims along rays (N, 3) that hit triangles (N,).
+
+        One behind all is for rays that hit none.
+        """
+        row = self._row[triangle]
+        cosine = dot(self.normal.index_select(0, row).T, direction.T).abs().clamp_min(1e-6)
+        return self.density.index_select(0, row) * distance.clamp(max=FARTHEST).square() / cosine
 
 
 def importance_by_power(leaving: Tensor, size: Tensor) -> Tensor:

@@ -11,10 +11,11 @@ from torch.nn import functional as F
 
 from ...progress import part
 from ...scene import RenderScene
+from ...scene_rays import scene_rays
+from ...surface_kinds import BENDING, SOLID, Kind
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import EnvironmentLight
 from ..edge_stopping import dot
-from ..occluders import is_solid
 from ..tensor_rays import TensorRays
 from ..weighted_rows import weighted_rows
 from .bright_patches import BrightPatches
@@ -61,26 +62,27 @@ class Gathered:
 
 
 class GatherScene:
-    """All patches of a scene as triangles that gather rays hit."""
+    """All patches of a scene, and the surfaces that gather rays hit."""
 
     def __init__(self, scene: RenderScene, patches: Patches, direct: DirectLight):
-        device = direct.device
-        shining = torch.from_numpy(scene.triangles[scene.is_light & is_solid(scene)])
+        device, rays = direct.device, scene_rays(scene)
         self.normal = F.normalize(patches.vector.to(device), dim=-1)
         # The row behind all patches stands for "nothing", and for emitters, whose light is no indirect one.
-        self.patch = F.pad(patches.patch[patches.solid], (0, len(shining) + 1), value=len(self.normal)).to(device)
-        self.corners, self.bright = patches.corners[patches.solid].to(device), None
+        self.patch = F.pad(patches.patch, (0, 1), value=len(self.normal)).to(device)
+        self.bright = None
+        self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
+        self._locator = patches.locator.to(device)
         self.fog, self.in_scattering, self.environment = direct.fog, direct.in_scattering, direct.environment
         self.panes = None
         with part(0.0, 0.5):
-            self.surfaces = TensorRays(torch.cat([patches.corners[patches.solid], shining]).numpy())
-        if patches.glass.any():
+            self.surfaces = TensorRays(rays.among(SOLID | Kind.EMITTER))
+        if len(rays.rows(BENDING)):
             with part(0.5, 1.0):
-                self.panes = Panes(patches, self.environment, device)
+                self.panes = Panes(scene, self.environment, device)
 
     def aim(self, importance: Tensor) -> None:
         """Aim rays at patches of such importance (sides,) from now on."""
-        self.bright = BrightPatches(self.corners, self.patch[:len(self.corners)], importance)
+        self.bright = BrightPatches(self.corners, self._is_solid, self.patch[:-1], importance)
 
     def gather(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0, start: Tensor | None = None,
                with_media: bool = True) -> Gathered:
@@ -97,8 +99,9 @@ class GatherScene:
         total, direction = direction.shape[1], direction.reshape(-1, 3)
         origin = position[:, None].expand(-1, total, -1).reshape(-1, 3)
         with part(0.0, 0.7):
-            triangle, distance = self.surfaces.nearest(origin, direction)
-        side = self.hit_sides(triangle, direction)
+            hits = self.surfaces.nearest(origin, direction)
+        distance, piece = hits.distance, self._locator.find(hits.triangle, hits.weights)
+        side = self._sides(piece, direction)
         share, sky = torch.ones_like(distance), distance.isinf()
         through = torch.zeros_like(position)
         if self.fog is not None:
@@ -114,17 +117,24 @@ class GatherScene:
             through.index_add_(0, ray // total, light * (ray % total < rays)[:, None] / rays)
         sky = (sky * share).view(-1, total)[:, :rays]
         if target is not None:
-            density = self.bright.density_by_angle(triangle, direction, distance).view(-1, total)
+            density = self.bright.density_by_angle(piece, direction, distance).view(-1, total)
             cosine = (direction.view(-1, total, 3) @ normal[..., None])[..., 0].clamp_min(0)
             balanced = total * cosine / (rays * cosine + math.pi * aimed * density).clamp_min(1e-9)
-            balanced[:, rays:] *= triangle.view(-1, total)[:, rays:] == target
+            balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
                         through)
 
-    def hit_sides(self, triangle: Tensor, direction: Tensor) -> Tensor:
-        """(N,) sides, as Gathered has them, of the patches whose triangles (N,) rays (N, 3) hit."""
-        patch, count = self.patch[triangle], len(self.normal)
+    def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
+        """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.
+
+        At weights (N, 2) of triangles (N,) of the geometry.
+        """
+        return self._sides(self._locator.find(triangle, weights), direction)
+
+    def _sides(self, piece: Tensor, direction: Tensor) -> Tensor:
+        """The same for the triangles (N,) of patches."""
+        patch, count = self.patch[piece], len(self.normal)
         is_back = dot(F.pad(self.normal, (0, 0, 0, 1)).index_select(0, patch).T, direction.T) > 0
         return torch.where(patch < count, patch + count * is_back, 2 * count)
 

@@ -7,10 +7,12 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...geometry import area_vectors, quartered
+from ...geometry import area_vectors, dot
+from ...scene import RenderScene
 from ..direct.environment_light import LIFT
 from ..sampling import cosine_directions, hashed_starts
 from ..tensor_rays import TensorRays
+from .subdivision import Subdivision
 
 LARGEST = 2048   # triangles, the largest, that are tested in each round
 RAYS = 8         # from a point to each side
@@ -23,12 +25,11 @@ ROUNDS = 3       # that a triangle is quartered at most
 
 
 class Openness:
-    """What rays from points hit of the triangles (T, 3, 3) that stop light."""
+    """What rays from points hit of the surfaces of a scene that stop light."""
 
-    def __init__(self, triangles: np.ndarray, rays: TensorRays, device: torch.device):
-        normal = F.normalize(torch.from_numpy(area_vectors(triangles)).to(device), dim=-1)
-        self.normal = F.pad(normal, (0, 0, 0, 1))  # the row behind all is for rays that hit nothing
-        self.rays, self.device = rays, device
+    def __init__(self, scene: RenderScene, rays: TensorRays, device: torch.device):
+        self.rays, self.device, triangles = rays, device, scene.surfaces.triangles
+        self.triangles = triangles if len(triangles) else np.zeros((1, 3, 3), np.float32)
 
     def kinds(self, corners: np.ndarray) -> np.ndarray:
         """(N,) i64, equal for triangles (N, 3, 3) whose middles are open to the same on both sides."""
@@ -45,26 +46,21 @@ class Openness:
 
     def _side(self, x: Tensor, n: Tensor) -> Tensor:
         direction = cosine_directions(n, RAYS, hashed_starts(x, 2)).flatten(0, 1)
-        triangle, distance = self.rays.nearest((x + LIFT * n).repeat_interleave(RAYS, 0), direction)
-        missed, is_back = distance.isinf(), (self.normal[triangle] * direction).sum(-1) > 0
+        hits = self.rays.nearest((x + LIFT * n).repeat_interleave(RAYS, 0), direction)
+        missed, normal = hits.distance.isinf(), area_vectors(self.triangles[hits.triangle.cpu().numpy()])
+        is_back = torch.from_numpy(dot(normal, direction.cpu().numpy()) > 0).to(self.device) & ~missed
         return torch.stack([is_back, missed], 1).view(-1, RAYS, 2).float().mean(1)
 
-    def cut(self, corners: np.ndarray, source: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-        """(S, 3, 3) triangles and (S,) rows that they come from, up to `most` more than before.
-
-        Triangles are quartered that are not open to the same all over.
-        """
-        fresh = np.arange(len(corners))
+    def cut(self, subdivision: Subdivision, most: int) -> None:
+        """Quarter pieces that are not open to the same all over, into up to `most` more than before."""
+        fresh = np.arange(len(subdivision.corners))
         for _ in range(ROUNDS):
-            area = np.linalg.norm(area_vectors(corners[fresh]), axis=1)
+            corners = subdivision.corners[fresh]
+            area = np.linalg.norm(area_vectors(corners), axis=1)
             large = np.argsort(-area, kind="stable")[:LARGEST]
-            shares = np.stack([self._shares(corners[fresh[large]], point) for point in POINTS])
+            shares = np.stack([self._shares(corners[large], point) for point in POINTS])
             apart = (np.ptp(shares, axis=0) * (BURIED, 1)).max(axis=(1, 2))
             order = np.argsort(-apart * area[large], kind="stable")
             chosen = fresh[large[order[apart[order] > UNLIKE]]][:most // 3]
-            rest = np.delete(np.arange(len(corners)), chosen)
-            corners = np.concatenate([corners[rest], quartered(corners[chosen])])
-            source = np.concatenate([source[rest], np.tile(source[chosen], 4)])
-            fresh = np.arange(len(rest), len(corners))
+            fresh = subdivision.quarter(chosen)
             most -= 3 * len(chosen)
-        return corners, source

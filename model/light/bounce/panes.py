@@ -2,14 +2,17 @@
 """The sky behind glass, as gather rays see it. Light of emitters, which glass focuses, is in caustics/photons.py."""
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from ...progress import part
+from ...scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene, tint_of_glass
+from ...scene_rays import scene_rays
+from ...surface_kinds import BENDING
 from ..direct.environment_light import BLUR, EnvironmentLight
 from ..edge_stopping import dot
 from ..tensor_rays import TensorRays
-from .patches import Patches
 
 SURFACES = 2          # of glass that dim a ray
 TRANSMITTANCE = 0.88  # of a surface of glass, as blurred as for photons, besides its colour
@@ -17,15 +20,15 @@ GAP = 1e-4            # network units behind a pane where a ray goes on
 
 
 class Panes:
-    """The glass triangles of all patches."""
+    """All glass of a scene."""
 
-    def __init__(self, patches: Patches, environment: EnvironmentLight | None, device: torch.device):
-        self.environment, corners = environment, patches.corners[patches.glass].to(device)
-        self.surfaces = TensorRays(corners.cpu().numpy())
-        points = corners.flatten(0, 1)
+    def __init__(self, scene: RenderScene, environment: EnvironmentLight | None, device: torch.device):
+        rays = scene_rays(scene)
+        self.environment, self.surfaces = environment, TensorRays(rays.among(BENDING))
+        points = torch.from_numpy(scene.surfaces.triangles[rays.rows(BENDING)]).to(device).flatten(0, 1)
         self.center = (points.amin(0) + points.amax(0)) / 2  # of a sphere around all glass
         self.radius = (points - self.center).norm(dim=-1).max()
-        self.tint = patches.tint[patches.glass].to(device)
+        self._tint, self._token = (torch.from_numpy(x).to(device) for x in (token_tints(scene), scene.surfaces.token))
 
     def sky_through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Which of N rays hit glass within their distances (N,), as rows (M,), and what they see behind it.
@@ -38,7 +41,7 @@ class Panes:
         for surface in range(SURFACES):
             begin = travelled + GAP
             with part(surface / SURFACES, (surface + 1) / SURFACES):
-                pane, step = self.surfaces.nearest(origin + begin * direction, direction)
+                pane, step, _ = self.surfaces.nearest(origin + begin * direction, direction)
             travelled = begin + step[:, None]
             hit = ((pane >= 0) & (travelled[:, 0] < distance)).nonzero()[:, 0]  # waits for a GPU
             pane, travelled, origin, direction, distance = (x[hit] for x in (pane, travelled, origin, direction,
@@ -49,7 +52,7 @@ class Panes:
                 transmittance = torch.ones_like(along)
             else:
                 row = row[hit]
-            transmittance[row] *= TRANSMITTANCE * self.tint[pane]
+            transmittance[row] *= TRANSMITTANCE * self._tint[self._token[pane]]
         light = torch.zeros_like(along)
         if self.environment is not None:
             sky = self.environment.filtered(along, torch.full_like(along[:, 0], BLUR))
@@ -62,3 +65,10 @@ class Panes:
         along = dot(to_center.T, direction.T)
         aside2 = dot(to_center.T, to_center.T) - along.square()
         return (aside2 <= self.radius ** 2) & (along >= -self.radius) & (along - self.radius < distance)
+
+
+def token_tints(scene: RenderScene) -> np.ndarray:
+    """(N, 3) f32 mean share of light that passes each token triangle."""
+    means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
+    tint = (1 - means[:, METALLIC, None]) * means[:, TRANSMISSION, None] * tint_of_glass(means[:, BASE_COLOR])
+    return tint[scene.tile_index]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make the patches that exchange light: triangles, large ones split, small ones merged, at most PATCHES.
+"""Make the patches that exchange light: real triangles, large ones split, small ones merged, at most PATCHES.
 
 They are small near the scene's middle and near emitters.
 """
@@ -12,13 +12,16 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...geometry import area_vectors, quartered, surfaces
+from ...geometry import area_vectors, surfaces
 from ...material.reflectance import blurred, layer_reflectance, normal_reflectance
-from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
+from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
+from ...scene_rays import scene_rays
+from ...surface_kinds import BENDING, REFLECTING, SOLID, is_kind
 from ..direct.emitter_light import NearEmitters
-from ..occluders import bends_light, is_solid, passes_light
 from ..sampling import R2, hashed_starts, triangle_weights
+from .elements import group_crumbs
 from .openness import Openness
+from .subdivision import PieceLocator, Subdivision
 
 PATCHES = 4096
 NEAR = 0.5           # network units from the origin within which patches get no smaller: half a side of the box
@@ -35,7 +38,7 @@ COARSER = 2 ** 0.25  # growth of the cells while there are too many
 
 @dataclass
 class Patches:
-    """S patches of all triangles that do not emit, and the T triangles that these were split into."""
+    """S patches of all surfaces that do not emit, and the T triangles that these were split into."""
 
     center: Tensor   # (S, 3) f32
     vector: Tensor   # (S, 3) f32, area vectors
@@ -44,9 +47,8 @@ class Patches:
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
     solid: Tensor    # (T,) bool, stops light
-    glass: Tensor    # (T,) bool, bends light
-    tint: Tensor     # (T, 3) f32, share of the light that passes
     weight: Tensor   # (S,) f32, area, weighted by how near the scene's middle and the emitters are
+    locator: PieceLocator  # of the T triangles
 
     def points(self, count: int) -> tuple[Tensor, Tensor]:
         """(S, count, 3) points spread evenly over the fronts of the patches, and their unit normals."""
@@ -71,27 +73,31 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
                  openness: Openness | None = None) -> Patches:
     """At most `share` of PATCHES patches of a normalised scene; with `openness` none is on both sides of a wall."""
     most = round(share * PATCHES)
-    rows = np.flatnonzero(~scene.is_light)
-    corners, source = _split(scene.triangles[rows], emitters, most)
+    kinds = scene_rays(scene).trees.kinds
+    subdivision = Subdivision(scene.surfaces.triangles, scene_rays(scene).rows(REFLECTING))
+    _split(subdivision, emitters, most)
     if openness:
-        corners, source = openness.cut(corners, source, round(CUT * most))
+        openness.cut(subdivision, round(CUT * most))
+    corners, source = subdivision.pieces()
+    token = scene.surfaces.token[source]
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
-    material = np.concatenate([_albedo(means), _layer(means)], axis=1)[scene.tile_index[rows]][source]
-    center, vector, material = map(torch.from_numpy, (corners.mean(axis=1), area_vectors(corners), material))
-    tint, passes = _tint(means)[scene.tile_index], passes_light(scene)
-    solid, glass, tint = (torch.from_numpy(x[rows][source]) for x in (
-        is_solid(scene) & ~passes, bends_light(scene), tint))
-    surface = torch.from_numpy(surfaces(scene.triangles[rows])[source])
-    kind = glass + 2 * torch.from_numpy(openness.kinds(corners)) if openness else glass.long()
-    center, vector, material, patch = _merge(center, vector, material, kind, surface, emitters, most)
+    material = np.concatenate([_albedo(means), _layer(means)], axis=1)[scene.tile_index]
+    element, largest = group_crumbs(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
+    vector = _sums(area_vectors(corners), element)
+    center, token = corners[largest].mean(axis=1), token[largest]
+    solid, glass = (is_kind(kinds[source], some) for some in (SOLID, BENDING))
+    kind = glass[largest] + (2 * openness.kinds(corners[largest]) if openness else 0)
+    center, vector, material, patch = _merge(*map(torch.from_numpy, (
+        center, vector, material[token], kind.astype(np.int64), surfaces(scene.triangles)[token])), emitters, most)
     weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
-    return Patches(center, vector, *material.split([9, 2], 1), patch, torch.from_numpy(corners), solid, glass, tint,
-                   weight)
+    return Patches(center, vector, *material.split([9, 2], 1), patch[torch.from_numpy(element)],
+                   torch.from_numpy(corners), torch.from_numpy(solid), weight,
+                   subdivision.locator())
 
 
-def _tint(means: np.ndarray) -> np.ndarray:
-    """(tiles, 3) share of the light that passes, of the mean material parameters of tiles (tiles, C)."""
-    return (1 - means[:, METALLIC, None]) * means[:, TRANSMISSION, None] * tint_of_glass(means[:, BASE_COLOR])
+def _sums(values: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """(E, C) f32 sums of values (T, C) by their group (T,)."""
+    return np.stack([np.bincount(group, column) for column in values.T], axis=1).astype(np.float32)
 
 
 def _albedo(means: np.ndarray) -> np.ndarray:
@@ -109,22 +115,28 @@ def _layer(means: np.ndarray) -> np.ndarray:
     return np.stack([normal_reflectance(means[:, IOR].clip(1)), blurred(means[:, ROUGHNESS])], axis=1)
 
 
-def _split(corners: np.ndarray, emitters: NearEmitters, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """(S, 3, 3) corners with the triangles that look largest quartered, and (S,) the rows that they come from.
+def _split(subdivision: Subdivision, emitters: NearEmitters, most: int) -> None:
+    """Quarter the triangles that look largest: a large patch would light points close to it wrongly.
 
-    A large patch would light points close to it wrongly. There are `most` triangles then, or `most` / 2 more than
-    before if that is more, which leaves room for walls beside fine meshes that are merged afterwards.
+    There are `most` triangles then, or `most` / 2 more than before if that is more, which leaves room for walls beside
+    fine meshes that are merged afterwards.
     """
-    source = np.arange(len(corners))
-    target = max(most, len(corners) + most // 2) if len(corners) else 0
-    while room := (target - len(corners)) // 3:
-        area = np.linalg.norm(area_vectors(corners), axis=1)
-        size = area * patch_density(corners.mean(axis=1), emitters, np.sqrt(area))
+    count = len(subdivision.corners)
+    target = max(most, count + most // 2) if count else 0
+    size = _apparent_size(subdivision.corners, emitters)
+    while room := (target - len(size)) // 3:
         order = np.argsort(-size, kind="stable")
-        large, rest = np.split(order, [min(room, SPLIT_AT_ONCE, np.count_nonzero(size > size.max() / 4))])
-        corners = np.concatenate([corners[rest], quartered(corners[large])])
-        source = np.concatenate([source[rest], np.tile(source[large], 4)])
-    return corners, source
+        large = order[:min(room, SPLIT_AT_ONCE, np.count_nonzero(size > size.max() / 4))]
+        fresh = subdivision.quarter(large)
+        if not len(fresh):
+            break
+        size = np.concatenate([np.delete(size, large), _apparent_size(subdivision.corners[fresh], emitters)])
+
+
+def _apparent_size(corners: np.ndarray, emitters: NearEmitters) -> np.ndarray:
+    """(S,) share of all patches that triangles (S, 3, 3) should get."""
+    area = np.linalg.norm(area_vectors(corners), axis=1)
+    return area * patch_density(corners.mean(axis=1), emitters, np.sqrt(area))
 
 
 def patch_density(position: np.ndarray, emitters: NearEmitters, size: np.ndarray | float = 0.0) -> np.ndarray:

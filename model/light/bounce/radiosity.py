@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Indirect light between the token triangles: radiosity with visibility by rays.
+"""Indirect light between the surfaces: radiosity with visibility by rays.
 
 Form factors between patches (Goral et al. 1984) and the light that arrives at a point (final gather, Reichert 1992, "A
 two-pass radiosity method") are estimated by rays. Direct light on the patches comes from DirectLight; light through
@@ -10,18 +10,18 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from ...progress import part
 from ...scene import RenderScene
+from ...scene_rays import scene_rays
+from ...surface_kinds import BENDING
 from ..caustics.photon_map import PhotonMap
 from ..caustics.photons import Photons, trace_photons
 from ..direct.direct_light import DirectLight
 from ..effort import FULL, Effort
 from ..fresnel import schlick
-from ..occluders import bends_light
 from ..sampling import cosine_directions, ggx_directions, hashed_starts, r2_starts
 from .bright_patches import importance_by_arrival, importance_by_power
 from .final_gather import LIFT, Gathered, GatherScene
@@ -56,7 +56,7 @@ class Radiosity:
         emitters = direct.emitters.near()
         openness = None
         if effort.walls:
-            openness = Openness(direct.occluder_triangles, direct.occluders, direct.device)
+            openness = Openness(scene, direct.occluders, direct.device)
         patches = make_patches(scene, emitters, effort.patches, openness)
         with part(0.0, 0.2):
             self.gather_scene = GatherScene(scene, patches, direct)
@@ -97,13 +97,11 @@ class Radiosity:
         And the radiance (sides, 3) that white diffuse patches of an `area` (S,) send on by them.
         """
         flux = area.new_zeros(2 * len(area) + 1, 3)
-        glass = np.flatnonzero(bends_light(scene) & ~scene.is_light)
-        if not len(glass) or not len(direct.emitters):
+        if not len(scene_rays(scene).rows(BENDING)) or not len(direct.emitters):
             return PhotonMap.empty(area), flux[:-1]
-        landed = trace_photons(scene, direct, glass, self.gather_scene.corners.cpu().numpy(),
-                               self.gather_scene.surfaces.rays, count)
-        photons = Photons(*(torch.from_numpy(x).to(area.device) for x in landed))
-        flux.index_add_(0, self.gather_scene.hit_sides(photons.triangle, photons.direction), photons.flux)
+        photons = Photons(*(torch.from_numpy(x).to(area.device) for x in trace_photons(scene, direct, count)))
+        side = self.gather_scene.hit_sides(photons.triangle, photons.weights, photons.direction)
+        flux.index_add_(0, side, photons.flux)
         return (PhotonMap(photons.position, photons.normal, photons.flux),
                 flux[:-1] / (math.pi * area.clamp_min(1e-20).repeat(2)[:, None]))
 

@@ -14,9 +14,10 @@ import torch
 
 from ...geometry import area_vectors, dot, facing, reflected, refracted, unit
 from ...material.reflectance import blurred, fresnel, unmasked, visible_facets
-from ...rays import Rays
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
+from ...scene_rays import RaysAmong, scene_rays
 from ...shading import surface
+from ...surface_kinds import BENDING, SOLID, Kind
 from ..direct.direct_light import DirectLight
 from ..direct.emitter_light import END_GAP
 from ..sampling import R2, triangle_weights
@@ -33,42 +34,40 @@ class Photons(NamedTuple):
     direction: np.ndarray  # (N, 3) f32, unit, in which they travelled
     normal: np.ndarray     # (N, 3) f32, unit, of the side that they hit
     flux: np.ndarray       # (N, 3) f32
-    triangle: np.ndarray   # (N,) i32, of the solid ones; -1 on glass, which may be matte too
+    triangle: np.ndarray   # (N,) i32, of the geometry; -1 on glass, which may be matte too
+    weights: np.ndarray    # (N, 2) f32, of that triangle's corners 0 and 1
 
 
-def trace_photons(scene: RenderScene, direct: DirectLight, glass: np.ndarray, solid: np.ndarray, walls: Rays,
-                  count: int) -> Photons:
-    """Send `count` photons from emitters at the triangles `glass` (T,) of a normalised scene.
-
-    Returns those that glass has bent. solid: (S, 3, 3) corners of everything but glass; walls: rays against these
-    first, then against emitters.
-    """
+def trace_photons(scene: RenderScene, direct: DirectLight, count: int) -> Photons:
+    """Send `count` photons from emitters at the glass of a normalised scene; returns those that it has bent."""
     chance = np.random.default_rng(0).random((count, SURFACES + 1, 3), np.float32)  # each photon has its own
-    panes, landed = Rays(scene.triangles[glass]), []
-    number, row, at, ray, flux = _emit(scene.triangles[glass], direct, panes, chance[:, 0, :2])
-    row, is_milky = glass[row], (scene.tiles[:, TRANSMISSION].mean(axis=(1, 2)) <= CLEAR)[scene.tile_index]
+    rays, corners = scene_rays(scene), scene.surfaces.triangles
+    glass, panes, walls, landed = rays.rows(BENDING), rays.among(BENDING), rays.among(SOLID | Kind.EMITTER), []
+    number, row, at, ray, flux = _emit(corners[glass], direct, panes, chance[:, 0, :2])
+    row, shines = glass[row], np.append(scene.is_light[scene.surfaces.token], True)
+    is_milky = (scene.tiles[:, TRANSMISSION].mean(axis=(1, 2)) <= CLEAR)[scene.tile_index][scene.surfaces.token]
     for k in range(1, SURFACES + 1):
         if k > 1:
             stays = is_milky[row]
-            landed.append(Photons(at[stays], ray[stays], _side_normals(scene.triangles[row[stays]], ray[stays]),
-                                  flux[stays], np.full(stays.sum(), -1, np.int32)))
+            landed.append(Photons(at[stays], ray[stays], _side_normals(corners[row[stays]], ray[stays]), flux[stays],
+                                  np.full(stays.sum(), -1, np.int32), np.zeros((stays.sum(), 2), np.float32)))
         before = at - LIFT * ray  # from here a photon hits what touches the glass
         ray, tint = _bend(scene, row, at, ray, chance[number, k])
         flux = flux * tint
         at = at + LIFT * ray
         pane, wall = panes.closest(at, ray), walls.closest(before, ray)
         wall_first = wall.distance < pane.distance
-        ends = wall_first & (wall.triangle < len(solid)) & flux.any(1)
+        ends = wall_first & ~shines[wall.triangle] & flux.any(1)
         triangle = wall.triangle[ends]
         landed.append(Photons(before[ends] + wall.distance[ends, None] * ray[ends], ray[ends],
-                              _side_normals(solid[triangle], ray[ends]), flux[ends], triangle))
+                              _side_normals(corners[triangle], ray[ends]), flux[ends], triangle, wall.weights[ends]))
         goes_on = (pane.triangle >= 0) & ~wall_first & flux.any(1)
-        number, ray, flux, row = number[goes_on], ray[goes_on], flux[goes_on], glass[pane.triangle[goes_on]]
+        number, ray, flux, row = number[goes_on], ray[goes_on], flux[goes_on], pane.triangle[goes_on]
         at = at[goes_on] + pane.distance[goes_on, None] * ray
     return Photons(*map(np.concatenate, zip(*landed, strict=True)))
 
 
-def _emit(corners: np.ndarray, direct: DirectLight, panes: Rays,
+def _emit(corners: np.ndarray, direct: DirectLight, panes: RaysAmong,
           chance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The M of N photons, one for each row of chance (N, 2), that reach glass without a hit before.
 
@@ -108,7 +107,7 @@ def _bend(scene: RenderScene, row: np.ndarray, at: np.ndarray, ray: np.ndarray,
     facet = visible_facets(normal, ray, alpha, chance[:, :2])
     is_reflected = chance[:, 2] < fresnel(-dot(ray, facet), np.where(inside, 1 / ior, ior))
     out = unit(np.where(is_reflected[:, None], reflected(ray, facet), refracted(ray, facet, ior, inside)))
-    same_side = dot(out, _side_normals(scene.triangles[row], ray)) > 0
+    same_side = dot(out, _side_normals(scene.surfaces.triangles[row], ray)) > 0
     passes = unmasked(dot(ray, normal), dot(out, normal), alpha) * (same_side == is_reflected)
     transmission = texel[:, TRANSMISSION] * (1 - texel[:, METALLIC])
     tint = np.where(is_reflected[:, None], 1, transmission[:, None] * tint_of_glass(texel[:, BASE_COLOR]))

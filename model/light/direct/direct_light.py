@@ -11,10 +11,11 @@ from torch import Tensor
 
 from ...progress import part
 from ...scene import RenderScene
+from ...scene_rays import scene_rays
+from ...surface_kinds import OCCLUDING, Kind
 from ..chunks import in_chunks
 from ..media.in_scattering import InScattering
 from ..media.transmittance import fog_of
-from ..occluders import is_solid, passes_light
 from ..sampling import hashed_starts
 from ..tensor_rays import TensorRays
 from .emitter_light import EmitterLight
@@ -59,18 +60,15 @@ class DirectLight:
         self.environment = None if environment is None else EnvironmentLight(
             torch.as_tensor(environment, dtype=torch.float32, device=device))
         self.fog = fog_of(scene.volumes, device)
-        blocks = is_solid(scene) & ~passes_light(scene, straight=True)
+        rays = scene_rays(scene)
         with part(0.0, 0.5):
-            self.occluder_triangles = scene.triangles[blocks & ~scene.is_light]  # a lamp does not shade itself
-            self.occluders = TensorRays(self.occluder_triangles)
+            self.occluders = TensorRays(rays.among(OCCLUDING))  # without emitters: a lamp does not shade itself
         self.emitters = EmitterLight(scene, self.occluders, self.fog, device)
         self.device = self.emitters.radiance.device
         with part(0.5, 1.0):
             self.sky = None
             if self.environment is not None:
-                shining = blocks & scene.is_light
-                occluders = TensorRays(scene.triangles[blocks]) if shining.any() else self.occluders
-                self.sky = SkyVisibility(occluders, self.environment, self.fog)
+                self.sky = SkyVisibility(TensorRays(rays.among(OCCLUDING | Kind.EMITTER)), self.environment, self.fog)
 
     @cached_property
     def in_scattering(self) -> InScattering | None:

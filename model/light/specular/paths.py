@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Specular paths: follow reflections and refractions through the token triangles to the surface that a pixel shows.
+"""Specular paths: follow reflections and refractions to the surface that a pixel shows.
 
 Whitted 1980, "An improved illumination model for shaded display", with one path per pixel and lobe.
 """
@@ -51,6 +51,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     """
     ends = PathEnds(*(np.zeros((len(origin), 3), np.float32) for _ in range(4)))
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
+    token, is_light = np.append(scene.surfaces.token, -1), scene.is_light
     reach = np.linalg.norm(origin - eye, axis=1)  # the longest segment so far: precision depends on it
     before, origin = origin - LIFT * (origin - eye), origin + LIFT * reach[:, None] * direction
     for remaining in reversed(range(SURFACES)):
@@ -61,8 +62,8 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
             touched, gap = solid(before, direction)[:2]
             touches = (touched >= 0) & (gap < 3 * LIFT * reach)
             triangle, distance = np.where(touches, touched, triangle), np.where(touches, 0, distance)
-        hit = (triangle >= 0) & ~scene.is_light[triangle]
-        ends.light[path[~hit]] = tint[~hit] * _emitted(scene, triangle[~hit], direction[~hit])
+        hit = (triangle >= 0) & ~is_light[token[triangle]]
+        ends.light[path[~hit]] = tint[~hit] * _emitted(scene, token[triangle[~hit]], direction[~hit])
         path, tint, origin, direction, triangle, distance, reach = (
             x[hit] for x in (path, tint, origin, direction, triangle, distance, reach))
         point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
@@ -83,8 +84,8 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
     return ends
 
 
-def _emitted(scene: RenderScene, triangle: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(P, 3) radiance of lamps (P,), or for -1 of the sky, along world unit vectors (P, 3); spots show nothing."""
+def _emitted(scene: RenderScene, token: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(P, 3) radiance of tokens (P,) that shine, or for -1 of the sky, along unit vectors (P, 3); spots are dark."""
     sky = 0.0 if scene.environment is None else seen_in(scene.environment, direction)
-    shining = scene.emission[triangle] * ~scene.beam_axis[triangle].any(1, keepdims=True)
-    return np.where(triangle[:, None] < 0, sky, shining)
+    shining = scene.emission[token] * ~scene.beam_axis[token].any(1, keepdims=True)
+    return np.where(token[:, None] < 0, sky, shining)

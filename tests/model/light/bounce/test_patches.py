@@ -19,7 +19,7 @@ NO_EMITTERS = NearEmitters(np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
 def patches_of(scene: RenderScene) -> Patches:
     """The patches of the scene's radiosity."""
     direct = DirectLight(scene)
-    openness = Openness(direct.occluder_triangles, direct.occluders, torch.device("cpu"))
+    openness = Openness(scene, direct.occluders, torch.device("cpu"))
     return make_patches(scene, direct.emitters.near(), openness=openness)
 
 

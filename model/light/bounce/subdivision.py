@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangles that are quartered again and again, and the piece that a point on one of them lies in."""
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ...geometry import area_vectors, quartered
+
+CANDIDATES = 1 << 14  # triangles, the largest, that may be quartered
+DEEPEST = 7           # times
+
+
+class Subdivision:
+    """Some triangles (R,) of many (G, 3, 3), of which `corners` (C, 3, 3) are those that may be quartered."""
+
+    def __init__(self, triangles: np.ndarray, rows: np.ndarray):
+        self._triangles = triangles
+        if len(rows) > CANDIDATES:
+            area = np.linalg.norm(area_vectors(triangles[rows]), axis=1)
+            large = np.zeros(len(rows), bool)
+            large[np.argpartition(-area, CANDIDATES)[:CANDIDATES]] = True
+            rows, self.whole = rows[large], rows[~large]
+        else:
+            self.whole = rows[:0]
+        self.corners, self.source = triangles[rows], rows
+        self._weights = np.tile(np.eye(3, dtype=np.float32), (len(rows), 1, 1))  # of the corners of the source
+        self._depth = np.zeros(len(rows), np.int64)
+
+    def quarter(self, chosen: np.ndarray) -> np.ndarray:
+        """Quarter pieces by their rows; returns the rows (K,) of the new ones, all behind the others."""
+        chosen = chosen[self._depth[chosen] < DEEPEST]
+        rest = np.delete(np.arange(len(self.corners)), chosen)
+        self.corners, self._weights = (np.concatenate([x[rest], quartered(x[chosen])])
+                                       for x in (self.corners, self._weights))
+        self.source, self._depth = (np.concatenate([x[rest], np.tile(more, 4)]) for x, more in (
+            (self.source, self.source[chosen]), (self._depth, self._depth[chosen] + 1)))
+        return np.arange(len(rest), len(self.corners))
+
+    def pieces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (S, 3, 3) and sources (S,) of all pieces, those that stayed whole behind the others."""
+        return (np.concatenate([self.corners, self._triangles[self.whole]]), np.concatenate([self.source, self.whole]))
+
+    def locator(self) -> PieceLocator:
+        """Finds the pieces, for what hits the triangles."""
+        count, none = len(self._triangles), len(self.source) + len(self.whole)
+        deepest = np.zeros(count, np.int64)
+        np.maximum.at(deepest, self.source, self._depth)
+        is_split = deepest > 0
+        size = np.where(is_split, 2 * 4 ** deepest, 1)
+        begin = np.cumsum(size) - size
+        table = np.full(size.sum() + 1, none)  # the last entry is for what is no part of the triangles
+        is_whole = ~is_split[self.source]
+        table[begin[self.source[is_whole]]] = np.flatnonzero(is_whole)
+        table[begin[self.whole]] = len(self.source) + np.arange(len(self.whole))
+        piece = np.flatnonzero(~is_whole)
+        weights, depth, source = self._weights[piece], self._depth[piece], self.source[piece]
+        while len(piece):  # down to the cells of the table, which all pieces of a triangle are divided into
+            done = depth == deepest[source]
+            cell = _cells(weights[done].mean(axis=1)[:, :2], 2 ** depth[done])
+            table[begin[source[done]] + cell] = piece[done]
+            weights, depth, source, piece = (x[~done] for x in (weights, depth, source, piece))
+            weights = quartered(weights)
+            depth, source, piece = np.tile(depth + 1, 4), np.tile(source, 4), np.tile(piece, 4)
+        side, begin = np.append(np.where(is_split, 2 ** deepest, 1), 1), np.append(begin, len(table) - 1)
+        return PieceLocator(*map(torch.from_numpy, (side, begin, table)))
+
+
+class PieceLocator:
+    """Tables of the pieces of G triangles, each of which has as many cells along its edges as its smallest piece."""
+
+    def __init__(self, side: Tensor, begin: Tensor, table: Tensor):
+        """side, begin: (G + 1,) i64 cells along an edge, and first entry of the table; table: (K,) i64 pieces."""
+        self._side, self._begin, self._table = side, begin, table
+        self._is_split = bool((side > 1).any())
+
+    def to(self, device: torch.device) -> PieceLocator:
+        return PieceLocator(*(x.to(device) for x in (self._side, self._begin, self._table)))
+
+    def find(self, triangle: Tensor, weights: Tensor) -> Tensor:
+        """Pieces (P,) i64 at weights (P, 2) of corners 0 and 1 of triangles (P,); one behind all for triangle -1."""
+        cell = self._begin[triangle]
+        if self._is_split:
+            cell = cell + _cells(weights, self._side[triangle])
+        return self._table[cell]
+
+
+def _cells(weights, side):
+    """Entries (P,) of tables of triangles divided into side^2 (P,), at weights (P, 2); arrays or tensors."""
+    is_array = isinstance(weights, np.ndarray)
+    whole = (lambda x: x.astype(np.int64)) if is_array else (lambda x: x.long())
+    along = weights.clip(0, 1) * side[:, None]
+    row, column = (whole(along[:, i]) for i in range(2))
+    row = row.clip(max=side - 1) if is_array else torch.minimum(row, side - 1)
+    column = column.clip(max=side - 1 - row) if is_array else torch.minimum(column, side - 1 - row)
+    is_upper = (along[:, 0] - row) + (along[:, 1] - column) > 1
+    is_upper = is_upper & (row + column < side - 1)
+    return (row * side + column) * 2 + whole(is_upper) * (side > 1)

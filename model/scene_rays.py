@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays against the real surfaces of a scene: one tree for each kind of surface, whoever asks, in whatever frame."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from .rays import Hits, Rays
+from .scene import RenderScene
+from .surface_kinds import Kind, is_kind, token_kinds
+
+NAME = "scene_rays"  # under which a scene keeps its own
+
+
+class KindTrees:
+    """Rays against the triangles of each kind in a scene, made when first needed."""
+
+    def __init__(self, scene: RenderScene):
+        self._scene = scene
+        # Subtracted from all points: the precision of rays depends on it.
+        self.center = np.zeros(3, np.float32) if scene.box is None else scene.box.mean(axis=0)
+        self._trees: dict[Kind, tuple[np.ndarray, Rays]] = {}
+
+    @cached_property
+    def kinds(self) -> np.ndarray:
+        """(G,) i32, the Kind of each triangle of the geometry."""
+        return token_kinds(self._scene)[self._scene.surfaces.token]
+
+    def of(self, kind: Kind) -> tuple[np.ndarray, Rays]:
+        """Rows of the triangles of one kind, -1 behind them for no hit, and rays against them."""
+        if kind not in self._trees:
+            rows = np.flatnonzero(is_kind(self.kinds, kind))
+            self._trees[kind] = (np.append(rows, -1).astype(np.int32),
+                                 Rays(self._scene.surfaces.triangles[rows] - self.center))
+        return self._trees[kind]
+
+
+@dataclass(frozen=True)
+class SceneRays:
+    """Rays in the frame of a scene; hits are rows of its geometry (`RenderScene.surfaces`)."""
+
+    trees: KindTrees
+    offset: np.ndarray  # (3,) f32, subtracted from points of this frame, which are points of the trees
+    factor: float       # when multiplied with this
+
+    def moved(self, center: np.ndarray, scale: float) -> SceneRays:
+        """The same trees for a frame in which points are (x - center) scale of those of this one."""
+        return replace(self, offset=(self.offset - center) * np.float32(scale), factor=self.factor / scale)
+
+    def rows(self, kinds: Kind) -> np.ndarray:
+        """(K,) rows of the triangles that are of these kinds."""
+        return np.flatnonzero(is_kind(self.trees.kinds, kinds))
+
+    def among(self, kinds: Kind) -> RaysAmong:
+        """Rays that meet some kinds of surfaces alone."""
+        trees = [self.trees.of(kind) for kind in kinds]
+        return RaysAmong(self, [tree for tree in trees if len(tree[0]) > 1])
+
+
+@dataclass(frozen=True)
+class RaysAmong:
+    """Rays against some kinds of surfaces, with the functions of `Rays`."""
+
+    rays: SceneRays
+    trees: list[tuple[np.ndarray, Rays]]
+
+    def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
+        """The first hits from points (P, 3), or from one point, along directions (P, 3)."""
+        origin, result = self._points(origin), None
+        for rows, rays in self.trees:
+            hits = rays.closest(origin, direction)
+            hits = hits._replace(triangle=rows[hits.triangle])
+            result = hits if result is None else _nearer(result, hits)
+        if result is None:
+            return Rays(np.zeros((0, 3, 3))).closest(origin, direction)
+        return result._replace(distance=result.distance / np.float32(self.rays.factor))
+
+    def blocked(self, origin: np.ndarray, direction: np.ndarray,
+                distance: np.ndarray | float = np.inf) -> np.ndarray:
+        """(P,) bool: whether anything is hit within a distance (P,), in lengths of the directions."""
+        origin, distance = self._points(origin), np.multiply(distance, self.rays.factor, dtype=np.float32)
+        blocked = np.zeros(len(direction), bool)
+        for _, rays in self.trees:
+            blocked |= rays.blocked(origin, direction, distance)
+        return blocked
+
+    def _points(self, points: np.ndarray) -> np.ndarray:
+        if self.rays.factor == 1 and not self.rays.offset.any():
+            return points
+        return (points - self.rays.offset) * np.float32(self.rays.factor)
+
+
+def scene_rays(scene: RenderScene) -> SceneRays:
+    """The rays of a scene, which keeps them: it must not change after the first call."""
+    if NAME not in vars(scene):
+        trees = KindTrees(scene)
+        vars(scene)[NAME] = SceneRays(trees, trees.center, 1.0)
+    return vars(scene)[NAME]
+
+
+def share_rays(scene: RenderScene, moved: RenderScene, center: np.ndarray, scale: float) -> None:
+    """Let a scene whose points are (x - center) scale of those of another use its trees."""
+    vars(moved)[NAME] = scene_rays(scene).moved(center, scale)
+
+
+def _nearer(one: Hits, other: Hits) -> Hits:
+    is_nearer = other.distance < one.distance
+    return Hits(np.where(is_nearer, other.triangle, one.triangle), np.minimum(one.distance, other.distance),
+                np.where(is_nearer[:, None], other.weights, one.weights))

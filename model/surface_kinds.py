@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kinds of surfaces: which of them block light, let it pass, bend it, shine, or are seen by cameras."""
+from __future__ import annotations
+
+from enum import IntFlag, auto
+
+import numpy as np
+
+from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, RenderScene
+
+BLACK = 1e-3         # base colour up to which a surface that no camera sees is the back of a lamp
+TRANSPARENT = 0.5    # transmission from which on light passes
+STRAIGHT = 1.05      # ior up to which light passes without a bend
+
+
+class Kind(IntFlag):
+    """What a triangle is; each is one of these. Sets of them are what a ray can meet."""
+
+    OPAQUE = auto()
+    GLASS = auto()          # bends light
+    CUTOUT = auto()         # lets light pass straight, such as leaves cut out by alpha
+    EMITTER = auto()        # a surface that shines
+    LAMP = auto()           # shines, and is not seen by cameras
+    UNSEEN = auto()         # as OPAQUE, but not seen by cameras
+    UNSEEN_GLASS = auto()
+    UNSEEN_CUTOUT = auto()
+    BACK = auto()           # black backs of lamps, for the network alone
+
+
+ALL = ~Kind(0)
+SEEN = Kind.OPAQUE | Kind.GLASS | Kind.CUTOUT | Kind.EMITTER     # by cameras
+BENDING = Kind.GLASS | Kind.UNSEEN_GLASS
+SOLID = Kind.OPAQUE | Kind.UNSEEN                                # light ends there
+OCCLUDING = SOLID | BENDING                                      # no light passes straight; lamps shade nothing
+REFLECTING = SOLID | BENDING | Kind.CUTOUT | Kind.UNSEEN_CUTOUT | Kind.BACK  # all that does not shine
+
+
+def token_kinds(scene: RenderScene) -> np.ndarray:
+    """(N,) i32, the Kind of each token triangle."""
+    means = scene.tiles[:, (TRANSMISSION, IOR, METALLIC)].mean(axis=(2, 3), dtype=np.float32)
+    transmission, ior, metallic = means[scene.tile_index].T
+    black = (scene.tiles[:, BASE_COLOR].max(axis=(1, 2, 3), initial=0) < BLACK)[scene.tile_index]
+    passes, is_seen, is_light = transmission * (1 - metallic) > TRANSPARENT, scene.is_seen, scene.is_light
+    straight = passes & (ior < STRAIGHT)
+    cases = ((is_light & is_seen, Kind.EMITTER), (is_light, Kind.LAMP), (straight & is_seen, Kind.CUTOUT),
+             (passes & is_seen, Kind.GLASS), (is_seen, Kind.OPAQUE), (passes & ~straight, Kind.UNSEEN_GLASS),
+             (black, Kind.BACK), (straight, Kind.UNSEEN_CUTOUT))
+    return np.select([case for case, _ in cases], [int(kind) for _, kind in cases], int(Kind.UNSEEN)).astype(np.int32)
+
+
+def is_kind(kinds: np.ndarray, wanted: Kind) -> np.ndarray:
+    """(N,) bool: those of kinds (N,) that are among some."""
+    return (kinds & int(wanted)) != 0
