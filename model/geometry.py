@@ -24,10 +24,10 @@ def contracted(points):
 
 
 def quartered(corners):
-    """(S, 3, 3) array or tensor of triangles -> (4 S, 3, 3): those at corners 0, 1 and 2, then those in the middle."""
+    """(S, 3, C) array or tensor of triangles -> (4 S, 3, C): those at corners 0, 1 and 2, then those in the middle."""
     ends = [[[0, 0], [0, 1], [0, 2]], [[1, 1], [1, 2], [1, 0]], [[2, 2], [2, 0], [2, 1]], [[0, 1], [1, 2], [2, 0]]]
     halves = corners[:, ends].sum(3) / 2  # S, quarter, corner, axis
-    return halves.swapaxes(0, 1).reshape(-1, 3, 3)
+    return halves.swapaxes(0, 1).reshape(-1, *corners.shape[1:])
 
 
 def connected(faces: np.ndarray, count: int) -> np.ndarray:

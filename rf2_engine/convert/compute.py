@@ -18,6 +18,7 @@ from .data.report import Report
 from .fitting.apparent_size import measure_apparent_size
 from .fitting.budget import Simplification, allot_triangles
 from .fitting.framing import Framing, find_box
+from .fitting.real_surfaces import match_tokens
 from .fitting.sizes import Sizes
 from .fitting.visible import find_visible
 from .lamps.lamps import convert_lamps
@@ -50,7 +51,9 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     with progress.part(0.35, 0.6):
         plan.simplification.apply(report, cache)
     plan.sizes.subdivide(collected.parts, plan.budget)
-    with progress.part(0.6, 0.9):
+    with progress.part(0.6, 0.7):
+        match_tokens(collected.parts, report, cache)
+    with progress.part(0.7, 0.9):
         surfaces = assemble_surfaces(collected.parts, MaterialTiles(report, baker), report)
     frame, lamps = Normalization.of(RenderScene(box=plan.framing.box)), plan.lamps
     if options.paper_lamps:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import bpy
 import numpy as np
@@ -12,7 +11,6 @@ from ...model import progress
 from ...model.first_hits.camera_rays import CENTER, SPREAD, cast_guides
 from ...model.light.effort import FULL, QUICK
 from ...model.light.specular.ends import add_path_ends
-from ...model.rays import Rays
 from ...model.scene import RenderScene, View
 from ..convert.compute import compute
 from ..convert.data.cache import ConversionCache
@@ -66,11 +64,6 @@ class PreparedScene:
     @property
     def is_draft(self) -> bool:
         return self.encoded is not None and self.encoded.is_draft
-
-    @cached_property
-    def rays(self) -> Rays:
-        """Rays against all triangles, in the world frame."""
-        return Rays(self.scene.triangles)
 
     @property
     def visible_corners(self) -> np.ndarray:
@@ -127,7 +120,7 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
         guides = cast_guides(prepared.scene, view, SPREAD if is_finest else CENTER)
     if frame.network.follows_specular_paths:
         with progress.part(0.1, 0.2):
-            guides = add_path_ends(guides, prepared.scene, view, prepared.rays)
+            guides = add_path_ends(guides, prepared.scene, view)
     covered = guides.alpha > 0
     radiance = np.zeros_like(guides.position)
     if prepared.encoded is not None and (covered.any() or prepared.scene.volumes):

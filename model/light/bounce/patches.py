@@ -19,7 +19,7 @@ from ...scene_rays import scene_rays
 from ...surface_kinds import BENDING, REFLECTING, SOLID, is_kind
 from ..direct.emitter_light import NearEmitters
 from ..sampling import R2, hashed_starts, triangle_weights
-from .elements import group_crumbs
+from .grouping import group_elements, group_patches
 from .openness import Openness
 from .subdivision import PieceLocator, Subdivision
 
@@ -30,10 +30,7 @@ BY_EMITTERS = 0.5    # share of all patches that is distributed by the distance 
 SPLIT_AT_ONCE = 64   # triangles that are split before the largest are searched again
 TRANSMITTED = 0.5    # share of a glass's light that spreads to either side like that of a diffuse lobe
 STEEP = 0.7          # of the glossy light of metals: emitters light most surfaces more steeply than uniform light
-FINEST = 0.008       # side of a cell whose triangles are one patch, where a unit of area gets all patches
 CUT = 0.5            # triangles that may be added where walls cut through others, as a share of the patches
-CRUMBS = 8           # patches that a surface must have by itself to share none with others
-COARSER = 2 ** 0.25  # growth of the cells while there are too many
 
 
 @dataclass
@@ -82,7 +79,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     token = scene.surfaces.token[source]
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     material = np.concatenate([_albedo(means), _layer(means)], axis=1)[scene.tile_index]
-    element, largest = group_crumbs(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
+    element, largest = group_elements(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
     vector = _sums(area_vectors(corners), element)
     center, token = corners[largest].mean(axis=1), token[largest]
     solid, glass = (is_kind(kinds[source], some) for some in (SOLID, BENDING))
@@ -164,7 +161,9 @@ def _merge(center: Tensor, vector: Tensor, material: Tensor, kind: Tensor, surfa
     """
     if len(center) <= most:
         return center, vector, material, torch.arange(len(center))
-    group, count = _group(center, vector, kind, surface, emitters, most)
+    density = patch_density(center.numpy(), emitters)
+    group, count = group_patches(center.numpy(), vector.numpy(), kind.numpy(), surface.numpy(), density, most)
+    group = torch.from_numpy(group)
     area = vector.norm(dim=-1, keepdim=True)
     size = area[:, 0]
 
@@ -177,26 +176,3 @@ def _merge(center: Tensor, vector: Tensor, material: Tensor, kind: Tensor, surfa
     rows = (size >= largest[group]).nonzero()[:, 0]
     middle = center[torch.full((count,), len(center)).scatter_reduce_(0, group[rows], rows, "amin")]
     return middle, summed(vector), summed(area * material) / summed(area).clamp_min(1e-20), group
-
-
-def _group(center: Tensor, vector: Tensor, kind: Tensor, surface: Tensor, emitters: NearEmitters,
-           most: int) -> tuple[Tensor, int]:
-    """The group of each of the (S,) triangles, and how many groups there are: `most` or fewer, of the finest cells.
-
-    What stands on a thin floor is no group with its underside: surfaces are together only if they are CRUMBS. A
-    triangle's group depends only on its own surface, position and side: light does not flicker when another moves.
-    """
-    axis = vector.abs().argmax(1, keepdim=True)
-    kind = (2 * axis + (vector.gather(1, axis) < 0))[:, 0] + 6 * kind
-    density = torch.from_numpy(patch_density(center.numpy(), emitters)).float()
-    level = -density.log2().round()
-    cell, count = FINEST, int(surface.max()) + 1
-    while True:
-        cell_index = (center / (cell * 2 ** (level / 2))[:, None]).floor()
-        _, shared = torch.cat([cell_index, level[:, None], kind[:, None]], 1).long().unique(dim=0, return_inverse=True)
-        own, group = (shared * count + surface).unique(return_inverse=True)
-        is_crumb = (own % count).bincount(minlength=count)[surface] < CRUMBS
-        groups, group = torch.where(is_crumb, -1 - shared, group).unique(return_inverse=True)
-        if len(groups) <= most:
-            return group, len(groups)
-        cell *= COARSER

@@ -23,6 +23,8 @@ class Part:
     instances: list[Instance] = field(default_factory=list)
     is_textured: bool = False                                  # materials vary across triangles
     flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
+    real: TriangleMesh | None = None                           # the mesh before it was simplified, if it was
+    token: np.ndarray | None = None                            # (n,) i32 triangle of `mesh` for each one of `real`
 
     @property
     def matrices(self) -> list[np.ndarray]:

@@ -116,3 +116,5 @@ class Instance:
     properties: dict = field(default_factory=dict)  # numbers and vectors that materials read, by name
     instancer_properties: dict = field(default_factory=dict)
     view_layer_properties: dict = field(default_factory=dict)
+    # (4, 4) each, of the instances that this one's tokens stand for; none: of this one alone
+    real_matrices: tuple[np.ndarray, ...] = ()

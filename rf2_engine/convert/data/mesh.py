@@ -53,6 +53,15 @@ class TriangleMesh:
                        attributes={name: function(layer) for name, layer in self.attributes.items()}, **changes)
 
 
+def joined(first: TriangleMesh, second: TriangleMesh) -> TriangleMesh:
+    """Two meshes with the same layers as one."""
+    join = lambda a, b: np.concatenate([a, b])  # noqa: E731
+    return replace(first, corners=join(first.corners, second.corners), normals=join(first.normals, second.normals),
+                   uv={name: join(layer, second.uv[name]) for name, layer in first.uv.items()},
+                   attributes={name: join(layer, second.attributes[name]) for name, layer in first.attributes.items()},
+                   slot=join(first.slot, second.slot))
+
+
 def transform(mesh: TriangleMesh, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """World-space (n, 3, 3) f32 corners and unit normals of a mesh under a (4, 4) matrix.
 

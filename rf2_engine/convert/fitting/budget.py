@@ -16,6 +16,7 @@ from ....model import progress
 from ....model.geometry import area_vectors
 from ..data.cache import ConversionCache, mesh_digest
 from ..data.collected import CollectedScene, Part
+from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
 from ..meshes import reduce
 from ..meshes.reduce import COARSEST, KEPT_WHOLE
@@ -47,7 +48,7 @@ class Simplification:
         for i, (part, target, matrix) in enumerate(zip(self.parts, self.targets, self.nearest, strict=True)):
             if target >= len(part.mesh):
                 continue
-            area, count = part.mesh.area, len(part.mesh)
+            area, count, part.real = part.mesh.area, len(part.mesh), part.mesh
             lens = None if self.apparent is None else ApparentSpace(matrix, self.apparent)
             with progress.part(i / len(self.parts), (i + 1) / len(self.parts),
                                f"Simplifying meshes, {i + 1} of {len(self.parts)}"):
@@ -177,15 +178,28 @@ def _drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targ
         if not keep.all():
             some = "it exceeds" if len(keep) == 1 else f"{np.count_nonzero(~keep)} of its {len(keep)} instances exceed"
             room = f"{some} Max Triangles"
+            real = part.matrices
             if keep.any() and len(part.mesh) <= COARSEST and not part.emits:  # as cards and leaves are
                 keep = _sampled(part, share, np.count_nonzero(keep))
-                report.approximated(part.name, f"{room}: a sample is kept and enlarged to cover the same area")
+                report.approximated(part.name, f"{room}: the network gets a sample, enlarged to cover the same area")
+            elif keep.any():
+                report.approximated(part.name, f"{room}: the network gets the others alone")
             else:
                 report.unplaced(part.name, f"{room}: raise it")
-            part.instances = [instance for instance, k in zip(part.instances, keep, strict=True) if k]
+            part.instances = _representing(part.instances, keep, real)
         if part.instances:
             kept.append((part, share[keep], target))
     return [list(column) for column in zip(*kept)]
+
+
+def _representing(instances: list[Instance], keep: np.ndarray, real: list[np.ndarray]) -> list[Instance]:
+    """Those that are kept, with the `real` matrices of the others that they stand for: each the ones behind it."""
+    kept = np.flatnonzero(keep)
+    if not len(kept):
+        return []
+    owner = np.searchsorted(kept, np.arange(len(keep)), side="right").clip(1) - 1
+    return [replace(instances[row], real_matrices=tuple(real[i] for i in np.flatnonzero(owner == k)))
+            for k, row in enumerate(kept)]
 
 
 def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:

@@ -35,10 +35,10 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
                          "fast-simplification, is missing: use Render Properties > RenderFormer-V2 > Install Packages, "
                          "or raise the budget") from error
     progress.report(0.0)
-    welded = _weld(mesh.corners)
+    welded = weld(mesh.corners)
     some = thin_pieces(mesh, *welded, target, lens)
     if some is not mesh:
-        mesh, welded = some, _weld(some.corners)
+        mesh, welded = some, weld(some.corners)
         if len(mesh) <= target:
             return mesh
     with progress.part(0.05, 0.15):
@@ -70,8 +70,8 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     return _with_attributes(corners[rows], mesh, owner[nearest[rows]])
 
 
-def _weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shared (v, 3) f32 points and (n, 3) i32 faces; corners are one point if their coordinates are equal."""
+def weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shared (v, 3) f32 points and (n, 3) i32 faces of (n, 3, 3) corners; those with equal coordinates are one."""
     flat, key = corners.reshape(-1, 3).astype(np.float32), meshes.corner_keys(corners).ravel()
     order = np.argsort(key)
     begins = np.insert(np.diff(key[order]) != 0, 0, True)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The triangles of all instances, with their materials."""
+"""The triangles of all instances, with their materials, and the real surfaces that these stand for."""
 from __future__ import annotations
 
 import numpy as np
 
 from ....model import progress
-from ....model.scene import RenderScene
+from ....model.scene import Geometry, RenderScene
 from ..data import mesh as meshes
 from ..data.collected import Part
 from ..data.copied import Instance
@@ -15,38 +15,75 @@ from .material import MaterialTiles
 def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:
     """Surfaces and mesh emitters in world space; instances share the tiles that do not depend on the instance."""
     rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
+    geometry: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "token": []}
+    count = 0
     for i, part in enumerate(parts):
         with progress.part(i / len(parts), (i + 1) / len(parts), f"Reading materials, {i + 1} of {len(parts)}"):
             shared = {}
             for j, instance in enumerate(part.instances):
                 with progress.part(j / len(part.instances), (j + 1) / len(part.instances)):
                     progress.report()
-                    for name, values in _instance(part, instance, materials, shared, report).items():
-                        rows[name].append(values)
+                    tokens, is_kept = _instance(part, instance, materials, shared, report)
+                    _add(rows, {name: values[is_kept] for name, values in tokens.items()})
+                    row = np.where(is_kept, count + np.cumsum(is_kept) - 1, -1).astype(np.int32)
+                    for real in _real_surfaces(part, instance, tokens, row):
+                        _add(geometry, real)
+                    count += np.count_nonzero(is_kept)
     scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes)
     for name, values in rows.items():
         if values:
             setattr(scene, name, np.concatenate(values))
-    count = len(scene.triangles)
     scene.beam_axis, scene.beam_cosine = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
+    if any(part.real or any(instance.real_matrices for instance in part.instances) for part in parts):
+        scene.geometry = Geometry(**{name: np.concatenate(values) for name, values in geometry.items()})
     return scene
 
 
-def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: dict, report) -> dict[str, np.ndarray]:
-    """Fields of a RenderScene for the triangles of one instance; shared: as in `_materials`."""
+def _add(lists: dict[str, list[np.ndarray]], values: dict[str, np.ndarray]) -> None:
+    for name, array in values.items():
+        lists[name].append(array)
+
+
+def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: dict,
+              report) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Fields of a RenderScene for the triangles of one instance, and which of these show; shared: as in `_materials`.
+    """
     tile_index, emission = _materials(part, instance, materials, shared)
     is_opaque = tile_index >= 0
     if not is_opaque.all():
         report.approximated(part.name, f"{np.count_nonzero(~is_opaque)} of its {len(is_opaque)} triangles are left "
                                        "out, because they are almost fully transparent")
     corners, normals = meshes.transform(part.mesh, instance.matrix)
-    near, solid = meshes.within_reach(corners), meshes.has_area(corners)
+    near, solid = _is_usable(corners)
     if not near.all():
         report.refused(part.name, "it is too large or too far away: reset its transform")
     elif not solid.any():
         report.skipped(part.name, "its scale is 0")
-    fields = {"triangles": corners, "normals": normals, "emission": emission, "tile_index": tile_index}
-    return {name: values[near & solid & is_opaque] for name, values in fields.items()}
+    return ({"triangles": corners, "normals": normals, "emission": emission, "tile_index": tile_index},
+            near & solid & is_opaque)
+
+
+def _is_usable(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) bool each: triangles that are not too far away, and those that have an area."""
+    return meshes.within_reach(corners), meshes.has_area(corners)
+
+
+def _real_surfaces(part: Part, instance: Instance, tokens: dict[str, np.ndarray],
+                   row: np.ndarray) -> list[dict[str, np.ndarray]]:
+    """Fields of a Geometry for what the tokens of an instance stand for; row: (n,) i32 of these in the scene, or -1."""
+    if part.real is None and not instance.real_matrices:
+        is_kept = row >= 0
+        return [{"triangles": tokens["triangles"][is_kept], "normals": tokens["normals"][is_kept],
+                 "token": row[is_kept]}]
+    mesh, token = (part.mesh, row) if part.real is None else (part.real, row[part.token])
+    surfaces = []
+    for matrix in instance.real_matrices or (instance.matrix,):
+        progress.report()
+        corners, normals = meshes.transform(mesh, matrix)
+        is_kept = np.logical_and(*_is_usable(corners)) & (token >= 0)
+        fields = {"triangles": corners, "normals": normals, "token": token}
+        surfaces.append(fields if is_kept.all() else {name: values[is_kept] for name, values in fields.items()})
+    return surfaces
 
 
 def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared: dict) -> tuple[np.ndarray, np.ndarray]:

@@ -51,7 +51,8 @@ def test_a_roof_throws_its_shadow_into_the_fog():
     roof = np.float32([[[0, -4, 1.5], [4, -4, 1.5], [4, 4, 1.5]], [[0, -4, 1.5], [4, 4, 1.5], [0, 4, 1.5]]])
     triangles = np.concatenate([roof, scene.triangles[2:]])
     covered = replace(scene, triangles=triangles)
-    lit, dark = (seen(covered, *(torch.tensor([[x, 0.2, 0.1]]) for x in ends))[0] for ends in ((-1.5, -0.2), (0.2, 1.5)))
+    lit, dark = (seen(covered, *(torch.tensor([[x, 0.2, 0.1]]) for x in ends))[0]
+                 for ends in ((-1.5, -0.2), (0.2, 1.5)))
     assert lit > 0.25 * open_air[0] and dark < 0.3 * lit
 
 

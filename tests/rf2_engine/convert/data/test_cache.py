@@ -80,4 +80,4 @@ def test_what_a_scene_no_longer_has_is_forgotten(work):
     conversions.convert()
     bpy.data.objects.remove(bpy.data.objects["B"])
     conversions.convert()
-    assert len(conversions.cache._entries) <= 2
+    assert len(conversions.cache._entries) <= 3

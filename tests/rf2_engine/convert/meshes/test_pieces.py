@@ -31,7 +31,7 @@ def test_what_is_large_among_many_pieces_is_kept_as_it_is(report):
         bpy.ops.object.join()
     full = read_mesh(trunk.data, "tree", report)
     assert len(full) == len(alone) + 2 * LEAVES
-    points, faces = reduce._weld(full.corners)
+    points, faces = reduce.weld(full.corners)
     some = sampling.thin_pieces(full, points, faces, 3000, None)
     assert {tuple(corners) for corners in alone.corners.reshape(-1, 9).tolist()} <= {
         tuple(corners) for corners in some.corners.reshape(-1, 9).tolist()}
@@ -53,7 +53,7 @@ def test_small_pieces_of_little_area_are_not_enlarged(report):
     with bpy.context.temp_override(active_object=body, selected_editable_objects=[body, screws]):
         bpy.ops.object.join()
     mesh = read_mesh(body.data, "machine", report)
-    assert sampling.thin_pieces(mesh, *reduce._weld(mesh.corners), 1000, None) is mesh
+    assert sampling.thin_pieces(mesh, *reduce.weld(mesh.corners), 1000, None) is mesh
 
 
 @pytest.mark.parametrize("target", [600, 20_000])
@@ -62,7 +62,7 @@ def test_a_mesh_whose_pieces_fit_keeps_them_all(target, report):
     bpy.ops.object.modifier_add(type="SUBSURF")
     bpy.ops.object.modifier_apply(modifier="Subdivision")
     mesh = read_mesh(bpy.context.object.data, "monkey", report)
-    assert sampling.thin_pieces(mesh, *reduce._weld(mesh.corners), target, None) is mesh
+    assert sampling.thin_pieces(mesh, *reduce.weld(mesh.corners), target, None) is mesh
 
 
 def _crown() -> bpy.types.Mesh:

@@ -105,7 +105,7 @@ def test_a_very_large_mesh_is_simplified_in_blocks_without_cracks(in_blocks, rep
         small = reduce.simplify(mesh, 500)
     assert 480 < len(small) <= 500 and told == sorted(told)
     assert len(told) > 3 * len(mesh) / 300  # Esc is looked at block by block
-    _, faces = reduce._weld(small.corners)
+    _, faces = reduce.weld(small.corners)
     edges = np.sort(np.stack([faces, np.roll(faces, 1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
     np.testing.assert_allclose(np.linalg.norm(small.corners, axis=-1), 1, atol=0.03)

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Match the meshes that were simplified with what they have become: rays meet the real ones, up to a limit."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ....model import progress
+from ..data.cache import ConversionCache, mesh_digest
+from ..data.collected import Part
+from ..meshes.represent import represent
+
+MOST = 4_000_000  # triangles that rays meet: about a gigabyte
+
+
+def match_tokens(parts: list[Part], report, cache: ConversionCache | None = None) -> None:
+    """Find the token of each real triangle, for all parts that were simplified and divided.
+
+    Where there are more than MOST real triangles, rays meet the simplified ones of those parts that have the most for
+    each of their tokens. cache: of earlier conversions.
+    """
+    _limit(parts, report)
+    simplified = [part for part in parts if part.real is not None]
+    for i, part in enumerate(simplified):
+        with progress.part(i / len(simplified), (i + 1) / len(simplified), "Matching meshes and their tokens"):
+            if cache is None:
+                part.real, part.token = represent(part.real, part.mesh, part.is_textured)
+            else:
+                key = "represent", mesh_digest(part.real), mesh_digest(part.mesh), part.is_textured
+                part.real, part.token = cache.get(
+                    key, lambda _, part=part: represent(part.real, part.mesh, part.is_textured), report)
+
+
+def _limit(parts: list[Part], report) -> None:
+    """Forget real meshes until there is room for the others."""
+    total = sum(map(_count, parts))
+    simplified = [part for part in parts if part.real is not None]
+    for part in sorted(simplified, key=lambda part: len(part.real) / len(part.mesh), reverse=True):
+        if total <= MOST:
+            break
+        total -= _count(part)
+        report.approximated(part.name, f"rays meet {len(part.mesh)} of its {len(part.real)} triangles: the scene has "
+                                       f"more than {MOST:,}")
+        part.real = None
+        total += _count(part)
+    for part in sorted(parts, key=_count, reverse=True):
+        if total <= MOST:
+            break
+        total -= _count(part)
+        part.instances = [replace(instance, real_matrices=()) for instance in part.instances]
+        report.approximated(part.name, f"rays meet {len(part.instances)} of its instances: the scene has more than "
+                                       f"{MOST:,} triangles")
+        total += _count(part)
+
+
+def _count(part: Part) -> int:
+    return len(part.real or part.mesh) * sum(max(len(instance.real_matrices), 1) for instance in part.instances)

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Find the token triangles that stand for the triangles of a mesh before it was simplified."""
+from __future__ import annotations
+
+import numpy as np
+
+from ....model import progress
+from ....model.geometry import quartered
+from ....model.rays import Rays
+from ..data import mesh as meshes
+from ..data.mesh import TriangleMesh
+from .nearest import NearestTriangles
+from .reduce import weld
+
+FACING = 0.3     # cosine between a triangle and the token before or behind it from which on that stands for it
+REACH = 0.05     # of the extent of the mesh, up to which that token may be away
+LARGER = 1.5     # times its token's longest edge, from which on a triangle with a texture is quartered
+ROUNDS = 6       # that it is, at most
+MOST = 1 << 16   # triangles more by that, about
+
+
+def represent(mesh: TriangleMesh, tokens: TriangleMesh, is_textured: bool) -> tuple[TriangleMesh, np.ndarray]:
+    """The mesh, and the row (n,) i32 of the token that stands for each of its triangles.
+
+    With a texture triangles are quartered until none is much larger than its token, whose tile holds the texture.
+    """
+    token = _nearest(mesh, tokens)
+    for _ in range(ROUNDS if is_textured else 0):
+        longest = meshes.longest_edges(tokens.corners)
+        large = meshes.longest_edges(mesh.corners) > LARGER * longest[token]
+        if not large.any() or 3 * np.count_nonzero(large) > MOST:
+            break
+        rest, pieces = mesh.take(~large), mesh.take(large)
+        pieces = pieces.mapped(quartered, slot=np.tile(pieces.slot, 4))
+        token = np.concatenate([token[~large], _nearest(pieces, tokens)])
+        mesh = meshes.joined(rest, pieces)
+    return mesh, token
+
+
+def _nearest(mesh: TriangleMesh, tokens: TriangleMesh) -> np.ndarray:
+    """(n,) i32 nearest token of the same material, or of any if none is left of it."""
+    token = np.empty(len(mesh), np.int32)
+    for slot in np.unique(mesh.slot):
+        rows, candidates = np.flatnonzero(mesh.slot == slot), np.flatnonzero(tokens.slot == slot)
+        candidates = candidates if len(candidates) else np.arange(len(tokens))
+        token[rows] = candidates[_nearest_triangles(mesh.corners[rows], tokens.corners[candidates])]
+    return token
+
+
+def _nearest_triangles(corners: np.ndarray, tokens: np.ndarray) -> np.ndarray:
+    """(n,) the token that a ray from the middle of each triangle meets, before it or behind it, else the nearest."""
+    progress.report()
+    origin = tokens.reshape(-1, 3).mean(axis=0)
+    middle, normal = meshes.middles(corners), meshes.face_normals(corners).astype(np.float32)
+    reach = REACH * float(np.linalg.norm(np.ptp(tokens.reshape(-1, 3), axis=0)))
+    facing, rays = meshes.face_normals(tokens), Rays(tokens - origin)
+    best, found = np.full(len(corners), reach), np.full(len(corners), -1)
+    for side in (1, -1):
+        progress.report()
+        hits = rays.closest(middle - origin, side * normal)
+        fits = (hits.triangle >= 0) & (hits.distance < best)
+        fits &= np.einsum("nc,nc->n", facing[hits.triangle], normal) > FACING
+        best[fits], found[fits] = hits.distance[fits], hits.triangle[fits]
+    missed = np.flatnonzero(found < 0)
+    if len(missed):
+        found[missed] = NearestTriangles(*weld(tokens)).nearest(middle[missed].astype(np.float64))
+    return found
