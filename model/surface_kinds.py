@@ -32,7 +32,7 @@ SEEN = Kind.OPAQUE | Kind.GLASS | Kind.CUTOUT | Kind.EMITTER     # by cameras
 BENDING = Kind.GLASS | Kind.UNSEEN_GLASS
 SOLID = Kind.OPAQUE | Kind.UNSEEN                                # light ends there
 OCCLUDING = SOLID | BENDING                                      # no light passes straight; lamps shade nothing
-REFLECTING = SOLID | BENDING | Kind.CUTOUT | Kind.UNSEEN_CUTOUT | Kind.BACK  # all that does not shine
+REFLECTING = SOLID | BENDING | Kind.CUTOUT | Kind.UNSEEN_CUTOUT
 
 
 def token_kinds(scene: RenderScene) -> np.ndarray:

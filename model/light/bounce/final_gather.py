@@ -38,13 +38,14 @@ class Gathered:
     share: Tensor      # (P, R + A) share of the radiance from there that arrives, times the weight of the ray
     sky: Tensor        # (P, R) share of the sky's radiance that arrives where nothing is hit
     through: Tensor    # (P, 3) mean radiance of media, and of the sky behind glass
+    distance: Tensor   # (P, R), network units to what is hit; infinite where nothing is
 
     def merged(self, weight: Tensor) -> Gathered:
         """Every K consecutive points as one; weight: (P / K, K), whose means are 1."""
         count, row_weight = weight.shape[1], weight.reshape(-1, 1)
-        by_ray = self.direction, self.side, row_weight * self.share, row_weight * self.sky
-        merged = (x.reshape(-1, count * x.shape[1], *x.shape[2:]) for x in by_ray)
-        return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1))
+        by_ray = self.direction, self.side, row_weight * self.share, row_weight * self.sky, self.distance
+        *merged, distance = (x.reshape(-1, count * x.shape[1], *x.shape[2:]) for x in by_ray)
+        return Gathered(*merged, (row_weight * self.through).view(-1, count, 3).mean(1), distance)
 
     def radiance(self, leaving: Tensor, weight: Tensor | None = None) -> Tensor:
         """(P, C) mean of what arrives of the radiance (sides, C) that leaves the patches.
@@ -66,9 +67,11 @@ class GatherScene:
 
     def __init__(self, scene: RenderScene, patches: Patches, direct: DirectLight):
         device, rays = direct.device, scene_rays(scene)
-        self.normal = F.normalize(patches.vector.to(device), dim=-1)
+        self.count = len(patches.center)
+        self._facing = F.pad(patches.facing(), (0, 0, 0, 1)).to(device)  # of triangles
+        self.size = patches.vector.norm(dim=-1).clamp_min(1e-20).sqrt().repeat(2).to(device)  # of fronts, then of backs
         # The row behind all patches stands for "nothing", and for emitters, whose light is no indirect one.
-        self.patch = F.pad(patches.patch, (0, 1), value=len(self.normal)).to(device)
+        self.patch = F.pad(patches.patch, (0, 1), value=self.count).to(device)
         self.bright = None
         self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
         self._locator = patches.locator.to(device)
@@ -123,7 +126,7 @@ class GatherScene:
             balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
-                        through)
+                        through, distance.view(-1, total)[:, :rays])
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.
@@ -134,8 +137,8 @@ class GatherScene:
 
     def _sides(self, piece: Tensor, direction: Tensor) -> Tensor:
         """The same for the triangles (N,) of patches."""
-        patch, count = self.patch[piece], len(self.normal)
-        is_back = dot(F.pad(self.normal, (0, 0, 0, 1)).index_select(0, patch).T, direction.T) > 0
+        patch, count = self.patch[piece], self.count
+        is_back = dot(self._facing.index_select(0, piece).T, direction.T) > 0
         return torch.where(patch < count, patch + count * is_back, 2 * count)
 
     def _scattered(self, origin: Tensor, end: Tensor) -> Tensor:
@@ -147,12 +150,15 @@ class GatherScene:
     def reliability(self, gathered: Gathered, count: int) -> Tensor:
         """(P / count, count) weights of each `count` consecutive points of a patch, 1 in the mean.
 
-        A point that something covers, as walls cover the rim of a floor, sees the insides of that: backs. And few that
-        see more of the sky than the others are on the other side of a wall.
+        A point that something covers, as walls cover the rim of a floor, sees the insides of that: backs. Few that see
+        more of the sky than the others are on the other side of a wall. And what is near to something else, such as
+        the floor under a ball, sends its light to that alone: others see the rest of the patch.
         """
+        size = self.size.repeat_interleave(count)[:, None]
+        far = (gathered.distance / size).clamp(max=1).mean(1).view(-1, count)
         side = gathered.side[:, :gathered.direction.shape[1]]
-        is_back = (side >= len(self.normal)) & (side < 2 * len(self.normal))
+        is_back = (side >= self.count) & (side < 2 * self.count)
         backs, sky = ((x > 0).to(gathered.share.dtype).mean(1).view(-1, count) for x in (is_back, gathered.sky))
         unlike = (sky - sky.median(1, keepdim=True).values) / UNLIKE
-        weight = (1 - backs).clamp_min(LEAST_RELIABLE) * (-unlike.square()).exp()
+        weight = (far * (1 - backs)).clamp_min(LEAST_RELIABLE) * (-unlike.square()).exp()
         return weight / weight.mean(1, keepdim=True)

@@ -10,7 +10,7 @@ MANY = 1 << 15   # triangles up to which each is an element
 FINEST = 0.008   # side of a cell whose triangles are one patch, where a unit of area gets all patches
 COARSER = 2 ** 0.25  # growth of the cells while there are too many
 CRUMBS = 8       # groups that a surface must have by itself to share none with others, in the finest cells
-SHARED = 2 ** 0.125  # growth of that number
+SHARED = 2       # growth of that number
 
 
 def group_elements(corners: np.ndarray, token: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -31,20 +31,21 @@ def group_elements(corners: np.ndarray, token: np.ndarray, density: np.ndarray) 
     return element, order[begins]
 
 
-def group_patches(center: np.ndarray, vector: np.ndarray, kind: np.ndarray, surface: np.ndarray, density: np.ndarray,
-                  most: int) -> tuple[np.ndarray, int]:
+def group_patches(center: np.ndarray, vector: np.ndarray, glass: np.ndarray, openness: np.ndarray, surface: np.ndarray,
+                  density: np.ndarray, most: int) -> tuple[np.ndarray, int]:
     """The group (E,) of each element, and how many groups there are: `most` or fewer, of the finest cells.
 
     Elements with centres and area vectors (E, 3) are together in cells, by density (E,) as above, if they face alike
-    and are of one kind (E,). What stands on a thin floor is no group with its underside: surfaces (E,) are together
-    only if they are crumbs. An element's group depends only on its own surface, position and side: light does not
+    and all or none are glass (E,). What stands on a thin floor is no group with its underside, and walls are in no
+    group with both sides: different surfaces (E,), or parts of one with different openness (E,), are together only if
+    the surfaces are crumbs. An element's group depends only on its own surface, position and side: light does not
     flicker when another moves.
     """
     level, facing = _level(density), _facing(vector)
     cell, crumbs = FINEST, float(CRUMBS)
     while True:
-        shared = _key(kind, facing, level, *_cells(center, cell * 2 ** (level / 2)))
-        own = _key(shared, surface)
+        shared = _key(glass, facing, level, *_cells(center, cell * 2 ** (level / 2)))
+        own = _key(shared, openness, surface)
         first = np.unique(own, return_index=True)[1]
         is_crumb = np.bincount(surface[first])[surface] < crumbs
         groups, group = np.unique(np.where(is_crumb, shared, own), return_inverse=True)

@@ -47,9 +47,15 @@ class Patches:
     weight: Tensor   # (S,) f32, area, weighted by how near the scene's middle and the emitters are
     locator: PieceLocator  # of the T triangles
 
+    def facing(self) -> Tensor:
+        """(T, 3) vectors along the normals of the triangles, on the front of their patch."""
+        vector = torch.from_numpy(area_vectors(self.corners.numpy()))
+        is_turned = (vector * self.vector[self.patch]).sum(-1, keepdim=True) < 0
+        return torch.where(is_turned, -vector, vector)
+
     def points(self, count: int) -> tuple[Tensor, Tensor]:
         """(S, count, 3) points spread evenly over the fronts of the patches, and their unit normals."""
-        vector = torch.from_numpy(area_vectors(self.corners.numpy()))
+        vector = self.facing()
         order = self.patch.argsort(stable=True)
         cumulative = vector.norm(dim=-1)[order].double().cumsum(0)  # area up to the end of each triangle, by patch
         ends = cumulative[self.patch[order].bincount(minlength=len(self.center)).cumsum(0) - 1]
@@ -60,10 +66,8 @@ class Patches:
         row = torch.searchsorted(cumulative, begins[:, None] + share * (ends - begins)[:, None])
         triangle = order[row.clamp(max=len(order) - 1)]
         u, v = ((k * step + start[:, i + 1:i + 2]) % 1 for i, step in enumerate(R2))
-        normal = F.normalize(vector[triangle], dim=-1)
-        facing = (normal * self.vector[:, None]).sum(-1, keepdim=True)
         weights = triangle_weights(u, v)[..., None]
-        return (weights * self.corners[triangle]).sum(2), torch.where(facing < 0, -normal, normal)
+        return (weights * self.corners[triangle]).sum(2), F.normalize(vector[triangle], dim=-1)
 
 
 def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
@@ -83,9 +87,9 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     vector = _sums(area_vectors(corners), element)
     center, token = corners[largest].mean(axis=1), token[largest]
     solid, glass = (is_kind(kinds[source], some) for some in (SOLID, BENDING))
-    kind = glass[largest] + (2 * openness.kinds(corners[largest]) if openness else 0)
+    is_open = openness.kinds(corners[largest]) if openness else np.zeros(len(center), np.int64)
     center, vector, material, patch = _merge(*map(torch.from_numpy, (
-        center, vector, material[token], kind.astype(np.int64), surfaces(scene.triangles)[token])), emitters, most)
+        center, vector, material[token], glass[largest], is_open, surfaces(scene.triangles)[token])), emitters, most)
     weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
     return Patches(center, vector, *material.split([9, 2], 1), patch[torch.from_numpy(element)],
                    torch.from_numpy(corners), torch.from_numpy(solid), weight,
@@ -152,17 +156,16 @@ def patch_density(position: np.ndarray, emitters: NearEmitters, size: np.ndarray
     return (1 - BY_EMITTERS) * from_middle + BY_EMITTERS * from_emitters
 
 
-def _merge(center: Tensor, vector: Tensor, material: Tensor, kind: Tensor, surface: Tensor, emitters: NearEmitters,
-           most: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Centre, area vector and material of groups of triangles that face the same way in the same cell.
+def _merge(center: Tensor, vector: Tensor, material: Tensor, glass: Tensor, openness: Tensor, surface: Tensor,
+           emitters: NearEmitters, most: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Centre, area vector and material of groups of elements, as of `group_patches`.
 
-    Triangles of different `kind` or surface are never grouped. The centre is that of the largest triangle of a group.
-    Also returns the group of each of the (S,) triangles.
+    The centre is that of the largest element of a group. Also returns the group of each of the (E,) elements.
     """
     if len(center) <= most:
         return center, vector, material, torch.arange(len(center))
     density = patch_density(center.numpy(), emitters)
-    group, count = group_patches(center.numpy(), vector.numpy(), kind.numpy(), surface.numpy(), density, most)
+    group, count = group_patches(*(x.numpy() for x in (center, vector, glass, openness, surface)), density, most)
     group = torch.from_numpy(group)
     area = vector.norm(dim=-1, keepdim=True)
     size = area[:, 0]

@@ -112,7 +112,7 @@ def test_merged_patches_give_nearly_the_same_light(monkeypatch):
     exact = arriving(built(scene), points, UP)
     monkeypatch.setattr(patches, "PATCHES", 512)
     few = built(scene)
-    assert 256 < len(few.gather_scene.normal) <= 512 < len(scene)
+    assert 256 < few.gather_scene.count <= 512 < len(scene)
     torch.testing.assert_close(arriving(few, points, UP), exact, rtol=0.1, atol=1e-3)
 
 
@@ -186,7 +186,7 @@ def test_a_small_bright_surface_lights_evenly_because_rays_aim_at_it():
     bright = floor_scene(side=1).triangles[:-1] * np.float32((0.01, 0.01, 0)) + np.float32((0, 0, 0.5))
     bounce = built(flat(np.concatenate([wall, bright]), (0.5, 0.5, 0.5)))
     gather_scene = bounce.gather_scene
-    shines = gather_scene.normal.new_zeros(2 * len(gather_scene.normal))
+    shines = torch.zeros(2 * gather_scene.count)
     corners = gather_scene.corners
     rows = gather_scene.patch[:len(corners)][corners[..., 2].amin(1) > 0.4]
     shines[rows] = shines[rows + len(shines) // 2] = 1.0
