@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...cells import cell_index, facing_side, group_key, groups_of
 from ...geometry import area_vectors
 
 MANY = 1 << 15   # triangles up to which each is an element
@@ -23,12 +24,8 @@ def group_elements(corners: np.ndarray, token: np.ndarray, density: np.ndarray) 
         return (np.arange(len(corners)),) * 2
     vector = area_vectors(corners)
     cell = FINEST * 2 ** (_level(density) / 2)
-    key = _key(token, _facing(vector), *_cells(corners.mean(axis=1), cell[token]))
-    order = np.lexsort((-np.linalg.norm(vector, axis=1), key))
-    begins = np.insert(np.diff(key[order]) != 0, 0, True)
-    element = np.empty(len(corners), np.int64)
-    element[order] = np.cumsum(begins) - 1
-    return element, order[begins]
+    key = group_key(token, facing_side(vector), *cell_index(corners.mean(axis=1), cell[token]))
+    return groups_of(key, np.linalg.norm(vector, axis=1))
 
 
 def group_patches(center: np.ndarray, vector: np.ndarray, glass: np.ndarray, openness: np.ndarray, surface: np.ndarray,
@@ -41,11 +38,11 @@ def group_patches(center: np.ndarray, vector: np.ndarray, glass: np.ndarray, ope
     the surfaces are crumbs. An element's group depends only on its own surface, position and side: light does not
     flicker when another moves.
     """
-    level, facing = _level(density), _facing(vector)
+    level, facing = _level(density), facing_side(vector)
     cell, crumbs = FINEST, float(CRUMBS)
     while True:
-        shared = _key(glass, facing, level, *_cells(center, cell * 2 ** (level / 2)))
-        own = _key(shared, openness, surface)
+        shared = group_key(glass, facing, level, *cell_index(center, cell * 2 ** (level / 2)))
+        own = group_key(shared, openness, surface)
         first = np.unique(own, return_index=True)[1]
         is_crumb = np.bincount(surface[first])[surface] < crumbs
         groups, group = np.unique(np.where(is_crumb, shared, own), return_inverse=True)
@@ -56,25 +53,3 @@ def group_patches(center: np.ndarray, vector: np.ndarray, glass: np.ndarray, ope
 
 def _level(density: np.ndarray) -> np.ndarray:
     return -np.log2(density).round()
-
-
-def _facing(vector: np.ndarray) -> np.ndarray:
-    """(S,) which of six sides vectors (S, 3) point to."""
-    axis = np.abs(vector).argmax(axis=1)
-    return 2 * axis + (vector[np.arange(len(vector)), axis] < 0)
-
-
-def _cells(position: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """(3, S) the cell that positions (S, 3) are in, of cells with sides (S,)."""
-    return np.floor(position / side[:, None]).T
-
-
-def _key(*columns: np.ndarray) -> np.ndarray:
-    """(S,) u64, alike where all columns (S,) of whole numbers are, and nowhere else by any likely chance."""
-    key = np.zeros(len(columns[0]), np.uint64)
-    for column in columns:
-        whole = column if column.dtype == np.uint64 else column.astype(np.int64).view(np.uint64)
-        key = (key + whole) * np.uint64(0x9E3779B97F4A7C15)
-        key = (key ^ key >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
-        key ^= key >> np.uint64(27)
-    return key

@@ -2,10 +2,13 @@
 """Find the token triangles that stand for the triangles of a mesh before it was simplified."""
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ....model import progress
-from ....model.geometry import quartered
+from ....model.cells import cell_index, facing_side, group_key, groups_of
+from ....model.geometry import area_vectors, quartered, unit
 from ....model.rays import Rays
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
@@ -15,6 +18,7 @@ from .reduce import weld
 FACING = 0.3     # cosine between a triangle and the token before or behind it from which on that stands for it
 REACH = 0.05     # of the extent of the mesh, up to which that token may be away
 LARGER = 1.5     # times its token's longest edge, from which on a triangle with a texture is quartered
+CELLS = 16       # in the area of a token
 ROUNDS = 6       # that it is, at most
 MOST = 1 << 16   # triangles more by that, about
 
@@ -48,13 +52,23 @@ def _nearest(mesh: TriangleMesh, tokens: TriangleMesh) -> np.ndarray:
 
 
 def _nearest_triangles(corners: np.ndarray, tokens: np.ndarray) -> np.ndarray:
-    """(n,) the token that a ray from the middle of each triangle meets, before it or behind it, else the nearest."""
+    """(n,) the token that a ray from the middle of each triangle meets, before it or behind it, else the nearest.
+
+    Triangles in one cell that face alike have the same one.
+    """
+    middle, vector = meshes.middles(corners), area_vectors(corners)
+    side = math.sqrt(float(meshes.areas(tokens).sum()) / (CELLS * len(tokens)))
+    group, largest = groups_of(group_key(facing_side(vector), *cell_index(middle, side)), meshes.lengths(vector))
+    return _met_or_nearest(middle[largest], unit(vector[largest]), tokens)[group]
+
+
+def _met_or_nearest(middle: np.ndarray, normal: np.ndarray, tokens: np.ndarray) -> np.ndarray:
+    """The same for triangles with these middles and unit normals (n, 3)."""
     progress.report()
     origin = tokens.reshape(-1, 3).mean(axis=0)
-    middle, normal = meshes.middles(corners), meshes.face_normals(corners).astype(np.float32)
     reach = REACH * float(np.linalg.norm(np.ptp(tokens.reshape(-1, 3), axis=0)))
     facing, rays = meshes.face_normals(tokens), Rays(tokens - origin)
-    best, found = np.full(len(corners), reach), np.full(len(corners), -1)
+    best, found = np.full(len(middle), reach), np.full(len(middle), -1)
     for side in (1, -1):
         progress.report()
         hits = rays.closest(middle - origin, side * normal)

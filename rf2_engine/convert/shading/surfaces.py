@@ -76,11 +76,13 @@ def _real_surfaces(part: Part, instance: Instance, tokens: dict[str, np.ndarray]
         return [{"triangles": tokens["triangles"][is_kept], "normals": tokens["normals"][is_kept],
                  "token": row[is_kept]}]
     mesh, token = (part.mesh, row) if part.real is None else (part.real, row[part.token])
-    surfaces = []
+    surfaces, is_flat = [], (row < 0).any()  # then triangles may have become lines
     for matrix in instance.real_matrices or (instance.matrix,):
         progress.report()
         corners, normals = meshes.transform(mesh, matrix)
-        is_kept = np.logical_and(*_is_usable(corners)) & (token >= 0)
+        is_kept = token >= 0
+        if is_flat or instance.real_matrices:
+            is_kept &= np.logical_and(*_is_usable(corners))
         fields = {"triangles": corners, "normals": normals, "token": token}
         surfaces.append(fields if is_kept.all() else {name: values[is_kept] for name, values in fields.items()})
     return surfaces
