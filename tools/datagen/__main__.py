@@ -32,7 +32,7 @@ DARKEST, BRIGHTEST = 0.03, 1.5  # mean of a view's median over covered pixels
 ATTEMPTS = 8
 
 
-def generate(out: Path, seeds: range, counts: SampleCounts, *, profile: str, views: int, threads: int,
+def generate(out: Path, seeds: range, of_all: SampleCounts, *, profile: str, views: int, threads: int,
              resolution: int | None = None, triangles: int | None = None) -> int:
     """Make the samples that are missing in `out`; a seed that fails is reported. Returns how many failed.
 
@@ -49,6 +49,7 @@ def generate(out: Path, seeds: range, counts: SampleCounts, *, profile: str, vie
         path = sample_path(out, seed)
         if path.exists():
             continue
+        counts = of_all.of_seed(seed)
         try:
             sample, attempt = make_sample(seed, counts, profile, views, resolution, triangles)
         except Exception:  # one odd scene must not end a run of days
@@ -106,7 +107,9 @@ def main() -> int:
     parser.add_argument("--equal", type=whole_number(0), default=0, metavar="N",
                         help="also store Cycles with N samples and OpenImageDenoise, for tools.evaluate")
     parser.add_argument("--hints", type=whole_number(1), default=HINT_SAMPLES, metavar="N",
-                        help="samples of first hits and traced light (default 8; F12: 128 at 128x128, 32 at 256x256)")
+                        help="samples of first hits and traced light (default 8)")
+    parser.add_argument("--most-hints", type=whole_number(1), metavar="N",
+                        help="instead from --hints to N, by chance: twice as many are half as likely")
     parser.add_argument("--profile", choices=("simple", "full", "mixed", "wide", "indirect", "paper"), default="full")
     for option, what in (("--hdris", "panoramas"), ("--meshes", "objects"), ("--textures", "sets of texture maps")):
         parser.add_argument(option, type=Path, metavar="DIR", help=f"your own {what}, beside those that are built in")
@@ -118,7 +121,7 @@ def main() -> int:
                         help="of each process; 0 = an equal share of the cores")
     parser.add_argument("--part", type=int, default=0, help=argparse.SUPPRESS)
     args = parser.parse_args()
-    counts = SampleCounts(args.samples, args.equal, args.hints)
+    counts = SampleCounts(args.samples, args.equal, args.hints, args.most_hints or args.hints)
     if args.blend:
         return sample_blend_files(args, counts)
     if args.scenes is None or args.first_seed is None:

@@ -12,7 +12,6 @@ import numpy as np
 from tools import extension
 
 extension.load()
-from renderformer_v2.model.light.specular.ends import add_path_ends  # noqa: E402
 from renderformer_v2.model.scene import Guides, RenderScene, View  # noqa: E402
 from renderformer_v2.rf2_engine import passes as pass_table  # noqa: E402
 from renderformer_v2.rf2_engine.convert.camera.camera import convert_camera  # noqa: E402
@@ -90,7 +89,7 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
         reference["equal"] = equal["combined"]
     cycles.seed -= 1
     rendered = time.perf_counter()
-    sample.guides.append(add_path_ends(make_guides(hints, sample.scene, view), sample.scene, view))
+    sample.guides.append(make_guides(hints, sample.scene, view))
     sample.views.append(view)
     sample.passes.append({name: reference[name] for name in (*REFERENCE, *(["equal"] if counts.equal else []))})
     guided = time.perf_counter()

@@ -2,21 +2,22 @@
 """Files of training data: one .npz per scene, written whole or not at all, read without bpy.
 
 Files are smaller than what is in memory: tiles are averaged to STORED_TILE^2 texels (what the small preset pools them
-to) unless the caller wants more, and equal ones are stored once; guides, environment and reference passes are half
-floats.
+to) unless the caller wants more, and equal ones are stored once; guides but for positions, environment and reference
+passes are half floats. What mirrors and glass show is found again by `load_with_paths`.
 """
 from __future__ import annotations
 
 import io
 import os
 import zipfile
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
+from renderformer_v2.model.light.specular.ends import add_path_ends
 from renderformer_v2.model.pictures import to_half
-from renderformer_v2.model.scene import TILE_SIZE, Guides, RenderScene, View, Volumes
+from renderformer_v2.model.scene import TILE_SIZE, Geometry, Guides, RenderScene, View, Volumes
 
 STORED_TILE = 8
 HINT_SAMPLES = 8  # of first hits and traced light, as F12 has in large pictures
@@ -31,6 +32,12 @@ class SampleCounts:
     reference: int
     equal: int = 0  # of a picture as it would be set beside ours, in the pass "equal"; 0 for none
     hints: int = HINT_SAMPLES
+    most_hints: int = HINT_SAMPLES
+
+    def of_seed(self, seed: int) -> SampleCounts:
+        """Those of one scene, whose hints lie between `hints` and `most_hints`."""
+        ratio = max(self.most_hints / self.hints, 1) ** np.random.default_rng(seed).random()
+        return replace(self, hints=round(self.hints * ratio))
 
 
 @dataclass(frozen=True)
@@ -81,6 +88,9 @@ def save_sample(path: Path, scene: RenderScene, views: list[View], guides: list[
               if isinstance(getattr(scene, f.name), np.ndarray)}
     arrays |= _pack_tiles(scene, tile_size)
     arrays["scene.normals"] = scene.normals.astype(np.float16)
+    if scene.geometry is not None:
+        arrays |= {f"geometry.{f.name}": getattr(scene.geometry, f.name) for f in fields(Geometry)}
+        arrays["geometry.normals"] = arrays["geometry.normals"].astype(np.float16)
     if scene.environment is not None:
         arrays["scene.environment"] = to_half(scene.environment)
     if scene.volumes is not None:
@@ -125,8 +135,11 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
     scene["normals"] = _normalize(scene["normals"].astype(np.float32))
     if "environment" in scene:
         scene["environment"] = scene["environment"].astype(np.float32)
-    volumes = group("volumes")
-    result = RenderScene(**scene, volumes=Volumes(**volumes) if volumes else None)
+    volumes, geometry = group("volumes"), group("geometry")
+    if geometry:
+        geometry["normals"] = _normalize(geometry["normals"].astype(np.float32))
+    result = RenderScene(**scene, volumes=Volumes(**volumes) if volumes else None,
+                         geometry=Geometry(**geometry) if geometry else None)
     view, guide, passes = group("view"), group("guides"), group("passes")
     count = len(view["width"])
     views = [View(view["camera_to_world"][i], view["focal"][i], view["principal"][i], int(view["width"][i]),
@@ -137,6 +150,12 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
         for name in ("emission", "environment"):
             p.setdefault(name, getattr(g, name))
     return result, views, guides, passes
+
+
+def load_with_paths(path: Path) -> tuple[RenderScene, list[View], list[Guides], list[dict[str, np.ndarray]]]:
+    """`load_sample`, and in the guides the ends of specular paths, as the engine finds them today."""
+    scene, views, guides, passes = load_sample(path)
+    return scene, views, [add_path_ends(g, scene, v) for g, v in zip(guides, views, strict=True)], passes
 
 
 def hint_samples(path: Path) -> int:
@@ -174,7 +193,7 @@ def _pack_tiles(scene: RenderScene, size: int) -> dict[str, np.ndarray]:
 
 
 def _pack_guide(name: str, array: np.ndarray) -> np.ndarray:
-    if name == "hit_triangle":
+    if name in ("hit_triangle", "position"):  # rays start there
         return array
     if name == "hit_barycentric":
         return (array * 255 + 0.5).astype(np.uint8)

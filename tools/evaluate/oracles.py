@@ -24,7 +24,7 @@ from renderformer_v2.model.pictures import linear_to_srgb
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
 from renderformer_v2.model.weights.presets import BUNDLED
-from tools.datagen.sample_files import load_sample, sample_paths
+from tools.datagen.sample_files import load_with_paths, sample_paths
 
 from .samples import estimated_light, world_radiance
 
@@ -129,7 +129,7 @@ def study(paths: list[Path], renderer: Renderer) -> dict[str, dict[str, dict[str
     """By setting and oracle the mean PSNR of the scenes and that of the worst one."""
     results: dict[str, dict[str, list[float]]] = {}
     for path in paths:
-        scene, views, guides, passes = load_sample(path)
+        scene, views, guides, passes = load_with_paths(path)
         encoded = renderer.encode(scene)
         for setting in ("traced_hints", "network_alone"):
             if setting == "network_alone":

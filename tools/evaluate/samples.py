@@ -15,14 +15,14 @@ from renderformer_v2.model.light.estimate import estimate_light
 from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
-from tools.datagen.sample_files import hint_samples, load_sample
+from tools.datagen.sample_files import hint_samples, load_with_paths
 
 from .scores import Evaluation, compute_scores
 
 
 def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
     """Mean metrics over the views of one sample, and of the pictures "beside" ours."""
-    scene, views, guides, passes = load_sample(path)
+    scene, views, guides, passes = load_with_paths(path)
     begin = time.perf_counter()
     encoded = renderer.encode(scene)
     hints = hint_samples(path)

@@ -41,7 +41,7 @@ from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.checkpoint import save_network
 from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
 from tools.common.console import whole_number
-from tools.datagen.sample_files import hint_samples, load_sample, sample_paths
+from tools.datagen.sample_files import hint_samples, load_with_paths, sample_paths
 
 from . import ranks, sample_cache
 from .augment import mirrored, recolored, turn_about_z
@@ -147,7 +147,7 @@ def render_sample(renderer: Renderer, path: Path) -> Tensor:
     Raises SampleError when it cannot be read.
     """
     try:
-        scene, views, guides, passes = load_sample(path)
+        scene, views, guides, passes = load_with_paths(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
         raise unreadable(path, error) from error
     encoded, rendered = renderer.encode(scene), []

@@ -21,7 +21,7 @@ from renderformer_v2.model.network.inputs import EnvironmentInputs, VolumeInputs
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.tensor_group import TensorGroup, stacked
 from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
-from tools.datagen.sample_files import load_sample
+from tools.datagen.sample_files import load_with_paths
 
 from . import sample_cache
 from .errors import SampleError
@@ -52,7 +52,7 @@ def unreadable(path: Path, error: Exception) -> SampleError:
 def build_sample(path: Path, hinted: bool = True) -> TrainingSample:
     """From one file of tools.datagen, `hinted` with its traced light. Raises SampleError when it cannot be read."""
     try:
-        scene, views, guides, passes = load_sample(path)
+        scene, views, guides, passes = load_with_paths(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
         raise unreadable(path, error) from error
     normalization = Normalization.of(scene)
