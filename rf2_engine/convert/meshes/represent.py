@@ -18,7 +18,9 @@ from .reduce import weld
 FACING = 0.3     # cosine between a triangle and the token before or behind it from which on that stands for it
 REACH = 0.05     # of the extent of the mesh, up to which that token may be away
 LARGER = 1.5     # times its token's longest edge, from which on a triangle with a texture is quartered
-CELLS = 16       # in the area of a token
+MANY = 100_000   # triangles up to which each is looked up
+CELLS = 64       # in the area of a token
+BEFORE = 1e-5    # of the extent of the mesh, that a ray starts before its triangle, on which its token may lie
 ROUNDS = 6       # that it is, at most
 MOST = 1 << 16   # triangles more by that, about
 
@@ -54,9 +56,11 @@ def _nearest(mesh: TriangleMesh, tokens: TriangleMesh) -> np.ndarray:
 def _nearest_triangles(corners: np.ndarray, tokens: np.ndarray) -> np.ndarray:
     """(n,) the token that a ray from the middle of each triangle meets, before it or behind it, else the nearest.
 
-    Triangles in one cell that face alike have the same one.
+    Of MANY triangles, those in one cell that face alike have the same one.
     """
     middle, vector = meshes.middles(corners), area_vectors(corners)
+    if len(corners) <= MANY:
+        return _met_or_nearest(middle, unit(vector), tokens)
     side = math.sqrt(float(meshes.areas(tokens).sum()) / (CELLS * len(tokens)))
     group, largest = groups_of(group_key(facing_side(vector), *cell_index(middle, side)), meshes.lengths(vector))
     return _met_or_nearest(middle[largest], unit(vector[largest]), tokens)[group]
@@ -66,12 +70,13 @@ def _met_or_nearest(middle: np.ndarray, normal: np.ndarray, tokens: np.ndarray) 
     """The same for triangles with these middles and unit normals (n, 3)."""
     progress.report()
     origin = tokens.reshape(-1, 3).mean(axis=0)
-    reach = REACH * float(np.linalg.norm(np.ptp(tokens.reshape(-1, 3), axis=0)))
+    extent = float(np.linalg.norm(np.ptp(tokens.reshape(-1, 3), axis=0)))
+    reach, start = REACH * extent, BEFORE * extent
     facing, rays = meshes.face_normals(tokens), Rays(tokens - origin)
     best, found = np.full(len(middle), reach), np.full(len(middle), -1)
     for side in (1, -1):
         progress.report()
-        hits = rays.closest(middle - origin, side * normal)
+        hits = rays.closest(middle - origin - start * side * normal, side * normal)
         fits = (hits.triangle >= 0) & (hits.distance < best)
         fits &= np.einsum("nc,nc->n", facing[hits.triangle], normal) > FACING
         best[fits], found[fits] = hits.distance[fits], hits.triangle[fits]

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A surface has its own normals, and the material of the token that stands for it."""
+from dataclasses import replace
+
+import numpy as np
+
+from renderformer_v2.model.scene import BASE_COLOR, TILE_SIZE, Geometry
+from renderformer_v2.model.shading import on_tokens, surface
+from tests.model.samples import flat
+
+TOKEN = np.float32([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]])
+CRUMBS = np.float32([[(0.6, 0.2, 0.1), (0.8, 0.2, 0.1), (0.6, 0.3, 0.2)],
+                     [(0.1, 0.7, 0), (0.2, 0.7, 0), (0.1, 0.9, 0)]])
+
+
+def crumbs_of_a_token():
+    """A token whose red grows along its row, and two triangles that it stands for, with normals of their own."""
+    scene = flat(TOKEN, (0.5, 0.5, 0.5))
+    scene.tiles[0, BASE_COLOR.start] = np.linspace(0, 1, TILE_SIZE)[None]  # by the weight of corner 0
+    normals = np.float32([[(0, 0, 1)] * 3, [(0, 0.6, 0.8)] * 3])
+    return replace(scene, geometry=Geometry(CRUMBS, normals, np.zeros(2, np.int32)))
+
+
+def test_the_material_is_that_of_the_nearest_point_of_the_token():
+    scene, point = crumbs_of_a_token(), CRUMBS.mean(axis=1)
+    normal, behind, texel = surface(scene, np.arange(2), point, np.float32([(0, 0, -1)] * 2))
+    np.testing.assert_allclose(texel[:, BASE_COLOR.start], 1 - point[:, 0] - point[:, 1], atol=1 / TILE_SIZE)
+    np.testing.assert_allclose(normal, scene.geometry.normals[:, 0], atol=1e-6)
+    assert behind.tolist() == [False, False]
+
+
+def test_weights_on_tokens_are_those_of_the_same_place():
+    scene = crumbs_of_a_token()
+    token, weights = on_tokens(scene, np.int32([0, 1]), np.full((2, 2), 1 / 3, np.float32))
+    point = weights @ TOKEN[0, :2] + (1 - weights.sum(1, keepdims=True)) * TOKEN[0, 2]
+    assert token.tolist() == [0, 0]
+    np.testing.assert_allclose(point[:, :2], CRUMBS.mean(axis=1)[:, :2], atol=1e-6)
+
+
+def test_beyond_the_token_its_rim_counts():
+    scene = crumbs_of_a_token()
+    scene.geometry.triangles += np.float32((0, 2, 0))
+    token, weights = on_tokens(scene, np.int32([0]), np.float32([(0.2, 0.2)]))
+    assert token[0] == 0 and weights[0].min() >= 0 and weights[0].sum() <= 1
