@@ -12,6 +12,7 @@ from torch.nn import functional as F
 from ..compute.inference import current_pieces
 from ..compute.threads import shared
 from .edge_stopping import edge_weights, neighbour_weights, plane_tolerance
+from .separation import Separation
 from .weighted_rows import weighted_rows
 
 GRID = 2          # pixels between two probes, which stand in the middle of their cells
@@ -39,9 +40,11 @@ class Probes:
     there are more probes, down to every `finest` pixel. The weights are computed once for all kinds of light.
     """
 
-    def __init__(self, position: Tensor, normal: Tensor, covered: Tensor, grid: int = GRID, finest: int = GRID):
-        """position, normal: (h, w, 3); covered: (h, w, 1) bool, pixels that have a position."""
+    def __init__(self, position: Tensor, normal: Tensor, covered: Tensor, grid: int = GRID, finest: int = GRID,
+                 separation: Separation | None = None):
+        """position, normal: (h, w, 3); covered: (h, w, 1) bool, pixels that have a position; separation: of these."""
         self.picture, self.grid, self.finest = (position, normal, covered), grid, finest
+        self.separation = separation if separation is not None and separation.exists else None
         self.rows, self.columns = (
             torch.arange(min(grid // 2, side - 1), side, grid, device=position.device) for side in position.shape[:2])
         self.number = _z_order(len(self.rows), len(self.columns), position.device)
@@ -84,7 +87,7 @@ class Probes:
     @cached_property
     def closer(self) -> Probes:
         """Twice as many along each axis."""
-        return Probes(*self.picture, self.grid // 2, self.finest)
+        return Probes(*self.picture, self.grid // 2, self.finest, self.separation)
 
     def at_probes(self, picture: Tensor) -> Tensor:
         """(h, w, C) at all pixels -> at the probes."""
@@ -120,7 +123,11 @@ class Probes:
                 j, z = _neighbour(columns, len(self.columns), self.grid, right)
                 number = (len(self.columns) * i[:, None] + j).flatten()
                 x, n, tolerance = probes.index_select(1, number).unflatten(1, normal.shape[1:]).split([3, 3, 1])
-                weight = edge_weights(x - position, n, normal, tolerance[0]) + LEAST
+                weight = edge_weights(x - position, n, normal, tolerance[0])
+                if self.separation is not None:
+                    probe = self.rows[i][:, None], self.columns[j]
+                    weight = weight * ~self.separation.between(rows[:, None], columns, *probe)
+                weight = weight + LEAST
                 numbers.append(number)
                 weights.append((y[:, None] * z * weight).flatten())
         return torch.stack(numbers, -1), torch.stack(weights, -1)
@@ -128,13 +135,20 @@ class Probes:
     def _filter(self, table: Tensor, spread: int, difference: float | None) -> Tensor:
         """The same table with each probe the mean of 5x5 that stand `spread` apart."""
         if spread not in self._neighbours:
-            self._neighbours[spread] = neighbour_weights(self.x, self.n, self.tolerance, spread)
+            self._neighbours[spread] = self._neighbour_weights(spread)
         number, weight = self._neighbours[spread]
         if difference is not None:
             apart = (table[number] - table[:, None])[..., :3].abs().amax(-1)
             weight = weight * (-(apart / difference).square()).exp()
         total = weighted_rows(table, number, weight)
         return torch.where(total[:, -1:] > 0, total / total[:, -1:].clamp_min(1e-12), table) * table[:, -1:]
+
+    def _neighbour_weights(self, spread: int) -> Weights:
+        number, weight = neighbour_weights(self.x, self.n, self.tolerance, spread)
+        if self.separation is None:
+            return number, weight
+        row, column = (x.flatten()[:, None] for x in torch.meshgrid(self.rows, self.columns, indexing="ij"))
+        return number, weight * ~self.separation.between(row, column, row.flatten()[number], column.flatten()[number])
 
 
 def _with_weight(light: Tensor, at: Tensor, computed: Tensor, is_valid: Tensor) -> Tensor:

@@ -52,7 +52,7 @@ def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort:
     grid = probes.grid
     if is_sharp:
         grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)
-    pictures = Probes(*probes.picture, grid, grid).interpolate(
+    pictures = Probes(*probes.picture, grid, grid, probes.separation).interpolate(
         partial(_trace_shadows, direct, effort), -surfaces.rays, surfaces.roughness, surfaces.f0,
         filters=SMOOTH[:effort.smoothings], difference=PENUMBRA)
     return pictures["diffuse"], pictures["glossy"]
