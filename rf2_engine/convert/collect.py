@@ -93,8 +93,9 @@ class _Collection:
         for kind in (False, True):
             chosen = (shows & (emits == kind))[slot]
             if chosen.any():
-                part = replace(mesh) if chosen.all() else mesh.take(chosen)  # mostly none emits: no second copy
-                part.slot = slot[chosen]
+                part = mesh if chosen.all() else mesh.take(chosen)  # mostly none emits: no second copy, nor digest
+                if (part.slot != slot[chosen]).any():
+                    part = replace(part, slot=slot[chosen])
                 parts.append(Part(name, part.mirrored() if surface.mirrored else part, surface.slots, kind,
                                   surface.is_shown, is_textured=bool(textured[slot[chosen]].any()),
                                   flux_gain=_gain(surface)))

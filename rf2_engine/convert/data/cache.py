@@ -2,12 +2,8 @@
 """Results of a conversion that the next one of an edited scene can use again."""
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 
-import numpy as np
-
-from .mesh import TriangleMesh
 from .report import Remark, Report
 
 
@@ -35,16 +31,3 @@ class ConversionCache:
 
     def end(self) -> None:
         self._entries, self._used = self._used, {}
-
-
-def mesh_digest(mesh: TriangleMesh) -> bytes:
-    """The same for meshes with equal triangles."""
-    digest = hashlib.blake2b(digest_size=16)
-    layers = {"corners": mesh.corners, "normals": mesh.normals, "slot": mesh.slot, "space": mesh.texture_space,
-              **{f"uv {name}": layer for name, layer in mesh.uv.items()},
-              **{f"attribute {name}": layer for name, layer in mesh.attributes.items()}}
-    for name, values in layers.items():
-        digest.update(f"{name}{values.shape}{values.dtype}".encode())
-        digest.update(np.ascontiguousarray(values))
-    digest.update(repr((mesh.active_uv, mesh.active_color, mesh.is_displaced)).encode())
-    return digest.digest()

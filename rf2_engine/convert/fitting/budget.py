@@ -14,7 +14,7 @@ import numpy as np
 
 from ....model import progress
 from ....model.geometry import area_vectors
-from ..data.cache import ConversionCache, mesh_digest
+from ..data.cache import ConversionCache
 from ..data.collected import CollectedScene, Part
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
@@ -56,7 +56,7 @@ class Simplification:
                 if cache is None:
                     part.mesh = simplified()
                 else:
-                    key = mesh_digest(part.mesh), int(target), matrix.tobytes(), self.apparent
+                    key = part.mesh.digest, int(target), matrix.tobytes(), self.apparent
                     part.mesh = cache.get(key, lambda _, work=simplified: work(), report)
             part.flux_gain *= area / part.mesh.area
             before.setdefault(part.name, [count]).append(len(part.mesh))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....model import progress
-from ..data.cache import ConversionCache, mesh_digest
+from ..data.cache import ConversionCache
 from ..data.collected import Part
 from ..meshes.represent import represent
 
@@ -25,7 +25,7 @@ def match_tokens(parts: list[Part], report, cache: ConversionCache | None = None
             if cache is None:
                 part.real, part.token = represent(part.real, part.mesh, part.is_textured)
             else:
-                key = "represent", mesh_digest(part.real), mesh_digest(part.mesh), part.is_textured
+                key = "represent", part.real.digest, part.mesh.digest, part.is_textured
                 part.real, part.token = cache.get(
                     key, lambda _, part=part: represent(part.real, part.mesh, part.is_textured), report)
 
