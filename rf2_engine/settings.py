@@ -135,8 +135,8 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
     )
     token_budget: IntProperty(
         name="Max Triangles", default=4096, min=256, soft_max=131072, max=1 << 20,
-        description="Maximum triangles sent to the network. Denser meshes are simplified for it, but not for rays. More "
-                    "triangles give finer textures in bounced light, but take more time and memory",
+        description="Maximum triangles sent to the network. Denser meshes are simplified for it, but not for rays. "
+                    "More triangles give finer textures in bounced light, but take more time and memory",
     )
     max_edge: FloatProperty(
         name="Largest Triangle", default=0.2, min=0.005, max=1.0, precision=3,
