@@ -54,6 +54,6 @@ class LobePipeline(Pipeline, Protocol):
         """Pictures by field of Lobes, in network exposure: "radiance" (3, H, W) as of `image`, "traced" (3, H, W) if
         light was traced, and if `apart` "direct" and "indirect" (3 lobes, 3, H, W) before the lobes' albedos."""
 
-    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, samples: int,
-                    wraps: bool = False) -> dict[str, np.ndarray]:
+    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
+                    samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
         """All `pictures` (H, W, C) f32 with smooth edges, in world radiance (guided/kernels.py)."""

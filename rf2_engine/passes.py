@@ -80,10 +80,14 @@ PASSES = tuple(p for p in (
     Pass("emission", "Emit", "Emission", "RGB", "COLOR", "guide", "use_pass_emit"),
     Pass("environment", "Env", "Environment", "RGB", "COLOR", "guide", "use_pass_environment"),
     Pass("ambient_occlusion", "AO", "Ambient Occlusion", "RGB", "COLOR", "data", "use_pass_ambient_occlusion"),
+    # of a pixel, as a share of the samples of the session; 1 without a noise threshold
+    Pass("sample_count", "Debug Sample Count", "Debug Sample Count", "X", "VALUE", "data",
+         "cycles.pass_debug_sample_count"),
 ) if bpy.app.version >= p.since)
 
 LIGHTING = frozenset(p.key for p in PASSES if p.source == "lighting")
 
+SAMPLE_COUNT = next(p for p in PASSES if p.key == "sample_count")
 NOISY = Pass("noisy", "Noisy Image", "Noisy Image", "RGBA", "COLOR", "data", STORED)  # before the denoiser
 
 # What a reference beside our picture adds, under names that are the same in every Blender version.

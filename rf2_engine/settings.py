@@ -18,10 +18,8 @@ from .convert.data.copied import ConversionOptions
 from .reference_settings import FrameReference, ReferenceSettings
 from .registering import classes, pairs, pointer
 from .render_size import frame_size
+from .sampling import Sampling, automatic_samples
 from .setup import packages, published_weights
-
-FEW_PIXELS = 512 * 512  # pictures of fewer pixels have more samples
-MOST_MORE = 16          # times as many, at most
 
 
 def _passes_change(settings: RenderFormerSettings, context: bpy.types.Context) -> None:
@@ -157,16 +155,28 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "Lamps inside the scene stay where they are. Shadows are those of the new place",
     )
     guide_samples: IntProperty(
-        name="Samples", default=8, min=1, soft_max=64, max=1024,
-        description="Camera rays per pixel that Cycles traces to find what is seen and, if Light is With Cycles, "
-                    "its direct light. More samples give smoother edges and textures. The time of the network does not "
-                    "depend on them",
+        name="Max Samples", default=0, min=0, soft_max=128, max=1024,
+        description="The most camera rays per pixel that Cycles traces to find what is seen and, if Light is With "
+                    "Cycles, its direct light. More samples give less noise and smoother edges. The time of the "
+                    "network does not depend on them. 0 chooses by the size of the picture, so that tracing takes "
+                    "about as long as the rest: 8 from 512x512 pixels on, up to 128 in small ones",
     )
-    more_when_small: BoolProperty(
-        name="More in Small Pictures", default=True,
-        description="A picture of fewer than 512x512 pixels gets up to sixteen times as many samples: as many camera "
-                    "rays in all as one of that size, for little time",
+    use_adaptive_sampling: BoolProperty(
+        name="Noise Threshold", default=True,
+        description="Give pixels whose direct light is clean fewer samples, as Cycles does. It looks at the noise "
+                    "after every 16 samples, so this acts where Max Samples is more than 16 and Light is With Cycles",
     )
+    adaptive_threshold: FloatProperty(
+        name="Noise Threshold", default=0.02, min=0.0001, soft_min=0.001, max=1.0, precision=4,
+        description="Noise at which a pixel has enough samples. Lower values reduce noise and take longer",
+    )
+    adaptive_min_samples: IntProperty(
+        name="Min Samples", default=16, min=0, soft_max=128, max=1024,
+        description="Samples that every pixel gets before its noise is looked at, to find small lights and fine "
+                    "details. 0 lets Cycles choose by Noise Threshold",
+    )
+    # Has no effect: files and presets of earlier versions have it.
+    more_when_small: BoolProperty(name="More in Small Pictures", default=True, options={"HIDDEN"})
 
     lens_samples: IntProperty(
         name="Lens Samples", default=2, min=1, soft_max=64, max=1024,
@@ -228,8 +238,8 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
 
 class RenderFormerLayerSettings(bpy.types.PropertyGroup):
     samples: IntProperty(
-        name="Samples", default=0, min=0, soft_max=64, max=1024,
-        description="Samples per pixel for this view layer. 0 uses the Samples in Render Properties",
+        name="Max Samples", default=0, min=0, soft_max=128, max=1024,
+        description="Max Samples for this view layer. 0 uses that in Render Properties",
     )
 
 
@@ -246,7 +256,7 @@ class FrameSettings:
     max_edge: float
     as_is: bool
     paper_lamps: bool
-    guide_samples: int
+    sampling: Sampling
     bake_unknown: bool
     light: Light
     light_passes: frozenset[str]  # keys of those that the weights can give
@@ -275,20 +285,18 @@ class FrameSettings:
         ours, blenders = scene.renderformer_v2, scene.render
         weights = ours.weights()
         network = _network(weights)
-        samples = view_layer.renderformer_v2.samples if view_layer else 0
         device = f"cuda:{ours.card - 1}" if ours.card and ours.device == "cuda" else ours.device
         return cls(weights, network, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
-                   ours.as_is, ours.paper_lamps and network is Network.PUBLISHED, _guide_samples(scene, samples),
+                   ours.as_is, ours.paper_lamps and network is Network.PUBLISHED, _sampling(scene, view_layer),
                    ours.bake_unknown, _light(ours.light, network), light_passes(scene), threads(scene),
                    blenders.film_transparent, scene.cycles.film_exposure, FrameReference.read(scene))
 
 
-def _guide_samples(scene: bpy.types.Scene, layer_samples: int) -> int:
-    """Samples of a pixel: the view layer's own or the scene's, and more of them in a picture of few pixels."""
-    samples, (width, height) = layer_samples or scene.renderformer_v2.guide_samples, frame_size(scene.render)
-    if not scene.renderformer_v2.more_when_small:
-        return samples
-    return round(samples * min(max(FEW_PIXELS / (width * height), 1), MOST_MORE))
+def _sampling(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None) -> Sampling:
+    """The view layer's own number of samples or the scene's, or what suits the size of the whole picture."""
+    ours, of_layer = scene.renderformer_v2, view_layer.renderformer_v2.samples if view_layer else 0
+    return Sampling(of_layer or ours.guide_samples or automatic_samples(*frame_size(scene.render)),
+                    ours.adaptive_threshold if ours.use_adaptive_sampling else 0.0, ours.adaptive_min_samples)
 
 
 def threads(scene: bpy.types.Scene) -> int:

@@ -55,12 +55,12 @@ class KernelPredictor(nn.Module):
         return self.leave(x).softmax(1)
 
 
-def apply_kernels(picture: Tensor, kernels: Tensor, samples: int = 0) -> Tensor:
+def apply_kernels(picture: Tensor, kernels: Tensor, samples: Tensor | int = 0) -> Tensor:
     """Filter pictures (V, C, H, W) by kernels (V, WEIGHTS, H, W); the outermost pixels are repeated beyond the sides.
 
-    samples: of a pixel; the more there are than in training, the weaker the filter.
+    samples: of all pixels, or of each (V, 1, H, W); the more there are than in training, the weaker the filter.
     """
-    kernels = (kernels - LEAST_WEIGHT).clamp_min(0) * (SAMPLES[1] / max(samples, SAMPLES[1]))
+    kernels = (kernels - LEAST_WEIGHT).clamp_min(0) * (SAMPLES[1] / torch.as_tensor(samples).clamp_min(SAMPLES[1]))
     h, w = picture.shape[2:]
     padded = F.pad(picture, (RADIUS,) * 4, mode="replicate")
     side = 2 * RADIUS + 1
@@ -77,17 +77,17 @@ def picture_exposure(radiance: np.ndarray, guides: Guides) -> float:
     return float(key_exposure(torch.from_numpy((radiance + guides.environment).mean(-1).ravel())))
 
 
-def kernel_inputs(radiance: np.ndarray, guides: Guides, exposure: float, samples: int) -> Tensor:
+def kernel_inputs(radiance: np.ndarray, guides: Guides, exposure: float, samples: np.ndarray | int) -> Tensor:
     """(1, len(INPUTS), H, W) features of a picture (H, W, 3), world radiance without directly seen emitters and world.
 
-    samples: of a pixel. Without traced light the channels of `traced` are 0.
+    samples: of all pixels, or of each (H, W). Without traced light the channels of `traced` are 0.
     """
     traced = np.zeros_like(radiance) if guides.traced is None else guides.traced
     complete = radiance + guides.emission + guides.environment
     light = display_encode(to_tensor(np.dstack([complete, guides.emission, traced]) * np.float32(exposure)))
     surface = to_tensor(np.dstack([guides.diffuse_color, guides.glossy_color, guides.transmission_color,
                                 guides.normal * guides.alpha[..., None], guides.alpha]))
-    noise = torch.full_like(surface[:, :1], (SAMPLES[0] / np.clip(samples, *SAMPLES)) ** 0.5)
+    noise = to_tensor(np.broadcast_to((SAMPLES[0] / np.clip(samples, *SAMPLES)) ** 0.5, guides.alpha.shape)[..., None])
     return torch.cat([light, surface, noise], 1)
 
 
@@ -98,22 +98,26 @@ def near_emitters(emission: np.ndarray) -> Tensor:
 
 
 def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
-                samples: int, wraps: bool = False) -> dict[str, np.ndarray]:
+                samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
     """Filter all `pictures` (H, W, C) f32 by the kernels of one, whose `radiance` and `guides` `kernel_inputs` takes.
 
-    samples: of a pixel in the first hits and in the traced light. wraps: whether left and right side are neighbours.
+    samples: of all pixels, or of each (H, W), in the first hits and in the traced light. wraps: whether left and right
+    side are neighbours.
     """
+    samples = np.broadcast_to(np.float32(samples), guides.alpha.shape)
     if wraps:
         wide = lambda picture: extend_sides(picture, REACH, REACH, wraps)  # noqa: E731
         filtered = antialiased(predictor, {key: wide(picture) for key, picture in pictures.items()}, wide(radiance),
-                           Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}), samples)
+                           Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}),
+                           wide(samples))
         return {key: picture[:, REACH:-REACH] for key, picture in filtered.items()}
     device, exposure, filtered = predictor.enter.weight.device, picture_exposure(radiance, guides), []
     for outer, inner in bands(*guides.alpha.shape, margin=REACH, pixels=current_pieces().limit(BAND_PIXELS)):
-        kernels = predictor(kernel_inputs(radiance[outer], guides.rows(outer), exposure, samples).to(device))
+        kernels = predictor(kernel_inputs(radiance[outer], guides.rows(outer), exposure, samples[outer]).to(device))
         kernels = kernels * ~near_emitters(guides.emission[outer] * np.float32(exposure)).to(device)
         joined = to_tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
-        filtered.append(apply_kernels(joined, kernels, samples)[0, :, inner].permute(1, 2, 0).cpu().numpy())
+        counts = to_tensor(samples[outer][..., None]).to(device)
+        filtered.append(apply_kernels(joined, kernels, counts)[0, :, inner].permute(1, 2, 0).cpu().numpy())
     ends = np.cumsum([picture.shape[-1] for picture in pictures.values()])
     return dict(zip(pictures, np.split(np.concatenate(filtered), ends[:-1], axis=-1), strict=True))
 

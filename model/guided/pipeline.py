@@ -104,8 +104,8 @@ class GuidedPipeline:
             raw = self.transformer.render_view(encoded.context, inputs)
             return with_exposure(corrected_light(raw, inputs), 1 / inputs.exposure)
 
-    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides, samples: int,
-                    wraps: bool = False) -> dict[str, np.ndarray]:
+    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
+                    samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
         """As the function of that name."""
         return antialiased(self.kernel_predictor, pictures, radiance, guides, samples, wraps)
 

@@ -19,6 +19,7 @@ from .. import compat
 from .. import passes as pass_table
 from ..convert.copying.visibility import catching_hosts, shadow_catchers
 from ..convert.data.report import Report
+from ..sampling import Sampling
 from ..settings import Light
 from ..setup import packages
 from .run import Passes, overrides, run
@@ -92,7 +93,7 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
     return passes
 
 
-def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, samples: int, light: Light,
+def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, sampling: Sampling, light: Light,
                  model: CameraModel = PINHOLE, denoise: bool = False, hazy: bool = False,
                  threads: int = 0, report: Report | None = None) -> dict[str, Passes]:
     """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render, by view.
@@ -109,10 +110,11 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     if `denoise`) and all light passes.
 
     Returns {view: {key of passes.PASSES: (H, W, C) f32}}, row 0 on top, for the render border only; plus "alpha"
-    (H, W, 1), coverage. The view is "" without stereoscopy. Colours are scene-linear and premultiplied by coverage.
-    "combined" has no directly seen world: add "environment" for an opaque film. "depth" and "position" belong to the
-    pixel centre (Cycles writes them for its first sample alone, which it puts there): 1e10 and 0 where that ray hits
-    nothing. "normal" and the colours are sums over the samples that hit something, divided by all samples.
+    (H, W, 1), coverage, and "samples" (H, W, 1), how many a pixel has. The view is "" without
+    stereoscopy. Colours are scene-linear and premultiplied by coverage. "combined" has no directly seen world: add
+    "environment" for an opaque film. "depth" and "position" belong to the pixel centre (Cycles writes them for its
+    first sample alone, which it puts there): 1e10 and 0 where that ray hits nothing. "normal" and the colours are sums
+    over the samples that hit something, divided by all samples.
 
     Raises RenderCancelled after Esc, SceneError when Cycles is switched off or stops with an error.
     """
@@ -124,12 +126,16 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     layer_name, requested = view_layer.name, pass_table.session_passes(view_layer, lobes)
     if not clean:
         requested = [p for p in requested if p != pass_table.NOISY]
+    if light is Light.NONE:
+        sampling = sampling.fixed  # Cycles takes unlit surfaces for clean, whatever their edges are
+    if sampling.is_adaptive and pass_table.SAMPLE_COUNT not in requested:
+        requested.append(pass_table.SAMPLE_COUNT)
     for p in requested:  # those that were registered are there already, and stay as they are
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer_name)
 
-    settings = ALWAYS | {"cycles.samples": samples, "cycles.use_denoising": denoise,
-                         "render.film_transparent": not model.opaque_film,
-                         "cycles.film_transparent_glass": model.transparent_glass}
+    settings = ALWAYS | sampling.cycles_settings(depsgraph.scene_eval.cycles.film_exposure) | {
+        "cycles.use_denoising": denoise, "render.film_transparent": not model.opaque_film,
+        "cycles.film_transparent_glass": model.transparent_glass}
     if threads:
         settings |= {"render.threads_mode": "FIXED", "render.threads": threads}
     with overrides(engine, depsgraph) as override:
@@ -149,6 +155,8 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         _make_finite(rendered, report or Report())
         combined = rendered["combined"]
         rendered["alpha"] = combined[..., 3:].copy()
+        share = rendered.get(pass_table.SAMPLE_COUNT.key)
+        rendered["samples"] = np.broadcast_to(np.float32(sampling.counts(share)), rendered["alpha"].shape)
         if light is Light.TRACED:
             rendered["traced"] = (combined[..., :3] - rendered["emission"]).clip(0)
         if pass_table.NOISY.key in rendered:

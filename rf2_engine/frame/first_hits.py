@@ -20,6 +20,7 @@ from ..cycles import session as cycles_session
 from ..cycles.run import Passes
 from ..cycles.session import PINHOLE, CameraModel, Catchers
 from ..progress.stages import ALPHA, CATCHERS, FIRST_HITS, SAMPLE_HITS
+from ..sampling import Sampling
 from ..settings import Light
 from . import output
 from .layer import Layer
@@ -65,7 +66,7 @@ def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
     optics, settings = layer.optics, layer.settings
     opacity, shadows, hits = _render_opacity(layer, views), _render_shadows(layer, views), {}
     with layer.plan.enter(FIRST_HITS):
-        rendered = _run_session(layer, scene, optics.camera_model(), optics.rays_of_picture(settings.guide_samples))
+        rendered = _run_session(layer, scene, optics.camera_model(), optics.rays_of_picture(settings.sampling))
         for name, view_passes in rendered.items():
             passes[name] |= output.first_hit_passes(view_passes, settings.exposure)
         if optics and optics.samples == 1 and not any(
@@ -97,7 +98,7 @@ def render_sample_hits(layer: Layer, scene: RenderScene, optics: Optics,
         by_camera = {lens.camera.name_full: (lens, points[name]) for name, lens in lenses.items()}
         model = CameraModel(move_cameras=functools.partial(_move_to_samples, list(by_camera.values())))
     with layer.plan.enter(SAMPLE_HITS):
-        rendered = _run_session(layer, scene, model, optics.rays_of_sample(layer.settings.guide_samples))
+        rendered = _run_session(layer, scene, model, optics.rays_of_sample(layer.settings.sampling))
         for index, (name, view) in enumerate(views.items()):
             with progress.part(*_remaining_share(CYCLES_SHARE, index, len(views))):
                 hits[name] = view, _make_guides(layer, clear_outside(rendered[name], _outside(view)), scene, view)
@@ -139,12 +140,12 @@ def _move_to_samples(lenses: list[tuple[Lens, np.ndarray]], override) -> None:
         lens.look_from(point, override)
 
 
-def _run_session(layer: Layer, scene: RenderScene, model: CameraModel, samples: int) -> dict[str, Passes]:
+def _run_session(layer: Layer, scene: RenderScene, model: CameraModel, sampling: Sampling) -> dict[str, Passes]:
     """The passes of cycles_session.render_views."""
     settings = layer.settings
     with_light = " and direct light" if settings.light is Light.TRACED else ""
     with layer.status.during_cycles(f"Camera rays{with_light} {{}}", share=CYCLES_SHARE):
-        return cycles_session.render_views(layer.engine, layer.depsgraph, samples=samples, model=model,
+        return cycles_session.render_views(layer.engine, layer.depsgraph, sampling=sampling, model=model,
                                            light=settings.light, hazy=bool(scene.volumes), threads=settings.threads,
                                            report=layer.report)
 
@@ -176,5 +177,5 @@ def _render_shadows(layer: Layer, views: Iterable[str]) -> dict[str, CaughtShado
 
 def _render_all_samples(layer: Layer, light: Light, model: CameraModel) -> dict[str, Passes]:
     return cycles_session.render_views(
-        layer.engine, layer.depsgraph, samples=layer.optics.rays_of_picture(layer.settings.guide_samples), light=light,
+        layer.engine, layer.depsgraph, sampling=layer.optics.rays_of_picture(layer.settings.sampling), light=light,
         model=model, threads=layer.settings.threads, report=layer.report)

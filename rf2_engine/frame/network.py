@@ -81,7 +81,7 @@ class LayerNetwork:
         lobes = self._light(encoded, view, hits.guides)
         picture = Picture(hits.composite(lobes.radiance, layer.settings.exposure), hits.guides, lobes, encoded.tokens)
         if layer.settings.network.has_lobes and hits.shadows is None:
-            picture = self._smooth_edges(encoded, picture, view.wraps, hits.outside)
+            picture = self._smooth_edges(encoded, picture, hits, view.wraps)
         layer.status.sample = ""
         return picture
 
@@ -135,16 +135,16 @@ class LayerNetwork:
         self._report_remark()
         return lobes
 
-    def _smooth_edges(self, encoded, picture: Picture, wraps: bool, outside: np.ndarray | None) -> Picture:
+    def _smooth_edges(self, encoded, picture: Picture, hits: FirstHits, wraps: bool) -> Picture:
         """The same picture with smooth edges, in its light and in emission and environment too.
 
-        wraps: as View's. outside: (H, W) pixels that look nowhere; nothing is smoothed into them.
+        wraps: as View's. Nothing is smoothed into pixels that look nowhere.
         """
-        guides, lobes = picture.guides, picture.lobes
+        guides, lobes, outside = picture.guides, picture.lobes, hits.outside
         rough = {"combined": picture.combined, "radiance": lobes.radiance} | {
             key: getattr(guides, key) for key in EMITTED}
         with self._layer.plan.enter(EDGES):
-            smooth = encoded.antialiased(rough, lobes, guides, self._layer.settings.guide_samples, wraps)
+            smooth = encoded.antialiased(rough, lobes, guides, hits.passes["samples"][..., 0], wraps)
         if outside is not None:
             black = outside & (guides.alpha == 0)
             for key, pixels in smooth.items():

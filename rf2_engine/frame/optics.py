@@ -9,6 +9,7 @@ import bpy
 from ..convert.copying.visibility import has_holdouts, shadow_catchers
 from ..convert.data.report import Report
 from ..cycles.session import CameraModel
+from ..sampling import Sampling
 from ..settings import Light
 from . import shutter
 
@@ -32,13 +33,17 @@ class Optics:
         """Each has its own position on the lens; those of one moment follow each other."""
         return max(self.lens_samples, self.shutter_samples)
 
-    def rays_of_sample(self, guide_samples: int) -> int:
+    def rays_of_sample(self, sampling: Sampling) -> Sampling:
         """Cycles' rays through a pixel for one of the samples; together they are as many as a sharp picture has."""
-        return -(-guide_samples // self.samples)
+        return sampling.scaled(1 / self.samples)
 
-    def rays_of_picture(self, guide_samples: int) -> int:
-        """Rays through a pixel of the whole picture: two samples have twice a sharp picture's, with those of each."""
-        return guide_samples * (self.samples if self.samples > 2 else 1)
+    def rays_of_picture(self, sampling: Sampling) -> Sampling:
+        """Rays through a pixel of the whole picture: two samples have twice a sharp picture's, with those of each.
+
+        What is subtracted from another picture has the same rays in every pixel as that.
+        """
+        rays = sampling.scaled(self.samples if self.samples > 2 else 1)
+        return rays.fixed if self.holdouts or self.shadow_catchers else rays
 
     @property
     def sessions(self) -> int:

@@ -27,7 +27,7 @@ def stage_work(width: int, height: int, border: Border | None, settings: FrameSe
     x0, x1, y0, y1 = border or (0, width, 0, height)
     pixels = (x1 - x0) * (y1 - y0)
     all_pixels = pixels * views
-    rays, samples = all_pixels * optics.rays_of_picture(settings.guide_samples), optics.samples
+    rays, samples = all_pixels * optics.rays_of_picture(settings.sampling).most, optics.samples
     has_smooth_edges = settings.network.has_lobes and settings.light is Light.TRACED and not (
         optics or optics.shadow_catchers)
     encoded_scenes = optics.shutter_samples
@@ -36,7 +36,7 @@ def stage_work(width: int, height: int, border: Border | None, settings: FrameSe
             stages.ALPHA: Work(rays, optics.holdouts),
             stages.CATCHERS: Work(rays, 2 * optics.shadow_catchers),
             stages.FIRST_HITS: Work(rays),
-            stages.SAMPLE_HITS: Work(all_pixels * optics.rays_of_sample(settings.guide_samples),
+            stages.SAMPLE_HITS: Work(all_pixels * optics.rays_of_sample(settings.sampling).most,
                                      samples if optics else 0),
             stages.TEXTURES: Work(settings.token_budget, encoded_scenes * settings.network.encodes_textures),
             stages.ENCODE: Work(settings.token_budget, encoded_scenes),

@@ -40,7 +40,8 @@ class RENDERFORMER_OT_add_preset(AddPresetBase, bpy.types.Operator):
     preset_subdir = FOLDER
     preset_defines = ["settings = bpy.context.scene.renderformer_v2"]
     preset_values = [f"settings.{name}" for name in ("token_budget", "max_edge", "light", "guide_samples",
-                                                     "more_when_small", "precision")]
+                                                     "use_adaptive_sampling", "adaptive_threshold",
+                                                     "adaptive_min_samples", "precision")]
 
 
 register, unregister = pairs(

@@ -43,18 +43,31 @@ class RENDERFORMER_PT_settings(EnginePanel):
         column.prop(settings, "precision")
         if not published:  # published networks take no traced light
             column.prop(settings, "light")
+        _draw_sampling(layout, settings)
         numbers = layout.column(align=True)
         numbers.use_property_split = False  # their names would be cut at the sidebar's usual width
         numbers.prop(settings, "token_budget")
         numbers.prop(settings, "max_edge")
-        numbers.prop(settings, "guide_samples")
-        numbers.prop(settings, "more_when_small")
         numbers.separator()
         numbers.prop(settings, "as_is")
         if published:
             numbers.prop(settings, "paper_lamps")
             numbers.operator("renderformer_v2.suggested_budget")
         numbers.prop(settings, "bake_unknown")
+
+
+def _draw_sampling(layout, settings) -> None:
+    """As Cycles has it."""
+    row = layout.column(align=True, heading="Noise Threshold").row(align=True)
+    row.prop(settings, "use_adaptive_sampling", text="")
+    threshold = row.row()
+    threshold.active = settings.use_adaptive_sampling
+    threshold.prop(settings, "adaptive_threshold", text="")
+    column = layout.column(align=True)
+    column.prop(settings, "guide_samples")
+    least = column.column()
+    least.active = settings.use_adaptive_sampling
+    least.prop(settings, "adaptive_min_samples")
 
 
 def _find_folder_problem(settings) -> str:

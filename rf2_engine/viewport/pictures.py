@@ -20,6 +20,7 @@ from ..convert.fitting.framing import Framing, fit_box
 from ..frame import output
 from ..frame.shot import has_left
 from ..runtime import model_cache
+from ..sampling import Sampling
 from ..settings import FrameSettings
 from .source import State
 
@@ -38,7 +39,7 @@ class ViewportSettings:
     def read(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> ViewportSettings:
         """Raises CheckpointError and SceneError as FrameSettings.read does."""
         own = scene.renderformer_v2.viewport
-        frame = replace(FrameSettings.read(scene, view_layer), token_budget=own.token_budget, guide_samples=1,
+        frame = replace(FrameSettings.read(scene, view_layer), token_budget=own.token_budget, sampling=Sampling(1),
                         reference=None)
         return cls(frame, int(own.resolution), own.time_limit)
 

@@ -34,7 +34,7 @@ def scene():
     scene = bpy.context.scene
     scene.render.engine = "RENDERFORMER_V2"
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 50, 37, 100
-    scene.renderformer_v2.guide_samples, scene.renderformer_v2.more_when_small = 1, False
+    scene.renderformer_v2.guide_samples, scene.renderformer_v2.use_adaptive_sampling = 1, False
     scene.renderformer_v2.precision = "fp32"
     scene.renderformer_v2.max_edge = 1  # few triangles: these tests are not about the picture's quality
     scene.world = bpy.data.worlds.new("Grey")

@@ -29,7 +29,7 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
               with_reference: bool = False, reference_samples: int | None = None, unclamped: bool = False) -> None:
     """Choose one of ENGINES and its settings; what is None stays as it is in the file.
 
-    samples: guide samples, of small pictures too, or Cycles' samples. weights: BUNDLED, or a folder. light: "TRACED" or
+    samples: of every pixel, by our engine or by Cycles. weights: BUNDLED, or a folder. light: "TRACED" or
     "NETWORK". with_reference: beside Cycles, with `reference_samples`. unclamped: Cycles keeps light that has bounced
     as it is.
     """
@@ -37,7 +37,7 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
     if samples:
         owner, name = (scene.cycles, "samples") if engine == "cycles" else (scene.renderformer_v2, "guide_samples")
         setattr(owner, name, samples)
-        scene.renderformer_v2.more_when_small = False
+        scene.renderformer_v2.use_adaptive_sampling = False
     if threads:
         scene.render.threads_mode, scene.render.threads = "FIXED", threads
         scene.renderformer_v2.threads_mode = "AUTO"  # Blender's

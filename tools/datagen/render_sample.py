@@ -22,6 +22,7 @@ from renderformer_v2.rf2_engine.cycles import session as cycles_session  # noqa:
 from renderformer_v2.rf2_engine.cycles.world import CyclesWorld  # noqa: E402
 from renderformer_v2.rf2_engine.frame.first_hits import make_guides  # noqa: E402
 from renderformer_v2.rf2_engine.progress.status import Status  # noqa: E402
+from renderformer_v2.rf2_engine.sampling import Sampling  # noqa: E402
 from renderformer_v2.rf2_engine.settings import Light  # noqa: E402
 
 from .sample_files import SampleCounts  # noqa: E402
@@ -79,13 +80,15 @@ def _render(engine: bpy.types.RenderEngine, depsgraph, sample: Sample) -> None:
     cycles = depsgraph.scene_eval.cycles
     clamp, cycles.sample_clamp_indirect = cycles.sample_clamp_indirect, 0.0
     counts = sample.counts
-    reference = cycles_session.render_passes(engine, depsgraph, samples=counts.reference, light=Light.ALL, denoise=True)
+    reference = cycles_session.render_passes(engine, depsgraph, sampling=Sampling(counts.reference), light=Light.ALL,
+                                             denoise=True)
     cycles.sample_clamp_indirect = clamp
     cycles.seed += 1  # hints must not share the reference's noise
-    hints = cycles_session.render_passes(engine, depsgraph, samples=counts.hints, light=Light.TRACED,
+    hints = cycles_session.render_passes(engine, depsgraph, sampling=Sampling(counts.hints), light=Light.TRACED,
                                          hazy=bool(sample.scene.volumes))
     if counts.equal:
-        equal = cycles_session.render_passes(engine, depsgraph, samples=counts.equal, light=Light.ALL, denoise=True)
+        equal = cycles_session.render_passes(engine, depsgraph, sampling=Sampling(counts.equal), light=Light.ALL,
+                                             denoise=True)
         reference["equal"] = equal["combined"]
     cycles.seed -= 1
     rendered = time.perf_counter()

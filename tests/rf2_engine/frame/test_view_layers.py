@@ -103,7 +103,7 @@ def test_a_view_layer_has_its_own_samples_and_its_name_may_be_too_long_for_files
     taken = []
 
     def render_views(*arguments, real=cycles_session.render_views, **options):
-        taken.append(options["samples"])
+        taken.append(options["sampling"].most)
         return real(*arguments, **options)
     monkeypatch.setattr(cycles_session, "render_views", render_views)
     second = scene.view_layers.new("n" * 60)

@@ -33,7 +33,8 @@ def panels():
 
 @pytest.mark.parametrize("panel, expected", [
     ("RENDERFORMER_PT_settings", {"weights_source", "device", "precision", "light", "token_budget", "max_edge",
-                                  "guide_samples", "more_when_small"}),
+                                  "guide_samples", "use_adaptive_sampling", "adaptive_threshold",
+                                  "adaptive_min_samples"}),
     ("RENDERFORMER_PT_film", {"film_exposure", "film_transparent", "film_transparent_glass", "pixel_filter_type",
                               "filter_width"}),
     ("RENDERFORMER_PT_depth_of_field", {"lens_samples"}),

@@ -9,7 +9,8 @@ from bl_ui.utils import PresetPanel
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.panels import presets
 
-SETTINGS = ("token_budget", "max_edge", "light", "guide_samples", "more_when_small", "precision")
+SETTINGS = ("token_budget", "max_edge", "light", "guide_samples", "use_adaptive_sampling", "adaptive_threshold",
+            "adaptive_min_samples", "precision")
 
 
 def shipped() -> list[Path]:
