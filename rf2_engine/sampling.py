@@ -47,7 +47,8 @@ class Sampling(NamedTuple):
         if share is None or not self.is_adaptive:
             return self.most
         values = np.unique(np.round(share[share > 0], 4))
-        for length in (*range(STEP, self.most, STEP), self.most):
+        first_look = (self.least // STEP + (self.least % STEP == STEP - 1) + 1) * STEP
+        for length in (*range(first_look, self.most, STEP), self.most):
             steps = values * length / STEP
             if (np.isclose(steps, np.round(steps), atol=2e-3) | (values == 1)).all():
                 return share * length

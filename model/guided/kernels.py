@@ -87,7 +87,7 @@ def kernel_inputs(radiance: np.ndarray, guides: Guides, exposure: float, samples
     light = display_encode(to_tensor(np.dstack([complete, guides.emission, traced]) * np.float32(exposure)))
     surface = to_tensor(np.dstack([guides.diffuse_color, guides.glossy_color, guides.transmission_color,
                                 guides.normal * guides.alpha[..., None], guides.alpha]))
-    noise = to_tensor(np.broadcast_to((SAMPLES[0] / np.clip(samples, *SAMPLES)) ** 0.5, guides.alpha.shape)[..., None])
+    noise = to_tensor((np.zeros_like(guides.alpha) + (SAMPLES[0] / np.clip(samples, *SAMPLES)) ** 0.5)[..., None])
     return torch.cat([light, surface, noise], 1)
 
 
@@ -104,7 +104,7 @@ def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], rad
     samples: of all pixels, or of each (H, W), in the first hits and in the traced light. wraps: whether left and right
     side are neighbours.
     """
-    samples = np.broadcast_to(np.float32(samples), guides.alpha.shape)
+    samples = np.zeros_like(guides.alpha) + samples
     if wraps:
         wide = lambda picture: extend_sides(picture, REACH, REACH, wraps)  # noqa: E731
         filtered = antialiased(predictor, {key: wide(picture) for key, picture in pictures.items()}, wide(radiance),

@@ -156,7 +156,7 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
         combined = rendered["combined"]
         rendered["alpha"] = combined[..., 3:].copy()
         share = rendered.get(pass_table.SAMPLE_COUNT.key)
-        rendered["samples"] = np.broadcast_to(np.float32(sampling.counts(share)), rendered["alpha"].shape)
+        rendered["samples"] = np.zeros_like(rendered["alpha"]) + sampling.counts(share)
         if light is Light.TRACED:
             rendered["traced"] = (combined[..., :3] - rendered["emission"]).clip(0)
         if pass_table.NOISY.key in rendered:
