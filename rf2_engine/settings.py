@@ -171,9 +171,9 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         description="Noise at which a pixel has enough samples. Lower values reduce noise and take longer",
     )
     adaptive_min_samples: IntProperty(
-        name="Min Samples", default=16, min=0, soft_max=128, max=1024,
-        description="Samples that every pixel gets before its noise is looked at, to find small lights and fine "
-                    "details. 0 lets Cycles choose by Noise Threshold",
+        name="Min Samples", default=8, min=0, soft_max=128, max=1024,
+        description="Noise is not looked at before pixels have more samples than this, so that small lights and fine "
+                    "details are found. 0 lets Cycles choose by Noise Threshold",
     )
     # Has no effect: files and presets of earlier versions have it.
     more_when_small: BoolProperty(name="More in Small Pictures", default=True, options={"HIDDEN"})
