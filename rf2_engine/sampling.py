@@ -28,9 +28,13 @@ class Sampling(NamedTuple):
         """The same number for all pixels: where noise says nothing, or pictures are subtracted from each other."""
         return Sampling(self.most)
 
-    def scaled(self, factor: float) -> Sampling:
-        """So many times as many at most, rounded up."""
-        return self._replace(most=int(np.ceil(self.most * factor)))
+    def times(self, count: int) -> Sampling:
+        """So many times as many at most."""
+        return self._replace(most=self.most * count)
+
+    def divided(self, count: int) -> Sampling:
+        """A share of the most samples, rounded up."""
+        return self._replace(most=-(-self.most // count))
 
     def cycles_settings(self, exposure: float) -> dict[str, object]:
         """Settings of a session without exposure, for a picture with it: the noise that counts grows with its root."""

@@ -35,14 +35,14 @@ class Optics:
 
     def rays_of_sample(self, sampling: Sampling) -> Sampling:
         """Cycles' rays through a pixel for one of the samples; together they are as many as a sharp picture has."""
-        return sampling.scaled(1 / self.samples)
+        return sampling.divided(self.samples)
 
     def rays_of_picture(self, sampling: Sampling) -> Sampling:
         """Rays through a pixel of the whole picture: two samples have twice a sharp picture's, with those of each.
 
         What is subtracted from another picture has the same rays in every pixel as that.
         """
-        rays = sampling.scaled(self.samples if self.samples > 2 else 1)
+        rays = sampling.times(self.samples if self.samples > 2 else 1)
         return rays.fixed if self.holdouts or self.shadow_catchers else rays
 
     @property
