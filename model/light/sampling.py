@@ -30,7 +30,7 @@ def cosine_directions(normal: Tensor, count: int, start: Tensor) -> Tensor:
     sine2 = (k + start[:, :1]) / count
     phi = 2 * math.pi * ((k * GOLDEN + start[:, 1:]) % 1)
     sine = sine2.sqrt()
-    return torch.stack([sine * phi.cos(), sine * phi.sin(), (1 - sine2).clamp_min(1e-4).sqrt()], -1) @ _basis(normal)
+    return torch.stack([sine * phi.cos(), sine * phi.sin(), (1 - sine2).clamp_min(1e-4).sqrt()], -1) @ local_basis(normal)
 
 
 def ggx_directions(normal: Tensor, outgoing: Tensor, roughness: Tensor, count: int,
@@ -47,7 +47,7 @@ def ggx_directions(normal: Tensor, outgoing: Tensor, roughness: Tensor, count: i
     phi = 2 * math.pi * ((k * GOLDEN + start[:, 1:]) % 1)
     cosine = ((1 - u) / (1 + (alpha2 - 1) * u)).clamp(0, 1).sqrt()
     sine = (1 - cosine.square()).sqrt()
-    half = torch.stack([sine * phi.cos(), sine * phi.sin(), cosine], -1) @ _basis(normal)
+    half = torch.stack([sine * phi.cos(), sine * phi.sin(), cosine], -1) @ local_basis(normal)
     facet_cosine = (half * outgoing[:, None]).sum(-1).clamp_min(0)
     direction = F.normalize(2 * facet_cosine[..., None] * half - outgoing[:, None], dim=-1)
     leaving = (direction * normal[:, None]).sum(-1).clamp_min(0)
@@ -69,10 +69,10 @@ def disk_points(normal: Tensor, u: Tensor, v: Tensor) -> Tensor:
     """(P, 3) points that cover unit disks across unit vectors (P, 3) evenly for u, v (P,) in [0, 1)."""
     radius, phi = u.sqrt(), 2 * math.pi * v
     flat = torch.stack([radius * phi.cos(), radius * phi.sin(), torch.zeros_like(u)], dim=-1)
-    return (flat[:, None] @ _basis(normal))[:, 0]
+    return (flat[:, None] @ local_basis(normal))[:, 0]
 
 
-def _basis(normal: Tensor) -> Tensor:
+def local_basis(normal: Tensor) -> Tensor:
     """(P, 3, 3) orthonormal basis of two tangents and the unit normal (P, 3) (Duff et al. 2017)."""
     x, y, z = normal.unbind(-1)
     sign = torch.where(z < 0, -1.0, 1.0)

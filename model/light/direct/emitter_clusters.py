@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...clusters import split_clusters
-from ...geometry import area_vectors
+from .outlines import outline_vectors, padded, rings
 
 FACING, COLOR, BEAM = 0.3, 0.1, 0.3  # how much differences in these count beside a distance of the scene's radius
 
 
 @dataclass
 class Emitters:
-    """P triangles and S spheres; radiance in the scene's units; a beam axis of zero length radiates everywhere."""
+    """P flat convex polygons and S spheres; radiance in the scene's units; a beam axis of zero length radiates everywhere."""
 
-    corners: np.ndarray      # (P, 3, 3) f32, without beam they radiate to both sides
+    corners: np.ndarray      # (P, K, 3) f32, see outlines.py; without beam they radiate to both sides
     centers: np.ndarray      # (S, 3) f32
     radii: np.ndarray        # (S,) f32
     radiance: np.ndarray     # (P + S, 3) f32
@@ -26,12 +26,17 @@ class Emitters:
     def __len__(self) -> int:
         return len(self.radiance)
 
+    @property
+    def middles(self) -> np.ndarray:
+        """(P, 3) of the polygons."""
+        return rings(self.corners).mean(axis=1)
+
     @classmethod
     def of(cls, polygons: list[tuple], spheres: list[tuple]) -> Emitters:
-        """polygons: (corners, light) each, spheres: (center, radius, light), light: (8,) radiance, axis, cosines."""
+        """polygons: (corners (K, 3), light) each, spheres: (center, radius, light), light: (8,) radiance, axis, cosines."""
         light = np.array([p[-1] for p in polygons] + [s[-1] for s in spheres], np.float32).reshape(-1, 8)
         return cls(
-            corners=np.array([p[0] for p in polygons], np.float32).reshape(-1, 3, 3),
+            corners=padded([p[0] for p in polygons]),
             centers=np.array([s[0] for s in spheres], np.float32).reshape(-1, 3),
             radii=np.array([s[1] for s in spheres], np.float32),
             radiance=light[:, :3], beam_axis=light[:, 3:6], beam_cosine=light[:, 6:])
@@ -42,7 +47,7 @@ def merged(emitters: Emitters, most: int, center: np.ndarray, radius: float) -> 
 
     For each colour the sum of radiance times vector area (of a sphere: times area) stays as it is.
     """
-    vectors, count = area_vectors(emitters.corners.astype(np.float64)), len(emitters.corners)
+    vectors, count = outline_vectors(emitters.corners.astype(np.float64)), len(emitters.corners)
     size = np.concatenate([np.linalg.norm(vectors, axis=1), 2 * np.pi * emitters.radii.astype(np.float64) ** 2])
     power = np.maximum(size * emitters.radiance.mean(axis=1), 1e-30)
     kinds = [rows for rows in np.split(np.arange(len(emitters)), [count]) if len(rows)]
@@ -69,7 +74,7 @@ def triangle(vector: np.ndarray, center: np.ndarray) -> np.ndarray:
 
 def _features(emitters: Emitters, vectors: np.ndarray, center: np.ndarray, radius: float) -> np.ndarray:
     """(P + S, K) coordinates in which emitters that may replace each other are close."""
-    place = np.concatenate([emitters.corners.mean(axis=1), emitters.centers]) - center
+    place = np.concatenate([emitters.middles, emitters.centers]) - center
     place = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), radius)  # outside only directions differ
     normal = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-30)
     facing = np.zeros((len(emitters), 9))
@@ -86,7 +91,7 @@ def _one_polygon(emitters: Emitters, vectors: np.ndarray, rows: np.ndarray, powe
     vectors = vectors * np.where(vectors @ axes[:, -1] < 0, -1, 1)[:, None]  # of two opposite sides neither is lost
     total = vectors.sum(axis=0)
     share = vectors @ total / max(total @ total, 1e-300)
-    center = np.average(emitters.corners[rows].mean(axis=1), axis=0, weights=power)
+    center = np.average(emitters.middles[rows], axis=0, weights=power)
     return triangle(total, center), _light(emitters, rows, power, share @ emitters.radiance[rows])
 
 

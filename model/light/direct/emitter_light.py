@@ -14,18 +14,20 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...geometry import area_vectors
 from ...scene import RenderScene
 from ..fresnel import gain
 from ..media.transmittance import Fog
-from ..sampling import R2, disk_points, triangle_weights
+from ..sampling import R2, disk_points, local_basis, triangle_weights
 from ..tensor_rays import TensorRays
 from .emitters import DISTANT, gather_emitters
 from .environment_light import LIFT
-from .form_factors import beam, cosines, ggx_lobe, sphere_directions, sphere_form_factor, triangle_directions
+from .form_factors import beam, cosines, polygon_directions, sphere_directions, sphere_form_factor
+from .glossy_lobe import emitter_share, facet_cosines, is_small, small_emitter_share
+from .outlines import CIRCLE, RING, fans, outline_vectors, rings
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
 END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
+PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 
 
 class NearEmitters(NamedTuple):
@@ -42,11 +44,14 @@ class EmitterLight:
         emitters = gather_emitters(scene)
         to_tensor = lambda x: torch.as_tensor(x, dtype=torch.float32, device=device)  # noqa: E731
         self.corners, self.centers, self.radii = map(to_tensor, (emitters.corners, emitters.centers, emitters.radii))
-        self.origins = torch.cat([self.corners.mean(1), self.centers])
+        self.rings = to_tensor(rings(emitters.corners))
+        self.origins = torch.cat([self.rings.mean(1), self.centers])
+        self.reach = torch.cat([(self.rings - self.rings.mean(1, keepdim=True)).norm(dim=-1).amax(1), self.radii])
         self.is_distant = self.origins.norm(dim=-1) > DISTANT
         self.radiance, self.beam_axis, self.beam_cosine = map(
             to_tensor, (emitters.radiance, emitters.beam_axis, emitters.beam_cosine))
         self.occluders, self.fog = occluders, fog
+        self._fan = to_tensor(fans(emitters.corners))
 
     def __len__(self) -> int:
         return len(self.radiance)
@@ -55,21 +60,21 @@ class EmitterLight:
         """The emitters that are no suns."""
         corners, radii, radiance, position, is_near = (x.cpu().numpy() for x in (
             self.corners, self.radii, self.radiance, self.origins, ~self.is_distant))
-        silhouette = np.concatenate([np.linalg.norm(area_vectors(corners), axis=1), 2 * np.pi * radii**2])
+        silhouette = np.concatenate([np.linalg.norm(outline_vectors(corners), axis=1), 2 * np.pi * radii**2])
         power = (silhouette * radiance.mean(axis=1))[is_near]
         return NearEmitters(position[is_near], power / max(power.sum(), 1e-20))
 
     def visibility(self, x: Tensor, n: Tensor, start: Tensor, *gloss: Tensor) -> tuple[Tensor, ...]:
         """Share of the emitters' light at points x (P, 3) with unit normals n (P, 3) that is not blocked, (P, 3) each.
 
-        Of the light that a diffuse lobe sends on, and with `gloss` (outgoing, roughness, f0: as of `ggx_lobe`) that of
-        a glossy lobe too. By K shadow rays to each emitter, spread over it by `start` (P, K, 2) in [0, 1).
+        Of the light that a diffuse lobe sends on, and with `gloss` (outgoing (P, 3), roughness and f0 (P,)) that of a
+        glossy lobe too. By K shadow rays to each emitter, spread over it by `start` (P, K, 2) in [0, 1).
         """
         direction, sine2, in_beam = self._directions(x)
         cosine = cosines(direction, n)
         lobes = [sphere_form_factor(cosine, sine2) * in_beam]
         if gloss:
-            lobes.append(ggx_lobe(direction, cosine, sine2, n, *gloss) * in_beam)
+            lobes.append(self._glossy(x, n, direction, sine2, *gloss) * in_beam)
         is_lit = lobes[0] > 0
         visible = sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter)
                       for on_emitter in start.unbind(1)) / start.shape[1]
@@ -96,12 +101,21 @@ class EmitterLight:
         start: (R, 2) in [0, 1).
         """
         u, v = ((start[:, i] + emitter * step) % 1 for i, step in enumerate(R2))
-        triangles = len(self.corners)
-        on_disk = disk_points(direction, u, v) * F.pad(self.radii, (triangles, 0))[emitter, None]
-        if not triangles:
+        polygons = len(self.corners)
+        on_disk = disk_points(direction, u, v) * F.pad(self.radii, (polygons, 0))[emitter, None]
+        if not polygons:
             return self.origins[emitter] + on_disk
-        on_triangle = (self.corners[emitter.clamp(max=triangles - 1)] * triangle_weights(u, v)[..., None]).sum(1)
-        return torch.where((emitter < triangles)[:, None], on_triangle, self.origins[emitter] + on_disk)
+        on_polygon = self._points_on_polygons(emitter.clamp(max=polygons - 1), u, v)
+        return torch.where((emitter < polygons)[:, None], on_polygon, self.origins[emitter] + on_disk)
+
+    def _points_on_polygons(self, polygon: Tensor, u: Tensor, v: Tensor) -> Tensor:
+        """(R, 3) points that cover polygons (R,) evenly for u, v (R,) in [0, 1): triangles around corner 0 by area."""
+        fan = self._fan[polygon]
+        triangle = (fan[:, 1:-1] <= u[:, None]).sum(1, keepdim=True)
+        first, last = (fan.gather(1, triangle + i)[:, 0] for i in (0, 1))
+        corners = self.corners[polygon[:, None], F.pad(triangle + torch.tensor([1, 2], device=u.device), (1, 0))]
+        share = ((u - first) / (last - first).clamp_min(1e-12)).clamp(0, 1)
+        return (corners * triangle_weights(share, v)[..., None]).sum(1)
 
     def mean_radiance(self, x: Tensor, start: Tensor) -> Tensor:
         """(P, 3) radiance that arrives in the air at points x (P, 3), the mean over all directions; start: (P, 2)."""
@@ -128,8 +142,35 @@ class EmitterLight:
         direction, sine2, in_beam = self._directions(x)
         cosine = cosines(direction, n)
         diffuse = sphere_form_factor(cosine, sine2) * in_beam
-        glossy = ggx_lobe(direction, cosine, sine2, n, *gloss) * in_beam
+        glossy = self._glossy(x, n, direction, sine2, *gloss) * in_beam
         return diffuse @ self.radiance, glossy @ self.radiance
+
+    def _glossy(self, x: Tensor, n: Tensor, direction: Tensor, sine2: Tensor, v: Tensor, roughness: Tensor,
+                f0: Tensor) -> Tensor:
+        """(P, E) share of the emitters' radiance that a white glossy lobe sends on; directions as of `_directions`."""
+        facets = facet_cosines(direction, n, v)
+        share = small_emitter_share(facets, sine2, roughness, f0)
+        distance2 = (self.origins.T[:, None] - x.T[..., None] * ~self.is_distant).square().sum(0)
+        size2 = self.reach.square() / distance2.clamp_min(1e-20)
+        point, emitter = (~is_small(facets, size2, roughness) & (sine2 > 0)).nonzero().unbind(1)
+        exact = [emitter_share(self._outlines(x[some], which, direction[:, some, which]), n[some].T, v[some].T,
+                               roughness[some], f0[some])
+                 for some, which in zip(point.split(PAIRS), emitter.split(PAIRS), strict=True)]
+        return share.index_put((point, emitter), torch.cat(exact))
+
+    def _outlines(self, x: Tensor, emitter: Tensor, direction: Tensor) -> Tensor:
+        """(RING, 3, R) vectors from points (R, 3) to the outlines of emitters (R,), which lie in unit `direction`."""
+        origin = x * ~self.is_distant[emitter, None]
+        polygons = len(self.corners)
+        vectors = torch.zeros(len(x), RING, 3, device=x.device)
+        if polygons:
+            vectors = self.rings[emitter.clamp(max=polygons - 1)] - origin[:, None]
+        radius = F.pad(self.radii, (polygons, 0))[emitter]
+        sphere = self.origins[emitter] - origin
+        across = radius / (sphere.square().sum(1) - radius.square()).clamp_min(1e-12).sqrt()
+        around = torch.from_numpy(CIRCLE).to(x.device) @ local_basis(direction.T)[:, :2]
+        of_sphere = direction.T[:, None] + across[:, None, None] * around
+        return torch.where((emitter < polygons)[:, None, None], vectors, of_sphere).permute(1, 2, 0).contiguous()
 
     def sample(self, x: Tensor, n: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
         """One emitter for each point x (P, 3), chosen in proportion to its unshadowed light there.
@@ -156,8 +197,8 @@ class EmitterLight:
     def _directions(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Unit direction (3, P, E) to every emitter, its squared angular sine and its beam's share of radiance."""
         x = x.T[..., None] * ~self.is_distant  # light of suns is parallel
-        triangles = len(self.corners)
-        of_triangles = triangle_directions(self.corners, x[..., :triangles])
-        of_spheres = sphere_directions(self.centers, self.radii, x[..., triangles:])
-        direction, sine2 = (torch.cat(both, -1) for both in zip(of_triangles, of_spheres, strict=True))
+        polygons = len(self.corners)
+        of_polygons = polygon_directions(self.corners, x[..., :polygons])
+        of_spheres = sphere_directions(self.centers, self.radii, x[..., polygons:])
+        direction, sine2 = (torch.cat(both, -1) for both in zip(of_polygons, of_spheres, strict=True))
         return direction, sine2.clamp(0, 0.999), beam(direction, self.beam_axis, self.beam_cosine)

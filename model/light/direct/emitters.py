@@ -7,6 +7,7 @@ import numpy as np
 from ...geometry import area_vectors, surfaces
 from ...scene import RenderScene
 from .emitter_clusters import Emitters, merged, triangle
+from .outlines import convex_outline
 
 DISTANT = 15.0      # network units; an open surface beyond is a sun, which looks alike from everywhere
 MAX_EMITTERS = 96   # of a scene, as many as eight disk lamps: time and memory of direct light grow with them
@@ -17,7 +18,8 @@ FLAT = 1.5          # silhouette over that of a sphere of equal area from which 
 
 
 def gather_emitters(scene: RenderScene) -> Emitters:
-    """Touching light triangles of equal radiance and beam as one: lamps become spheres, fine meshes a few lumps.
+    """Touching light triangles of equal radiance and beam as one: flat convex ones a polygon, lamps spheres, fine meshes
+    a few lumps.
 
     A scene with more than MAX_EMITTERS of these, such as an emission texture makes, gets that many, and as much light.
     """
@@ -84,7 +86,10 @@ def _components(corners: np.ndarray, kinds: np.ndarray) -> list[np.ndarray]:
 
 
 def _pieces(shape: np.ndarray) -> list[np.ndarray]:
-    """(3, 3) triangles of an open surface (n, 3, 3): its own if they are few, else as many lumps."""
+    """Corners of the polygons (K, 3) of an open surface (n, 3, 3): one if it is flat, else its triangles or lumps."""
+    outline = convex_outline(shape)
+    if outline is not None:
+        return [outline]
     if len(shape) <= MAX_POLYGONS:
         return list(shape)
     centroids = shape.mean(axis=1)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How much of emitters' light surfaces send on, in closed form.
 
-An emitter enters by its vector form factor, which a sphere of the same solid angle replaces for the horizon and the
-glossy lobe (Snyder 1996, "Area light sources for real-time graphics"; Heitz and Hill 2017, "Real-time line- and
-disk-light shading"). Vectors of P points and E emitters are planes (3, P, E), which PyTorch adds up much faster than
-the last axis of (P, E, 3).
+An emitter enters by its vector form factor, which a sphere of the same solid angle replaces for the horizon (Snyder
+1996, "Area light sources for real-time graphics"; Heitz and Hill 2017, "Real-time line- and disk-light shading").
+Vectors of P points and E emitters are planes (3, P, E), which PyTorch adds up much faster than the last axis of
+(P, E, 3).
 """
 from __future__ import annotations
 
@@ -13,22 +13,20 @@ import math
 import torch
 from torch import Tensor
 
-from ..fresnel import lobe_albedo, schlick
 
+def polygon_directions(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
+    """Unit direction (3, P, E) to polygons (E, K, 3) from points (3, P, E), and its squared angular sine (P, E).
 
-def triangle_directions(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
-    """Unit direction (3, P, E) to triangles (E, 3, 3) from points (3, P, E), and its squared angular sine (P, E).
-
-    By Lambert's formula, from both sides of the triangles.
+    By Lambert's formula, from both sides of the polygons.
     """
     rays = [_unit(corner[:, None] - x) for corner in corners.permute(1, 2, 0)]
-    vector = torch.zeros_like(rays[0])
-    for ray, following in zip(rays, (*rays[1:], rays[0]), strict=True):
+    vector = torch.zeros_like(x)
+    for ray, following in zip(rays, (*rays[1:], *rays[:1]), strict=True):
         edge = torch.linalg.cross(ray, following, dim=0)
         sine = edge.square().sum(0).sqrt()
         vector += edge * (torch.atan2(sine, _dot(ray, following)) / sine.clamp_min(1e-6))
     length = vector.square().sum(0).sqrt()
-    facing = _dot(vector, rays[0] + rays[1] + rays[2]).sign()
+    facing = _dot(vector, sum(rays)).sign()
     return vector * (facing / length.clamp_min(1e-19)), length / (2 * math.pi)
 
 
@@ -65,25 +63,6 @@ def sphere_form_factor(cosine: Tensor, sine2: Tensor) -> Tensor:
     edge = (-cosine * ((1 - sine2) / (sine2 * (1 - cosine.square())).clamp_min(1e-12)).sqrt()).clamp(-1, 1)
     partial = (sine2 * cosine * torch.acos(edge) - root + torch.atan(cut.sqrt() / (1 - sine2).sqrt())) / math.pi
     return torch.where(cut > 0, partial.clamp_min(0), above)
-
-
-def ggx_lobe(direction: Tensor, cosine: Tensor, sine2: Tensor, n: Tensor, v: Tensor, roughness: Tensor,
-             f0: Tensor) -> Tensor:
-    """(P, E) share of an emitter's radiance that a GGX lobe sends along v, relative to its share of uniform light.
-
-    The emitter's size widens the lobe. n, v: (P, 3) unit; roughness, f0: (P,); the others as above.
-    """
-    alpha = roughness.clamp_min(0.02).square()[:, None]
-    wide = (alpha + sine2.sqrt() / 3).clamp(max=1)
-    n_v = (n * v).sum(-1, keepdim=True)
-    half = (2 + 2 * cosines(direction, v)).clamp_min(1e-6).sqrt()
-    n_h, v_h = (cosine + n_v) / half, half / 2
-    n_v, n_l = n_v.abs().clamp_min(1e-3), cosine.clamp_min(1e-4)
-    density = wide.square() / (math.pi * (n_h.square() * (wide.square() - 1) + 1).square().clamp_min(1e-8))
-    a2 = alpha.square()
-    smith = 2 * n_l / (n_l * (a2 + (1 - a2) * n_v.square()).sqrt() + n_v * (a2 + (1 - a2) * n_l.square()).sqrt())
-    gain = schlick(f0[:, None], v_h) / lobe_albedo(f0, n_v[:, 0], roughness)[:, None]
-    return (density * smith / 4 * math.pi * sine2).clamp(max=1) * gain * (cosine > 0)
 
 
 def _unit(vectors: Tensor) -> Tensor:

@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from renderformer_v2.model.light.direct.form_factors import cosines, ggx_lobe
+from renderformer_v2.model.light.direct.glossy_lobe import facet_cosines, small_emitter_share
 from renderformer_v2.model.light.fresnel import gain, lobe_albedo
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])
@@ -38,8 +38,8 @@ def test_a_lobe_is_what_it_reflects_of_light_from_everywhere(roughness, cosine, 
     albedo = lobe_albedo(*(torch.tensor([x]) for x in (reflectance, cosine, roughness)))
     assert albedo.item() == pytest.approx(expected.item(), rel=0.06)
 
-    lobe = ggx_lobe(towards.T[:, None], cosines(towards.T[:, None], UP), torch.tensor(tiny), UP, v,
-                    torch.tensor([roughness]), torch.tensor([reflectance]))
+    lobe = small_emitter_share(facet_cosines(towards.T[:, None], UP, v), torch.tensor(tiny), torch.tensor([roughness]),
+                               torch.tensor([reflectance]))
     assert (lobe.mean() * 2 / tiny).item() == pytest.approx(1, rel=0.06)
 
 
@@ -56,6 +56,7 @@ def test_what_a_layer_gains_by_the_angle_of_a_lamp_is_nothing_if_lamps_are_all_a
 def test_a_dielectric_is_lit_less_from_where_the_viewer_is_than_from_opposite_at_a_slant():
     v, roughness, reflectance = seen_at(0.3), torch.tensor([0.8]), torch.tensor([0.04])
     ways = torch.cat([v, v * torch.tensor([-1.0, 1.0, 1.0])]).T[:, None]
-    steep, slanted = ggx_lobe(ways, cosines(ways, UP), torch.tensor(1e-6), UP, v, roughness, reflectance)[0]
-    of_metal = ggx_lobe(ways, cosines(ways, UP), torch.tensor(1e-6), UP, v, roughness, torch.ones(1))[0]
+    facets = facet_cosines(ways, UP, v)
+    steep, slanted = small_emitter_share(facets, torch.tensor(1e-6), roughness, reflectance)[0]
+    of_metal = small_emitter_share(facets, torch.tensor(1e-6), roughness, torch.ones(1))[0]
     assert slanted / steep > 3 * of_metal[1] / of_metal[0]
