@@ -30,10 +30,12 @@ def crystal(name, of, location, size):
 def chrome():
     """Black chrome under a small lamp."""
     scene = empty(sky=0.02)
-    plane("Floor", material("Grey", GREY), (0, 0, 0), 20)
-    ball("Ball", material("Chrome", (0.03, 0.03, 0.03), 0.05, metallic=1.0), (0, 0, 1), 1)
+    black = material("Chrome", (0.2, 0.2, 0.22), 0.1, metallic=1.0)
+    plane("Floor", black, (0, 0, 0), 20)
+    bpy.ops.mesh.primitive_monkey_add(size=2, location=(0, 0, 1.1))
+    put("Head", black).data.shade_smooth()
     bpy.context.object.modifiers.new("Smooth", "SUBSURF").render_levels = 2
-    lamp(scene, "POINT", (-1.5, -2, 3.5), energy=400, shadow_soft_size=0.1)
+    lamp(scene, "POINT", (-1.5, -2, 3.5), energy=1000, shadow_soft_size=0.2)
 
 
 def gold():
@@ -105,7 +107,7 @@ def panel():
     for i, roughness in enumerate((0.0, 0.15, 0.3, 0.5, 0.8)):
         box(f"Tile {i}", material(f"Tile {i}", (0.5, 0.5, 0.5), roughness, metallic=1.0), (1.0 * i - 2, 0, -0.05),
             (0.98, 4, 0.1))
-    lamp(scene, "AREA", (0, 2.5, 1.2), (70, 0, 0), energy=60, shape="RECTANGLE", size=3, size_y=0.8)
+    lamp(scene, "AREA", (0, 2.5, 1.2), (-70, 0, 0), energy=60, shape="RECTANGLE", size=3, size_y=0.8)
 
 
 SCENES = (chrome, gold, twelve_lamps, crystals, spot, glossy_wall, plastic, panel)

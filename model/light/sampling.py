@@ -30,7 +30,8 @@ def cosine_directions(normal: Tensor, count: int, start: Tensor) -> Tensor:
     sine2 = (k + start[:, :1]) / count
     phi = 2 * math.pi * ((k * GOLDEN + start[:, 1:]) % 1)
     sine = sine2.sqrt()
-    return torch.stack([sine * phi.cos(), sine * phi.sin(), (1 - sine2).clamp_min(1e-4).sqrt()], -1) @ local_basis(normal)
+    cosine = (1 - sine2).clamp_min(1e-4).sqrt()
+    return torch.stack([sine * phi.cos(), sine * phi.sin(), cosine], -1) @ local_basis(normal)
 
 
 def ggx_directions(normal: Tensor, outgoing: Tensor, roughness: Tensor, count: int,

@@ -3,7 +3,8 @@
 
 SCENE_DIR holds .blend files whose view layers have the passes of light, such as `examples/highlights.py` makes. Each is
 rendered with Light > Network Alone and by Cycles with --samples. Prints one JSON object: PSNR of the picture by scene,
-and of each lobe's direct and indirect light times its colour. OUT_DIR keeps the renders; those of Cycles are used again.
+and of each lobe's direct and indirect light times its colour. OUT_DIR keeps the renders, and uses those of Cycles
+again.
 """
 from __future__ import annotations
 

@@ -135,21 +135,22 @@ class DirectLight:
         return in_chunks(CHUNK, self.emitters.sample, position, normal, start)
 
     def lobes(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor,
-              visibility: LobeVisibility | None = None) -> tuple[Tensor, Tensor, Tensor]:
+              visibility: LobeVisibility | None = None, *footprint: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe, (P, 3) each.
 
         position, normal, outgoing (towards the viewer): (P, 3), unit vectors; roughness (P,), perceptual; f0 (P,). The
         normal is taken as it is: Cycles has turned it towards the viewer's side, and smooth ones may lean away at a
-        silhouette. visibility: all of the light without it. Points whose normal is zero receive none.
+        silhouette. visibility: all of the light without it. footprint: (P, 2, 9), of pixels (footprints.py). Points
+        whose normal is zero receive none.
         """
         visibility = LobeVisibility.full(position) if visibility is None else visibility
-        return in_chunks(CHUNK, self._lobes, position, normal, outgoing, roughness, f0, *visibility)
+        return in_chunks(CHUNK, self._lobes, position, normal, outgoing, roughness, f0, *visibility, *footprint)
 
     def _lobes(self, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Tensor,
-               *visibility: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        visible = LobeVisibility(*visibility)
+               *rest: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        visible, footprint = LobeVisibility(*rest[:5]), rest[5:]
         has_normal = (n.square().sum(-1, keepdim=True) > 0.25).float()
-        diffuse, glossy = self.emitters.lobes(x, n, v, roughness, f0)
+        diffuse, glossy = self.emitters.lobes(x, n, v, roughness, f0, *footprint)
         diffuse, glossy = diffuse * visible.emitters, glossy * visible.glossy_emitters
         transmitted = torch.zeros_like(diffuse)
         if self.environment is not None:

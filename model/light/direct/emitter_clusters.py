@@ -14,7 +14,7 @@ FACING, COLOR, BEAM = 0.3, 0.1, 0.3  # how much differences in these count besid
 
 @dataclass
 class Emitters:
-    """P flat convex polygons and S spheres; radiance in the scene's units; a beam axis of zero length radiates everywhere."""
+    """P flat convex polygons and S spheres; radiance in the scene's units; a beam axis of length 0 is no beam."""
 
     corners: np.ndarray      # (P, K, 3) f32, see outlines.py; without beam they radiate to both sides
     centers: np.ndarray      # (S, 3) f32
@@ -33,7 +33,7 @@ class Emitters:
 
     @classmethod
     def of(cls, polygons: list[tuple], spheres: list[tuple]) -> Emitters:
-        """polygons: (corners (K, 3), light) each, spheres: (center, radius, light), light: (8,) radiance, axis, cosines."""
+        """polygons: (corners (K, 3), light), spheres: (center, radius, light), light: (8,) radiance, axis, cosines."""
         light = np.array([p[-1] for p in polygons] + [s[-1] for s in spheres], np.float32).reshape(-1, 8)
         return cls(
             corners=padded([p[0] for p in polygons]),

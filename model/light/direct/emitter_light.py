@@ -21,12 +21,14 @@ from ..sampling import R2, disk_points, local_basis, triangle_weights
 from ..tensor_rays import TensorRays
 from .emitters import DISTANT, gather_emitters
 from .environment_light import LIFT
+from .footprints import points_within
 from .form_factors import beam, cosines, polygon_directions, sphere_directions, sphere_form_factor
-from .glossy_lobe import emitter_share, facet_cosines, is_small, small_emitter_share
+from .glossy_lobe import emitter_share, facet_cosines, facet_width2, is_small, small_emitter_share
 from .outlines import CIRCLE, RING, fans, outline_vectors, rings
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
 END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
+FINE = 0.1       # squared turn of what a pixel mirrors over that of what facets do, from which on it is sampled finely
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 
 
@@ -136,7 +138,10 @@ class EmitterLight:
         return tuple(radiance)
 
     def lobes(self, x: Tensor, n: Tensor, *gloss: Tensor) -> tuple[Tensor, Tensor]:
-        """Unshadowed radiance (P, 3) leaving a white diffuse and a white glossy lobe; arguments as of `visibility`."""
+        """Unshadowed radiance (P, 3) leaving a white diffuse and a white glossy lobe; arguments as of `visibility`.
+
+        A footprint (P, 2, 9) may follow (footprints.py).
+        """
         if not len(self):
             return torch.zeros_like(x), torch.zeros_like(x)
         direction, sine2, in_beam = self._directions(x)
@@ -146,20 +151,46 @@ class EmitterLight:
         return diffuse @ self.radiance, glossy @ self.radiance
 
     def _glossy(self, x: Tensor, n: Tensor, direction: Tensor, sine2: Tensor, v: Tensor, roughness: Tensor,
-                f0: Tensor) -> Tensor:
+                f0: Tensor, footprint: Tensor | None = None) -> Tensor:
         """(P, E) share of the emitters' radiance that a white glossy lobe sends on; directions as of `_directions`."""
         facets = facet_cosines(direction, n, v)
         share = small_emitter_share(facets, sine2, roughness, f0)
         distance2 = (self.origins.T[:, None] - x.T[..., None] * ~self.is_distant).square().sum(0)
         size2 = self.reach.square() / distance2.clamp_min(1e-20)
-        point, emitter = (~is_small(facets, size2, roughness) & (sine2 > 0)).nonzero().unbind(1)
-        exact = [emitter_share(self._outlines(x[some], which, direction[:, some, which]), n[some].T, v[some].T,
-                               roughness[some], f0[some])
-                 for some, which in zip(point.split(PAIRS), emitter.split(PAIRS), strict=True)]
-        return share.index_put((point, emitter), torch.cat(exact))
+        if footprint is None:
+            is_exact = ~is_small(facets, size2, roughness)
+            return self._with_exact(share, is_exact & (sine2 > 0), x, n, v, roughness, f0)
+        turn2 = (4 * footprint[..., 3:6].square() + footprint[..., 6:].square()).sum((1, 2))[:, None]
+        is_exact = ~is_small(facets, size2 + turn2, roughness) & (sine2 > 0)
+        is_finer = turn2 > FINE * facet_width2(roughness)[:, None]
+        share = self._with_exact(share, is_exact & ~is_finer, x, n, v, roughness, f0)
+        return self._with_exact(share, is_exact & is_finer, x, n, v, roughness, f0, footprint)
 
-    def _outlines(self, x: Tensor, emitter: Tensor, direction: Tensor) -> Tensor:
-        """(RING, 3, R) vectors from points (R, 3) to the outlines of emitters (R,), which lie in unit `direction`."""
+    def _with_exact(self, share: Tensor, where: Tensor, *points: Tensor) -> Tensor:
+        """`share` (P, E) with that of whole outlines `where` (P, E); points: x, n, v, roughness, f0, or footprints too,
+        in which the mean is taken."""
+        pairs = where.nonzero()
+        exact = [self._mean_share(emitter, *(values[point] for values in points))
+                 for point, emitter in (some.unbind(1) for some in pairs.split(PAIRS))]
+        return share.index_put(pairs.unbind(1), torch.cat(exact))
+
+    def _mean_share(self, emitter: Tensor, x: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Tensor,
+                    footprint: Tensor | None = None) -> Tensor:
+        """(R,) of pairs."""
+        def share(x: Tensor, n: Tensor, v: Tensor) -> Tensor:
+            return emitter_share(self._outlines(x, emitter), n.T, v.T, roughness, f0)
+
+        if footprint is None:
+            return share(x, n, v)
+        surface = torch.cat([x, n, v], 1)
+        shares = []
+        for change in points_within(footprint):
+            x, n, v = (surface + change).split(3, 1)
+            shares.append(share(x, F.normalize(n, dim=1), F.normalize(v, dim=1)))
+        return sum(shares) / len(shares)
+
+    def _outlines(self, x: Tensor, emitter: Tensor) -> Tensor:
+        """(RING, 3, R) vectors from points (R, 3) to the outlines of emitters (R,)."""
         origin = x * ~self.is_distant[emitter, None]
         polygons = len(self.corners)
         vectors = torch.zeros(len(x), RING, 3, device=x.device)
@@ -168,8 +199,9 @@ class EmitterLight:
         radius = F.pad(self.radii, (polygons, 0))[emitter]
         sphere = self.origins[emitter] - origin
         across = radius / (sphere.square().sum(1) - radius.square()).clamp_min(1e-12).sqrt()
-        around = torch.from_numpy(CIRCLE).to(x.device) @ local_basis(direction.T)[:, :2]
-        of_sphere = direction.T[:, None] + across[:, None, None] * around
+        towards = F.normalize(sphere, dim=1)
+        around = torch.from_numpy(CIRCLE).to(x.device) @ local_basis(towards)[:, :2]
+        of_sphere = towards[:, None] + across[:, None, None] * around
         return torch.where((emitter < polygons)[:, None, None], vectors, of_sphere).permute(1, 2, 0).contiguous()
 
     def sample(self, x: Tensor, n: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:

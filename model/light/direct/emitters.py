@@ -18,8 +18,8 @@ FLAT = 1.5          # silhouette over that of a sphere of equal area from which 
 
 
 def gather_emitters(scene: RenderScene) -> Emitters:
-    """Touching light triangles of equal radiance and beam as one: flat convex ones a polygon, lamps spheres, fine meshes
-    a few lumps.
+    """Touching light triangles of equal radiance and beam as one: flat convex ones a polygon, lamps spheres, fine
+    meshes a few lumps.
 
     A scene with more than MAX_EMITTERS of these, such as an emission texture makes, gets that many, and as much light.
     """

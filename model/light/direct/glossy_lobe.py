@@ -50,6 +50,11 @@ def is_small(facets: FacetCosines, size2: Tensor, roughness: Tensor) -> Tensor:
     return (size2 < SMALL * (slope2 + _alpha(roughness)[:, None].square())) & (size2 < facets.n_l.square())
 
 
+def facet_width2(roughness: Tensor) -> Tensor:
+    """Squared tangent of the angle within which a good part of facets turn."""
+    return _alpha(roughness).square()
+
+
 def small_emitter_share(facets: FacetCosines, sine2: Tensor, roughness: Tensor, f0: Tensor) -> Tensor:
     """(P, E) share of an emitter's radiance that the lobe sends on, relative to its share of uniform light.
 
@@ -70,7 +75,7 @@ def emitter_share(ring: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Ten
     facets = facets * facets[2].sign()  # of an emitter whose back is seen
     shown = (facets[2] / (2 * math.pi)).clamp(0, 1)
     half = _unit(torch.stack([facets[0] * alpha, facets[1] * alpha, facets[2].clamp_min(1e-9)]))  # their mean
-    v_h = dot(half, v)
+    v_h = dot(half, v).clamp_min(0)
     share = shown * _unmasked(alpha.square(), v[2], 2 * v_h * half[2] - v[2]) * v_h / half[2].clamp_min(LEAST_COSINE)
     return share * _relative_fresnel(f0, v[2], v_h[:, None], roughness)[:, 0]
 

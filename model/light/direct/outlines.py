@@ -13,7 +13,7 @@ CIRCLE = np.float32(np.stack([np.cos(TURNS), np.sin(TURNS)], 1) * np.sqrt(TURNS[
 
 
 def convex_outline(shape: np.ndarray) -> np.ndarray | None:
-    """(K, 3) corners around a flat convex surface of triangles (n, 3, 3); None for other surfaces and for finer ones."""
+    """(K, 3) corners around a flat convex surface of triangles (n, 3, 3); None for others and finer ones."""
     vectors = area_vectors(shape.astype(np.float64))
     total = vectors.sum(axis=0)
     area, points = np.linalg.norm(total), shape.reshape(-1, 3).astype(np.float64)

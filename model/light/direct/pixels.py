@@ -14,6 +14,7 @@ from ..hit_surfaces import HitSurfaces, tensors_on
 from ..probes import SMOOTH, Probes
 from ..sampling import r2_starts
 from .direct_light import DirectLight, LobeVisibility
+from .footprints import footprints
 
 SHADOW_RAYS, EMITTER_RAYS = 16, 4  # of a pixel, and of these to one emitter at most
 PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
@@ -33,7 +34,9 @@ def direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, gui
         sky_behind = torch.full_like(surfaces.coverage, not is_followed)
         visibility = LobeVisibility(sky, emitters, glossy_sky, glossy_emitters, sky_behind)
         points = surfaces.position, surfaces.normal, -surfaces.rays, surfaces.roughness, surfaces.f0
-        lobes = direct.lobes(*(x.flatten(0, 1) for x in points), LobeVisibility(*(x.flatten(0, 1) for x in visibility)))
+        visibility = LobeVisibility(*(x.flatten(0, 1) for x in visibility))
+        footprint = [footprints(surfaces).flatten(0, 1)] if effort.edges else []
+        lobes = direct.lobes(*(x.flatten(0, 1) for x in points), visibility, *footprint)
         lobes = [lobe.view_as(surfaces.position) * surfaces.is_covered for lobe in lobes]
         if is_followed:
             refracted = tensors_on(direct.device)(guides.refracted_light)

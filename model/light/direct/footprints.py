@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How the surface changes within pixels, so that highlights smaller than a pixel are as bright as they should be."""
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ...first_hits.camera_rays import SAMPLE_POINTS
+from ..edge_stopping import edge_weights, plane_tolerance
+from ..hit_surfaces import HitSurfaces
+
+LEAST = 0.1  # weight from which on the next pixel shows the same surface
+
+
+def footprints(surfaces: HitSurfaces) -> Tensor:
+    """(h, W, 2, 9) change of position, normal and direction to the viewer from a pixel to the next one, right and down.
+
+    0 where the pixels around show other surfaces.
+    """
+    values = torch.cat([surfaces.position, surfaces.normal, -surfaces.rays], -1).permute(2, 0, 1)
+    tolerance = plane_tolerance(values[:3], surfaces.is_covered[..., 0])
+    return torch.stack([_change(values, tolerance, axis) for axis in (2, 1)], 1).permute(2, 3, 1, 0)
+
+
+def points_within(footprint: Tensor) -> list[Tensor]:
+    """(P, 9) changes of these at points of pixels, which are distributed as Cycles' filter, by footprints (P, 2, 9)."""
+    offsets = torch.from_numpy(SAMPLE_POINTS - 0.5).to(footprint)
+    return [(offset[:, None] * footprint).sum(1) for offset in offsets]
+
+
+def _change(values: Tensor, tolerance: Tensor, axis: int) -> Tensor:
+    """(9, h, W) of values (9, h, W) to the next pixel along an axis: the mean of the steps on both sides."""
+    count = values.shape[axis] - 1
+    here, there = (values.narrow(axis, start, count) for start in (0, 1))
+    step = there - here
+    weight = edge_weights(step[:3], there[3:6], here[3:6], tolerance.narrow(axis - 1, 0, count))
+    weight = weight * (weight > LEAST)
+    total, weights = torch.zeros_like(values), torch.zeros_like(tolerance)
+    for start in (0, 1):
+        total.narrow(axis, start, count).add_(step * weight)
+        weights.narrow(axis - 1, start, count).add_(weight)
+    return total / weights.clamp_min(LEAST)
