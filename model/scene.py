@@ -132,7 +132,9 @@ class Guides:
     refracted_position: np.ndarray | None = None
     refracted_normal: np.ndarray | None = None
     refracted_color: np.ndarray | None = None
-    # (H, W, 3) f32, radiance of the lamps and of the sky that refractions end at, times the same; None as above
+    # (H, W, 3) f32, radiance of the lamps and of the sky that they end at, times the same; of reflections that which is
+    # seen by way of another surface. None as above
+    reflected_light: np.ndarray | None = None
     refracted_light: np.ndarray | None = None
 
     def __post_init__(self) -> None:

@@ -90,6 +90,8 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
                                     where=surfaces.transmission.amax(-1, keepdim=True) > 0)["light"]
     with part(0.5, 0.6):
         mirrored, has_end = path_end_light("reflected", guides, make_probes, outgoing, filters, direct.device)
+        if guides.reflected_light is not None and not is_traced:
+            mirrored = mirrored + tensors_on(direct.device)(guides.reflected_light)
         reflected = torch.lerp(gloss.radiance, mirrored, (1 - blur(surfaces.roughness)[..., None]) * has_end)
     with part(0.6, 0.7):
         refracted, _ = path_end_light("refracted", guides, make_probes, outgoing, filters, direct.device)

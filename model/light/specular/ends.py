@@ -50,11 +50,11 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
         with part(0.0, 1.0, "Tracing mirrors and glass"):
             ends = spread(follow, chunks)
         for kind, dtype in DTYPES.items():
-            name = f"{lobe}_{kind}"
-            if not hasattr(guides, name):  # DirectLight computes the lamps that mirrors show
-                continue
+            name, values = f"{lobe}_{kind}", np.concatenate([getattr(chunk, kind) for chunk in ends])
+            if name == "reflected_light":  # DirectLight computes what mirrors show themselves
+                values = values * np.concatenate([chunk.normal for chunk in ends]).any(1, keepdims=True)
             picture = np.zeros((*mask.shape, 3), dtype)
-            picture[rows, columns] = np.concatenate([getattr(chunk, kind) for chunk in ends])
+            picture[rows, columns] = values
             filled = picture[::step, ::step].repeat(step, 0).repeat(step, 1)[:mask.shape[0], :mask.shape[1]]
             fields[name] = np.where(mask[..., None], filled, 0)
     return replace(guides, **fields)

@@ -16,7 +16,7 @@ from ..probes import Probes
 
 def path_end_light(lobe: str, guides: Guides, make_probes: Callable[..., Probes], outgoing: Callable[..., Tensor],
                    filters: Iterable[int], device: torch.device) -> tuple[Tensor, Tensor]:
-    """(h, W, 3) radiance from the surfaces at which specular paths end, tinted, and (h, W, 1) bool where they do.
+    """(h, W, 3) radiance from the surfaces at which specular paths end, tinted, and (h, W, 1) bool where they meet any.
 
     lobe: "reflected" or "refracted". outgoing(position, normal, number): (P, 3) radiance of white diffuse surfaces.
     """
@@ -26,7 +26,7 @@ def path_end_light(lobe: str, guides: Guides, make_probes: Callable[..., Probes]
         dark = to_tensor(np.zeros_like(guides.position))
         return dark, dark[..., :1] > 0
     position, normal, color = map(to_tensor, arrays)
-    has_end = color.amax(-1, keepdim=True) > 0
-    probes = make_probes(position, F.normalize(normal, dim=-1), has_end)
+    is_lit = color.amax(-1, keepdim=True) > 0
+    probes = make_probes(position, F.normalize(normal, dim=-1), is_lit)
     light = probes.interpolate(lambda x, n, number: {"light": outgoing(x, n, number)}, filters=filters)["light"]
-    return light * color, has_end
+    return light * color, (normal != 0).any(-1, keepdim=True)
