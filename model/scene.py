@@ -136,6 +136,12 @@ class Guides:
     # seen by way of another surface. None as above
     reflected_light: np.ndarray | None = None
     refracted_light: np.ndarray | None = None
+    # (H, W, 3), of metal that reflections meet first: place (f32, world), unit normal (f16), colour (f16; 0 = none);
+    # and (H, W, 1) its roughness (f16). None as above
+    mirrored_position: np.ndarray | None = None
+    mirrored_normal: np.ndarray | None = None
+    mirrored_color: np.ndarray | None = None
+    mirrored_roughness: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         h, w = self.depth.shape

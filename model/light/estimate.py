@@ -28,7 +28,7 @@ from .hit_surfaces import HitSurfaces, tensors_on
 from .probes import SMOOTH, Probes, probe_grid
 from .separation import Separation
 from .specular.paths import blur
-from .specular.pixels import path_end_light
+from .specular.pixels import mirrored_highlights, path_end_light
 from .surface_light import SurfaceLight
 
 BEYOND = 4.0           # network units from a camera that sees nothing: no medium is farther off
@@ -92,6 +92,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         mirrored, has_end = path_end_light("reflected", guides, make_probes, outgoing, filters, direct.device)
         if guides.reflected_light is not None and not is_traced:
             mirrored = mirrored + tensors_on(direct.device)(guides.reflected_light)
+            mirrored = mirrored + mirrored_highlights(guides, surfaces, direct)
         reflected = torch.lerp(gloss.radiance, mirrored, (1 - blur(surfaces.roughness)[..., None]) * has_end)
     with part(0.6, 0.7):
         refracted, _ = path_end_light("refracted", guides, make_probes, outgoing, filters, direct.device)

@@ -21,14 +21,16 @@ from ..sampling import R2, disk_points, local_basis, triangle_weights
 from ..tensor_rays import TensorRays
 from .emitters import DISTANT, gather_emitters
 from .environment_light import LIFT
-from .footprints import points_within
+from .footprints import mirrored_turn2, points_within
 from .form_factors import beam, cosines, polygon_directions, sphere_directions, sphere_form_factor
 from .glossy_lobe import emitter_share, facet_cosines, facet_width2, is_small, small_emitter_share
 from .outlines import CIRCLE, RING, fans, outline_vectors, rings
 
 FOG_REACH = 3.0  # network units from the centre: fog beyond dims no emitter
 END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
-FINE = 0.1       # squared turn of what a pixel mirrors over that of what facets do, from which on it is sampled finely
+# Squared turn of what a pixel mirrors over that of what facets do, from which on it is sampled finely; and squared size
+# of an emitter over the same turn, up to which
+FINE, LARGE = 1.0, 100.0
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
 
 
@@ -160,9 +162,9 @@ class EmitterLight:
         if footprint is None:
             is_exact = ~is_small(facets, size2, roughness)
             return self._with_exact(share, is_exact & (sine2 > 0), x, n, v, roughness, f0)
-        turn2 = (4 * footprint[..., 3:6].square() + footprint[..., 6:].square()).sum((1, 2))[:, None]
+        turn2 = mirrored_turn2(footprint)[:, None]
         is_exact = ~is_small(facets, size2 + turn2, roughness) & (sine2 > 0)
-        is_finer = turn2 > FINE * facet_width2(roughness)[:, None]
+        is_finer = (turn2 > FINE * facet_width2(roughness)[:, None]) & (size2 < LARGE * turn2)
         share = self._with_exact(share, is_exact & ~is_finer, x, n, v, roughness, f0)
         return self._with_exact(share, is_exact & is_finer, x, n, v, roughness, f0, footprint)
 
@@ -170,6 +172,8 @@ class EmitterLight:
         """`share` (P, E) with that of whole outlines `where` (P, E); points: x, n, v, roughness, f0, or footprints too,
         in which the mean is taken."""
         pairs = where.nonzero()
+        if not len(pairs):
+            return share
         exact = [self._mean_share(emitter, *(values[point] for values in points))
                  for point, emitter in (some.unbind(1) for some in pairs.split(PAIRS))]
         return share.index_put(pairs.unbind(1), torch.cat(exact))

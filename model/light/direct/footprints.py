@@ -22,6 +22,12 @@ def footprints(surfaces: HitSurfaces) -> Tensor:
     return torch.stack([_change(values, tolerance, axis) for axis in (2, 1)], 1).permute(2, 3, 1, 0)
 
 
+def mirrored_turn2(footprint: Tensor) -> Tensor:
+    """(P,) squared angle by which the mirrored direction turns within pixels, from footprints (P, 2, 9)."""
+    weights = torch.tensor([0.0] * 3 + [4.0] * 3 + [1.0] * 3, device=footprint.device).repeat(2)
+    return footprint.flatten(1).square() @ weights
+
+
 def points_within(footprint: Tensor) -> list[Tensor]:
     """(P, 9) changes of these at points of pixels, which are distributed as Cycles' filter, by footprints (P, 2, 9)."""
     offsets = torch.from_numpy(SAMPLE_POINTS - 0.5).to(footprint)

@@ -16,7 +16,7 @@ from ..sampling import r2_starts
 from .direct_light import DirectLight, LobeVisibility
 from .footprints import footprints
 
-SHADOW_RAYS, EMITTER_RAYS = 16, 8  # of a pixel, and of these to one emitter at most
+SHADOW_RAYS, EMITTER_RAYS = 16, 6  # of a pixel, and of these to one emitter at most
 PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
 
 

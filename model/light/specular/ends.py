@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields as dataclass_fields
 from dataclasses import replace
 
 import numpy as np
@@ -16,12 +17,12 @@ from ...scene import IOR, Guides, RenderScene, View
 from ...scene_rays import scene_rays
 from ...shading import surface
 from ...surface_kinds import ALL, BENDING
-from .paths import PathEnds, follow_paths
+from .paths import Metal, PathEnds, follow_paths
 
 LEAST_COLOR = {"reflected": 0.08, "refracted": 0.05}  # of a lobe from which on paths are followed: above plastic's
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
-DTYPES = {"position": np.float32, "normal": np.float16, "color": np.float16, "light": np.float32}
+FULL = "position", "light"  # fields in full floats, others in half ones
 
 
 def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
@@ -44,17 +45,20 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
 
         def follow(rows: np.ndarray, columns: np.ndarray, lobe: str = lobe) -> PathEnds:
             start = _first_segments(lobe, guides, scene, view, rows, columns)
-            return follow_paths(scene, everything.closest, *start, solid)
+            return follow_paths(scene, everything.closest, *start, solid, with_lamps=lobe != "reflected")
 
         chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
         with part(0.0, 1.0, "Tracing mirrors and glass"):
             ends = spread(follow, chunks)
-        for kind, dtype in DTYPES.items():
-            name, values = f"{lobe}_{kind}", np.concatenate([getattr(chunk, kind) for chunk in ends])
-            if name == "reflected_light":  # DirectLight computes what mirrors show themselves
-                values = values * np.concatenate([chunk.normal for chunk in ends]).any(1, keepdims=True)
-            picture = np.zeros((*mask.shape, 3), dtype)
-            picture[rows, columns] = values
+        values = {f"{lobe}_{kind}": np.concatenate([getattr(chunk, kind) for chunk in ends])
+                  for kind in ("position", "normal", "color", "light")}
+        if lobe == "reflected":
+            values["reflected_light"] *= values["reflected_normal"].any(1, keepdims=True)  # the rest is direct light
+            values |= {f"mirrored_{field.name}": np.concatenate([getattr(chunk.metal, field.name) for chunk in ends])
+                       for field in dataclass_fields(Metal)}
+        for name, value in values.items():
+            picture = np.zeros((*mask.shape, value.shape[1]), np.float32 if name.endswith(FULL) else np.float16)
+            picture[rows, columns] = value
             filled = picture[::step, ::step].repeat(step, 0).repeat(step, 1)[:mask.shape[0], :mask.shape[1]]
             fields[name] = np.where(mask[..., None], filled, 0)
     return replace(guides, **fields)

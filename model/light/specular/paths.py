@@ -32,6 +32,17 @@ class PathEnds:
     normal: np.ndarray    # (P, 3) f32, unit, facing the path
     color: np.ndarray     # (P, 3) f32, diffuse albedo there times the tint of the path; 0 = no surface
     light: np.ndarray     # (P, 3) f32, radiance of the lamp or the sky there times the tint of the path
+    metal: Metal          # what the paths meet first, if that mirrors
+
+
+@dataclass
+class Metal:
+    """P points on mirrors."""
+
+    position: np.ndarray   # (P, 3) f32, world
+    normal: np.ndarray     # (P, 3) f32, unit, facing the path
+    color: np.ndarray      # (P, 3) f32; 0 = none
+    roughness: np.ndarray  # (P, 1) f32
 
 
 def blur(roughness):
@@ -41,15 +52,17 @@ def blur(roughness):
 
 
 def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: np.ndarray, eye: np.ndarray,
-           solid: Cast | None = None) -> PathEnds:
+                 solid: Cast | None = None, with_lamps: bool = True) -> PathEnds:
     """Follow paths from world points (P, 3) along unit directions (P, 3); none may start at a lamp.
 
     A path that has passed SURFACES surfaces ends at the last one as if that were matte. eye: (3,) or (P, 3), the point
     from which the origins are seen. cast(origins, directions), such as `Rays.closest`, returns the nearest triangle
     (S,) i32, -1 for none, and its distance (S,). solid: the same for everything but glass, so that paths end at what
-    glass touches.
+    glass touches. with_lamps: whether to show the lamps that the metal is lit by; else its highlights are to be added.
     """
-    ends = PathEnds(*(np.zeros((len(origin), 3), np.float32) for _ in range(4)))
+    zeros = lambda channels: np.zeros((len(origin), channels), np.float32)  # noqa: E731
+    ends = PathEnds(*map(zeros, (3, 3, 3, 3)), Metal(*map(zeros, (3, 3, 3, 1))))
+    shows_lamps = np.ones(len(origin), bool)
     path, tint = np.arange(len(origin)), np.ones((len(origin), 3), np.float32)
     token, is_light = np.append(scene.surfaces.token, -1), scene.is_light
     reach = np.linalg.norm(origin - eye, axis=1)  # the longest segment so far: precision depends on it
@@ -63,13 +76,22 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
             touches = (touched >= 0) & (gap < 3 * LIFT * reach)
             triangle, distance = np.where(touches, touched, triangle), np.where(touches, 0, distance)
         hit = (triangle >= 0) & ~is_light[token[triangle]]
-        ends.light[path[~hit]] = tint[~hit] * _emitted(scene, token[triangle[~hit]], direction[~hit])
+        arriving = _emitted(scene, token[triangle[~hit]], direction[~hit])
+        arriving *= (shows_lamps[path[~hit]] | (triangle[~hit] < 0))[:, None]
+        ends.light[path[~hit]] = tint[~hit] * arriving
         path, tint, origin, direction, triangle, distance, reach = (
             x[hit] for x in (path, tint, origin, direction, triangle, distance, reach))
         point, reach = origin + distance[:, None] * direction, np.maximum(reach, distance)
         normal, inside, texel = surface(scene, triangle, point, direction)
         base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC], texel[:, TRANSMISSION]
         is_glass = (transmission > CLEAR) & (metallic <= PURE)
+        if remaining == SURFACES - 1:
+            met, mirrors = ends.metal, metallic > PURE
+            met.position[path], met.normal[path], met.roughness[path] = point, normal, texel[:, ROUGHNESS, None]
+            met.color[path] = base * mirrors[:, None]
+            shows_lamps[path] = with_lamps | ~mirrors
+        else:
+            shows_lamps[path] = True
         tint = tint * np.where(is_glass[:, None], tint_of_glass(base), base)
         ends.position[path], ends.normal[path] = point, normal
         matte = np.where(metallic > PURE, 1, (1 - metallic) * (1 - transmission))  # a rough metal counts as matte

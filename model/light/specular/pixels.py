@@ -10,8 +10,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...scene import Guides
-from ..hit_surfaces import tensors_on
+from ..direct.direct_light import DirectLight, LobeVisibility
+from ..hit_surfaces import HitSurfaces, tensors_on
 from ..probes import Probes
+from ..sampling import r2_starts
+
+RAYS = 4  # to each emitter from a mirrored point
 
 
 def path_end_light(lobe: str, guides: Guides, make_probes: Callable[..., Probes], outgoing: Callable[..., Tensor],
@@ -30,3 +34,24 @@ def path_end_light(lobe: str, guides: Guides, make_probes: Callable[..., Probes]
     probes = make_probes(position, F.normalize(normal, dim=-1), is_lit)
     light = probes.interpolate(lambda x, n, number: {"light": outgoing(x, n, number)}, filters=filters)["light"]
     return light * color, (normal != 0).any(-1, keepdim=True)
+
+
+def mirrored_highlights(guides: Guides, surfaces: HitSurfaces, direct: DirectLight) -> Tensor:
+    """(h, W, 3) radiance of the lamps that are mirrored by the metal that reflections meet first.
+
+    The lobe of that is as much wider as the surface's own is.
+    """
+    to_tensor, highlights = tensors_on(direct.device), torch.zeros_like(surfaces.position)
+    if guides.mirrored_color is None or not len(direct.emitters):
+        return highlights
+    color = to_tensor(guides.mirrored_color)
+    at = (color.amax(-1) > 0).nonzero().unbind(1)
+    x, n, roughness = (to_tensor(picture)[at] for picture in (
+        guides.mirrored_position, guides.mirrored_normal, guides.mirrored_roughness))
+    n, outgoing = F.normalize(n, dim=-1), F.normalize(surfaces.position[at] - x, dim=-1)
+    gloss = outgoing, (roughness[:, 0] ** 4 + surfaces.roughness[at] ** 4) ** 0.25, torch.ones_like(n[:, 0])
+    start = r2_starts(torch.arange(RAYS * len(x), device=x.device)).view(-1, RAYS, 2)
+    visible = direct.emitter_visibility(x, n, start, *gloss)[1]
+    dark = torch.zeros_like(x)
+    light = direct.lobes(x, n, *gloss, LobeVisibility(dark, dark, dark, visible, dark[:, :1]))[1]
+    return highlights.index_put(at, light * color[at])
