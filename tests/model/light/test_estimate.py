@@ -77,3 +77,19 @@ def test_bands_of_a_large_picture_change_nothing(monkeypatch):
     bands = estimate_light(light, view, guides)
     for name in vars(whole):
         torch.testing.assert_close(getattr(bands, name), getattr(whole, name))
+
+
+def test_a_mirror_shows_the_highlight_of_the_metal_that_it_shows():
+    """As if what the camera sees were a mirror, which shows metal below the lamp."""
+    scene, (view, guides) = floor_scene(), floor_view()
+    scene.tiles[:, ROUGHNESS] = 0.1
+    shape = guides.position.shape
+    up = np.broadcast_to(np.float16((0, 0, 1)), shape)
+    metal = {"mirrored_position": np.zeros(shape, np.float32), "mirrored_color": np.full(shape, 0.5, np.float16),
+             "mirrored_roughness": np.full((*shape[:2], 1), 0.3, np.float16),
+             "reflected_position": guides.position, "reflected_normal": up,
+             "reflected_color": np.zeros(shape, np.float16), "reflected_light": np.zeros(shape, np.float32)}
+    light = scene_light(scene)
+    dark, lit = (estimate_light(light, view, replace(guides, mirrored_normal=normal, **metal)).reflected
+                 for normal in (-up, up))
+    assert dark.max() == 0 < lit.max()

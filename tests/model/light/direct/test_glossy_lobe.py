@@ -7,7 +7,9 @@ import pytest
 import torch
 
 from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.light.direct.footprints import footprints
 from renderformer_v2.model.light.fresnel import lobe_albedo
+from renderformer_v2.model.light.hit_surfaces import HitSurfaces
 from tests.model.light.direct.test_direct_light import lit_by
 
 UP = np.array([0, 0, 1.0])
@@ -75,6 +77,29 @@ def test_a_ball_is_mirrored_as_large_as_it_is():
     for offset, expected in ((0.0, 1), (0.9, 1), (1.1, 0)):
         ball = faces * 0.1 / radius * math.sqrt(2) + np.float32((-1, offset * 0.1, 1))
         assert glossy(ball, 45, 0.0) == pytest.approx(expected, abs=0.05), offset
+
+
+def highlight_on_a_ball(size: int, with_footprints: bool) -> float:
+    """What a picture of this many pixels across shows of a small lamp in a ball of chrome."""
+    middle = (torch.arange(size) + 0.5) * 2 / size - 1
+    z, x = torch.meshgrid(-middle, middle, indexing="ij")
+    is_ball = x ** 2 + z ** 2 < 0.9
+    normal = torch.stack([x, -(1 - x ** 2 - z ** 2).clamp_min(0.01).sqrt(), z], -1)
+    rays, zeros = torch.tensor([0.0, 1.0, 0.0]).expand_as(normal), torch.zeros(size, size)
+    surfaces = HitSurfaces(rays, rays, normal, normal, is_ball[..., None].float(), *[normal] * 3, *[zeros] * 3)
+    lamp = upright(0.05, 3.5, 3.6, x=-2) - np.float32((0, 2, 0))
+    footprint = [footprints(surfaces).flatten(0, 1)] if with_footprints else []
+    points = normal.flatten(0, 1), normal.flatten(0, 1), -rays.flatten(0, 1), zeros.flatten() + 0.1, zeros.flatten() + 1
+    light = DirectLight(lit_by(lamp)).lobes(*points, None, *footprint)[1]
+    return float((light[:, 0] * is_ball.flatten()).sum() / size ** 2)
+
+
+def test_a_highlight_smaller_than_a_pixel_is_as_bright_as_it_should_be():
+    exact = highlight_on_a_ball(1200, with_footprints=False)
+    of_middles, of_pixels = (np.array([highlight_on_a_ball(size, way) for size in (47, 53, 59, 64)])
+                             for way in (False, True))
+    assert of_pixels.mean() == pytest.approx(exact, rel=0.2)
+    assert np.abs(of_pixels - exact).mean() < 0.6 * np.abs(of_middles - exact).mean()
 
 
 def test_a_fine_flat_panel_is_one_emitter():

@@ -154,3 +154,24 @@ def test_a_path_ends_at_what_glass_stands_on_whichever_of_both_a_ray_happens_to_
     without, found = (follow_paths(scene, cast, start, ray, np.float32((-5, 0, 0)), each) for each in (None, of_solid))
     np.testing.assert_allclose(without.color, [GOLD], atol=1e-3)
     np.testing.assert_allclose(found.color, [RED], atol=1e-3)
+
+
+def test_lamps_in_a_mirror_of_a_mirror_are_seen_or_left_to_its_highlights():
+    mirror = constant_tile(GOLD, metallic=1.0, roughness=0.1)
+    scene, start = walls((2, -1, mirror), (-1, 1, constant_tile()), shines=True), np.zeros((1, 3))
+    ray = np.float64([(1, 0, 0)])
+    seen, left = (follow_paths(scene, along_x(scene), start, ray, np.float32((-5, 0, 0)), with_lamps=each)
+                  for each in (True, False))
+    np.testing.assert_allclose(seen.light, [GOLD], atol=1e-3)
+    assert not left.light.any()
+    for found in (seen, left):
+        np.testing.assert_allclose(found.metal.position, [(2, 0, 0)], atol=1e-5)
+        np.testing.assert_allclose(found.metal.color, [GOLD], atol=1e-3)
+        assert found.metal.roughness[0, 0] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_the_beam_of_a_lamp_is_seen_from_where_it_shines():
+    for axis, radiance in ((1, 1), (-1, 0)):
+        scene = walls((2, -1, constant_tile()), shines=True)
+        scene.beam_axis[:], scene.beam_cosine[:] = (-axis, 0, 0), (0.5, 0.6)
+        assert ends(scene).light == pytest.approx(np.full((1, 3), float(radiance)))
