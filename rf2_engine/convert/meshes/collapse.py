@@ -14,7 +14,7 @@ from ..data import mesh as meshes
 SHARE = 0.25       # of the triangles that are too many at most go at a time, so that the cheapest edges go first
 FEW = 64          # that are too many go at once
 CHEAP = 2         # times as many edges as are to go are cheap; where most of them cannot, more
-TURNED = 0.2      # cosine of the angle by which no triangle may turn
+TURNED = 0.5      # cosine of the angle by which no triangle may turn
 BIAS = 1e-6       # of an edge's length to the fourth: among equal errors, short edges go first
 
 
