@@ -9,7 +9,7 @@ import bpy
 from mathutils import Matrix
 
 from ..cycles import growing as cycles_growing
-from . import events, overlay, shader
+from . import events, halves, shader
 from .pictures import OURS, Credits
 from .slots import render_slots
 from .state import comparison
@@ -55,12 +55,12 @@ class GrowingReference:
         self._update()
         if self.picture is None:
             return
-        is_beside = comparison.settings.mode == "SIDE"
-        if is_beside:
-            shader.erase(1 + overlay.GAP)
+        begin, shift = comparison.settings.split, 0.0
+        if comparison.settings.mode == "SIDE":
+            _, begin, shift = halves.find(bpy.context)
+            erase_right_half(bpy.context, image_buffer)
         with image_buffer.bind():
-            shader.draw(program, self.picture.texture_color, shift=(1 + overlay.GAP) * is_beside,
-                        part=(0 if is_beside else comparison.settings.split, 0, 1, 1))
+            shader.draw(program, self.picture.texture_color, shift=shift, part=(begin, 0, 1, 1))
 
     def _update(self) -> None:
         """Take over what Cycles has rendered so far, at most once in an interval."""
@@ -95,6 +95,14 @@ class GrowingReference:
 
 
 growing_reference = GrowingReference()
+
+
+def erase_right_half(context: bpy.types.Context, image_buffer) -> None:
+    """Make room for B: of the image, which Blender draws wherever it is, and of the background."""
+    sides = halves.find(context)
+    with image_buffer.bind():
+        shader.erase(sides.end_of_a, 1)
+    shader.erase(sides.begin_b + sides.shift, 1 + sides.shift)
 
 
 def _shows_layer(space: bpy.types.SpaceImageEditor, scene: bpy.types.Scene, name: str) -> bool:
