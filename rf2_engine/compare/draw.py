@@ -72,7 +72,7 @@ def _after_image() -> None:
     import gpu
     if comparison.settings.show and comparison.is_outdated():
         events.read_soon()
-    if growing_reference.is_drawn(bpy.context):
+    if growing_reference.is_drawn(bpy.context) or growing_reference.is_ours(bpy.context):
         growing_reference.draw(resources.image_buffer, resources.program)
     elif cycles_growing.running() is None:
         growing_reference.forget()
