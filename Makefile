@@ -2,11 +2,14 @@
 # make render    render an example through the engine       make test    run the tests       make lint    check the style
 # make slow      run the tests that take minutes         make window  run sessions in the window of RENDERFORMER_V2_BLENDER
 # BPY=5.0.1 make test    the same with another Blender, in a virtual environment of its own
-PYTHON ?= python3.11
+# BPY=5.2.3 PYTHON=python3.13 make test    Blender is made for Python 3.13 from 5.1 on
 FIRST := 4.5.15
 BPY ?= $(FIRST)
+# What needs another Python than the first Blender.
+OTHER := $(filter-out 4.% 5.0.%,$(BPY))
+PYTHON ?= python3.$(if $(OTHER),13,11)
 # .venv holds every package and the first Blender; the environment of another version holds that Blender, and finds the
-# other packages there. Both are seen from their own lib/python3.11/site-packages.
+# other packages there, if they are made for its Python. Both are seen from their own lib/python3.11/site-packages.
 SHARED := ../../../../.venv/lib/python3.11/site-packages
 VENV := .venv$(if $(filter-out $(FIRST),$(BPY)),-$(BPY))
 RUN := $(VENV)/bin/python
@@ -15,8 +18,8 @@ READY := $(VENV)/.ready-$(BPY)
 # PyTorch's Python anew, which takes seconds.
 PIP := -m pip install --quiet --disable-pip-version-check --compile
 OUT := examples/out
-# What needs no Blender is tested with the first one alone.
-REST := $(if $(filter-out $(FIRST),$(BPY)),--ignore tests/model --ignore-glob '*/tests/tools/test_train*')
+# What needs no Blender is tested once with each Python.
+REST := $(if $(filter-out $(FIRST) $(OTHER),$(BPY)),--ignore tests/model --ignore-glob '*/tests/tools/test_train*')
 
 .PHONY: render test slow window lint extension clean
 .DELETE_ON_ERROR:
@@ -48,10 +51,10 @@ $(OUT)/room.blend: examples/room.py | $(READY)
 	.venv/bin/python $(PIP) bpy==$(FIRST) -r requirements.txt
 	touch $@
 
-.venv-$(BPY)/.ready-$(BPY): .venv/.ready-$(FIRST)
+.venv-$(BPY)/.ready-$(BPY): $(if $(OTHER),requirements.txt,.venv/.ready-$(FIRST))
 	test -x .venv-$(BPY)/bin/python || $(PYTHON) -m venv .venv-$(BPY)
-	echo $(SHARED) > .venv-$(BPY)/lib/python3.11/site-packages/shared.pth
-	.venv-$(BPY)/bin/python $(PIP) bpy==$(BPY)
+	$(if $(OTHER),,echo $(SHARED) > .venv-$(BPY)/lib/python3.11/site-packages/shared.pth)
+	.venv-$(BPY)/bin/python $(PIP) bpy==$(BPY) $(if $(OTHER),-r requirements.txt)
 	touch $@
 
 clean:

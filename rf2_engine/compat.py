@@ -64,6 +64,11 @@ def voronoi_uses_pcg() -> bool:
     return bpy.app.version >= (5, 0)
 
 
+def multiplies_premultiplied_files() -> bool:
+    """Whether Cycles multiplies bytes of files whose alpha is premultiplied with it once more, as until 5.1."""
+    return bpy.app.version < (5, 2)
+
+
 def first_voxel_begins() -> float:
     """Where on each axis of a grid Cycles begins to draw voxel 0, in voxels: the grid's own place of it until 4.5."""
     return 0.0 if bpy.app.version < (5, 0) else -0.5

@@ -121,9 +121,13 @@ def ticked_passes(view_layer: bpy.types.ViewLayer, lighting: Collection[str],
 
 def _is_noisy_ticked(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
     """True where Cycles has it, but only with Denoising Data."""
+    return NOISY.is_ticked(view_layer) and is_denoised(view_layer, scene)
+
+
+def is_denoised(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
+    """True if Cycles, as it is set, denoises the picture of a view layer."""
     settings = getattr(view_layer, "cycles", None)
-    return bool(settings and settings.denoising_store_passes and settings.use_denoising
-                and scene.cycles.use_denoising)
+    return bool(settings and settings.use_denoising and scene.cycles.use_denoising)
 
 
 def absent(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[str]:

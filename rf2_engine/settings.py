@@ -28,6 +28,14 @@ def _passes_change(settings: RenderFormerSettings, context: bpy.types.Context) -
         view_layer.update_render_passes()
 
 
+def _show_change(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Viewports follow scripts, too: without a function here Blender does not even tag the scene."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
 class Light(Enum):
     """What Cycles computes besides first hits."""
 
@@ -67,19 +75,19 @@ class RenderFormerViewportSettings(bpy.types.PropertyGroup):
     """Rendered viewports: `scene.renderformer_v2.viewport`."""
 
     token_budget: IntProperty(
-        name="Max Triangles", default=2048, min=256, soft_max=16384, max=1 << 20,
+        name="Max Triangles", update=_show_change, default=2048, min=256, soft_max=16384, max=1 << 20,
         description="Maximum triangles sent to the network for Rendered viewports. Fewer triangles react faster to "
                     "changes",
     )
     resolution: EnumProperty(
-        name="Resolution", default="1",
+        name="Resolution", update=_show_change, default="1",
         description="The finest picture of a viewport. Pictures of 1/8, 1/4 and 1/2 of its pixels along each side "
                     "come first",
         items=(("1", "Full", "All pixels of the viewport", 0), ("2", "1/2", "Half as many along each side", 1),
                ("4", "1/4", "A quarter along each side", 2), ("8", "1/8", "An eighth along each side", 3)),
     )
     time_limit: FloatProperty(
-        name="Time Limit", default=10.0, min=0.0, soft_max=60.0, subtype="TIME_ABSOLUTE",
+        name="Time Limit", update=_show_change, default=10.0, min=0.0, soft_max=60.0, subtype="TIME_ABSOLUTE",
         description="Leave out finer pictures that are expected to take longer than this, in seconds. 0 sets no limit",
     )
 
@@ -99,7 +107,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         description="Folder that holds the weights, for example renderformer-v2",
     )
     transformer: EnumProperty(
-        name="Published Network",
+        name="Published Network", update=_show_change,
         description="Which of the two published networks draws the picture. Both know scenes of up to 65536 triangles: "
                     "raise Max Triangles as far as memory and time allow",
         items=(
@@ -110,7 +118,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     device: EnumProperty(
-        name="Device",
+        name="Device", update=_show_change,
         items=(
             ("auto", "Automatic", "Use CUDA, Metal or the CPU: the first one that is available", 0),
             ("cpu", "CPU", "The processor", 1),
@@ -119,11 +127,11 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     card: IntProperty(
-        name="Card", default=0, min=0, soft_max=8, max=64,
+        name="Card", update=_show_change, default=0, min=0, soft_max=8, max=64,
         description="Which of several graphics cards, counted from 1. 0 is the one with the most memory",
     )
     precision: EnumProperty(
-        name="Precision",
+        name="Precision", update=_show_change,
         items=(
             ("auto", "Automatic", "Half precision if the hardware supports it", 0),
             ("fp32", "Float32", "Slowest and most exact", 1),
@@ -137,19 +145,19 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "More triangles give finer textures in bounced light, but take more time and memory",
     )
     max_edge: FloatProperty(
-        name="Largest Triangle", default=0.2, min=0.005, max=1.0, precision=3,
+        name="Largest Triangle", update=_show_change, default=0.2, min=0.005, max=1.0, precision=3,
         description="Divide triangles with longer edges, up to Max Triangles, so that light can vary across "
                     "large surfaces. As a fraction of the scene's longest side",
     )
     as_is: BoolProperty(
-        name="Keep Scale and Light",
+        name="Keep Scale and Light", update=_show_change,
         description="Give the scene to the network as it is: 1 m is one unit of the network, around the world's "
                     "origin, and light is as bright as it is. For scenes of the paper, and others that were made for "
                     "the published weights: about 1 m wide, with small lamps of radiance 300 to 5000. Otherwise what "
                     "the camera sees is scaled to that size, and the light to that brightness",
     )
     paper_lamps: BoolProperty(
-        name="Lamps as in the Paper",
+        name="Lamps as in the Paper", update=_show_change,
         description="Published weights only: each lamp becomes one small triangle that faces the scene from 2.1 to 2.7 "
                     "times its size away, as in the scenes that they were trained with, and brings it as much light. "
                     "Lamps inside the scene stay where they are. Shadows are those of the new place",
@@ -210,13 +218,13 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "values",
     )
     threads_mode: EnumProperty(
-        name="Threads Mode",
+        name="Threads Mode", update=_show_change,
         items=(
             ("AUTO", "Automatic", "Use Blender's own setting, by default one thread per core", 0),
             ("FIXED", "Fixed", "Use the number of threads below, to leave cores to other programs", 1),
         ),
     )
-    threads: IntProperty(name="Threads", default=1, min=1, max=1024,
+    threads: IntProperty(name="Threads", default=1, min=1, max=1024, update=_show_change,
                          description="Number of processor threads for Cycles and the network")
     reference: PointerProperty(type=ReferenceSettings)
     viewport: PointerProperty(type=RenderFormerViewportSettings)

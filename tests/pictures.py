@@ -115,8 +115,19 @@ def read_hashes() -> dict[str, dict[str, dict[str, dict[str, str]]]]:
 
 
 def read_copies() -> dict[str, np.ndarray]:
-    """Pictures (h, w, 3) f16 as `copy` makes them, by scene and light."""
+    """Pictures (h, w, 3) f16 as `copy` makes them, by copy_key."""
     return dict(np.load(COPIES)) if COPIES.is_file() else {}
+
+
+def copy_key(name: str, light: str, version: str) -> str:
+    """Of a scene in a light, as one version of Blender makes it: they cut polygons into triangles differently."""
+    return f"{name}, {light}, {version}"
+
+
+def find_copies(copies: dict[str, np.ndarray], name: str, light: str, version: str) -> list[np.ndarray]:
+    """The copy of a Blender's own version, or else of any."""
+    own = copies.get(copy_key(name, light, version))
+    return [own] if own is not None else [each for key, each in copies.items() if key.startswith(f"{name}, {light}")]
 
 
 def copy(picture: np.ndarray) -> np.ndarray:

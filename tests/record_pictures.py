@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
-from tests.pictures import COPIES, HASHES, SCENES, Computed, compute, copy, kind, read_copies, read_hashes
+from tests.pictures import COPIES, HASHES, SCENES, Computed, compute, copy, copy_key, kind, read_copies, read_hashes
 from tools.extension import run
 
 
@@ -29,7 +29,9 @@ def record(hashes: dict, copies: dict[str, np.ndarray], name: str, computed: Com
     if processor in recorded:
         recorded.clear()
     if not recorded:
-        copies.update({f"{name}, {light}": copy(picture) for light, picture in computed.pictures.items()})
+        for light, picture in computed.pictures.items():
+            copies.pop(f"{name}, {light}", None)  # one of all versions
+            copies[copy_key(name, light, version)] = copy(picture)
     recorded[processor] = computed.hashes
 
 

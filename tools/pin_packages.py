@@ -28,7 +28,7 @@ LEFT_OUT = {
     "setuptools",  # compiles extensions of PyTorch, of which there are none
     "hf-xet",      # a protocol that hub_worker.py switches off
 }
-PYTHONS = ("3.11", "3.13")
+PYTHONS = ("3.11", "3.13", "3.14")
 SYSTEMS = {  # ending of a wheel's platform -> what markers ask for
     "x86_64 linux": ("Linux", "linux", "x86_64"), "aarch64 linux": ("Linux", "linux", "aarch64"),
     "arm64 macosx": ("Darwin", "darwin", "arm64"), "x86_64 macosx": ("Darwin", "darwin", "x86_64"),
@@ -38,11 +38,11 @@ UNPACKED = 3.0  # times the wheel, where nothing is installed here to measure
 CUDA = ("nvidia-", "cuda-", "triton")
 CPU_WHEELS = {  # PyTorch's own index, not the one above: sizes are estimates, and the index has the only hashes
     f"cp{python}-cp{python}-manylinux_2_28_{machine}": {"sha256": "", "download": download, "unpacked": unpacked}
-    for python in ("311", "313")
+    for python in ("311", "313", "314")
     for machine, download, unpacked in (("x86_64", 190_000_000, 760_000_000), ("aarch64", 150_000_000, 600_000_000))}
 CUDA_WHEELS = {  # likewise, for Windows, where it holds all of CUDA
     f"cp{python}-cp{python}-win_amd64": {"sha256": "", "download": 2_700_000_000, "unpacked": 4_700_000_000}
-    for python in ("311", "313")}
+    for python in ("311", "313", "314")}
 
 
 def find_needs(root: str) -> dict[str, set[str]]:

@@ -14,8 +14,8 @@ import numpy as np
 from ...model.metrics.flip import magma
 from ...model.pictures import srgb_to_linear
 from ..cycles import growing as cycles_growing
-from . import events, overlay, shader
-from .growing import growing_reference
+from . import events, halves, overlay, shader
+from .growing import erase_right_half, growing_reference
 from .state import comparison
 
 
@@ -72,7 +72,7 @@ def _after_image() -> None:
     import gpu
     if comparison.settings.show and comparison.is_outdated():
         events.read_soon()
-    if growing_reference.is_drawn(bpy.context):
+    if growing_reference.is_drawn(bpy.context) or growing_reference.is_ours(bpy.context):
         growing_reference.draw(resources.image_buffer, resources.program)
     elif cycles_growing.running() is None:
         growing_reference.forget()
@@ -82,11 +82,12 @@ def _after_image() -> None:
     show = partial(shader.draw, resources.program, opaque=bpy.context.space_data.display_channels == "COLOR")
     gpu.state.blend_set("NONE")
     if settings.mode == "SIDE":
-        shader.erase(1 + overlay.GAP)
+        erase_right_half(bpy.context, resources.image_buffer)
     with resources.image_buffer.bind():
         if settings.mode == "SIDE":
-            show(textures["a"])
-            show(textures["b"], shift=1 + overlay.GAP)
+            sides = halves.find(bpy.context)
+            show(textures["a"], part=(0, 0, sides.end_of_a, 1))
+            show(textures["b"], part=(sides.begin_b, 0, 1, 1), shift=sides.shift)
         elif settings.mode == "SPLIT":
             show(textures["a"], part=(0, 0, settings.split, 1))
             show(textures["b"], part=(settings.split, 0, 1, 1))

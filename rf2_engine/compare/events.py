@@ -8,10 +8,12 @@ from bpy.app.handlers import persistent
 from ..cycles import growing
 from ..progress import last_render
 from ..registering import handlers
+from ..runtime.running import ENGINE
 from ..setup import packages
 from . import fitting
 from .state import comparison
 
+TAB = "Compare"  # in the sidebar
 INTERVAL = 0.2  # seconds between two checks of a timer
 
 
@@ -31,9 +33,17 @@ def read_soon() -> None:
         _call(_read, 0.0)
 
 
+def choose() -> None:
+    """What to compare was chosen: by the user, unless it is being read."""
+    if not comparison.is_reading:
+        comparison.is_automatic = False
+    read_soon()
+
+
 def switch(show: bool) -> None:
     """Begin or end to compare."""
     fit_soon()
+    comparison.is_automatic = False
     if show:
         read_soon()
         _call(_blink, 0.0)
@@ -52,6 +62,20 @@ def offer_reference() -> None:
     if not comparison.is_offered and _offers_reference():
         _call(_show_growing_reference, 0.0)
     comparison.is_offered = True
+
+
+def open_tab_soon(area: bpy.types.Area) -> None:
+    """Show our tab of the sidebar that an editor opens: it has tabs once it has been drawn."""
+    def open_tab():
+        for region in area.regions:
+            if region.type == "UI":
+                region.active_panel_category = TAB
+    bpy.app.timers.register(open_tab, first_interval=INTERVAL)
+
+
+def renders_reference(scene: bpy.types.Scene) -> bool:
+    """Whether a render of this scene has a reference beside it."""
+    return scene.render.engine == ENGINE and scene.renderformer_v2.reference.use
 
 
 def redraw() -> None:
@@ -126,15 +150,24 @@ def show_reference() -> float | None:
     return None
 
 
+def _close() -> None:
+    if comparison.is_automatic:
+        comparison.settings.show = False
+
+
 @persistent
-def _begin_render(*_):
+def _begin_render(scene, *_):
     comparison.is_offered = False
+    if comparison.is_automatic and not renders_reference(scene):
+        _call(_close, 0.0)
 
 
 @persistent
-def _end_render(*_):
+def _end_render(scene, *_):
     comparison.outdate()  # no more: this may be the thread of the render, and the editor is drawn again anyway
-    has_reference = any(layer.reference_samples for layer in last_render.last_frame)
+    has_reference = renders_reference(scene) and any(layer.reference_samples for layer in last_render.last_frame)
+    if comparison.is_automatic and not has_reference:
+        _call(_close, 0.0)
     if has_reference and not comparison.is_offered and _offers_reference():
         _call(show_reference, 0.0)
 
@@ -151,7 +184,7 @@ register, _remove_handlers = handlers(("render_init", _begin_render), ("render_c
 
 def unregister() -> None:
     _remove_handlers()
-    for action in (_read, _fit, _watch_measurement, _blink, _show_growing_reference, show_reference):
+    for action in (_read, _fit, _watch_measurement, _blink, _show_growing_reference, show_reference, _close):
         if bpy.app.timers.is_registered(action):
             bpy.app.timers.unregister(action)
     comparison.reset()

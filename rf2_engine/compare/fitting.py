@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import bpy
 
-from . import overlay
+from . import halves
 from .state import comparison
 
-MARGIN = 0.04      # of the free width
+MARGIN = 0.04      # of half of the free width
 LABELS = 64        # pixels above the pictures, at an interface scale of 1
 
 
@@ -49,8 +49,6 @@ def _current_view(context) -> View:
 def _view_of_two(context, width: int, height: int) -> View | None:
     """The view in which two pictures fit; None where there is no room."""
     unit = context.preferences.system.ui_scale
-    left, right = overlay.free_width(context)
-    zoom = min((right - left) * (1 - MARGIN) / (width * (2 + overlay.GAP)),
-               (context.region.height - 2 * LABELS * unit) / height)
-    shift = (left + right - context.region.width) / 2  # from the middle of the region to that of the free width
-    return View(zoom, width * (1 + overlay.GAP) / 2 - shift / zoom, 0.0) if zoom > 0 else None
+    left, middle = halves.free_width(context)[0], halves.middle(context)
+    zoom = min((middle - left) * (1 - MARGIN) / width, (context.region.height - 2 * LABELS * unit) / height)
+    return View(zoom, (context.region.width - left - middle) / 2 / zoom, 0.0) if zoom > 0 else None

@@ -9,7 +9,7 @@ import bpy
 from mathutils import Matrix
 
 from ..cycles import growing as cycles_growing
-from . import events, overlay, shader
+from . import events, halves, shader
 from .pictures import OURS, Credits
 from .slots import render_slots
 from .state import comparison
@@ -31,13 +31,24 @@ class GrowingReference:
 
         The first time that an editor shows a render's reference, this offers the comparison.
         """
-        running, space = cycles_growing.running(), context.space_data
-        if running is None or space.image is None or space.image.type != "RENDER_RESULT":
+        running, image = cycles_growing.running(), context.space_data.image
+        if running is None or image is None or image.type != "RENDER_RESULT":
             return False
         events.offer_reference()
-        settings, user = comparison.settings, space.image_user
-        return (settings.show and settings.mode in MODES
-                and space.image.render_slots.active_index == render_slots.rendering
+        settings = comparison.settings
+        return settings.show and settings.mode in MODES and self._is_shown(context, running)
+
+    def is_ours(self, context: bpy.types.Context) -> bool:
+        """Whether this Image Editor shows the picture whose light Cycles traces: there is nothing else to show yet."""
+        running = cycles_growing.running(is_beside=False)
+        return running is not None and self._is_shown(context, running)
+
+    def _is_shown(self, context: bpy.types.Context, running: cycles_growing.Reference) -> bool:
+        """Whether this Image Editor shows Combined of what is rendered."""
+        space, user = context.space_data, context.space_data.image_user
+        if space.image is None or space.image.type != "RENDER_RESULT":
+            return False
+        return (space.image.render_slots.active_index == render_slots.rendering
                 and user.multilayer_pass == 0 and _shows_layer(space, context.scene, running.layer)
                 and (_shows_rendered_view(space) or self.picture is not None and self._view == user.multilayer_view))
 
@@ -51,22 +62,23 @@ class GrowingReference:
         return str(Credits(OURS, None, running.our_seconds)), f"Cycles, {samples}, {seconds}"
 
     def draw(self, image_buffer, program) -> None:
-        """Draw the reference on its side into the framebuffer of the image, with shader.create's `program`."""
+        """Draw it into the framebuffer of the image, with shader.create's `program`: a reference on its side."""
         self._update()
         if self.picture is None:
             return
-        is_beside = comparison.settings.mode == "SIDE"
-        if is_beside:
-            shader.erase(1 + overlay.GAP)
+        is_beside = cycles_growing.running() is not None
+        begin, shift = comparison.settings.split if is_beside else 0.0, 0.0
+        if is_beside and comparison.settings.mode == "SIDE":
+            _, begin, shift = halves.find(bpy.context)
+            erase_right_half(bpy.context, image_buffer)
         with image_buffer.bind():
-            shader.draw(program, self.picture.texture_color, shift=(1 + overlay.GAP) * is_beside,
-                        part=(0 if is_beside else comparison.settings.split, 0, 1, 1))
+            shader.draw(program, self.picture.texture_color, shift=shift, part=(begin, 0, 1, 1))
 
     def _update(self) -> None:
         """Take over what Cycles has rendered so far, at most once in an interval."""
         import gpu
 
-        running = cycles_growing.running()
+        running = cycles_growing.running() or cycles_growing.running(is_beside=False)
         if (running is None or time.perf_counter() < self._next_update
                 or not _shows_rendered_view(bpy.context.space_data)):
             return
@@ -95,6 +107,14 @@ class GrowingReference:
 
 
 growing_reference = GrowingReference()
+
+
+def erase_right_half(context: bpy.types.Context, image_buffer) -> None:
+    """Make room for B: of the image, which Blender draws wherever it is, and of the background."""
+    sides = halves.find(context)
+    with image_buffer.bind():
+        shader.erase(sides.end_of_a, 1)
+    shader.erase(sides.begin_b + sides.shift, 1 + sides.shift)
 
 
 def _shows_layer(space: bpy.types.SpaceImageEditor, scene: bpy.types.Scene, name: str) -> bool:

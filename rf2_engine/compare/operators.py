@@ -8,6 +8,7 @@ import bpy
 from bpy_extras.io_utils import ExportHelper
 
 from ..registering import classes
+from ..runtime.running import ENGINE
 from . import draw, events, export, overlay
 from .state import comparison
 
@@ -27,6 +28,35 @@ class RENDERFORMER_OT_compare(bpy.types.Operator):
             settings.mode = self.mode
         if not (self.mode and settings.show):
             settings.show = not settings.show
+        return {"FINISHED"}
+
+
+class RENDERFORMER_OT_render_reference(bpy.types.Operator):
+    """Enable Cycles Reference, and render both pictures"""
+    bl_idname = "renderformer_v2.render_reference"
+    bl_label = "Render Cycles Reference"
+
+    @classmethod
+    def poll(cls, context):
+        return context.scene.render.engine == ENGINE and not bpy.app.is_job_running("RENDER")
+
+    def execute(self, context):
+        context.scene.renderformer_v2.reference.use = True
+        return bpy.ops.render.render("INVOKE_DEFAULT")
+
+
+class RENDERFORMER_OT_compare_choose(bpy.types.Operator):
+    """Open the sidebar, where A and B are chosen"""
+    bl_idname = "renderformer_v2.compare_choose"
+    bl_label = "Choose A and B"
+
+    @classmethod
+    def poll(cls, context):
+        return context.area is not None and context.area.type == "IMAGE_EDITOR"
+
+    def execute(self, context):
+        context.space_data.show_region_ui = True
+        events.open_tab_soon(context.area)
         return {"FINISHED"}
 
 
@@ -151,5 +181,6 @@ class RENDERFORMER_GGT_split(bpy.types.GizmoGroup):
 
 
 register, unregister = classes(
-    RENDERFORMER_OT_compare, RENDERFORMER_OT_compare_swap, RENDERFORMER_OT_compare_refresh,
+    RENDERFORMER_OT_compare, RENDERFORMER_OT_render_reference, RENDERFORMER_OT_compare_choose,
+    RENDERFORMER_OT_compare_swap, RENDERFORMER_OT_compare_refresh,
     RENDERFORMER_OT_compare_cancel, RENDERFORMER_OT_compare_export, RENDERFORMER_GT_split, RENDERFORMER_GGT_split)

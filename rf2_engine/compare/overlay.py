@@ -7,6 +7,7 @@ import textwrap
 import blf
 
 from ...model.metrics.flip import MAGMA
+from .halves import free_width, middle
 from .pictures import longest_pair
 from .state import comparison
 
@@ -14,9 +15,7 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 SHADE = (0.0, 0.0, 0.0, 0.6)
 SIZE = 13            # of text, in pixels at an interface scale of 1
 SCALE_WIDTH = 200
-ICONS = 56           # pixels of Blender's own gizmos at the right edge, at an interface scale of 1
 SPACE = 16           # pixels between two labels in a row, at an interface scale of 1
-GAP = 0.02           # between pictures side by side, of their width
 
 
 def draw(context, pairs: list[tuple[str, str]]) -> None:
@@ -25,8 +24,10 @@ def draw(context, pairs: list[tuple[str, str]]) -> None:
     left, bottom, right, top = _visible_picture(context)
     _, end = free_width(context)
     if settings.mode == "SIDE":
-        left_b = context.region.view2d.view_to_region(1 + GAP, 1, clip=False)[0]
-        a, b = longest_pair(pairs, lambda a, b: left + _width(a, unit) < left_b - SPACE * unit
+        begin, half = free_width(context)[0], middle(context)
+        left_b = left + half - begin
+        _draw_box(half - unit / 2, 0, half + unit / 2, context.region.height, WHITE)
+        a, b = longest_pair(pairs, lambda a, b: left + _width(a, unit) < half - SPACE * unit
                             and left_b + _width(b, unit) < end)
         _write(context, top, [[(left, a), (left_b, b)]])
     elif settings.mode == "SPLIT":
@@ -97,17 +98,6 @@ def _visible_picture(context) -> tuple[float, float, float, float]:
     right, top = view.view_to_region(1, 1, clip=False)
     first, last = free_width(context)
     return max(left, first + 32), bottom, min(right, last), top
-
-
-def free_width(context) -> tuple[float, float]:
-    """Left and right end of the region without toolbar, sidebar and Blender's gizmos, in its pixels."""
-    left, right = 0, context.region.width
-    for region in context.area.regions:
-        if region.width > 1 and region.type == "TOOLS":
-            left = max(left, region.x + region.width - context.region.x)
-        elif region.width > 1 and region.type == "UI":
-            right = min(right, region.x - context.region.x)
-    return left, right - ICONS * context.preferences.system.ui_scale
 
 
 def split_x(context) -> float:

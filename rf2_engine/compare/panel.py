@@ -5,7 +5,9 @@ from __future__ import annotations
 import bpy
 
 from ..registering import appended, classes, pairs
+from ..runtime.running import ENGINE
 from ..setup.display import draw_text
+from .events import TAB
 from .state import comparison
 
 
@@ -13,7 +15,7 @@ class RENDERFORMER_PT_compare(bpy.types.Panel):
     bl_label = "Compare"
     bl_space_type = "IMAGE_EDITOR"
     bl_region_type = "UI"
-    bl_category = "Compare"
+    bl_category = TAB
 
     @classmethod
     def poll(cls, context):
@@ -36,6 +38,14 @@ class RENDERFORMER_PT_compare(bpy.types.Panel):
             layout.prop(settings, extra)
         if settings.show and comparison.message:
             draw_text(layout, comparison.message)
+            if comparison.has_one_picture:
+                _draw_way_out(layout, context)
+
+
+def _draw_way_out(layout, context) -> None:
+    """What makes a second picture."""
+    if context.scene.render.engine == ENGINE:
+        layout.operator("renderformer_v2.render_reference", icon="RENDER_STILL")
 
 
 def _draw_side(column, side) -> None:
@@ -122,6 +132,9 @@ def _button(self, context):
     if _is_image_editor(context):
         show = comparison.settings.show
         self.layout.operator("renderformer_v2.compare", text="Both", icon="MOD_MIRROR", depress=show)
+        if show and comparison.has_one_picture:
+            _draw_way_out(self.layout, context)
+            self.layout.operator("renderformer_v2.compare_choose", icon="RIGHTARROW")
 
 
 register, unregister = pairs(

@@ -11,7 +11,7 @@ from .state import comparison
 
 
 def _read_again(settings, context):
-    events.read_soon()
+    events.choose()
 
 
 def _redraw(settings, context):
@@ -57,7 +57,7 @@ class CompareSettings(bpy.types.PropertyGroup):
     a: PointerProperty(type=Side)
     b: PointerProperty(type=Side)
     mode: EnumProperty(name="Mode", default="SPLIT", update=_change_mode, items=(
-        ("SIDE", "Side by Side", "A where the image is, B to its right"),
+        ("SIDE", "Side by Side", "A in the left half of the editor, the same part of B in the right one"),
         ("SPLIT", "Split", "A to the left of a line, B to its right; drag the line with the mouse"),
         ("BLINK", "Blink", "A and B alternately"),
         ("DIFFERENCE", "Difference", "The absolute difference in scene-linear colors"),

@@ -103,12 +103,12 @@ def draw(shader, picture, other=None, *, part=(0, 0, 1, 1), area=(0, 0, 1, 1), s
     batch.draw(shader)
 
 
-def erase(left: float) -> None:
-    """Remove the editor's background from `left` on, one image wide: it would shine through the picture there."""
+def erase(left: float, right: float) -> None:
+    """Remove what was drawn from `left` to `right`, in widths of the image: it would shine through a picture."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 
     plain = gpu.shader.from_builtin("UNIFORM_COLOR")
-    corners = [(left, 0), (left + 1, 0), (left, 1), (left + 1, 1)]
+    corners = [(left, 0), (right, 0), (left, 1), (right, 1)]
     plain.uniform_float("color", (0, 0, 0, 0))
     batch_for_shader(plain, "TRI_STRIP", {"pos": corners}).draw(plain)

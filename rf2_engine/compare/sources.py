@@ -27,6 +27,10 @@ class SourceError(Exception):
     """A picture is missing; the message says what to do."""
 
 
+class OnePicture(SourceError):
+    """Both sides name the same picture, which has no reference."""
+
+
 class Reader:
     """Reads pictures for a scene. Each slot and image is saved once, however many of its passes are read."""
 

@@ -27,6 +27,8 @@ class Comparison:
         self.blinks_to_b = False        # Blink shows B at the moment
         self.is_zoomed_for_two = False  # the editors were zoomed out for pictures side by side
         self.is_offered = False         # this render has shown its reference once; who switches it off means it
+        self.is_automatic = False       # a reference has switched it on, and nobody has chosen anything since
+        self.has_one_picture = False    # A and B are the same, and there is no reference
         self._source: tuple | None = None  # what was read, see _current_source
         self._passes: dict[tuple, list[tuple[str, str]]] = {}  # (layer, pass) by sources.key
 
@@ -55,7 +57,9 @@ class Comparison:
         if not settings.show and sides != {("SHOWN", ""), ("SHOWN", REFERENCE)}:
             for side, name in ((settings.a, ""), (settings.b, REFERENCE)):
                 side.kind, side.layer, side.pass_name = "SHOWN", "", name
-        settings.show = True
+        if not settings.show:
+            settings.show = True
+            self.is_automatic = True
 
     def labels(self) -> list[tuple[str, str]]:
         """Labels of A and B, the longest pair first."""
@@ -79,7 +83,7 @@ class Comparison:
             self._source = self._current_source()
             self.a, self.b = self._read_pictures(reader, manager)
         except sources.SourceError as error:
-            self.message = str(error)
+            self.message, self.has_one_picture = str(error), isinstance(error, sources.OnePicture)
         finally:
             self._passes.update({key: list(file.passes) for key, file in reader.files.items()})
             self.generation += 1
@@ -100,7 +104,10 @@ class Comparison:
         return tuple(pictures)
 
     def _choose_reference(self, reader: sources.Reader) -> None:
-        """Make B the reference of A where both sides are the same picture. Raises SourceError if there is none."""
+        """Make B the reference of A where both sides are the same picture. Raises SourceError if there is none.
+
+        Beside a reference, which went through no compositor, an A that leaves its layer open is no Composite either.
+        """
         def identity(side):
             return sources.key(side), (side.layer, side.pass_name) if side.kind == "IMAGE" else reader.chosen(side)
 
@@ -109,8 +116,10 @@ class Comparison:
             reader.picture(a)
             is_reference = REFERENCE in (a.pass_name, identity(a)[1][1])
             if is_reference or REFERENCE not in (name for _, name in reader.names(b)):
-                raise sources.SourceError("A and B are the same picture: choose another pass, slot or image for one")
+                raise sources.OnePicture("A and B are the same picture: choose another pass, slot or image for one")
             b.pass_name = REFERENCE
+        if b.kind != "IMAGE" and b.pass_name == REFERENCE and not a.layer and identity(a)[1][0] == header.COMPOSITE:
+            a.layer, _ = reader.chosen(b)
 
     def outdate(self) -> None:
         """Note that the pictures have changed since they were read."""
@@ -140,7 +149,7 @@ class Comparison:
         if self.measurement:
             self.measurement.cancel()
         self.a = self.b = self.measurement = None
-        self.message = ""
+        self.message, self.has_one_picture = "", False
 
     def forget_all(self) -> None:
         """Forget the names of passes as well, as another file needs it."""

@@ -16,7 +16,7 @@ import bpy
 
 
 class Reference(NamedTuple):
-    """A reference that Cycles renders beside our picture of a view layer."""
+    """A reference that Cycles renders beside our picture of a view layer, or the traced light of the picture itself."""
 
     layer: str
     width: int                  # of the picture, in pixels
@@ -28,6 +28,7 @@ class Reference(NamedTuple):
     left: int = 0               # of the render region in the frame, in pixels: Cycles draws it there
     bottom: int = 0
     views: tuple[str, ...] = ("",)  # of stereoscopy, which Cycles renders one after the other
+    is_beside: bool = True      # our picture, which it is not itself
 
 
 @dataclass
@@ -65,11 +66,12 @@ def drawable(engine: bpy.types.RenderEngine):
             _growing.engine = None
 
 
-def running() -> Reference | None:
-    """The reference of which `draw` can draw something."""
+def running(is_beside: bool = True) -> Reference | None:
+    """The reference of which `draw` can draw something, or the traced light of our own picture."""
     with _growing.lock:
         reference = _growing.reference
-        return reference if reference and _growing.engine and reference.samples() else None
+        there = reference and reference.is_beside == is_beside and _growing.engine and reference.samples()
+        return reference if there else None
 
 
 def size() -> tuple[int, int] | None:

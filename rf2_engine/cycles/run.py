@@ -102,6 +102,7 @@ def run_inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, l
            requested: list[pass_table.Pass], partial: bool = False) -> dict[str, Passes]:
     """As `run`, but raises CyclesFailed where Cycles fails, and passes may be missing."""
     emptied = _loses_modifiers(engine, depsgraph)
+    denoised = pass_table.is_denoised(depsgraph.view_layer_eval, depsgraph.scene_eval)
     with _with_our_passes(engine, depsgraph, layer), _session(engine) as cycles_engine:
         with _cycles_errors():
             cycles_engine.reset(engine, bpy.data, depsgraph)
@@ -110,7 +111,7 @@ def run_inside(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, l
             cycles_engine.render_frame_finish(engine)  # tiled pictures reach the render result only here
         if engine.test_break() and not partial:
             raise RenderCancelled()
-        rendered = _read(engine.get_result(), layer, requested)
+        rendered = _read(engine.get_result(), layer, requested, denoised)
     engine.emptied = emptied
     return rendered
 
@@ -217,14 +218,17 @@ def _loses_modifiers(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgr
     return engine.bl_use_gpu_context and unwatched and not settings.use_persistent_data
 
 
-def _read(result: bpy.types.RenderResult, layer: str, requested: list[pass_table.Pass]) -> dict[str, Passes]:
+def _read(result: bpy.types.RenderResult, layer: str, requested: list[pass_table.Pass],
+          denoised: bool) -> dict[str, Passes]:
     height, width = result.resolution_y, result.resolution_x
-    keys = {p.blender_name: p.key for p in requested}
+    keys, noisy = {p.blender_name: p.key for p in requested}, pass_table.NOISY.blender_name
+    if not denoised and any(p.name == noisy for p in result.layers[layer].passes):
+        keys |= {noisy: "combined", "Combined": ""}  # Cycles then writes its picture under this name alone
     views = [view.name for view in result.views]
     read = {view: {} for view in views}
     for p in result.layers[layer].passes:
         of_view = read[views[p.view_id]]
-        if p.name in keys and keys[p.name] not in of_view:
+        if keys.get(p.name) and keys[p.name] not in of_view:
             pixels = np.empty(height * width * p.channels, np.float32)
             p.rect.foreach_get(pixels)
             of_view[keys[p.name]] = pixels.reshape(height, width, p.channels)[::-1].copy()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
+import time
 from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +18,7 @@ from ...model.light.specular.ends import add_path_ends
 from ...model.scene import Guides, RenderScene, View
 from ..convert.camera.lens import Lens
 from ..convert.meshes.nearest import NearestTriangles
+from ..cycles import growing
 from ..cycles import session as cycles_session
 from ..cycles.run import Passes
 from ..cycles.session import PINHOLE, CameraModel, Catchers
@@ -66,7 +69,7 @@ def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
     optics, settings = layer.optics, layer.settings
     opacity, shadows, hits = _render_opacity(layer, views), _render_shadows(layer, views), {}
     with layer.plan.enter(FIRST_HITS):
-        rendered = _run_session(layer, scene, optics.camera_model(), optics.rays_of_picture(settings.sampling))
+        rendered = _run_session(layer, scene, optics.camera_model(), optics.rays_of_picture(settings.sampling), views)
         for name, view_passes in rendered.items():
             passes[name] |= output.first_hit_passes(view_passes, settings.exposure)
         if optics and optics.samples == 1 and not any(
@@ -140,11 +143,20 @@ def _move_to_samples(lenses: list[tuple[Lens, np.ndarray]], override) -> None:
         lens.look_from(point, override)
 
 
-def _run_session(layer: Layer, scene: RenderScene, model: CameraModel, sampling: Sampling) -> dict[str, Passes]:
-    """The passes of cycles_session.render_views."""
-    settings = layer.settings
+def _run_session(layer: Layer, scene: RenderScene, model: CameraModel, sampling: Sampling,
+                 shown: dict[str, View] | None = None) -> dict[str, Passes]:
+    """The passes of cycles_session.render_views.
+
+    shown: the views of the picture, if the light that Cycles traces is to be seen meanwhile.
+    """
+    settings, stack, most = layer.settings, ExitStack(), sampling.most
     with_light = " and direct light" if settings.light is Light.TRACED else ""
-    with layer.status.during_cycles(f"Camera rays{with_light} {{}}", share=CYCLES_SHARE):
+    with stack, layer.status.during_cycles(f"Camera rays{with_light} {{}}", share=CYCLES_SHARE) as status:
+        if shown and settings.light is Light.TRACED:
+            view = next(iter(shown.values()))
+            stack.enter_context(growing.announced(growing.Reference(
+                layer.name, view.width, view.height, 0.0, functools.partial(status.samples, most), most,
+                time.perf_counter(), *(layer.border[::2] if layer.border else (0, 0)), tuple(shown), is_beside=False)))
         return cycles_session.render_views(layer.engine, layer.depsgraph, sampling=sampling, model=model,
                                            light=settings.light, hazy=bool(scene.volumes), threads=settings.threads,
                                            report=layer.report)

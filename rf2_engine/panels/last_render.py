@@ -22,7 +22,7 @@ class RENDERFORMER_PT_report(EnginePanel):
 
     def draw(self, context):
         if not last_render.last_frame:
-            self.layout.label(text="No render yet")
+            self.layout.label(text="Rendering" if bpy.app.is_job_running("RENDER") else "No render yet")
             return
         for i, layer in enumerate(last_render.last_frame):
             if len(last_render.last_frame) > 1:

@@ -22,7 +22,7 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
     if missing := packages.missing(group):
         draw_text(layout, f"Missing Python packages: {', '.join(missing)}")
         if "fast_simplification" in missing and not set(missing) & set(packages.NETWORK):
-            draw_text(layout, "Scenes whose meshes fit into Max Triangles render without it", icon="INFO")
+            draw_text(layout, "Scenes render without it: meshes are simplified in several times the time", icon="INFO")
         if problem := packages.unavailable(missing):
             draw_text(layout, problem)
             return

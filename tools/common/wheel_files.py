@@ -13,7 +13,7 @@ from ..extension import ROOT
 PINS = ROOT / "rf2_engine" / "setup" / "wheels.json"
 SMALL = ("safetensors", "fast-simplification", "embreex")  # numpy is Blender's; PyTorch is too large to bring along
 LICENSES = ("SPDX:Apache-2.0", "SPDX:BSD-2-Clause", "SPDX:MIT")  # theirs, and of the libraries in them
-PYTHONS = ("cp311", "cp313")  # of Blender 4.5 to 5.0, and from 5.1 on
+PYTHONS = ("cp311", "cp313")  # of Blender 4.5 to 5.0, and from 5.1 on; a distribution may have another
 PLATFORMS = {  # Blender's name: (beginning, ends of the platform of a wheel)
     "linux-x64": ("manylinux", ("x86_64",)), "windows-x64": ("win", ("amd64",)),
     "macos-arm64": ("macosx", ("arm64", "universal2")), "macos-x64": ("macosx", ("x86_64", "universal2")),

@@ -161,7 +161,7 @@ def load_with_paths(path: Path) -> tuple[RenderScene, list[View], list[Guides], 
 def hint_samples(path: Path) -> int:
     """How many samples the guides of a sample are made of; older files do not say."""
     with np.load(path) as file:
-        return int(file["hint_samples"]) if "hint_samples" in file.files else HINT_SAMPLES
+        return file["hint_samples"].item() if "hint_samples" in file.files else HINT_SAMPLES
 
 
 def read_facts(path: Path) -> Facts:

@@ -38,7 +38,8 @@ def convert_camera(depsgraph, width: int, height: int, border: tuple[int, int, i
         return _cut(View(camera_to_world.astype(np.float32), np.float32([fine * mirror, fine]),
                          np.float32([width, height]) / 2, width, height, round(2 * fine), panorama=panorama), border)
     projection = _projection(eye, depsgraph, width, height)
-    if not (np.isfinite(projection).all() and projection[0, 0] and projection[1, 1]):
+    is_open = camera.data.clip_end > camera.data.clip_start
+    if not (is_open and np.isfinite(projection).all() and projection[0, 0] and projection[1, 1]):
         raise SceneError(f'Camera "{camera.name}" sees nothing: set its Clip End beyond its Clip Start')
     if camera.data.type == "ORTHO":
         projection = orthographic.to_perspective(projection, camera_to_world, depsgraph)

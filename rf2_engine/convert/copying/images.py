@@ -75,8 +75,9 @@ def _as_cycles(image, pixels: np.ndarray, straight: bool) -> Pyramid:
         pixels[..., :3] = scene_linear(pixels[..., :3], space)
     if associated:
         pixels[..., :3] *= pixels[..., 3:]
-    if mode == "PREMUL" and associated and image.source != "GENERATED" and not image.packed_file:
-        pixels[..., :3] *= pixels[..., 3:]  # Blender has divided by alpha, Cycles multiplies what is in the file
+    if (mode == "PREMUL" and associated and image.source != "GENERATED" and not image.packed_file
+            and compat.multiplies_premultiplied_files()):
+        pixels[..., :3] *= pixels[..., 3:]  # Blender has divided by alpha
     return Pyramid(pixels, (lambda texels: _decoded(divided(texels))) if curved else divided)
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""QSlim (Garland and Heckbert 1997) by the package fast-simplification, for meshes of any size."""
+"""QSlim (Garland and Heckbert 1997) for meshes of any size, by the package fast-simplification if it is installed."""
 from __future__ import annotations
+
+import importlib.util
 
 import numpy as np
 
@@ -14,6 +16,7 @@ STUCK = 1.05
 UNIT = 2.0              # the new edges, for QSlim
 WHOLE = 200_000         # faces at most at one go, and before what is left of blocks is simplified together,
 ROUGH = 4               # so many times as many as wanted
+FAST, DENSE = 30_000, 2.0  # without the package: more faces than these are merged by so many cubes to a new edge
 
 
 def reduce_points(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndarray:
@@ -22,7 +25,6 @@ def reduce_points(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndar
     Of fine meshes points closer than a small part of the new edges are merged first, which is quick; so they are, a
     little coarser, where QSlim gets stuck: it turns no sliver over, and coarsens all around it instead.
     """
-    import fast_simplification
     edge = np.sqrt(meshes.areas(points[faces]).sum() / target)
     for cell, begin, end in (edge / FINE if len(faces) > MANY * target else 0, 0.0, 0.7), (edge / COARSE, 0.7, 1.0):
         with progress.part(begin, end):
@@ -32,16 +34,30 @@ def reduce_points(points: np.ndarray, faces: np.ndarray, target: int) -> np.ndar
                 return merged[remaining].reshape(-1, 3)
             # Its steps towards larger errors suit lengths of about 1.
             merged, remaining = _roughly(merged * (UNIT / edge), remaining, target)
-            progress.report(0.8)
-            simplified, shape = fast_simplification.simplify(merged, remaining, target_count=target)
+            with progress.part(0.8, 1.0):
+                progress.report(0.0)
+                simplified, shape = _simplify(merged, remaining, target_count=target)
         if len(shape) <= STUCK * target:
             break
     return (simplified * (edge / UNIT))[shape].reshape(-1, 3)
 
 
+def _simplify(points: np.ndarray, faces: np.ndarray, **options) -> tuple[np.ndarray, np.ndarray]:
+    try:
+        from fast_simplification import simplify
+    except ImportError:
+        from .collapse import simplify
+    return simplify(points, faces, **options)
+
+
 def _roughly(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and faces of a very large mesh simplified block by block, whose borders stay as they are."""
-    import fast_simplification
+    """Points and faces of a very large mesh simplified block by block, whose borders stay as they are.
+
+    Without the package points of it are merged.
+    """
+    if importlib.util.find_spec("fast_simplification") is None:
+        too_fine = len(faces) > max(ROUGH * target, FAST)
+        return _clustered(points, faces, UNIT / DENSE) if too_fine else (points, faces)
     if len(faces) <= WHOLE:
         return points, faces
     share = max(ROUGH * target, WHOLE) / len(faces)
@@ -52,8 +68,8 @@ def _roughly(points: np.ndarray, faces: np.ndarray, target: int) -> tuple[np.nda
     parts = divide(meshes.middles(points[faces]))
     for i, rows in enumerate(parts):
         progress.report(0.2 + 0.6 * i / len(parts))
-        vertices, shape = fast_simplification.simplify(*submesh(points, faces[rows]), preserve_border=True,
-                                                       target_count=max(int(share * len(rows)), 1))
+        vertices, shape = _simplify(*submesh(points, faces[rows]), preserve_border=True,
+                                    target_count=max(int(share * len(rows)), 1))
         pieces.append((vertices, shape + before))
         before += len(vertices)
     vertices, shape = (np.concatenate(column) for column in zip(*pieces, strict=True))

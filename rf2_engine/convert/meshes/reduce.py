@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from ....model import progress
-from ....model.errors import SceneError
 from ....model.geometry import barycentric
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
@@ -24,16 +23,9 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     """At most `target` triangles of about the same shape, as judged through `lens`, or in the object's own frame.
 
     Normals, UVs, colours and material slots come from the nearest original triangle.
-    Raises SceneError if the simplifier is not installed.
     """
     if len(mesh) <= target:
         return mesh
-    try:
-        import fast_simplification  # noqa: F401
-    except ImportError as error:
-        raise SceneError("The scene has more triangles than Max Triangles, and the package that reduces them, "
-                         "fast-simplification, is missing: use Render Properties > RenderFormer-V2 > Install Packages, "
-                         "or raise the budget") from error
     progress.report(0.0)
     welded = weld(mesh.corners)
     some = thin_pieces(mesh, *welded, target, lens)

@@ -73,7 +73,12 @@ def principled(n: NodeCall):
         color = layers.under_sheen(color, sheen, n.get("Sheen Roughness"), n.get("Sheen Tint", WHITE))
     film = n.get("Thin Film Thickness"), np.maximum(n.get("Thin Film IOR", 1.33), 1)
     ior = mix_values(layers.effective_ior(ior, level, coat, film), ior, transmission)
-    surface = lobe(color, metallic, roughness, ior, transmission, tangent_normal(n))
+    wall = np.clip(n.get("Thin Wall"), 0, 1)
+    surface = lobe(color, metallic, roughness, ior, transmission * (1 - wall), tangent_normal(n))
+    if np.any(wall * transmission > 0):
+        n.folded("a thin wall lets light straight through, without blur and reflection")
+        thin = wall * transmission * (1 - metallic)
+        surface = surface * (1 - thin) + window(np.sqrt(np.clip(color, 0, 1))) * thin
     surface.emission = n.get("Emission Color", WHITE) * n.get("Emission Strength")
     if np.all(alpha >= 1):
         return surface

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import re
 import threading
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -11,10 +12,11 @@ import pytest
 
 import addon_utils
 from bl_ext.user_default.renderformer_v2.model.pictures import linear_to_srgb
-from bl_ext.user_default.renderformer_v2.rf2_engine.compare import events
+from bl_ext.user_default.renderformer_v2.rf2_engine.compare import events, panel
 from bl_ext.user_default.renderformer_v2.rf2_engine.compare.state import comparison
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress.status import Status
 
+from tests.rf2_engine.layout import Layout
 from tools.common import metrics as with_libraries
 
 PACKAGE = "bl_ext.user_default.renderformer_v2"
@@ -202,6 +204,63 @@ def test_after_a_reference_both_are_shown_unless_the_user_does_not_want_it(setti
     two_slots.renderformer_v2.reference.use = False
     bpy.ops.render.render()
     assert not bpy.app.timers.is_registered(events.show_reference)
+
+
+def waiting():
+    """What waits for Blender to be idle, of what was asked for; it is done now."""
+    actions = [a for a in (events.show_reference, events._close) if bpy.app.timers.is_registered(a)]
+    for action in actions:
+        bpy.app.timers.unregister(action)
+        action()
+    return [a.__name__.strip("_") for a in actions]
+
+
+def test_what_opened_by_itself_closes_by_itself(settings, two_slots):
+    settings.show = False
+    render_with_reference(two_slots)
+    assert waiting() == ["show_reference"] and settings.show
+    render_with_reference(two_slots)
+    assert waiting() == ["show_reference"] and settings.show
+    two_slots.renderformer_v2.reference.use = False
+    bpy.ops.render.render()
+    assert waiting() == ["close"] and not settings.show
+    render_with_reference(two_slots)
+    assert waiting() == ["show_reference"] and settings.show
+    settings.mode = "BLINK"
+    two_slots.render.engine = "CYCLES"
+    bpy.ops.render.render()
+    assert waiting() == ["close"] and not settings.show
+
+
+@pytest.mark.parametrize("choose", [lambda settings: bpy.ops.renderformer_v2.compare_swap(),
+                                    lambda settings: setattr(settings, "show", True)])
+def test_what_the_user_has_chosen_stays_open(settings, two_slots, choose):
+    settings.show = False
+    render_with_reference(two_slots)
+    waiting()
+    choose(settings)
+    comparison.read()
+    two_slots.renderformer_v2.reference.use = False
+    bpy.ops.render.render()
+    assert not waiting() and settings.show
+
+
+def test_one_picture_alone_offers_a_reference(settings, two_slots):
+    def offered():
+        layout = Layout()
+        panel._draw_way_out(layout, SimpleNamespace(scene=two_slots))
+        return layout.operators
+    two_slots.render.engine, two_slots.renderformer_v2.reference.use = "RENDERFORMER_V2", False
+    settings.a.kind = settings.b.kind = "SHOWN"
+    settings.a.pass_name = settings.b.pass_name = ""
+    bpy.ops.render.render()
+    comparison.read()
+    assert comparison.has_one_picture and comparison.message.startswith("A and B are the same picture") and offered()
+    assert bpy.ops.renderformer_v2.render_reference() and two_slots.renderformer_v2.reference.use
+    comparison.read()
+    assert comparison.b.name == "Slot 2, ViewLayer, Cycles Reference" and not comparison.has_one_picture
+    two_slots.render.engine = "CYCLES"
+    assert not offered() and not bpy.ops.renderformer_v2.render_reference.poll()
 
 
 def test_who_switches_a_growing_reference_off_is_not_shown_it_again(settings, two_slots):

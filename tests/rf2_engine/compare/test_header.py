@@ -59,6 +59,20 @@ def test_what_the_compositor_made_is_compared_where_the_header_shows_it(editor, 
     assert comparison.a.name == "Slot 2, ViewLayer, Combined"
 
 
+def test_beside_a_reference_is_what_did_not_go_through_the_compositor(editor, settings, two_slots):
+    compose(two_slots)
+    two_slots.render.engine = "RENDERFORMER_V2"
+    two_slots.renderformer_v2.reference.use, two_slots.renderformer_v2.reference.samples = True, 1
+    bpy.ops.render.render()
+    settings.b.kind = "SHOWN"
+    comparison.read()
+    assert [side.name for side in (comparison.a, comparison.b)] == [
+        "Slot 2, ViewLayer, Combined", "Slot 2, ViewLayer, Cycles Reference"]
+    settings.a.layer = "Composite"  # on purpose
+    comparison.read()
+    assert comparison.a.name == "Slot 2, Composite, Combined"
+
+
 def test_a_composite_beside_a_render_is_said(editor, settings, two_slots):
     compose(two_slots)
     bpy.ops.render.render()

@@ -13,14 +13,21 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import growing
 from tests.rf2_engine.f12 import press_f12
 
 
+class Looks(list):
+    """Of references; `traced` has the looks at our own picture."""
+
+
 @pytest.fixture
 def looks(monkeypatch):
     """What could be drawn while Cycles renders, once for each of its runs."""
-    found = []
+    found, traced = Looks(), []
+    found.traced = traced
 
     def render(engine, depsgraph, real=cycles.engine.render):
         real(engine, depsgraph)
-        reference = growing.running()
+        reference, ours = growing.running(), growing.running(is_beside=False)
+        assert reference is None or ours is None
+        traced.append(ours and (ours.layer, ours.width, ours.height, ours.samples()))
         found.append((growing._growing.engine is not None, reference, reference and reference.samples()))
     monkeypatch.setattr(cycles.engine, "render", render)
     return found
@@ -33,6 +40,16 @@ def test_only_the_reference_can_be_seen_while_cycles_renders_it(lit, tmp_path, l
     assert reference.layer == "ViewLayer" and (reference.width, reference.height) == (50, 37)
     assert reference.target_samples == 4 and reference.our_seconds > 0
     assert growing._growing.reference is None and growing._growing.engine is None
+
+
+def test_the_light_of_our_own_picture_can_be_seen_while_cycles_traces_it(lit, tmp_path, looks):
+    lit.renderformer_v2.guide_samples = 3
+    press_f12(lit, tmp_path)
+    assert looks.traced == [("ViewLayer", 50, 37, 3), None]  # and the reference
+    looks.traced.clear()
+    lit.renderformer_v2.light = "NETWORK"  # there is no light to be seen
+    press_f12(lit, tmp_path)
+    assert looks.traced == [None, None]
 
 
 @pytest.mark.parametrize("crop", [False, True])
@@ -54,7 +71,7 @@ def test_the_view_of_stereoscopy_that_is_rendered_is_known(lit, tmp_path, monkey
             yield
             found.append((growing._growing.reference is not None, growing.view()))
     bpy.ops.render.render()
-    assert [number for is_reference, number in found if is_reference] == [1]  # Cycles has rendered both by then
+    assert [number for is_drawn, number in found if is_drawn] == [1, 1]  # ours, the reference; both views are done
     assert growing.view() == 0
 
 

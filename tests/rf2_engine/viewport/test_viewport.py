@@ -77,3 +77,21 @@ def test_a_viewport_that_is_closed_is_forgotten(scene, context):
     assert session in worker.works()
     del engine
     assert session.closed and session.displayed is None
+
+
+@pytest.mark.parametrize("path, value", [
+    ("viewport.token_budget", 300), ("viewport.resolution", "8"), ("viewport.time_limit", 3.0), ("max_edge", 0.1),
+    ("as_is", True), ("paper_lamps", True), ("precision", "bf16"), ("device", "cpu"), ("card", 2),
+    ("transformer", "transformer_2048"), ("threads_mode", "FIXED"), ("threads", 3), ("weights_source", "FOLDER"),
+    ("weights_folder", "/")])
+def test_a_viewport_follows_what_a_script_sets(scene, path, value):
+    told, before = [], scene.renderformer_v2.path_resolve(path)
+    bpy.context.view_layer.update()
+    bpy.app.handlers.depsgraph_update_post.append(note := lambda *_: told.append(path))
+    try:
+        owner, _, name = path.rpartition(".")
+        setattr(scene.renderformer_v2.path_resolve(owner) if owner else scene.renderformer_v2, name, value)
+        bpy.context.view_layer.update()
+    finally:
+        bpy.app.handlers.depsgraph_update_post.remove(note)
+    assert scene.renderformer_v2.path_resolve(path) != before and told

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Token budget and triangle size."""
+import sys
+
 import bpy
 import numpy as np
 import pytest
@@ -11,6 +13,13 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.budget impor
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.meshes import nearest, qslim, reduce
 from mathutils import Vector
 from mathutils.geometry import closest_point_on_tri
+
+
+@pytest.fixture(params=["installed", "missing"], autouse=True)
+def package(request, monkeypatch):
+    """With the package that simplifies meshes, and with our own way where it is missing."""
+    if request.param == "missing":
+        monkeypatch.setitem(sys.modules, "fast_simplification", None)
 
 
 def test_budget_keeps_shape(converted, report):

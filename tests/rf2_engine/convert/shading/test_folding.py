@@ -64,7 +64,7 @@ def test_what_one_bsdf_cannot_show_is_reported(make, message):
 
 NEEDED = {  # what an input of Principled BSDF does something beside
     "Coat": dict(Coat_Weight=1.0), "Sheen": dict(Sheen_Weight=1.0), "Subsurface": dict(Subsurface_Weight=1.0),
-    "Thin Film": dict(Thin_Film_Thickness=300.0),
+    "Thin Wall": dict(Transmission_Weight=1.0), "Thin Film": dict(Thin_Film_Thickness=300.0),
     "Anisotropic": dict(Anisotropic=0.5), "Tangent": dict(Anisotropic=0.5),
     "Emission": dict(Emission_Color=(0.5, 0.5, 0.5, 1), Emission_Strength=0.2)}
 
@@ -85,7 +85,7 @@ def test_every_input_of_principled_changes_the_tile_or_is_reported():
                 tree.links.new(bent.outputs[0], node.inputs[number])
             elif change:
                 value = entry.default_value
-                node.inputs[number].default_value = (
+                node.inputs[number].default_value = not value if entry.type == "BOOLEAN" else (
                     0.5 * value + 0.1 if isinstance(value, float) else [0.5 * each + 0.1 for each in value])
             found.append((tile_of(made, report, UV), report.lines()))
         (before, _), (after, lines) = found
