@@ -2,6 +2,7 @@
 """How the surface changes within pixels, so that highlights smaller than a pixel are as bright as they should be."""
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -30,7 +31,7 @@ def mirrored_turn2(footprint: Tensor) -> Tensor:
 
 def points_within(footprint: Tensor) -> list[Tensor]:
     """(P, 9) changes of these at points of pixels, which are distributed as Cycles' filter, by footprints (P, 2, 9)."""
-    offsets = torch.from_numpy(SAMPLE_POINTS - 0.5).to(footprint)
+    offsets = torch.from_numpy(np.float32(SAMPLE_POINTS - 0.5)).to(footprint.device)
     return [(offset[:, None] * footprint).sum(1) for offset in offsets]
 
 
