@@ -16,6 +16,7 @@ from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
 from ..surface_kinds import SEEN
+from .at_pixels import Materials, MaterialsAtPixels
 from .from_rays import guides_of_hits, lobe_colors, mean_guides
 
 SAMPLES = 16        # of a pixel
@@ -66,18 +67,22 @@ class CameraRays:
         return Samples(hit.reshape(position.shape[:2]), position, normal, np.stack(colors))
 
 
-def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float, float]] = CENTER) -> Guides:
+def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float, float]] = CENTER,
+                materials: Materials | None = None) -> Guides:
     """First-hit guides of one view of `scene` (world frame) by rays through these positions in each pixel.
 
-    For pictures without passes of Cycles, such as a viewport's: they show only what is in a token.
+    For pictures without passes of Cycles, such as a viewport's. Without `materials` they are as the tokens' tiles show
+    them.
     """
     camera, samples = CameraRays(scene, view), []
+    at_pixels = None if materials is None else MaterialsAtPixels(scene, view, materials)
     for i, position in enumerate(positions):
         rays = view_rays(replace(view, principal=view.principal - np.subtract(position, 0.5)))[1]
         with part(i / len(positions), (i + 1) / len(positions), FINDING):
             hits = camera.closest(rays.reshape(-1, 3))
-        samples.append(guides_of_hits(scene, view, rays, hits.triangle.reshape(view.height, view.width),
-                                      hits.weights.reshape(view.height, view.width, 2)))
+            found = rays, hits.triangle.reshape(rays.shape[:2]), hits.weights.reshape(*rays.shape[:2], 2)
+            guides = guides_of_hits(scene, view, *found)
+            samples.append(guides if at_pixels is None else at_pixels.add(guides, *found))
     return mean_guides(samples)
 
 

@@ -9,7 +9,7 @@ from ..material.reflectance import normal_reflectance
 from ..scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels, tint_of_glass
 from ..shading import on_tokens, shading_normals
 
-OF_PLACE = "position", "normal", "depth", "hit_triangle", "hit_barycentric"
+OF_PLACE = "position", "normal", "depth", "hit_triangle", "hit_barycentric", "material"
 OF_ALL = "diffuse_color", "glossy_color", "transmission_color", "emission", "environment", "alpha"
 NOTHING_HIT = 1e10  # depth there, as Blender has it
 
@@ -55,17 +55,20 @@ def mean_guides(parts: list[Guides]) -> Guides:
     def of_first(name: str) -> np.ndarray:
         values = np.stack([getattr(part, name) for part in parts])
         return np.take_along_axis(values, first.reshape(*first.shape, *(1,) * (values.ndim - 3)), axis=0)[0]
-    return Guides(**{name: of_first(name) for name in OF_PLACE},
+    return Guides(**{name: of_first(name) for name in parts[0].arrays() if name in OF_PLACE},
                   **{name: np.mean([getattr(part, name) for part in parts], axis=0) for name in OF_ALL})
 
 
 def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(3, P, 3) diffuse, glossy and transmission colour of tokens (P,) at normal incidence; emitters reflect none."""
     x, y = texels(weights)
-    texel = scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)
+    return colors_of_texels(scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)) * ~scene.is_light[row, None]
+
+
+def colors_of_texels(texel: np.ndarray) -> np.ndarray:
+    """(3, P, 3) diffuse, glossy and transmission colour of material texels (P, C) at normal incidence."""
     base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION, None]
     specular = normal_reflectance(texel[:, IOR, None])
     dielectric = 1 - metallic
-    colors = np.stack([base * dielectric * (1 - transmission), base * metallic + specular * dielectric,
-                       tint_of_glass(base) * dielectric * transmission])
-    return colors * ~scene.is_light[row, None]
+    return np.stack([base * dielectric * (1 - transmission), base * metallic + specular * dielectric,
+                     tint_of_glass(base) * dielectric * transmission])
