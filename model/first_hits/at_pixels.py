@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Guides whose materials are those at the pixel, not of a texel of the token's tile, where these can be asked for."""
+"""Materials at the pixel, where somebody can tell them, instead of those of a texel of the token's tile."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..geometry import area_vectors, barycentric, corner_weights, dot, unit
-from ..scene import PARAMETERS, Guides, RenderScene, View, texels
-from .from_rays import OF_ALL, colors_of_texels
+from ..geometry import area_vectors, barycentric, dot, unit
+from ..scene import PARAMETERS, RenderScene, View
 
 FOOTPRINT = 0.7   # pixels that a material is asked to blur over, about the width of a filter
-GRAZING = 0.02    # cosine at which that is no longer stretched
-EVEN = 0.02       # difference from the neighbours up to which all samples of a pixel have the colours of the first
-COLORS = tuple(name for name in OF_ALL if name not in ("environment", "alpha"))
+GRAZING = 0.02    # cosine at which that is no longer stretched, and which bent normals keep
 
 
 class Appearance(NamedTuple):
@@ -34,66 +32,37 @@ class Appearance(NamedTuple):
 class Materials(Protocol):
     """Who can say what is seen at a point of the geometry of a scene."""
 
-    def groups(self, triangle: np.ndarray) -> np.ndarray:
-        """(P,) i32 number of the material of triangles (P,), -1 where the token's tile is exact, and for triangle -1.
-        """
+    def groups(self, triangle: np.ndarray) -> np.ndarray | None:
+        """(P,) i32 number of the material of triangles (P,), -1 where the token's tile is exact, and for triangle -1;
+        None if that is so everywhere."""
 
-    def at(self, triangle: np.ndarray, weights: np.ndarray, steps: np.ndarray, normal: np.ndarray) -> Appearance:
+    def at(self, triangle: np.ndarray, weights: np.ndarray, normal: np.ndarray,
+           steps: Callable[[np.ndarray], np.ndarray]) -> Appearance:
         """What is seen at points of triangles (P,) that belong to groups.
 
-        weights: (P, 3) f32 of their corners. steps: (P, 2, 3) f32, by how much these change along a row and a column
-        of the picture over what is to be blurred. normal: (P, 3) unit shading normals, world, facing the camera.
+        weights: (P, 3) f32 of their corners. normal: (P, 3) unit shading normals, world, facing the camera.
+        steps: of some points by number (Q,), by how much weights change along a row and a column of the picture over
+        what is to be blurred, (Q, 2, 3) f32; to be called on any thread.
         """
 
 
-class MaterialsAtPixels:
-    """Adds to guides of a view of a scene, sample by sample of its pixels, what materials are like there."""
+def appearance(scene: RenderScene, materials: Materials, view: View, rays: np.ndarray, at: np.ndarray,
+               triangle: np.ndarray, weights: np.ndarray, normal: np.ndarray) -> Appearance:
+    """What a view of a scene sees at pixels by number (P,), whose rays (H, W, 3) hit triangles (P,) that have groups.
 
-    def __init__(self, scene: RenderScene, view: View, materials: Materials):
-        self._scene, self._view, self._materials = scene, view, materials
-        self._first: tuple[np.ndarray, Guides, np.ndarray] | None = None  # groups, guides, and which pixels are even
+    weights: (P, 3) of the corners; normal: (P, 3) shading normals facing the camera, as those of the result do.
+    """
+    ray, corners = rays.reshape(-1, 3)[at], scene.surfaces.triangles
+    origin = view.camera_to_world[:3, 3]
 
-    def add(self, guides: Guides, rays: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> Guides:
-        """The result of `guides_of_hits` for these arguments, with materials at the pixels; it is changed.
+    def steps(rows: np.ndarray) -> np.ndarray:
+        shape, ahead = corners[triangle[rows]], ray[rows]
+        distance = dot(np.einsum("pk,pkc->pc", weights[rows], shape) - origin, ahead)
+        return _steps(shape, ahead, distance, _turns(rays, at[rows]))
 
-        Where a pixel looks like its neighbours, further samples take over what the first one has found.
-        """
-        group = self._materials.groups(triangle.ravel())
-        at = np.flatnonzero(group >= 0)
-        if len(at) if self._first is None else self._first[1].material is not None:
-            guides.material = self._of_tokens(guides)
-        if self._first is not None:
-            first_group, first, is_even = self._first
-            is_known = is_even[at] & (first_group[at] == group[at])
-            known, at = at[is_known], at[~is_known]
-            for name in COLORS:
-                _pixels(guides, name)[known] = _pixels(first, name)[known]
-        if len(at):
-            self._evaluate(guides, rays, triangle.ravel()[at], corner_weights(weights.reshape(-1, 2)[at]), at)
-        if self._first is None:
-            self._first = group, guides, _is_even(guides, group.reshape(triangle.shape)).ravel()
-        return guides
-
-    def _of_tokens(self, guides: Guides) -> np.ndarray:
-        """(H, W, 7) f16 of the tiles."""
-        if not len(self._scene):
-            return np.zeros((*guides.depth.shape, PARAMETERS.stop), np.float16)
-        x, y = texels(guides.hit_barycentric)
-        return self._scene.tiles[self._scene.tile_index[guides.hit_triangle.clip(0)], PARAMETERS, y, x]
-
-    def _evaluate(self, guides: Guides, rays: np.ndarray, triangle: np.ndarray, weights: np.ndarray,
-                  at: np.ndarray) -> None:
-        """Write what is seen at pixels by number (P,)."""
-        ray, offset = rays.reshape(-1, 3)[at], _pixels(guides, "position")[at] - self._view.camera_to_world[:3, 3]
-        steps = _steps(self._scene.surfaces.triangles[triangle], ray, dot(offset, ray), _turns(rays, at))
-        seen = self._materials.at(triangle, weights, steps, _pixels(guides, "normal")[at])
-        at, ray, texel, normal = (values[seen.is_known] for values in (at, ray, seen.texel, seen.normal))
-        for name, values in zip(COLORS, (*colors_of_texels(texel), seen.emission[seen.is_known]), strict=True):
-            _pixels(guides, name)[at] = values
-        if guides.material is not None:
-            _pixels(guides, "material")[at] = texel
-        behind = (dot(normal, ray) + GRAZING).clip(0)  # a bent normal may point away from the camera
-        _pixels(guides, "normal")[at] = unit(normal - behind[:, None] * ray)
+    seen = materials.at(triangle, weights, normal, steps)
+    behind = (dot(seen.normal, ray) + GRAZING).clip(0)  # a bent normal may point away from the camera
+    return seen._replace(normal=unit(seen.normal - behind[:, None] * ray))
 
 
 def _turns(rays: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -118,22 +87,3 @@ def _steps(corners: np.ndarray, ray: np.ndarray, distance: np.ndarray, turns: np
     ways = (FOOTPRINT * distance)[:, None, None] * (turns - along)
     last = corners[:, None, 2].astype(np.float64)
     return (barycentric(corners[:, None], last + ways) - (0, 0, 1)).astype(np.float32)
-
-
-def _is_even(guides: Guides, group: np.ndarray) -> np.ndarray:
-    """(H, W) bool: pixels whose four neighbours show the same group (H, W) in about the same colours."""
-    even = np.ones(group.shape, bool)
-    for axis in (0, 1):
-        same = np.diff(group, axis=axis) == 0
-        for name in COLORS:
-            same &= np.abs(np.diff(np.sqrt(getattr(guides, name)), axis=axis)).max(axis=-1) < EVEN
-        edge = ((0, 0),) * axis
-        even &= np.pad(same, (*edge, (1, 0), *((0, 0),) * (1 - axis)), constant_values=True)
-        even &= np.pad(same, (*edge, (0, 1), *((0, 0),) * (1 - axis)), constant_values=True)
-    return even
-
-
-def _pixels(guides: Guides, name: str) -> np.ndarray:
-    """(H W, ...) the same memory."""
-    values = getattr(guides, name)
-    return values.reshape(-1, *values.shape[2:])

@@ -16,8 +16,8 @@ from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
 from ..surface_kinds import SEEN
-from .at_pixels import Materials, MaterialsAtPixels
-from .from_rays import guides_of_hits, lobe_colors, mean_guides
+from .at_pixels import Materials
+from .from_rays import FirstHits, lobe_colors
 
 SAMPLES = 16        # of a pixel
 BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of Cycles' default pixel filter
@@ -74,16 +74,13 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
     For pictures without passes of Cycles, such as a viewport's. Without `materials` they are as the tokens' tiles show
     them.
     """
-    camera, samples = CameraRays(scene, view), []
-    at_pixels = None if materials is None else MaterialsAtPixels(scene, view, materials)
+    camera, first_hits = CameraRays(scene, view), FirstHits(scene, view, materials)
     for i, position in enumerate(positions):
         rays = view_rays(replace(view, principal=view.principal - np.subtract(position, 0.5)))[1]
         with part(i / len(positions), (i + 1) / len(positions), FINDING):
             hits = camera.closest(rays.reshape(-1, 3))
-            found = rays, hits.triangle.reshape(rays.shape[:2]), hits.weights.reshape(*rays.shape[:2], 2)
-            guides = guides_of_hits(scene, view, *found)
-            samples.append(guides if at_pixels is None else at_pixels.add(guides, *found))
-    return mean_guides(samples)
+            first_hits.add(rays, hits.triangle, hits.weights)
+    return first_hits.guides()
 
 
 def _sample_points(count: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 """Materials where rays of the camera hit the real surfaces, evaluated there instead of read from tiles of tokens."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,19 +70,17 @@ class HitMaterials:
             self._groups.append(_Group(mesh, material, instance))
         return self._by_key[key]
 
-    def groups(self, triangle: np.ndarray) -> np.ndarray:
-        """(P,) i32: which material is to be evaluated on triangles (P,) of the geometry, -1 for nothing; -1: none."""
+    def groups(self, triangle: np.ndarray) -> np.ndarray | None:
+        """(P,) i32 numbers of materials to be evaluated on triangles (P,) of the geometry, -1 for none and for -1;
+        None if there are none at all."""
         if not self._groups:
-            return np.full(len(triangle), TILED, np.int32)
+            return None
         group = self._joined("_group_of_rows")
         return np.where((triangle >= 0) & (triangle < len(group)), group[triangle.clip(0, len(group) - 1)], TILED)
 
-    def at(self, triangle: np.ndarray, weights: np.ndarray, steps: np.ndarray, normal: np.ndarray) -> Appearance:
-        """What is seen at points of triangles (P,) of the geometry that belong to groups.
-
-        weights: (P, 3) f32 of their corners. steps: (P, 2, 3) f32, by how much these change to the next pixel of the
-        row and of the column. normal: (P, 3) unit shading normals, world.
-        """
+    def at(self, triangle: np.ndarray, weights: np.ndarray, normal: np.ndarray,
+           steps: Callable[[np.ndarray], np.ndarray]) -> Appearance:
+        """What is seen at points; see Materials."""
         group, on_mesh = (self._joined(name)[triangle] for name in ("_group_of_rows", "_triangle_of_rows"))
         corners, seen = self.geometry.triangles, Appearance.empty(normal)
         order = np.argsort(group, kind="stable")
@@ -91,8 +90,8 @@ class HitMaterials:
                   for begin in range(first[i], first[i] + count[i], CHUNK)]
 
         def evaluate(number: int, rows: np.ndarray) -> None:
-            part = _evaluated(self._groups[number], on_mesh[rows], weights[rows], steps[rows], normal[rows],
-                              corners[triangle[rows]])
+            part = _evaluated(self._groups[number], on_mesh[rows], weights[rows], normal[rows],
+                              corners[triangle[rows]], lambda: steps(rows))
             for whole, values in zip(seen, part, strict=True):
                 whole[rows] = values
 
@@ -106,16 +105,18 @@ class HitMaterials:
         return arrays[0]
 
 
-def _evaluated(group: _Group, on_mesh: np.ndarray, weights: np.ndarray, steps: np.ndarray, normal: np.ndarray,
-               corners: np.ndarray) -> Appearance:
+def _evaluated(group: _Group, on_mesh: np.ndarray, weights: np.ndarray, normal: np.ndarray, corners: np.ndarray,
+               find_steps: Callable[[], np.ndarray]) -> Appearance:
     """What is seen on triangles (P,) of the mesh of a group, whose corners in the world are (P, 3, 3)."""
     is_known = np.ones(len(on_mesh), bool)
     if group.material is None:
         return Appearance(is_known, np.tile(DEFAULT, (len(on_mesh), 1)), np.zeros_like(normal), normal)
     needs_neighbours, bends = _needs(group.material)
     grid = weights[:, None, None]
-    for axis in range(2 if needs_neighbours else 0):
-        grid = np.concatenate([grid, grid + steps[:, None, axis:axis + 1]], axis=2 - axis)
+    if needs_neighbours:
+        right, below = np.moveaxis(find_steps()[:, :, None, None], 1, 0)
+        grid = np.concatenate([grid, grid + right], axis=2)
+        grid = np.concatenate([grid, grid + below], axis=1)
     points = surface_points(group.mesh, group.instance, on_mesh, grid, first_alone=not bends)
     surface, _ = MaterialTiles(Report()).evaluate(group.material, points, is_seen=True)
     texel = np.empty((len(on_mesh), len(DEFAULT)), np.float32)
