@@ -24,6 +24,7 @@ CHUNK = 1 << 13       # pixels evaluated at once
 MOST = 256            # materials of a picture; others, which fill the least of it, are read from tiles
 TILED = -1            # in place of a group: the tile of the token is exact
 FINITE = 1e4          # radiance that a pixel shows at most where a node divides by 0
+BY_PIXEL = "ShaderNodeTexImage", "ShaderNodeTexChecker"  # nodes that need the size of a pixel
 DEFAULT = constant_tile()[PARAMETERS, 0, 0].astype(np.float32)
 
 
@@ -144,5 +145,5 @@ def _needs(material: Material) -> tuple[bool, bool]:
     displacement = graph.find_input(tree.output, "Displacement")
     bends = any(node.bl_idname == "ShaderNodeBump" for node in nodes) or (
         material.displacement_method == "BUMP" and graph.source(displacement)[1] is not None)
-    return bends or any(node.bl_idname == "ShaderNodeTexImage" or any(
+    return bends or any(node.bl_idname in BY_PIXEL or any(
         socket.name == "Normal" and socket.is_linked for socket in node.inputs) for node in nodes), bends

@@ -67,6 +67,14 @@ class Points:
         steps = np.stack([self.weights[:, 0, -1] - first, self.weights[:, -1, 0] - first], axis=1)
         return steps * np.float32(size / (size - 1)) @ corners
 
+    def widths(self, values: np.ndarray) -> np.ndarray | None:
+        """(m, 1, 1, c) how far values (..., c) go over a pixel; None where points are no pixels or have no neighbours.
+        """
+        if self.weights is None or values.ndim != 4 or values.shape[1:3] == (1, 1):
+            return None
+        first = values[:, :1, :1]
+        return np.abs(values[:, :1, -1:] - first) + np.abs(values[:, -1:, :1] - first)
+
     def uv_edges(self, name: str = "") -> np.ndarray | None:
         """(m, 2, 2) f32, the same as `edges` in a UV layer, the active one when empty; None where there is none."""
         layer = self.uv.get(name or self.active_uv)
