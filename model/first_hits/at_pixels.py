@@ -10,7 +10,7 @@ import numpy as np
 from ..geometry import area_vectors, barycentric, dot, unit
 from ..scene import PARAMETERS, RenderScene, View
 
-FOOTPRINT = 0.7   # pixels that a material is asked to blur over, about the width of a filter
+BLUR = 0.7   # pixels that a material is asked to blur over, about the width of a filter
 GRAZING = 0.02    # cosine at which that is no longer stretched, and which bent normals keep
 
 
@@ -84,6 +84,6 @@ def _steps(corners: np.ndarray, ray: np.ndarray, distance: np.ndarray, turns: np
     cosine = dot(ray, normal)
     cosine = np.where(cosine < 0, -1, 1) * np.abs(cosine).clip(GRAZING)
     along = (dot(turns, normal[:, None]) / cosine[:, None])[..., None] * ray[:, None]
-    ways = (FOOTPRINT * distance)[:, None, None] * (turns - along)
+    ways = (BLUR * distance)[:, None, None] * (turns - along)
     last = corners[:, None, 2].astype(np.float64)
     return (barycentric(corners[:, None], last + ways) - (0, 0, 1)).astype(np.float32)

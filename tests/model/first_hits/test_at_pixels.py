@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from renderformer_v2.model.first_hits.at_pixels import FOOTPRINT, Appearance
+from renderformer_v2.model.first_hits.at_pixels import BLUR, Appearance
 from renderformer_v2.model.first_hits.camera_rays import SPREAD, cast_guides
 from renderformer_v2.model.light.hit_surfaces import hit_roughness
 from renderformer_v2.model.scene import METALLIC, ROUGHNESS, RenderScene, View, constant_tile
@@ -58,7 +58,7 @@ def test_pixels_show_what_materials_are_like_there(wall):
 def test_materials_are_told_how_large_a_pixel_is(wall):
     materials = Striped(wall.triangles)
     cast_guides(wall, VIEW, materials=materials)
-    pixel = FOOTPRINT * DISTANCE / FOCAL
+    pixel = BLUR * DISTANCE / FOCAL
     along_row, along_column = np.moveaxis(materials.steps[0], 1, 0)
     np.testing.assert_allclose(along_row, np.broadcast_to((pixel, 0, 0), along_row.shape), atol=0.03 * pixel)
     np.testing.assert_allclose(along_column, np.broadcast_to((0, 0, -pixel), along_column.shape),
