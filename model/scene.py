@@ -41,6 +41,7 @@ TILE = Channels(  # of a material tile: BSDF parameters, tangent-space normal, d
 )
 TILE_CHANNELS = len(TILE)
 BASE_COLOR, NORMAL = TILE["base_color"], TILE["normal"]
+PARAMETERS = slice(NORMAL.start)  # of the BSDF
 METALLIC, ROUGHNESS, IOR, TRANSMISSION, HEIGHT = map(
     TILE.index, ("metallic", "roughness", "ior", "transmission", "height"))
 
@@ -121,6 +122,8 @@ class Guides:
     alpha: np.ndarray               # (H, W) f32, coverage in [0, 1]
     hit_triangle: np.ndarray        # (H, W) i32, token triangle behind the pixel centre; -1 = none
     hit_barycentric: np.ndarray     # (H, W, 2) f32, weights of corners 0 and 1 of that triangle
+    # (H, W, 7) f16, channels of TILE before the normal at the pixel's centre; None = those of the token's texel there
+    material: np.ndarray | None = None
     # (H, W, 3) f32, radiance of direct light and of what smooth mirrors and glass show, without a diffuse or volume
     # bounce, premultiplied; None = nothing was traced
     traced: np.ndarray | None = None

@@ -16,7 +16,8 @@ from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
 from ..surface_kinds import SEEN
-from .from_rays import guides_of_hits, lobe_colors, mean_guides
+from .at_pixels import Materials
+from .from_rays import FirstHits, lobe_colors
 
 SAMPLES = 16        # of a pixel
 BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of Cycles' default pixel filter
@@ -66,19 +67,20 @@ class CameraRays:
         return Samples(hit.reshape(position.shape[:2]), position, normal, np.stack(colors))
 
 
-def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float, float]] = CENTER) -> Guides:
+def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float, float]] = CENTER,
+                materials: Materials | None = None) -> Guides:
     """First-hit guides of one view of `scene` (world frame) by rays through these positions in each pixel.
 
-    For pictures without passes of Cycles, such as a viewport's: they show only what is in a token.
+    For pictures without passes of Cycles, such as a viewport's. Without `materials` they are as the tokens' tiles show
+    them.
     """
-    camera, samples = CameraRays(scene, view), []
+    camera, first_hits = CameraRays(scene, view), FirstHits(scene, view, materials)
     for i, position in enumerate(positions):
         rays = view_rays(replace(view, principal=view.principal - np.subtract(position, 0.5)))[1]
         with part(i / len(positions), (i + 1) / len(positions), FINDING):
             hits = camera.closest(rays.reshape(-1, 3))
-        samples.append(guides_of_hits(scene, view, rays, hits.triangle.reshape(view.height, view.width),
-                                      hits.weights.reshape(view.height, view.width, 2)))
-    return mean_guides(samples)
+            first_hits.add(rays, hits.triangle, hits.weights)
+    return first_hits.guides()
 
 
 def _sample_points(count: int) -> np.ndarray:

@@ -6,66 +6,179 @@ import numpy as np
 
 from ..geometry import corner_weights, seen_in
 from ..material.reflectance import normal_reflectance
-from ..scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, Guides, RenderScene, View, texels, tint_of_glass
+from ..scene import (
+    BASE_COLOR,
+    IOR,
+    METALLIC,
+    PARAMETERS,
+    TRANSMISSION,
+    Guides,
+    RenderScene,
+    View,
+    texels,
+    tint_of_glass,
+)
 from ..shading import on_tokens, shading_normals
+from .at_pixels import Materials, appearance
 
-OF_PLACE = "position", "normal", "depth", "hit_triangle", "hit_barycentric"
-OF_ALL = "diffuse_color", "glossy_color", "transmission_color", "emission", "environment", "alpha"
 NOTHING_HIT = 1e10  # depth there, as Blender has it
+EVEN = 0.02         # difference from the neighbours up to which all samples of a pixel have the colours of the first
+UNLIKE = -2         # look of what is like nothing else
+COLORS = "diffuse_color", "glossy_color", "transmission_color", "emission"
+
+
+class FirstHits:
+    """Guides of one view of a scene, from one sample of each pixel after the other.
+
+    Places are those of the first sample that hits anything, colours are means. Colours leave out how reflection grows
+    towards grazing angles; normals face the viewer.
+    """
+
+    def __init__(self, scene: RenderScene, view: View, materials: Materials | None = None):
+        """materials: as they are at pixels; without them, as the tiles of tokens have them."""
+        self._scene, self._view, self._materials, self._count = scene, view, materials, 0
+        shape = view.height, view.width
+        black = lambda: np.zeros((*shape, 3), np.float32)  # noqa: E731
+        self._guides = Guides(*(black() for _ in range(7)), np.full(shape, NOTHING_HIT, np.float32),
+                              np.zeros(shape, np.float32), np.full(shape, -1, np.int32),
+                              np.zeros((*shape, 2), np.float32))
+        # Of the first sample: colours of lobes and emission (4, H W, 3), and looks (H W,)
+        self._first: tuple[np.ndarray, np.ndarray] | None = None
+        self._is_even: np.ndarray | None = None  # (H W,) pixels that look like their neighbours in it
+
+    def add(self, rays: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> None:
+        """A sample of each pixel.
+
+        rays (H, W, 3) unit, world; triangle (H, W) i32 of the geometry, -1 = nothing; weights (H, W, 2) of its corners
+        0 and 1.
+        """
+        triangle, weights, self._count = triangle.ravel(), weights.reshape(-1, 2), self._count + 1
+        is_hit = triangle >= 0
+        at = np.flatnonzero(is_hit & (self._flat("alpha") == 0))
+        self._place(at, rays, triangle[at], weights[at])
+        self._flat("alpha")[is_hit] += 1
+        if self._scene.environment is not None:
+            sky = np.flatnonzero(~is_hit)
+            self._flat("environment")[sky] += seen_in(self._scene.environment, rays.reshape(-1, 3)[sky])
+        colors = self._colors(rays, triangle, weights)
+        for name, values in zip(COLORS, colors, strict=True):
+            total = self._flat(name)
+            total += values
+
+    def guides(self) -> Guides:
+        """Of the samples so far, of which there are to be no more."""
+        for name in (*COLORS, "environment", "alpha"):
+            values = getattr(self._guides, name)
+            values /= max(self._count, 1)
+        return self._guides
+
+    def _flat(self, name: str) -> np.ndarray:
+        """(H W, ...) the memory of a guide."""
+        values = getattr(self._guides, name)
+        return values.reshape(self._view.height * self._view.width, *values.shape[2:])
+
+    def _place(self, at: np.ndarray, rays: np.ndarray, row: np.ndarray, weights: np.ndarray) -> None:
+        """Places and surfaces of pixels by number (P,)."""
+        scene, camera, share = self._scene, self._view.camera_to_world, corner_weights(weights)
+        position = np.einsum("pk,pkc->pc", share, scene.surfaces.triangles[row])
+        self._flat("position")[at] = position
+        self._flat("normal")[at] = shading_normals(scene, row, share, rays.reshape(-1, 3)[at])
+        self._flat("depth")[at] = (position - camera[:3, 3]) @ -camera[:3, 2]
+        self._flat("hit_triangle")[at], self._flat("hit_barycentric")[at] = on_tokens(scene, row, weights)
+
+    def _colors(self, rays: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """(4, H W, 3) of the lobes, and emission.
+
+        Where a pixel looks like its neighbours, and more samples look like the first one, they have its colours.
+        """
+        group = None if self._materials is None else self._materials.groups(triangle)
+        colors, look = np.zeros((4, len(triangle), 3), np.float32), self._looks(triangle, group)
+        is_open = triangle >= 0
+        if self._first is not None:
+            first, first_look = self._first
+            if self._is_even is None:
+                self._is_even = _is_even(first, first_look, self._guides.alpha.shape)
+            is_known = self._is_even & (look == first_look)
+            colors[:, is_known] = first[:, is_known]
+            is_open &= ~is_known
+        if group is not None:
+            at = np.flatnonzero(is_open & (group >= 0))
+            if len(at):
+                is_open[self._evaluate(colors, at, rays, triangle[at], weights[at])] = False
+        at = np.flatnonzero(is_open)
+        token, on_token = self._tokens(at, triangle[at], weights[at])
+        colors[:3, at], colors[3, at] = lobe_colors(self._scene, token, on_token), self._scene.emission[token]
+        if self._first is None:
+            self._first = colors, look
+        return colors
+
+    def _looks(self, triangle: np.ndarray, group: np.ndarray | None) -> np.ndarray:
+        """(H W,) i32, the same for hits on one material, or on one tile."""
+        scene = self._scene
+        if not len(scene):
+            return np.full(len(triangle), -1, np.int32)
+        token = scene.surfaces.token[triangle.clip(0)]
+        look = np.where(scene.is_light, UNLIKE, scene.tile_index)[token]
+        if group is not None:
+            look = np.where(group >= 0, len(scene.tiles) + group, look)
+        return np.where(triangle >= 0, look, -1)
+
+    def _tokens(self, at: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if self._first is None:
+            return self._flat("hit_triangle")[at], self._flat("hit_barycentric")[at]
+        return on_tokens(self._scene, triangle, weights)
+
+    def _evaluate(self, colors: np.ndarray, at: np.ndarray, rays: np.ndarray, triangle: np.ndarray,
+                  weights: np.ndarray) -> np.ndarray:
+        """Write colours of pixels by number (P,), and of the first sample the surface; which of them are known."""
+        share, is_first = corner_weights(weights), self._first is None
+        normal = self._flat("normal")[at] if is_first else shading_normals(
+            self._scene, triangle, share, rays.reshape(-1, 3)[at])
+        seen = appearance(self._scene, self._materials, self._view, rays, at, triangle, share, normal)
+        at, texel = at[seen.is_known], seen.texel[seen.is_known]
+        colors[:3, at], colors[3, at] = colors_of_texels(texel), seen.emission[seen.is_known]
+        if is_first:
+            self._guides.material = self._of_tokens()
+            self._flat("material")[at], self._flat("normal")[at] = texel, seen.normal[seen.is_known]
+        return at
+
+    def _of_tokens(self) -> np.ndarray:
+        """(H, W, 7) f16 of the tiles."""
+        x, y = texels(self._guides.hit_barycentric)
+        tile = self._scene.tile_index[self._guides.hit_triangle.clip(0)]
+        return self._scene.tiles[tile, PARAMETERS, y, x]
 
 
 def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: np.ndarray,
                    weights: np.ndarray) -> Guides:
-    """Guides of one view from what its rays hit: one sample per pixel, materials as the token's tile has them.
-
-    rays (H, W, 3) unit, world; triangle (H, W) i32 of the geometry, -1 = nothing; weights (H, W, 2) of its corners 0
-    and 1. Colours leave out how reflection grows towards grazing angles; normals face the viewer.
-    """
-    hit = triangle >= 0
-    at = np.flatnonzero(hit)
-    environment = np.zeros((triangle.size, 3), np.float32)
-    position, normal, emission = (np.zeros_like(environment) for _ in range(3))
-    token, on_token = np.full(triangle.size, -1, np.int32), np.zeros((triangle.size, 2), np.float32)
-    depth, color = np.full(triangle.size, NOTHING_HIT, np.float32), np.zeros((3, *environment.shape), np.float32)
-    flat_rays = rays.reshape(-1, 3)
-    if len(at):
-        row, hit_weights, camera = triangle.ravel()[at], weights.reshape(-1, 2)[at], view.camera_to_world
-        share = corner_weights(hit_weights)
-        position[at] = np.einsum("pk,pkc->pc", share, scene.surfaces.triangles[row])
-        normal[at] = shading_normals(scene, row, share, flat_rays[at])
-        depth[at] = (position[at] - camera[:3, 3]) @ -camera[:3, 2]
-        token[at], on_token[at] = on_tokens(scene, row, hit_weights)
-        emission[at] = scene.emission[token[at]]
-        color[:, at] = lobe_colors(scene, token[at], on_token[at])
-    if scene.environment is not None:
-        sky = np.flatnonzero(~hit)
-        environment[sky] = seen_in(scene.environment, flat_rays[sky])
-    whole = lambda array: array.reshape(*array.shape[:-2], *triangle.shape, 3)  # noqa: E731
-    return Guides(whole(position), whole(normal), *whole(color), whole(emission), whole(environment),
-                  depth.reshape(triangle.shape), hit.astype(np.float32), token.reshape(triangle.shape),
-                  on_token.reshape(weights.shape))
+    """Guides of one view from what its rays hit, one sample per pixel; as of `FirstHits.add`."""
+    hits = FirstHits(scene, view)
+    hits.add(rays, triangle, weights)
+    return hits.guides()
 
 
-def mean_guides(parts: list[Guides]) -> Guides:
-    """Of several samples of each pixel: means of colours and coverage, and the place and surface of the first hit."""
-    if len(parts) == 1:
-        return parts[0]
-    first = np.argmax([part.alpha > 0 for part in parts], axis=0)[None]
-
-    def of_first(name: str) -> np.ndarray:
-        values = np.stack([getattr(part, name) for part in parts])
-        return np.take_along_axis(values, first.reshape(*first.shape, *(1,) * (values.ndim - 3)), axis=0)[0]
-    return Guides(**{name: of_first(name) for name in OF_PLACE},
-                  **{name: np.mean([getattr(part, name) for part in parts], axis=0) for name in OF_ALL})
+def _is_even(colors: np.ndarray, look: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """(H W,) bool: pixels whose four neighbours have the same look (H W,) in about the same colours (4, H W, 3)."""
+    look, is_even = look.reshape(shape), np.ones(shape, bool)
+    for axis in (0, 1):
+        is_same = np.diff(look, axis=axis) == 0
+        for color in np.sqrt(colors).reshape(len(colors), *shape, 3):
+            is_same &= np.abs(np.diff(color, axis=axis)).max(axis=-1) < EVEN
+        for margin in ((1, 0), (0, 1)):
+            is_even &= np.pad(is_same, (margin, (0, 0)) if axis == 0 else ((0, 0), margin), constant_values=True)
+    return is_even.ravel() & (look.ravel() != UNLIKE)
 
 
 def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(3, P, 3) diffuse, glossy and transmission colour of tokens (P,) at normal incidence; emitters reflect none."""
     x, y = texels(weights)
-    texel = scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)
+    return colors_of_texels(scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)) * ~scene.is_light[row, None]
+
+
+def colors_of_texels(texel: np.ndarray) -> np.ndarray:
+    """(3, P, 3) diffuse, glossy and transmission colour of material texels (P, C) at normal incidence."""
     base, metallic, transmission = texel[:, BASE_COLOR], texel[:, METALLIC, None], texel[:, TRANSMISSION, None]
     specular = normal_reflectance(texel[:, IOR, None])
     dielectric = 1 - metallic
-    colors = np.stack([base * dielectric * (1 - transmission), base * metallic + specular * dielectric,
-                       tint_of_glass(base) * dielectric * transmission])
-    return colors * ~scene.is_light[row, None]
+    return np.stack([base * dielectric * (1 - transmission), base * metallic + specular * dielectric,
+                     tint_of_glass(base) * dielectric * transmission])

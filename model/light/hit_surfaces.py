@@ -15,7 +15,7 @@ from ..scene import (
     BASE_COLOR,
     IOR,
     METALLIC,
-    NORMAL,
+    PARAMETERS,
     ROUGHNESS,
     TILE_CHANNELS,
     TRANSMISSION,
@@ -94,7 +94,7 @@ def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np
 
     A layer that reflects next to nothing at normal incidence has a share of 0.
     """
-    texel = _hit_texels(scene, guides, slice(NORMAL.start))
+    texel = _hit_texels(scene, guides, PARAMETERS)
     is_known, metallic, transmission = guides.hit_triangle >= 0, texel[..., METALLIC], texel[..., TRANSMISSION]
     f0 = normal_reflectance(texel[..., IOR].clip(1)) * (1 - transmission / 2)  # glass has its own ior
     f0 = np.where(is_known, f0, UNKNOWN_F0)
@@ -104,6 +104,8 @@ def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np
 
 def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:
     """(H, W, C) f32, these channels of the material tiles; arbitrary where nothing is hit."""
+    if guides.material is not None:
+        return guides.material[..., channels].astype(np.float32)
     hit = guides.hit_triangle
     if not len(scene.triangles):
         return np.zeros((*hit.shape, len(range(TILE_CHANNELS)[channels])), np.float32)

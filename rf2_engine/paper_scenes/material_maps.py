@@ -12,8 +12,9 @@ from ..convert.data.blocks import Material
 from ..convert.data.copied import Instance
 from ..convert.data.mesh import TriangleMesh
 from ..convert.data.report import Report
-from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, mean_over_triangle, texel_points
+from ..convert.shading.material import EMITTER_RADIANCE, MaterialTiles, mean_over_triangle
 from ..convert.shading.normal_map import UP
+from ..convert.shading.points import surface_points
 from ..convert.shading.two_lobes import two_lobes
 
 PAPER_IOR = 1.5  # of dielectrics, at Specular IOR Level 1
@@ -38,7 +39,7 @@ def describe(material: Material | None, mesh: TriangleMesh, place: Instance, rep
     """Describe the material of triangles of one slot in an instance. The report names what is lost."""
     if material is None:
         return DescribedMaterial(BARE)
-    values = _Values(material, texel_points(_sample_triangles(mesh), place), report)
+    values = _Values(material, surface_points(_sample_triangles(mesh), place), report)
     emission = mean_over_triangle(values["emission"]).reshape(-1, 3)
     if emission.max() >= EMITTER_RADIANCE:
         if np.ptp(emission, axis=0).max() > 0.01 * emission.max():
@@ -52,8 +53,8 @@ def describe(material: Material | None, mesh: TriangleMesh, place: Instance, rep
         return DescribedMaterial(FrameMaterial(MEASURED), latent=np.float32(material.latent))
     if not values.varies:
         return DescribedMaterial(_homogeneous(values.numbers()))
-    sheet = _Values(material, texel_points(_uv_sheet(mesh), place), Report())
-    moved = _Values(material, texel_points(_move_sheet(_uv_sheet(mesh)), place), Report())
+    sheet = _Values(material, surface_points(_uv_sheet(mesh), place), Report())
+    moved = _Values(material, surface_points(_move_sheet(_uv_sheet(mesh)), place), Report())
     if not mesh.uv or not sheet.equals(moved):
         report.approximated(material.name, "it varies by more than UVs: its mean is used; bake it to images first")
         return DescribedMaterial(_homogeneous(values.numbers()))

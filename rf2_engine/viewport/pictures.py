@@ -17,6 +17,7 @@ from ..convert.data.cache import ConversionCache
 from ..convert.data.copied import CopiedScene
 from ..convert.data.report import Report
 from ..convert.fitting.framing import Framing, fit_box
+from ..convert.shading.hit_materials import HitMaterials
 from ..frame import output
 from ..frame.shot import has_left
 from ..runtime import model_cache
@@ -61,6 +62,7 @@ class PreparedScene:
     framing: Framing
     encoded: object | None  # model.renderer.EncodedScene; None: there is nothing to light
     content: bytes          # model_cache.fingerprint
+    at_hits: HitMaterials   # of the scene
 
     @property
     def is_draft(self) -> bool:
@@ -79,7 +81,7 @@ def prepare_scene(copied: CopiedScene, state: State, view: View, settings: Viewp
     before: the scene that was shown until now, whose box and shares of triangles stay as long as they fit.
     cache: of earlier conversions.
     """
-    frame, framing = settings.frame, None
+    frame, framing, at_hits = settings.frame, None, HitMaterials()
 
     def choose_framing(own: Framing) -> Framing:
         nonlocal framing
@@ -88,17 +90,18 @@ def prepare_scene(copied: CopiedScene, state: State, view: View, settings: Viewp
         return framing
 
     with progress.part(0.0, 0.4, "Converting the scene"):
-        scene = compute(copied, view, frame.conversion, report, choose_framing=choose_framing, cache=cache)
+        scene = compute(copied, view, frame.conversion, report, choose_framing=choose_framing, cache=cache,
+                        at_hits=at_hits)
     content = model_cache.fingerprint(scene)
     if before and before.content == content and before.settings.scene_key == settings.scene_key:
-        return replace(before, state=state, framing=framing)
+        return replace(before, state=state, framing=framing, at_hits=at_hits)
     encoded = None
     if len(scene) or scene.volumes:
         with progress.part(0.4, 0.5, "Loading the network"):
             network = model_cache.renderer(frame.weights, frame.device, frame.precision, frame.transformer)
         with progress.part(0.5, 1.0, "Bouncing light"):
             encoded = network.encode(scene, view.longer_side, draft=True)
-    return PreparedScene(state, settings, scene, framing, encoded, content)
+    return PreparedScene(state, settings, scene, framing, encoded, content, at_hits)
 
 
 def finish_draft(draft: PreparedScene) -> PreparedScene:
@@ -112,13 +115,13 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
     """(H, W, 4) f32 premultiplied linear Rec.709, row 0 on top, and (k, 3) positions of visible surfaces, world frame.
 
     divisor: the picture's level. At the finest one several rays pass through each pixel, against jagged edges. Coarse
-    pictures, which others soon replace, have fewer rays of light.
+    pictures, which others soon replace, have fewer rays of light, and materials as tiles show them.
     """
-    is_finest = divisor == settings.finest
-    effort = QUICK if divisor >= COARSE and not is_finest else FULL
-    frame = settings.frame
+    is_finest, frame = divisor == settings.finest, settings.frame
+    is_quick = divisor >= COARSE and not is_finest
+    materials = prepared.at_hits if frame.network.has_lobes and not is_quick else None
     with progress.part(0.0, 0.1, "Finding surfaces"):
-        guides = cast_guides(prepared.scene, view, SPREAD if is_finest else CENTER)
+        guides = cast_guides(prepared.scene, view, SPREAD if is_finest else CENTER, materials)
     if frame.network.follows_specular_paths:
         with progress.part(0.1, 0.2):
             guides = add_path_ends(guides, prepared.scene, view)
@@ -126,7 +129,7 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
     radiance = np.zeros_like(guides.position)
     if prepared.encoded is not None and (covered.any() or prepared.scene.volumes):
         with progress.part(0.2, 1.0, "Lighting the picture"):
-            radiance = prepared.encoded.view(view, guides, effort)
+            radiance = prepared.encoded.view(view, guides, QUICK if is_quick else FULL)
     opacity = None if frame.film_transparent else np.ones_like(guides.alpha)
     return output.composite(radiance, guides, opacity, None, frame.exposure), guides.position[covered]
 

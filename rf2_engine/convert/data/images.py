@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from threading import Lock
 
 import numpy as np
 
 MISSING = np.array([1.0, 0.0, 1.0, 1.0], np.float32)  # magenta, as Blender shows a missing image
 FIRST_TILE, TILES_IN_A_ROW = 1001, 10
+_halving = Lock()  # several threads may read one image
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,12 @@ class Pyramid:
     def level(self, index: int) -> np.ndarray:
         """Scene-linear, halved `index` times, never smaller than one texel."""
         levels = self._levels
-        if not levels:
-            levels.append(self.finished(self.stored))
-        while len(levels) <= index and max(levels[-1].shape[:2]) > 1:
-            last = levels[-1]
-            levels.append(area_resample(last, (last.shape[0] + 1) // 2, (last.shape[1] + 1) // 2))
+        with _halving:
+            if not levels:
+                levels.append(self.finished(self.stored))
+            while len(levels) <= index and max(levels[-1].shape[:2]) > 1:
+                last = levels[-1]
+                levels.append(area_resample(last, (last.shape[0] + 1) // 2, (last.shape[1] + 1) // 2))
         return levels[min(index, len(levels) - 1)]
 
     def at(self, uv: np.ndarray, index: int, extension: str, interpolation: str) -> np.ndarray:

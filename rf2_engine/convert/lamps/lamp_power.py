@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..shading import graph
-from ..shading.evaluate import Evaluator, Points
+from ..shading.evaluate import Evaluator
 from ..shading.lamp_nodes import LampPoints
 from ..shading.node_call import NodeCall
+from ..shading.points import Points
 from ..shading.surface import closure_at
 from .beams import sphere
 

@@ -13,8 +13,9 @@ from ..data.blocks import World
 from ..data.copied import Sun
 from ..data.report import Report
 from ..shading import graph, sky
-from ..shading.evaluate import Evaluator, Points
+from ..shading.evaluate import Evaluator
 from ..shading.node_call import OF_A_NODE, NodeCall
+from ..shading.points import Points
 from ..shading.surface import closure_at
 from .lamp_triangles import SUN_ANGLE
 from .suns import split_suns

@@ -10,9 +10,10 @@ from ..data import mesh as meshes
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
 from ..shading import graph
-from ..shading.evaluate import Evaluator, Points
+from ..shading.evaluate import Evaluator
 from ..shading.material import HEIGHT_UNIT
 from ..shading.node_call import NodeCall, Unknown
+from ..shading.points import Points
 from .subdivide import pieces, subdivide
 
 DICED = 1 << 14      # triangles of a diced mesh, before it is simplified to the budget

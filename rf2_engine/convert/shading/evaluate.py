@@ -7,78 +7,16 @@ not depend on the point keep the bare shape (1,) or (3,), so "is this material h
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
-from ....model.scene import barycentric_grid
-from ..data.arrays import unit
 from ..data.blocks import Conventions
-from ..data.copied import Instance
-from ..data.mesh import face_normals
 from . import graph
 from .functions import FUNCTIONS
-from .lamp_nodes import LampPoints
 from .node_call import DependsOnView, NodeCall, Unknown
+from .points import Points
 
 LONGEST_CHAIN = 150  # nodes: Python allows 1000 nested calls
-
-
-@dataclass
-class Points:
-    """Where a graph is evaluated. Surfaces fill most of it, the world `direction` alone, lamps `lamp` alone."""
-
-    uv: dict[str, np.ndarray] = field(default_factory=dict)      # (m, 32, 32, 3) f32 per UV layer
-    active_uv: str | None = None
-    attributes: dict[str, np.ndarray] = field(default_factory=dict)  # (m, 32, 32, c) f32 by name
-    active_color: str | None = None
-    corners: np.ndarray | None = None                            # (m, 3, 3) f32, in the frame of the object
-    texture_space: np.ndarray | None = None                      # (2, 3) f32 (data/mesh.py)
-    normals: np.ndarray | None = None                            # (m, 3, 3) f32, in the same frame
-    instance: Instance = field(default_factory=Instance)
-    direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
-    lamp: LampPoints | None = None
-    is_displaced: bool = False                                   # displacement is in the corners already
-    camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
-
-    @cached_property
-    def position(self) -> np.ndarray:
-        """(m, 32, 32, 3) f32 in the frame of the object."""
-        return interpolate(self.corners)
-
-    @cached_property
-    def normal(self) -> np.ndarray:
-        """(m, 32, 32, 3) f32, unit."""
-        return unit(interpolate(self.normals))
-
-    @property
-    def face_normal(self) -> np.ndarray:
-        """(m, 1, 1, 3) f32, unit."""
-        return face_normals(self.corners).astype(np.float32)[:, None, None]
-
-    def grid(self, name: str) -> np.ndarray | None:
-        """Values (..., c) of a grid of numbers; None where there are no grids."""
-
-    @property
-    def edges(self) -> np.ndarray:
-        """(m, 2, 3) f32 ways along a row and a column of the tile, from its first texel on."""
-        return self.corners[:, :2] - self.corners[:, 2:]
-
-    def uv_edges(self, name: str = "") -> np.ndarray | None:
-        """(m, 2, 2) f32, the same in a UV layer, the active one when empty; None where there is none."""
-        layer = self.uv.get(name or self.active_uv)
-        if layer is None:
-            return None
-        last = layer.shape[1] - 1
-        edges = np.stack([layer[:, 0, last] - layer[:, 0, 0], layer[:, last, 0] - layer[:, 0, 0]], axis=1)
-        return edges[..., :2] * np.float32(layer.shape[1] / last)
-
-    @property
-    def generated(self) -> np.ndarray:
-        """(m, 32, 32, 3) f32, 0 to 1 across the mesh's texture space."""
-        middle, half = self.texture_space
-        return (self.position - middle) * np.divide(0.5, half, out=np.zeros(3, np.float32), where=half != 0) + 0.5
 
 
 class Evaluator:
@@ -152,11 +90,6 @@ def _baked(n: NodeCall, reason: Unknown) -> np.ndarray | Unknown:
         return Unknown(f"{reason}, and {error}")
     n.approximated(f'{reason}, so Cycles has baked it on "{n.points.instance.name}"')
     return texels
-
-
-def interpolate(corners: np.ndarray) -> np.ndarray:
-    """(m, 3, c) corner values -> (m, 32, 32, c) on the tile grid, extrapolated beyond the hypotenuse."""
-    return np.einsum("rck,mkd->mrcd", barycentric_grid(), corners, optimize=True).astype(np.float32)
 
 
 def _default(socket) -> np.ndarray:

@@ -32,30 +32,38 @@ def _look_up(n: NodeCall, uv: np.ndarray) -> np.ndarray:
     """(..., 4) at (..., 2+)."""
     node = n.node
     if node.image.source != "TILED":
-        return _prefiltered(_pyramid(n), uv, node)
-    column, row = np.moveaxis(np.floor(np.nan_to_num(uv[..., :2])), -1, 0)
+        return _prefiltered(_pyramid(n), uv, n)
+    column, row = np.moveaxis(np.floor(np.nan_to_num(_shown(n, uv)[..., :2])), -1, 0)
     in_rows = (column >= 0) & (column < TILES_IN_A_ROW) & (row >= 0)
     tile, result = np.where(in_rows, FIRST_TILE + column + TILES_IN_A_ROW * row, FIRST_TILE), MISSING
     for number in np.intersect1d(tile, list(node.image.pyramids)).astype(int).tolist():
         origin = divmod(number - FIRST_TILE, TILES_IN_A_ROW)[::-1]
-        texels = _prefiltered(_pyramid(n, number), uv[..., :2] - np.float32(origin), node)
+        texels = _prefiltered(_pyramid(n, number), uv[..., :2] - np.float32(origin), n)
         result = np.where((tile == number)[..., None], texels, result)
-    return np.broadcast_to(result, uv.shape[:-1] + (4,))
+    return np.broadcast_to(result, tile.shape + (4,))
 
 
-def _prefiltered(pyramid, uv: np.ndarray, node) -> np.ndarray:
-    """Each triangle (first axis of a (m, 32, 32, 2+) uv) reads the level whose texels match its own grid step."""
+def _shown(n: NodeCall, uv: np.ndarray) -> np.ndarray:
+    """Those of coordinates (..., 2+) whose texels are read."""
+    return uv[:, :1, :1] if n.points.first_alone and uv.ndim == 4 else uv
+
+
+def _prefiltered(pyramid, uv: np.ndarray, n: NodeCall) -> np.ndarray:
+    """Each triangle (first axis of a (m, r, c, 2+) uv) reads the level whose texels match its own grid step."""
+    shown, how = _shown(n, uv), (n.node.extension, n.node.interpolation)
     if uv.ndim != 4:
-        return pyramid.at(uv, 0, node.extension, node.interpolation)
-    level, out = _levels(uv, pyramid.shape), np.empty(uv.shape[:3] + (4,), np.float32)
+        return pyramid.at(shown, 0, *how)
+    level, out = _levels(uv, pyramid.shape), np.empty(shown.shape[:3] + (4,), np.float32)
     for index in np.unique(level):
         chosen = level == index
-        out[chosen] = pyramid.at(uv[chosen], index, node.extension, node.interpolation)
+        out[chosen] = pyramid.at(shown[chosen], index, *how)
     return out
 
 
 def _levels(uv: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """(m,)."""
+    """(m,); 0 of single points."""
+    if uv.shape[1:3] == (1, 1):
+        return np.zeros(len(uv), int)
     size = np.float32(shape[::-1])
     steps = np.stack([uv[:, 0, 1] - uv[:, 0, 0], uv[:, 1, 0] - uv[:, 0, 0]], axis=1)[..., :2] * size
     texels = np.linalg.norm(steps, axis=-1).max(axis=1)

@@ -2,7 +2,7 @@
 """Blender materials to material tiles and emission (docs/scene-input.md 3, 4)."""
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -26,9 +26,10 @@ from ..data.mesh import TriangleMesh, face_normals
 from ..data.report import Report
 from . import graph
 from .closure import Closure, SurfaceParameters, lobe, parameters
-from .evaluate import Evaluator, Points, interpolate
+from .evaluate import Evaluator
 from .node_call import NodeCall
 from .normal_map import bend_normal
+from .points import Points, surface_points
 from .surface import closure_at, is_emission
 from .two_lobes import two_lobes
 from .volume import has_surface
@@ -58,6 +59,7 @@ class MaterialTiles:
         self._constant: dict[tuple, int] = {}
         self._differs_by_instance: set[Material] = set()  # those whose tiles differ by instance
         self._differs_by_scale: set[Material] = set()  # those whose tiles differ by size
+        self._varying: set[Material] = set()  # those that are not the same all over some triangle
 
     @property
     def tiles(self) -> np.ndarray:
@@ -100,7 +102,7 @@ class MaterialTiles:
             part = slice(start, min(start + chunk, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
-                points = texel_points(mesh.take(part), instance or Instance())
+                points = surface_points(mesh.take(part), instance or Instance())
                 surface, height = self.evaluate(material, points)
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
@@ -110,6 +112,8 @@ class MaterialTiles:
                 tiles = np.repeat(tiles, len(own), axis=0)
             reflects |= surface.base_color.any()
             nothing[part] = mean_over_triangle(surface.clear)[..., 0] > CLEAR
+            if not is_homogeneous(surface):
+                self._varying.add(material)
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
                 index[:] = self._constant_index(tiles[0], material.latent, own)
                 emission[:], nothing[:] = emission[start], nothing[start]
@@ -133,12 +137,20 @@ class MaterialTiles:
         """(n,) share of light that goes straight, or through glass of at most the roughness `smooth`, at triangles."""
         if material is None:
             return np.zeros(len(mesh))
-        surface, _ = self.evaluate(material, texel_points(mesh, instance))
+        surface, _ = self.evaluate(material, surface_points(mesh, instance))
         through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
         return np.broadcast_to(mean_over_triangle(through)[..., 0], len(mesh))
 
-    def evaluate(self, material: Material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
-        """The surface and its height, in the units of a tile, at these points."""
+    def varies(self, material: Material | None) -> bool:
+        """Whether it was not the same all over some triangle."""
+        return material in self._varying
+
+    def evaluate(self, material: Material, points: Points, is_seen: bool = False
+                 ) -> tuple[SurfaceParameters, np.ndarray]:
+        """The surface and its height, in the units of a tile, at these points.
+
+        Light is that which falls on the scene, which may be other than what the camera sees: is_seen asks for that.
+        """
         tree = material.node_tree
         if tree is None:
             color = np.array(material.diffuse_color[:3], np.float32)
@@ -148,7 +160,7 @@ class MaterialTiles:
         output = graph.output_node(tree)
         output = None if output is None else NodeCall(evaluator, output)
         closure = Closure() if output is None else closure_at(output, "Surface")
-        if evaluator.depends_on_ray:
+        if evaluator.depends_on_ray and not is_seen:
             lighting = Evaluator(replace(points, camera_ray=False), tree.conventions, self.report, material.name,
                                  self.baker)
             lighting.material_index = material.pass_index
@@ -233,6 +245,11 @@ def _normal_scale(n: NodeCall) -> np.ndarray:
     return np.linalg.norm(normals @ linear.T, axis=1).astype(np.float32)[:, None, None, None]
 
 
+def is_homogeneous(surface: SurfaceParameters) -> bool:
+    """Whether it is the same at all points."""
+    return all(getattr(surface, f.name).ndim == 1 for f in fields(surface))
+
+
 def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
     """(m, 11, 32, 32) f16, m = 1 when no parameter varies over the surface."""
     placed = ((BASE_COLOR, surface.base_color), (METALLIC, surface.metallic), (ROUGHNESS, surface.roughness),
@@ -255,14 +272,6 @@ def lobe_arrays(lobes: dict[str, np.ndarray], count: int) -> np.ndarray:
         full = np.broadcast_to(values, (count, TILE_SIZE, TILE_SIZE, values.shape[-1]))
         arrays[:, TWO_LOBES[name]] = np.moveaxis(full, -1, 1)
     return arrays
-
-
-def texel_points(mesh: TriangleMesh, instance: Instance) -> Points:
-    """The texels of the tiles of a mesh."""
-    uv = {name: interpolate(np.pad(layer, ((0, 0), (0, 0), (0, 1)))) for name, layer in mesh.uv.items()}
-    attributes = {name: interpolate(layer) for name, layer in mesh.attributes.items()}
-    return Points(uv, mesh.active_uv, attributes, mesh.active_color, mesh.corners, mesh.texture_space, mesh.normals,
-                  instance, is_displaced=mesh.is_displaced, camera_ray=True)
 
 
 def mean_over_triangle(values: np.ndarray) -> np.ndarray:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..data.arrays import dot, join, mix_values, unit
+from ..data.arrays import divide_safely, dot, join, mix_values, unit
 from .coordinates import normals_in_world
 from .node_call import NodeCall, Unknown
+from .points import Points
 
 UP = np.array([0.0, 0.0, 1.0], np.float32)
 
@@ -73,7 +74,7 @@ def _bumped(n: NodeCall) -> np.ndarray:
 
 
 def bend_normal(n: NodeCall, base: np.ndarray, height: np.ndarray, distance=1.0, strength=1.0) -> np.ndarray:
-    """(m, 32, 32, 3) the UV-frame normal `base` bent by a height over the tile, times a distance in world units."""
+    """(m, r, c, 3) the UV-frame normal `base` bent by a height over the tile, times a distance in world units."""
     if height.ndim == 1 or n.points.corners is None:
         return base
     linear = n.linear_matrix()
@@ -83,9 +84,16 @@ def bend_normal(n: NodeCall, base: np.ndarray, height: np.ndarray, distance=1.0,
     along = edges @ axes                                                          # (m, 2, 2)
     size = height.shape[1]
     steps = np.stack([np.gradient(height[..., 0], axis=axis) * size for axis in (2, 1)], axis=-1)[..., None]
-    slope = (np.linalg.pinv(along)[:, None, None] @ steps)[..., 0]                # (m, 32, 32, 2)
+    slope = (_inverse(along)[:, None, None] @ steps)[..., 0]                      # (m, r, c, 2)
     bent = base - join(distance * slope, 0 * height)
     return unit(mix_values(base, unit(bent), np.maximum(strength, 0)))
+
+
+def _inverse(matrices: np.ndarray) -> np.ndarray:
+    """Of (m, 2, 2); 0 where there is none."""
+    (a, b), (c, d) = np.moveaxis(matrices, 0, -1)
+    determinant = a * d - b * c
+    return divide_safely(np.stack([d, -b, -c, a], axis=-1), determinant[:, None]).reshape(-1, 2, 2)
 
 
 def _across(edges: np.ndarray, uv_edges: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -102,9 +110,18 @@ def _across(edges: np.ndarray, uv_edges: np.ndarray | None) -> tuple[np.ndarray,
 
 
 def _frame(edges: np.ndarray, uv_edges: np.ndarray | None, normal: np.ndarray) -> np.ndarray:
-    """(m, 32, 32, 3, 3) rows: tangent, the other tangent, smooth normal (m, 32, 32, 3)."""
+    """(m, r, c, 3, 3) rows: tangent, the other tangent, smooth normal (m, r, c, 3)."""
     tangents = [axis[:, None, None] for axis in _across(edges, uv_edges)]
     return np.stack([unit(axis - normal * dot(axis, normal)) for axis in tangents] + [normal], axis=-2)
+
+
+def bent_normals(bent: np.ndarray, points: Points, corners: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """(m, 3) unit normals whose UV-frame normals at points with weights are `bent` (m, 3).
+
+    corners: (m, 3, 3) of their triangles, normal: (m, 3) smooth ones, in the frame of the result.
+    """
+    frame = _frame(points.ways(corners), points.uv_edges(), normal[:, None, None])
+    return unit(_combined(bent, frame[:, 0, 0]))
 
 
 def _frame_in_world(n: NodeCall) -> np.ndarray:

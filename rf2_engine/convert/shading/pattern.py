@@ -10,12 +10,25 @@ from .noise.fractal import Fractal, fbm
 
 INWARD, AWAY = np.float32(0.999999), np.float32(1e-6)  # points on whole coordinates belong to one side
 TURN = 2 * np.pi
+FINE = 0.05  # cells of a checker that a pixel covers, from which on it shows their mean
 
 
 def checker(n: NodeCall):
-    cell = np.floor(n.coordinates() * n["Scale"] * INWARD + AWAY)
-    first = (cell.sum(axis=-1, keepdims=True) % 2 == 1).astype(np.float32)
+    at = n.coordinates() * n["Scale"] * INWARD + AWAY
+    width = n.points.widths(at)
+    if width is None:
+        first = (np.floor(at).sum(axis=-1, keepdims=True) % 2 == 1).astype(np.float32)
+    else:
+        first = (1 - np.prod(_mean_of_stripes(at, width), axis=-1, keepdims=True)) / 2
     return first if n.output.name in ("Fac", "Factor") else n["Color1"] * first + n["Color2"] * (1 - first)
+
+
+def _mean_of_stripes(x, width):
+    """Of 1 and -1 in turn from one whole number to the next, over a width around x."""
+    is_fine = width > FINE
+    width = np.where(is_fine, width, 1)
+    ends = (1 - np.abs((x + side * width / 2) % 2 - 1) for side in (1, -1))  # of the integral
+    return np.where(is_fine, np.subtract(*ends) / width, 1 - 2 * (np.floor(x) % 2))
 
 
 def gradient(n: NodeCall):

@@ -9,11 +9,16 @@ from ....model.scene import Geometry, RenderScene
 from ..data import mesh as meshes
 from ..data.collected import Part
 from ..data.copied import Instance
+from .hit_materials import HitMaterials
 from .material import MaterialTiles
 
 
-def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report) -> RenderScene:
-    """Surfaces and mesh emitters in world space; instances share the tiles that do not depend on the instance."""
+def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
+                      at_hits: HitMaterials | None = None) -> RenderScene:
+    """Surfaces and mesh emitters in world space; instances share the tiles that do not depend on the instance.
+
+    at_hits: is told where the rows of the geometry come from.
+    """
     rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
     geometry: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "token": []}
     count = 0
@@ -26,8 +31,10 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report) -> Re
                     tokens, is_kept = _instance(part, instance, materials, shared, report)
                     _add(rows, {name: values[is_kept] for name, values in tokens.items()})
                     row = np.where(is_kept, count + np.cumsum(is_kept) - 1, -1).astype(np.int32)
-                    for real in _real_surfaces(part, instance, tokens, row):
+                    for real, is_real in _real_surfaces(part, instance, tokens, row):
                         _add(geometry, real)
+                        if at_hits is not None:
+                            at_hits.add(part, instance, materials, is_real)
                     count += np.count_nonzero(is_kept)
     scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes)
     for name, values in rows.items():
@@ -69,12 +76,15 @@ def _is_usable(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _real_surfaces(part: Part, instance: Instance, tokens: dict[str, np.ndarray],
-                   row: np.ndarray) -> list[dict[str, np.ndarray]]:
-    """Fields of a Geometry for what the tokens of an instance stand for; row: (n,) i32 of these in the scene, or -1."""
+                   row: np.ndarray) -> list[tuple[dict[str, np.ndarray], np.ndarray]]:
+    """Fields of a Geometry for what the tokens of an instance stand for, and which triangles of its mesh these are.
+
+    row: (n,) i32 of the tokens in the scene, or -1.
+    """
     if part.real is None and not instance.real_matrices:
         is_kept = row >= 0
-        return [{"triangles": tokens["triangles"][is_kept], "normals": tokens["normals"][is_kept],
-                 "token": row[is_kept]}]
+        return [({"triangles": tokens["triangles"][is_kept], "normals": tokens["normals"][is_kept],
+                  "token": row[is_kept]}, is_kept)]
     mesh, token = (part.mesh, row) if part.real is None else (part.real, row[part.token])
     surfaces, is_flat = [], (row < 0).any()  # then triangles may have become lines
     for matrix in instance.real_matrices or (instance.matrix,):
@@ -84,7 +94,8 @@ def _real_surfaces(part: Part, instance: Instance, tokens: dict[str, np.ndarray]
         if is_flat or instance.real_matrices:
             is_kept &= np.logical_and(*_is_usable(corners))
         fields = {"triangles": corners, "normals": normals, "token": token}
-        surfaces.append(fields if is_kept.all() else {name: values[is_kept] for name, values in fields.items()})
+        fields = fields if is_kept.all() else {name: values[is_kept] for name, values in fields.items()}
+        surfaces.append((fields, is_kept))
     return surfaces
 
 

@@ -7,9 +7,10 @@ import numpy as np
 from ..data.blocks import Material
 from ..data.report import Report
 from . import graph
-from .evaluate import Evaluator, Points
+from .evaluate import Evaluator
 from .node_call import NodeCall
 from .normal_map import tangent_normal
+from .points import Points
 
 GLOSSY = ("ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfGlossy")
 

@@ -10,8 +10,9 @@ import numpy as np
 from ..data.copied import Instance
 from ..data.report import Report
 from . import graph
-from .evaluate import Evaluator, Points
+from .evaluate import Evaluator
 from .node_call import NodeCall
+from .points import Points
 
 NONE = np.zeros(3, np.float32)
 

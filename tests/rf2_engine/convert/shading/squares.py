@@ -16,7 +16,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.instances im
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.copying.meshes import read_mesh
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.material import texel_points
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.points import surface_points
 
 from tests.rf2_engine.convert.copies import copied
 from tests.rf2_engine.convert.cycles_reference import empty_cycles_scene, material, rendered
@@ -134,7 +134,7 @@ def evaluated(place, obj, report, asked) -> np.ndarray:
     """(32, 32, 3) colour that reaches the Emission node of a square, row 0 at the bottom as in the picture."""
     mesh = read_mesh(obj.data, obj.name, report, asked.names[MESH]).take([0])
     mesh = mesh.mapped(lambda layer: layer[:, CORNER_ORDER])
-    points = texel_points(mesh, place)
+    points = surface_points(mesh, place)
     made = copied(obj.active_material)
     evaluator = Evaluator(points, made.node_tree.conventions, report, obj.name)
     evaluator.material_index = made.pass_index

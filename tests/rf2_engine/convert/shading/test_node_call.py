@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.data.report import Report
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator, Points
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.evaluate import Evaluator
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.node_call import NodeCall
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.points import Points
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.surface import closure_at
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.shading.volume import has_surface, volume_coefficients
 
