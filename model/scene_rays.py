@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .progress import part
 from .rays import Hits, Rays
 from .scene import RenderScene
 from .surface_kinds import Kind, is_kind, token_kinds
@@ -69,8 +70,9 @@ class RaysAmong:
     def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
         """The first hits from points (P, 3), or from one point, along directions (P, 3)."""
         origin, result = self._points(origin), None
-        for rows, rays in self.trees:
-            hits = rays.closest(origin, direction)
+        for i, (rows, rays) in enumerate(self.trees):
+            with part(i / len(self.trees), (i + 1) / len(self.trees)):
+                hits = rays.closest(origin, direction)
             hits = hits._replace(triangle=rows[hits.triangle])
             result = hits if result is None else _nearer(result, hits)
         if result is None:
@@ -82,8 +84,9 @@ class RaysAmong:
         """(P,) bool: whether anything is hit within a distance (P,), in lengths of the directions."""
         origin, distance = self._points(origin), np.multiply(distance, self.rays.factor, dtype=np.float32)
         blocked = np.zeros(len(direction), bool)
-        for _, rays in self.trees:
-            blocked |= rays.blocked(origin, direction, distance)
+        for i, (_, rays) in enumerate(self.trees):
+            with part(i / len(self.trees), (i + 1) / len(self.trees)):
+                blocked |= rays.blocked(origin, direction, distance)
         return blocked
 
     def _points(self, points: np.ndarray) -> np.ndarray:

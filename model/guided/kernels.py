@@ -60,7 +60,9 @@ def apply_kernels(picture: Tensor, kernels: Tensor, samples: Tensor | int = 0) -
 
     samples: of all pixels, or of each (V, 1, H, W); the more there are than in training, the weaker the filter.
     """
-    kernels = (kernels - LEAST_WEIGHT).clamp_min(0) * (SAMPLES[1] / torch.as_tensor(samples).clamp_min(SAMPLES[1]))
+    trained = SAMPLES[1]
+    most = samples.clamp_min(trained) if isinstance(samples, Tensor) else max(samples, trained)
+    kernels = (kernels - LEAST_WEIGHT).clamp_min(0) * (trained / most)
     h, w = picture.shape[2:]
     padded = F.pad(picture, (RADIUS,) * 4, mode="replicate")
     side = 2 * RADIUS + 1

@@ -76,11 +76,12 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     surfaces = HitSurfaces.of(light.scene, view, guides, first_row, direct.device)
     grid, filters = max(probe_grid(view.longer_side), effort.probe_grid), SMOOTH[:effort.smoothings]
     make_probes = partial(Probes, grid=grid, finest=max(grid // effort.closer, 1))
-    separation = Separation(*(x.permute(2, 0, 1) for x in (surfaces.position, surfaces.normal)),
-                            surfaces.is_covered[..., 0], direct.occluders) if effort.walls else None
+    with part(0.0, 0.02):
+        separation = Separation(*(x.permute(2, 0, 1) for x in (surfaces.position, surfaces.normal)),
+                                surfaces.is_covered[..., 0], direct.occluders) if effort.walls else None
     probes = make_probes(surfaces.position, surfaces.normal, surfaces.is_covered, separation=separation)
     outgoing = partial(outgoing_radiance, radiosity, None if is_traced else direct, effort)
-    with part(0.0, 0.3):
+    with part(0.02, 0.3):
         bounced, sky = diffuse_bounces(radiosity, probes, filters, effort, with_direct)
     with part(0.3, 0.4):
         gloss = glossy_bounces(radiosity, probes, surfaces, filters, effort, is_traced, with_direct)

@@ -206,7 +206,7 @@ def test_while_the_network_works_the_frame_shows_unlit_colours(scene, tmp_path, 
 
 
 @pytest.mark.parametrize("stage, light, kept", [
-    ("Finding visible triangles", "TRACED", False), ("Network", "TRACED", True), ("Network", "NETWORK", False)])
+    ("Finding visible surfaces", "TRACED", False), ("Network", "TRACED", True), ("Network", "NETWORK", False)])
 def test_esc_leaves_what_was_traced_and_the_other_passes(scene, tmp_path, monkeypatch, capfd, stage, light, kept):
     scene.renderformer_v2.light = light
     sun(scene)
