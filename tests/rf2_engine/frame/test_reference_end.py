@@ -52,7 +52,7 @@ def test_our_picture_is_on_screen_before_cycles_starts(lit, tmp_path, monkeypatc
     def look(status):
         texts.add(status._displayed[0])
         if status._displayed[0].endswith("Cycles Reference") and not shown:
-            read = cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]])
+            read = cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]], True)
             shown.append(read[""]["combined"])
         return False
     monkeypatch.setattr(Status, "esc_pressed", look)
