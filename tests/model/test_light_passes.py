@@ -21,7 +21,7 @@ def guides(rng, traced):
         color[1] = 3e-5       # or one that half floats do not hold
     zero = np.zeros((H, W), np.float32)
     return Guides(picture(), picture(), *colors, picture(), picture(), zero, zero, zero.astype(np.int32),
-                  np.zeros((H, W, 2), np.float32), picture() if traced else None)
+                  np.zeros((H, W, 2), np.float32), traced=picture() if traced else None)
 
 
 def recipe(passes, given):

@@ -48,16 +48,13 @@ def spy(monkeypatch, instead=None) -> list:
 def test_our_picture_is_on_screen_before_cycles_starts(lit, tmp_path, monkeypatch):
     shown = []
 
-    texts = set()
     def look(status):
-        texts.add(status._displayed[0])
         if status._displayed[0].endswith("Cycles Reference") and not shown:
             read = cycles_run._read(status.engine.get_result(), "ViewLayer", [passes.PASSES[0]], True)
             shown.append(read[""]["combined"])
         return False
     monkeypatch.setattr(Status, "esc_pressed", look)
     found = press_f12(lit, tmp_path)
-    print("TEXTS", texts)
     np.testing.assert_array_equal(shown[0], found["ViewLayer.Combined"])
 
 
