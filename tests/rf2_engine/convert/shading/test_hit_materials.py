@@ -156,6 +156,9 @@ def seen(tmp_path_factory):
     return {positions: cast_guides(converted, view, positions, at_hits) for positions in (SPREAD, CENTER)}, passes
 
 
+NAMES = {"DiffCol": ("DiffCol", "Diffuse Color"), "Normal": "Normal"}  # the second from Blender 5.0 on
+
+
 def cycles_passes(scene, folder) -> dict[str, np.ndarray]:
     """Diffuse Color as scenes have it, and Normal of one sample in the middle of each pixel."""
     layer, passes = bpy.context.view_layer, {}
@@ -166,7 +169,7 @@ def cycles_passes(scene, folder) -> dict[str, np.ndarray]:
         scene.render.filepath = str(folder / f"{name}.exr")
         bpy.ops.render.render(write_still=True)
         found = read_exr(scene.render.filepath)
-        passes[name] = next(pixels for key, pixels in found.items() if key.endswith(name))
+        passes[name] = next(pixels for key, pixels in found.items() if key.endswith(NAMES[name]))
     return passes
 
 
