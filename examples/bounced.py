@@ -4,7 +4,6 @@
     python examples/bounced.py OUT_DIR [NAME ...]      # OUT_DIR/door_ajar.blend, ...
     python -m tools.evaluate OUT_DIR -o REPORT_DIR --reference 512 --cycles 2 4 8 16
 """
-import os
 import sys
 from math import cos, pi, radians, sin
 from pathlib import Path
@@ -13,7 +12,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 from effects import ball, cube, empty, lamp  # noqa: E402
-from room import choose_engine, material, put  # noqa: E402
+from room import material, put, save_scenes  # noqa: E402
 
 WHITE, WARM, GREY = (0.8, 0.8, 0.8), (0.78, 0.72, 0.62), (0.5, 0.5, 0.5)
 RED, GREEN, BLUE, WOOD = (0.7, 0.1, 0.07), (0.12, 0.42, 0.14), (0.1, 0.2, 0.6), (0.4, 0.22, 0.11)
@@ -330,16 +329,5 @@ ROOMS = (door_ajar, lampshade, haze, sixty_bulbs, uplight, window, sunlit_window
          glass_torus, bookshelf, skylight, courtyard, arcade, metal_screen, closet, stairs, perforated)
 
 
-def main(folder: Path, names: list[str]) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    for build in ROOMS:
-        if not names or build.__name__ in names:
-            build()
-            choose_engine()
-            bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{build.__name__}.blend"), compress=True)
-
-
 if __name__ == "__main__":
-    main(Path(sys.argv[1]).absolute(), sys.argv[2:])
-    sys.stdout.flush()
-    os._exit(0)
+    save_scenes(ROOMS)

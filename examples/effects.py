@@ -4,7 +4,6 @@
     python examples/effects.py OUT_DIR          # OUT_DIR/shadow.blend, ...
     python -m tools.evaluate OUT_DIR -o REPORT_DIR
 """
-import os
 import sys
 from math import radians
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
-from room import choose_engine, look, material, put  # noqa: E402
+from room import look, material, put, save_scenes  # noqa: E402
 
 SIZE = 192  # pixels
 WHITE, RED = (0.8, 0.8, 0.8), (0.8, 0.1, 0.08)
@@ -142,11 +141,4 @@ def panel():
 EFFECTS = (shadow, mirror, glass, bleeding, fog, ground, sky, panel)
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1]).absolute()
-    folder.mkdir(parents=True, exist_ok=True)
-    for effect in EFFECTS:
-        effect()
-        choose_engine()
-        bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{effect.__name__}.blend"), compress=True)
-    sys.stdout.flush()
-    os._exit(0)
+    save_scenes(EFFECTS)

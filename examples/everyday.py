@@ -4,7 +4,6 @@
     python examples/everyday.py OUT_DIR [NAME ...]      # OUT_DIR/spheres.blend, ...
     python -m tools.evaluate OUT_DIR -o REPORT_DIR --reference 512
 """
-import os
 import random
 import sys
 from math import pi
@@ -16,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from bounced import BLUE, GREEN, RED, WARM, WHITE, WOOD, box, crockery, inside, room, table, things  # noqa: E402
 from effects import ball, cube, empty, lamp  # noqa: E402
-from room import choose_engine, material  # noqa: E402
+from room import material, save_scenes  # noqa: E402
 
 SIZE = 512        # pixels
 SKY = 256, 128    # pixels of the panorama
@@ -103,17 +102,9 @@ def furnished():
 SCENES = (spheres, interior, small_objects, furnished)
 
 
-def main(folder: Path, names: list[str]) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    for build in SCENES:
-        if not names or build.__name__ in names:
-            build()
-            bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = SIZE
-            choose_engine()
-            bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{build.__name__}.blend"), compress=True)
+def set_size():
+    bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = SIZE
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]).absolute(), sys.argv[2:])
-    sys.stdout.flush()
-    os._exit(0)
+    save_scenes(SCENES, set_size)

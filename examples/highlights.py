@@ -4,7 +4,6 @@
     python examples/highlights.py OUT_DIR [NAME ...]      # OUT_DIR/chrome.blend, ...
     python -m tools.evaluate.direct OUT_DIR -o REPORT_DIR
 """
-import os
 import sys
 from math import cos, pi, radians, sin
 from pathlib import Path
@@ -14,7 +13,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).parent))
 from bounced import BLUE, GREY, RED, WARM, WHITE, box, room, things  # noqa: E402
 from effects import ball, cube, empty, lamp, plane  # noqa: E402
-from room import choose_engine, material, put  # noqa: E402
+from room import material, put, save_scenes  # noqa: E402
 
 SIZE = 128  # pixels
 PASSES = [f"use_pass_{lobe}_{light}" for lobe in ("diffuse", "glossy", "transmission")
@@ -113,20 +112,12 @@ def panel():
 SCENES = (chrome, gold, twelve_lamps, crystals, spot, glossy_wall, plastic, panel)
 
 
-def main(folder: Path, names: list[str]) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    for build in SCENES:
-        if not names or build.__name__ in names:
-            build()
-            render = bpy.context.scene.render
-            render.resolution_x = render.resolution_y = SIZE
-            for name in PASSES:
-                setattr(bpy.context.view_layer, name, True)
-            choose_engine()
-            bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{build.__name__}.blend"), compress=True)
+def set_size_and_passes():
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = SIZE
+    for name in PASSES:
+        setattr(bpy.context.view_layer, name, True)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]).absolute(), sys.argv[2:])
-    sys.stdout.flush()
-    os._exit(0)
+    save_scenes(SCENES, set_size_and_passes)

@@ -97,6 +97,23 @@ def choose_engine():
     bpy.context.scene.render.engine = "RENDERFORMER_V2"
 
 
+def save_scenes(builders, finish=lambda: None):
+    """Write OUT_DIR/NAME.blend of the scenes that the command line names after OUT_DIR, or of all, and end the process.
+
+    finish: sets what all of them have in common.
+    """
+    folder, names = Path(sys.argv[1]).absolute(), sys.argv[2:]
+    folder.mkdir(parents=True, exist_ok=True)
+    for builder in builders:
+        if not names or builder.__name__ in names:
+            builder()
+            finish()
+            choose_engine()
+            bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{builder.__name__}.blend"), compress=True)
+    sys.stdout.flush()
+    os._exit(0)
+
+
 if __name__ == "__main__":
     build()
     choose_engine()

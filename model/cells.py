@@ -28,7 +28,8 @@ def group_key(*columns: np.ndarray) -> np.ndarray:
 
 
 def groups_of(key: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The group (S,) of each of S things with keys (S,), and the largest (E,) of each group by size (S,)."""
+    """The group (S,) of each of S things with keys (S,), and the largest (E,) of each group by size (S,), the first of
+    several as large."""
     order = np.lexsort((-size, key))
     begins = np.insert(np.diff(key[order]) != 0, 0, True) if len(order) else np.zeros(0, bool)
     group = np.empty(len(key), np.int64)

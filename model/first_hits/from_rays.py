@@ -149,14 +149,6 @@ class FirstHits:
         return self._scene.tiles[tile, PARAMETERS, y, x]
 
 
-def guides_of_hits(scene: RenderScene, view: View, rays: np.ndarray, triangle: np.ndarray,
-                   weights: np.ndarray) -> Guides:
-    """Guides of one view from what its rays hit, one sample per pixel; as of `FirstHits.add`."""
-    hits = FirstHits(scene, view)
-    hits.add(rays, triangle, weights)
-    return hits.guides()
-
-
 def _is_even(colors: np.ndarray, look: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """(H W,) bool: pixels whose four neighbours have the same look (H W,) in about the same colours (4, H W, 3)."""
     look, is_even = look.reshape(shape), np.ones(shape, bool)

@@ -43,8 +43,10 @@ class Separation:
         """Bool of two pixels each, as their indices broadcast: walls are on both ways that turn once."""
         down, right = self._walls
 
-        def count(walls: Tensor, r: Tensor, c: Tensor, s: Tensor, d: Tensor) -> Tensor:
+        def differs(walls: Tensor, r: Tensor, c: Tensor, s: Tensor, d: Tensor) -> Tensor:
             return walls[r, c] != walls[s, d]
-        first = count(right, row, column, row, other_column) | count(down, row, other_column, other_row, other_column)
-        second = count(down, row, column, other_row, column) | count(right, other_row, column, other_row, other_column)
-        return first & second
+        across_first = (differs(right, row, column, row, other_column)
+                        | differs(down, row, other_column, other_row, other_column))
+        down_first = (differs(down, row, column, other_row, column)
+                      | differs(right, other_row, column, other_row, other_column))
+        return across_first & down_first

@@ -68,7 +68,7 @@ class GatherScene:
     def __init__(self, scene: RenderScene, patches: Patches, direct: DirectLight):
         device, rays = direct.device, scene_rays(scene)
         self.count = len(patches.center)
-        self._facing = F.pad(patches.facing(), (0, 0, 0, 1)).to(device)  # of triangles
+        self._facing = F.pad(patches.facing, (0, 0, 0, 1)).to(device)  # of triangles
         self.size = patches.vector.norm(dim=-1).clamp_min(1e-20).sqrt().repeat(2).to(device)  # of fronts, then of backs
         # The row behind all patches stands for "nothing", and for emitters, whose light is no indirect one.
         self.patch = F.pad(patches.patch, (0, 1), value=self.count).to(device)

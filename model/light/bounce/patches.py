@@ -6,12 +6,14 @@ They are small near the scene's middle and near emitters.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ...cells import groups_of
 from ...geometry import area_vectors, surfaces
 from ...material.reflectance import blurred, layer_reflectance, normal_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
@@ -47,6 +49,7 @@ class Patches:
     weight: Tensor   # (S,) f32, area, weighted by how near the scene's middle and the emitters are
     locator: PieceLocator  # of the T triangles
 
+    @cached_property
     def facing(self) -> Tensor:
         """(T, 3) vectors along the normals of the triangles, on the front of their patch."""
         vector = torch.from_numpy(area_vectors(self.corners.numpy()))
@@ -55,7 +58,7 @@ class Patches:
 
     def points(self, count: int) -> tuple[Tensor, Tensor]:
         """(S, count, 3) points spread evenly over the fronts of the patches, and their unit normals."""
-        vector = self.facing()
+        vector = self.facing
         order = self.patch.argsort(stable=True)
         cumulative = vector.norm(dim=-1)[order].double().cumsum(0)  # area up to the end of each triangle, by patch
         ends = cumulative[self.patch[order].bincount(minlength=len(self.center)).cumsum(0) - 1]
@@ -168,14 +171,10 @@ def _merge(center: Tensor, vector: Tensor, material: Tensor, glass: Tensor, open
     group, count = group_patches(*(x.numpy() for x in (center, vector, glass, openness, surface)), density, most)
     group = torch.from_numpy(group)
     area = vector.norm(dim=-1, keepdim=True)
-    size = area[:, 0]
 
     def summed(x: Tensor) -> Tensor:
         return torch.zeros(count, x.shape[-1]).index_add_(0, group, x)
 
-    # The middle of its largest triangle is on a surface, not between two with a lamp in between. Of several as large it
-    # is the first: otherwise whichever thread comes last would decide.
-    largest = torch.zeros(count).scatter_reduce_(0, group, size, "amax")
-    rows = (size >= largest[group]).nonzero()[:, 0]
-    middle = center[torch.full((count,), len(center)).scatter_reduce_(0, group[rows], rows, "amin")]
+    # The middle of its largest triangle is on a surface, not between two with a lamp in between.
+    middle = center[torch.from_numpy(groups_of(group.numpy(), area[:, 0].numpy())[1])]
     return middle, summed(vector), summed(area * material) / summed(area).clamp_min(1e-20), group

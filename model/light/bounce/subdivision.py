@@ -58,8 +58,8 @@ class Subdivision:
         weights, depth, source = self._weights[piece], self._depth[piece], self.source[piece]
         while len(piece):  # down to the cells of the table, which all pieces of a triangle are divided into
             done = depth == deepest[source]
-            cell = _cells(weights[done].mean(axis=1)[:, :2], 2 ** depth[done])
-            table[begin[source[done]] + cell] = piece[done]
+            middle, side = torch.from_numpy(weights[done].mean(axis=1)), torch.from_numpy(2 ** depth[done])
+            table[begin[source[done]] + _cells(middle[:, :2], side).numpy()] = piece[done]
             weights, depth, source, piece = (x[~done] for x in (weights, depth, source, piece))
             weights = quartered(weights)
             depth, source, piece = np.tile(depth + 1, 4), np.tile(source, 4), np.tile(piece, 4)
@@ -86,14 +86,10 @@ class PieceLocator:
         return self._table[cell]
 
 
-def _cells(weights, side):
-    """Entries (P,) of tables of triangles divided into side^2 (P,), at weights (P, 2); arrays or tensors."""
-    is_array = isinstance(weights, np.ndarray)
-    whole = (lambda x: x.astype(np.int64)) if is_array else (lambda x: x.long())
+def _cells(weights: Tensor, side: Tensor) -> Tensor:
+    """Entries (P,) of tables of triangles divided into side^2 (P,), at weights (P, 2)."""
     along = weights.clip(0, 1) * side[:, None]
-    row, column = (whole(along[:, i]) for i in range(2))
-    row = row.clip(max=side - 1) if is_array else torch.minimum(row, side - 1)
-    column = column.clip(max=side - 1 - row) if is_array else torch.minimum(column, side - 1 - row)
-    is_upper = (along[:, 0] - row) + (along[:, 1] - column) > 1
-    is_upper = is_upper & (row + column < side - 1)
-    return (row * side + column) * 2 + whole(is_upper) * (side > 1)
+    row = torch.minimum(along[:, 0].long(), side - 1)
+    column = torch.minimum(along[:, 1].long(), side - 1 - row)
+    is_upper = ((along[:, 0] - row) + (along[:, 1] - column) > 1) & (row + column < side - 1)
+    return (row * side + column) * 2 + is_upper.long()

@@ -19,7 +19,7 @@ def polygon_directions(corners: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
 
     By Lambert's formula, from both sides of the polygons.
     """
-    rays = [_unit(corner[:, None] - x) for corner in corners.permute(1, 2, 0)]
+    rays = [unit_planes(corner[:, None] - x) for corner in corners.permute(1, 2, 0)]
     vector = torch.zeros_like(x)
     for ray, following in zip(rays, (*rays[1:], *rays[:1]), strict=True):
         edge = torch.linalg.cross(ray, following, dim=0)
@@ -65,8 +65,9 @@ def sphere_form_factor(cosine: Tensor, sine2: Tensor) -> Tensor:
     return torch.where(cut > 0, partial.clamp_min(0), above)
 
 
-def _unit(vectors: Tensor) -> Tensor:
-    return vectors / vectors.square().sum(0).sqrt().clamp_min(1e-12)
+def unit_planes(vectors: Tensor, dim: int = 0) -> Tensor:
+    """Vectors of length 1 along others, whose components are along a dimension."""
+    return vectors / vectors.square().sum(dim, keepdim=True).sqrt().clamp_min(1e-12)
 
 
 def _dot(a: Tensor, b: Tensor) -> Tensor:

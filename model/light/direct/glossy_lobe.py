@@ -18,7 +18,7 @@ from torch import Tensor
 from ..edge_stopping import dot
 from ..fresnel import lobe_albedo, schlick
 from ..sampling import local_basis
-from .form_factors import cosines
+from .form_factors import cosines, unit_planes
 
 LEAST_ROUGHNESS = 0.02
 HORIZON = 4             # edges that follow the horizon where it cuts an outline
@@ -70,11 +70,11 @@ def emitter_share(ring: Tensor, n: Tensor, v: Tensor, roughness: Tensor, f0: Ten
     """(R,) the same of emitters seen along rings of vectors (K, 3, R); n, v: (3, R); roughness, f0: (R,)."""
     basis, alpha = local_basis(n.T), _alpha(roughness)
     ring, v = (torch.einsum("rij,...jr->...ir", basis, x) for x in (ring, v))
-    v = _unit(torch.stack([v[0], v[1], v[2].abs().clamp_min(LEAST_COSINE)]))
-    facets = _shown_facets(_unit(ring, 1), v, alpha)
+    v = unit_planes(torch.stack([v[0], v[1], v[2].abs().clamp_min(LEAST_COSINE)]))
+    facets = _shown_facets(unit_planes(ring, 1), v, alpha)
     facets = facets * facets[2].sign()  # of an emitter whose back is seen
     shown = (facets[2] / (2 * math.pi)).clamp(0, 1)
-    half = _unit(torch.stack([facets[0] * alpha, facets[1] * alpha, facets[2].clamp_min(1e-9)]))  # their mean
+    half = unit_planes(torch.stack([facets[0] * alpha, facets[1] * alpha, facets[2].clamp_min(1e-9)]))  # their mean
     v_h = dot(half, v).clamp_min(0)
     share = shown * _unmasked(alpha.square(), v[2], 2 * v_h * half[2] - v[2]) * v_h / half[2].clamp_min(LEAST_COSINE)
     return share * _relative_fresnel(f0, v[2], v_h[:, None], roughness)[:, 0]
@@ -93,17 +93,17 @@ def _shown_facets(ring: Tensor, v: Tensor, alpha: Tensor) -> Tensor:
     def facets(towards: Tensor) -> Tensor:
         on_plane = 1 / (towards * mirrored).sum(1, keepdim=True).clamp_min(0.5)
         half = towards * torch.lerp(torch.ones_like(on_plane), on_plane, straight) + v
-        return _unit(torch.cat([half[:, :2], half[:, 2:] * alpha], 1), 1)
+        return unit_planes(torch.cat([half[:, :2], half[:, 2:] * alpha], 1), 1)
 
     following = ring.roll(-1, 0)
     z, next_z = ring[:, 2:], following[:, 2:]
     is_up, next_is_up = z > 0, next_z > 0
-    crossing = _unit(ring + (following - ring) * z / torch.where(is_up == next_is_up, 1.0, z - next_z), 1)
+    crossing = unit_planes(ring + (following - ring) * z / torch.where(is_up == next_is_up, 1.0, z - next_z), 1)
     edges = _arcs(facets(torch.where(is_up, ring, crossing)), facets(torch.where(next_is_up, following, crossing)))
     sinks, rises = is_up & ~next_is_up, ~is_up & next_is_up
     first, last = ((crossing * where).sum(0) for where in (sinks, rises))
     steps = torch.linspace(0, 1, HORIZON + 1, device=ring.device)[:, None, None]
-    horizon = facets(_unit(torch.lerp(first, last, steps), 1))
+    horizon = facets(unit_planes(torch.lerp(first, last, steps), 1))
     return (edges * (is_up | next_is_up)).sum(0) + _arcs(horizon[:-1], horizon[1:]).sum(0) * sinks.any(0)
 
 
@@ -128,7 +128,3 @@ def _relative_fresnel(f0: Tensor, n_v: Tensor, v_h: Tensor, roughness: Tensor) -
 
 def _alpha(roughness: Tensor) -> Tensor:
     return roughness.clamp_min(LEAST_ROUGHNESS).square()
-
-
-def _unit(vectors: Tensor, dim: int = 0) -> Tensor:
-    return vectors / vectors.square().sum(dim, keepdim=True).sqrt().clamp_min(1e-12)

@@ -18,11 +18,11 @@ from .reduce import weld
 FACING = 0.3     # cosine between a triangle and the token before or behind it from which on that stands for it
 REACH = 0.05     # of the extent of the mesh, up to which that token may be away
 LARGER = 1.5     # times its token's longest edge, from which on a triangle with a texture is quartered
+ROUNDS = 6       # that it is, at most
+MOST = 1 << 16   # triangles more by that, about
 MANY = 100_000   # triangles up to which each is looked up
 CELLS = 64       # in the area of a token
 BEFORE = 1e-5    # of the extent of the mesh, that a ray starts before its triangle, on which its token may lie
-ROUNDS = 6       # that it is, at most
-MOST = 1 << 16   # triangles more by that, about
 
 
 def represent(mesh: TriangleMesh, tokens: TriangleMesh, is_textured: bool) -> tuple[TriangleMesh, np.ndarray]:
@@ -30,9 +30,8 @@ def represent(mesh: TriangleMesh, tokens: TriangleMesh, is_textured: bool) -> tu
 
     With a texture triangles are quartered until none is much larger than its token, whose tile holds the texture.
     """
-    token = _nearest(mesh, tokens)
+    token, longest = _nearest(mesh, tokens), meshes.longest_edges(tokens.corners)
     for _ in range(ROUNDS if is_textured else 0):
-        longest = meshes.longest_edges(tokens.corners)
         large = meshes.longest_edges(mesh.corners) > LARGER * longest[token]
         if not large.any() or 3 * np.count_nonzero(large) > MOST:
             break

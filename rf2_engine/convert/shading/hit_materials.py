@@ -9,14 +9,14 @@ import numpy as np
 
 from ....model.compute.threads import spread
 from ....model.first_hits.at_pixels import Appearance
-from ....model.scene import BASE_COLOR, IOR, METALLIC, PARAMETERS, ROUGHNESS, TRANSMISSION, Geometry, constant_tile
+from ....model.scene import PARAMETERS, Geometry, constant_tile
 from ..data.blocks import Material
 from ..data.collected import Part
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh
 from ..data.report import Report
 from . import graph
-from .material import MaterialTiles
+from .material import MaterialTiles, bsdf_parameters
 from .normal_map import UP, bent_normals
 from .points import surface_points
 
@@ -121,8 +121,7 @@ def _evaluated(group: _Group, on_mesh: np.ndarray, weights: np.ndarray, normal: 
     points = surface_points(group.mesh, group.instance, on_mesh, grid, first_alone=not bends)
     surface, _ = MaterialTiles(Report()).evaluate(group.material, points, is_seen=True)
     texel = np.empty((len(on_mesh), len(DEFAULT)), np.float32)
-    for channels, values in ((BASE_COLOR, surface.base_color), (METALLIC, surface.metallic),
-                             (ROUGHNESS, surface.roughness), (IOR, surface.ior), (TRANSMISSION, surface.transmission)):
+    for channels, values in bsdf_parameters(surface):
         texel[:, channels] = _first(values) if isinstance(channels, slice) else _first(values)[..., 0]
     if needs_neighbours and (surface.normal.ndim > 1 or (surface.normal != UP).any()):
         bent = np.broadcast_to(_first(surface.normal), normal.shape)

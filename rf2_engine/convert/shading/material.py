@@ -250,10 +250,15 @@ def is_homogeneous(surface: SurfaceParameters) -> bool:
     return all(getattr(surface, f.name).ndim == 1 for f in fields(surface))
 
 
+def bsdf_parameters(surface: SurfaceParameters) -> tuple[tuple[int | slice, np.ndarray], ...]:
+    """Values by their channels of a tile."""
+    return ((BASE_COLOR, surface.base_color), (METALLIC, surface.metallic), (ROUGHNESS, surface.roughness),
+            (IOR, surface.ior), (TRANSMISSION, surface.transmission))
+
+
 def tile_arrays(surface: SurfaceParameters, height: np.ndarray) -> np.ndarray:
     """(m, 11, 32, 32) f16, m = 1 when no parameter varies over the surface."""
-    placed = ((BASE_COLOR, surface.base_color), (METALLIC, surface.metallic), (ROUGHNESS, surface.roughness),
-              (IOR, surface.ior), (TRANSMISSION, surface.transmission), (NORMAL, surface.normal), (HEIGHT, height))
+    placed = (*bsdf_parameters(surface), (NORMAL, surface.normal), (HEIGHT, height))
     count = max(len(values) if values.ndim > 1 else 1 for _, values in placed)
     tiles = np.empty((count, TILE_CHANNELS, TILE_SIZE, TILE_SIZE), np.float16)
     for channel, values in placed:

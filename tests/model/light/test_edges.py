@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from renderformer_v2.model.camera import view_rays
 from renderformer_v2.model.first_hits import camera_rays
-from renderformer_v2.model.first_hits.camera_rays import SAMPLE_POINTS, CameraRays
-from renderformer_v2.model.first_hits.from_rays import guides_of_hits
+from renderformer_v2.model.first_hits.camera_rays import SAMPLE_POINTS, cast_guides
 from renderformer_v2.model.light.edges import find_edges
 from renderformer_v2.model.pictures import bands
 from tests.model.samples import flat, floor_scene, floor_view
@@ -20,12 +18,6 @@ EDGE = SIZE // 2  # column in which the plate ends
 FLOOR, PLATE = 3.0, 1.0  # their light
 
 
-def first_hits(scene, view):
-    rays = view_rays(view)[1]
-    met = CameraRays(scene, view).closest(rays.reshape(-1, 3))
-    return guides_of_hits(scene, view, rays, met.triangle.reshape(SIZE, SIZE), met.weights.reshape(SIZE, SIZE, 2))
-
-
 def floor_and_plate(color=(0.5, 0.5, 0.5)):
     """A grey floor and a plate of this colour above its left half, that reaches 0.3 pixels into a column."""
     floor, (view, _) = floor_scene().triangles[:-1], floor_view(SIZE, SIZE)
@@ -33,7 +25,7 @@ def floor_and_plate(color=(0.5, 0.5, 0.5)):
     plate = (floor * np.float32((1 + end, 2, 1)) / 2 + np.float32((end / 2 - 0.5, 0, 1))).astype(np.float32)
     scene = flat(floor * np.float32((2, 2, 1)), (0.5, 0.5, 0.5)).appended(flat(plate, color))
     scene.normals[:] = 0, 0, 1
-    guides = first_hits(scene, view)
+    guides = cast_guides(scene, view)
     light = torch.where(torch.from_numpy(guides.position[..., 2] > 0.5), PLATE, FLOOR).expand(3, -1, -1).clone()
     return scene, view, guides, light
 
@@ -80,7 +72,7 @@ def test_highlights_may_lose_light_and_never_spread(brighter):
 def test_one_surface_has_no_edges():
     scene, view, _, light = floor_and_plate()
     floor = replace(scene, seen=scene.triangles[:, :, 2].max(1) < 0.5)
-    edges = find_edges(floor, view, first_hits(floor, view), CPU)
+    edges = find_edges(floor, view, cast_guides(floor, view), CPU)
     assert len(edges.pixel) == 0
     edges.mix(light, 0)  # nothing to do is no error
 
