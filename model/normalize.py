@@ -53,14 +53,12 @@ class Normalization:
         return replace(view, camera_to_world=camera)
 
     def guides(self, guides: Guides) -> Guides:
-        """Positions in network units, traced light and that of path ends in network exposure.
-
-        Emission and environment stay in world radiance: they bypass the network.
-        """
+        """Positions in network units, radiance in network exposure."""
         hit = (guides.alpha > 0)[..., None]
         changed = {name: self.points(array) for name, array in guides.arrays().items() if name.endswith("position")}
         changed["position"] = np.where(hit, changed["position"], 0).astype(np.float32)
-        light = {name: array for name, array in guides.arrays().items() if name == "traced" or name.endswith("_light")}
+        light = {name: array for name, array in guides.arrays().items()
+                 if name in ("traced", "emission", "environment") or name.endswith("_light")}
         changed |= {name: array * np.float32(self.exposure) for name, array in light.items()}
         return replace(guides, **changed)
 

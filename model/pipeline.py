@@ -12,6 +12,7 @@ import numpy as np
 from torch import Tensor
 
 from .light.effort import FULL, Effort
+from .light_passes import Lobes
 from .scene import Guides, RenderScene, View
 
 
@@ -52,8 +53,9 @@ class LobePipeline(Pipeline, Protocol):
     def lobes(self, encoded: Encoded, view: View, guides: Guides, apart: bool = True,
               effort: Effort = FULL) -> dict[str, Tensor]:
         """Pictures by field of Lobes, in network exposure: "radiance" (3, H, W) as of `image`, "traced" (3, H, W) if
-        light was traced, and if `apart` "direct" and "indirect" (3 lobes, 3, H, W) before the lobes' albedos."""
+        light was traced, "latent" (C, H, W), and if `apart` "direct" and "indirect" (3 lobes, 3, H, W) before the
+        lobes' albedos."""
 
-    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
+    def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
                     samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
         """All `pictures` (H, W, C) f32 with smooth edges, in world radiance (guided/kernels.py)."""

@@ -9,7 +9,7 @@ A pipeline is one of the two ways from a normalised scene to a picture, guided/p
     variant(picture_size)           which of its networks renders pictures whose longer side has so many pixels
     encode(scene, variant)          stage 1; the result has `.tokens`, their number
     image(encoded, view, guides, effort)    (3, H, W) f32 radiance in network exposure, without emitters seen directly
-and the guided one also gives `light`, the same by lobe, pictures `antialiased`, and a `draft` of a scene.
+and the guided one also gives `lobes`, the same by lobe, pictures `antialiased`, and a `draft` of a scene.
 """
 from __future__ import annotations
 
@@ -47,9 +47,10 @@ class Renderer:
     """A network ready to render. Not thread-safe; keep one per process and set of weights."""
 
     def __init__(self, weights: str | Path = BUNDLED, device: str = "auto", precision: str = "auto",
-                 transformer: str = AUTOMATIC, latents: Path | None = None):
+                 transformer: str = AUTOMATIC, latents: Path | None = None, rays: bool = True):
         """weights: a preset that comes with the add-on, a folder of this project's format, or a published bundle, of
         which a transformer may be chosen (published/bundle_files.py), and which keeps textures in the file `latents`.
+        rays: whether those of this project's format are told of light that rays have estimated.
 
         Raises CheckpointError for unusable weights, ValueError for a device or precision that is not there. `remark`
         says afterwards what automatic choices had to do without, "" for nothing.
@@ -63,7 +64,7 @@ class Renderer:
         with checkpoint_errors():
             published = is_bundle(weights_folder(weights))
         self.pipeline = (PublishedPipeline(weights, self.device, self.dtype, transformer, latents) if published
-                         else GuidedPipeline(weights, self.device, self.dtype))
+                         else GuidedPipeline(weights, self.device, self.dtype, rays))
 
     @property
     def computed_on(self) -> str:
@@ -147,10 +148,13 @@ class EncodedScene:
         as View's. Guided networks alone know how.
         """
         antialiased = self.renderer.pipeline.antialiased
-        return self.renderer.fitted(lambda: antialiased(pictures, lobes.radiance, guides, samples, wraps))
+        return self.renderer.fitted(lambda: antialiased(pictures, lobes, guides, samples, wraps))
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
-        """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3)."""
+        """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3).
+
+        "latent" is no radiance, and stays as it is.
+        """
         pipeline = self.renderer.pipeline
         variant = pipeline.variant(view.longer_side)
         if variant != self.variant:
@@ -159,7 +163,7 @@ class EncodedScene:
         window = (..., *find_window(larger, view))
         inputs = self.normalization.view(larger), self.normalization.guides(guides)
         pictures = self.renderer.fitted(lambda: {
-            name: radiance[window] / self.normalization.exposure
+            name: radiance[window] / (1 if name == "latent" else self.normalization.exposure)
             for name, radiance in run(self.encoded, *inputs).items()})
         if not all(radiance.isfinite().all() for radiance in pictures.values()):
             exact = self.renderer.dtype == torch.float32

@@ -127,6 +127,7 @@ class Guides:
     # (H, W, 3) f32, radiance of direct light and of what smooth mirrors and glass show, without a diffuse or volume
     # bounce, premultiplied; None = nothing was traced
     traced: np.ndarray | None = None
+    samples: np.ndarray | None = None  # (H, W) f32, of each pixel in the first hits and in `traced`; None: not known
     # (H, W, 3), of the matte surfaces that reflections and refractions end at: place (f32, world), unit normal (f16),
     # diffuse colour times those of what was passed on the way (f16; 0 = no end). None = none in the picture
     reflected_position: np.ndarray | None = None

@@ -44,7 +44,7 @@ class ReferenceSettings(bpy.types.PropertyGroup):
                                 ("OPENIMAGEDENOISE", "OpenImageDenoise", "Intel's, on the processor or a GPU")))
     light_paths: EnumProperty(
         name="Light Paths", description="Bounces, clamping and caustics of the reference",
-        items=(("SCENE", "As in Cycles", "Those of the scene's Cycles settings"), ("OWN", "Own", "Those below"),
+        items=(("SCENE", "As in Cycles", "Those of the scene's Cycles settings"), ("OWN", "Custom", "Those below"),
                ("PAPER", "As in the Paper", "Those of the pictures that the published weights were trained with: no "
                 "bounces in volumes, 4 diffuse and 4 glossy ones, adaptive sampling")))
     max_bounces: IntProperty(name="Max Bounces", default=12, min=0, max=1024,

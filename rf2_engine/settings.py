@@ -56,11 +56,6 @@ class Network(Enum):
         return self is Network.GUIDED
 
     @property
-    def follows_specular_paths(self) -> bool:
-        """Whether it is given what mirrors and glass show."""
-        return self is Network.GUIDED
-
-    @property
     def encodes_textures(self) -> bool:
         """Whether an image encoder runs over the textures of all triangles before stage 1."""
         return self is Network.PUBLISHED
@@ -76,6 +71,7 @@ class RenderFormerViewportSettings(bpy.types.PropertyGroup):
 
     token_budget: IntProperty(
         name="Max Triangles", update=_show_change, default=2048, min=256, soft_max=16384, max=1 << 20,
+        step=256,
         description="Maximum triangles sent to the network for Rendered viewports. Fewer triangles react faster to "
                     "changes",
     )
@@ -107,9 +103,9 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         description="Folder that holds the weights, for example renderformer-v2",
     )
     transformer: EnumProperty(
-        name="Published Network", update=_show_change,
-        description="Which of the two published networks draws the picture. Both know scenes of up to 65536 triangles: "
-                    "raise Max Triangles as far as memory and time allow",
+        name="Network Resolution", update=_show_change,
+        description="The size of the pictures that the published network was trained with. Both networks know scenes "
+                    "of up to 65536 triangles: raise Max Triangles as far as memory and time allow",
         items=(
             (AUTOMATIC, "Automatic", "The second for pictures from 2048 pixels, else the first; or the one that is "
              "there", 0),
@@ -127,8 +123,8 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     card: IntProperty(
-        name="Card", update=_show_change, default=0, min=0, soft_max=8, max=64,
-        description="Which of several graphics cards, counted from 1. 0 is the one with the most memory",
+        name="GPU", update=_show_change, default=0, min=0, soft_max=8, max=64,
+        description="Which of several GPUs, counted from 1. 0 is the one with the most memory",
     )
     precision: EnumProperty(
         name="Precision", update=_show_change,
@@ -140,7 +136,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         ),
     )
     token_budget: IntProperty(
-        name="Max Triangles", default=4096, min=256, soft_max=131072, max=1 << 20,
+        name="Max Triangles", default=4096, min=256, soft_max=131072, max=1 << 20, step=256,
         description="Maximum triangles sent to the network. Denser meshes are simplified for it, but not for rays. "
                     "More triangles give finer textures in bounced light, but take more time and memory",
     )
@@ -150,7 +146,7 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
                     "large surfaces. As a fraction of the scene's longest side",
     )
     as_is: BoolProperty(
-        name="Keep Scale and Light", update=_show_change,
+        name="Use Scene Units Unscaled", update=_show_change,
         description="Give the scene to the network as it is: 1 m is one unit of the network, around the world's "
                     "origin, and light is as bright as it is. For scenes of the paper, and others that were made for "
                     "the published weights: about 1 m wide, with small lamps of radiance 300 to 5000. Otherwise what "
@@ -203,14 +199,17 @@ class RenderFormerSettings(bpy.types.PropertyGroup):
         name="Light", update=_passes_change,
         items=(
             ("TRACED", "With Cycles", "Cycles traces direct light and what smooth mirrors and glass show, with the "
-                                      "samples below. The network adds light that has bounced. Bundled network only",
-             0),
-            ("NETWORK", "Network Alone", "Cycles finds only what the camera sees. All light comes from the "
-                                         "network and from estimates on its triangles", 1),
+                                      "samples below. The network knows an estimate of all light, too, and decides "
+                                      "which to believe where. Bundled network only", 0),
+            ("NETWORK", "Network and Rays", "Cycles finds only what the camera sees. Rays between the surfaces "
+                                            "estimate all light, and the network corrects it", 1),
+            ("TRANSFORMER", "Transformer Alone", "Cycles finds only what the camera sees, and no ray is traced for "
+                                                 "light: shadows, bounces, mirrors and media are the network's work, "
+                                                 "as in the paper. Quick, and the least exact", 2),
         ),
     )
     bake_unknown: BoolProperty(
-        name="Bake Unknown Nodes",
+        name="Bake Unsupported Nodes",
         description="Let Cycles bake nodes that this engine cannot evaluate, such as Bevel, Ambient Occlusion, "
                     "Wireframe and Script, on a copy of the scene in a Blender in the background. This takes a few "
                     "seconds to start, and for each such node and thousand triangles about as long as Cycles needs to "
@@ -267,6 +266,7 @@ class FrameSettings:
     sampling: Sampling
     bake_unknown: bool
     light: Light
+    rays: bool  # whether light is estimated by rays before the network sees it
     light_passes: frozenset[str]  # keys of those that the weights can give
     threads: int  # 0: all
     film_transparent: bool
@@ -278,10 +278,20 @@ class FrameSettings:
         return ConversionOptions(self.token_budget, self.max_edge, self.as_is, self.paper_lamps)
 
     @property
+    def follows_specular_paths(self) -> bool:
+        """Whether the network is given what mirrors and glass show."""
+        return self.network is Network.GUIDED and self.rays
+
+    @property
+    def renderer(self) -> tuple:
+        """What model_cache.renderer takes."""
+        return self.weights, self.device, self.precision, self.transformer, self.rays
+
+    @property
     def setup(self) -> str:
         """What the costs of a render belong to (costs.py)."""
         return " ".join([Path(self.weights).name, self.device, self.precision, f"{self.threads or 'all'} threads",
-                         self.light.name.lower()])
+                         self.light.name.lower() if self.rays else "no rays"])
 
     @classmethod
     def read(cls, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> FrameSettings:
@@ -296,7 +306,8 @@ class FrameSettings:
         device = f"cuda:{ours.card - 1}" if ours.card and ours.device == "cuda" else ours.device
         return cls(weights, network, ours.transformer, device, ours.precision, ours.token_budget, ours.max_edge,
                    ours.as_is, ours.paper_lamps and network is Network.PUBLISHED, _sampling(scene, view_layer),
-                   ours.bake_unknown, _light(ours.light, network), light_passes(scene), threads(scene),
+                   ours.bake_unknown, _light(ours.light, network), ours.light != "TRANSFORMER",
+                   light_passes(scene), threads(scene),
                    blenders.film_transparent, scene.cycles.film_exposure, FrameReference.read(scene))
 
 
@@ -322,7 +333,7 @@ def light_passes(scene: bpy.types.Scene) -> frozenset[str]:
         return frozenset()  # published weights that are not complete, or none at all
     if not network.has_lobes:
         return frozenset()
-    return passes.LIGHTING - ({"volume_direct"} if scene.renderformer_v2.light == "NETWORK" else set())
+    return passes.LIGHTING - (set() if scene.renderformer_v2.light == "TRACED" else {"volume_direct"})
 
 
 def is_published(settings: RenderFormerSettings) -> bool:
@@ -335,7 +346,7 @@ def is_published(settings: RenderFormerSettings) -> bool:
 
 def _light(choice: str, network: Network) -> Light:
     """The published network draws its picture alone, whatever was chosen."""
-    return Light.NONE if choice == "NETWORK" or network is Network.PUBLISHED else Light.TRACED
+    return Light.TRACED if choice == "TRACED" and network is Network.GUIDED else Light.NONE
 
 
 def _network(weights: str) -> Network:

@@ -24,7 +24,7 @@ def choose_device(name: str = "auto") -> torch.device:
     if kind in ("auto", "cuda") and torch.cuda.is_available():
         cards = range(torch.cuda.device_count())
         if number and int(number) not in cards:
-            raise ValueError(f"there is no card {int(number) + 1}, only {len(cards)}: choose another Card, or 0")
+            raise ValueError(f"there is no GPU {int(number) + 1}, only {len(cards)}: choose another GPU, or 0")
         if fitting := [i for i in ([int(number)] if number else cards) if not explain_too_old(i)]:
             return torch.device("cuda", max(fitting, key=lambda i: torch.cuda.get_device_properties(i).total_memory))
     if kind == "cuda":

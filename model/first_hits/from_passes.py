@@ -115,7 +115,8 @@ def guides_without_triangles(passes: Passes) -> Guides:
         transmission_color=passes["transmission_color"], emission=passes["emission"],
         environment=passes["environment"], depth=passes["depth"][..., 0], alpha=alpha,
         hit_triangle=np.full(alpha.shape, -1, np.int32), hit_barycentric=np.zeros((*alpha.shape, 2), np.float32),
-        traced=passes["traced"] * covered[..., None] if "traced" in passes else None)
+        traced=passes["traced"] * covered[..., None] if "traced" in passes else None,
+        samples=passes["samples"][..., 0] if "samples" in passes else None)
 
 
 def clear_outside(passes: Passes, outside: np.ndarray | None) -> Passes:

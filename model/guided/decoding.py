@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The transformer's step from light to light: factors of what was estimated and traced, and what both lack."""
+"""The network's step from light to light: which estimate to believe where, factors, and what all of them lack."""
 from __future__ import annotations
 
 import math
@@ -11,29 +11,42 @@ from torch.nn import functional as F
 
 from ..fields import Channels
 from ..light.surface_light import SurfaceLight
-from .features import FEATURES, GuidedView
+from .features import SURFACE, GuidedView
 
-# Factors of direct and indirect light by lobe and colour, light that no lobe explains, a factor of the traced light
-OUTPUTS = Channels(1, direct=9, indirect=9, rest=3, traced=3)
+# Share of the estimate in what was also traced; factors of direct and indirect light by lobe and colour; indirect light
+# of lobes that was not found; light of media
+OUTPUTS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3)
 LARGEST_FACTOR = 4.0  # and its inverse is the smallest
-DARK = -8.0           # offset at which softplus adds next to nothing
+DARK = -3.0           # offset at which softplus adds little
 
 
 def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     """Decoder channels (V, len(OUTPUTS), H, W) and the light of views -> their light as the network sees it.
 
-    Exposed as the view's light is. Zeros leave the light exactly as it is.
+    Exposed as the view's light is. Zeros leave the light exactly as it is. Where light was traced, there are two
+    estimates of it that are right in different places, and the share of either is all that the network decides:
+    factors that were learnt from few scenes are wrong in others.
     """
     light, raw = view.light, raw.float()
+    untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
+    share = raw[:, OUTPUTS["share"]].tanh()
+    raw = raw * untraced
     direct, indirect = (factor(raw[:, OUTPUTS[name]]).unflatten(1, (3, 3)) for name in ("direct", "indirect"))
-    rest = (F.softplus(raw[:, OUTPUTS["rest"]] + DARK) - F.softplus(raw.new_tensor(DARK)))
-    diffuse, glossy, transmission = indirect.unbind(1)
-    return replace(light, direct=light.direct * direct, bounced=light.bounced * diffuse,
-                   reflected=light.reflected * glossy, refracted=light.refracted * transmission,
-                   behind=light.behind * transmission, traced=light.traced * factor(raw[:, OUTPUTS["traced"]]),
-                   glow=light.glow + rest * view.features[:, FEATURES["alpha"]])
+    missing = added(raw[:, OUTPUTS["missing"]]).unflatten(1, (3, 3))
+    in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
+    fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe
+    corrected = {name: (getattr(light, name) * indirect[:, lobe] + missing[:, lobe]).clamp_min(0)
+                 for name, lobe in fields.items()}
+    glow = (light.glow + added(raw[:, OUTPUTS["rest"]]) * in_media).clamp_min(0)
+    light = replace(light, direct=light.direct * direct, glow=glow, **corrected)
+    return replace(light, traced=torch.lerp(light.traced, light.estimate(), share).clamp_min(0) * (1 - untraced))
 
 
 def factor(raw: Tensor) -> Tensor:
     """From 1 / LARGEST_FACTOR to LARGEST_FACTOR; 1 for zero."""
     return torch.exp(math.log(LARGEST_FACTOR) * torch.tanh(raw))
+
+
+def added(raw: Tensor) -> Tensor:
+    """Radiance, 0 for zero, and hardly less for what is negative."""
+    return F.softplus(raw + DARK) - F.softplus(raw.new_tensor(DARK))

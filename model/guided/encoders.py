@@ -11,8 +11,9 @@ from ..material.mappers import LATENT_DIM
 from ..network.config import ModelConfig
 from ..network.embedding import ENVIRONMENT_GRID
 from ..network.layers import Linear, RMSNorm
+from ..pictures import bands
 from ..scene import HEIGHT, NORMAL
-from .features import FEATURES
+from .features import FEATURES, GuidedView
 
 TILE_CHANNELS = LATENT_DIM + HEIGHT + 1 - NORMAL.start  # appearance latent, normal, height
 BEAM_FEATURES = 5       # axis and two cosines of a light triangle's beam
@@ -64,11 +65,12 @@ class Guidance(nn.Module):
         self.bundle_norm = RMSNorm(config.latent_dim, config.embed_norm_eps)
         self.beam_encoder = Linear(BEAM_FEATURES, config.latent_dim)
 
-    def bundles(self, features: Tensor) -> Tensor:
-        """(V, len(FEATURES), H, W) -> (V, R, D), added to the ray tokens."""
-        views, _, height, width = features.shape
-        rows = max(BAND_PIXELS // (views * width) // self.patch_size, 1) * self.patch_size
-        return torch.cat([self._embed(band) for band in features.split(rows if is_inference() else height, dim=2)], 1)
+    def bundles(self, view: GuidedView) -> Tensor:
+        """(V, R, D), added to the ray tokens."""
+        views, _, height, width = view.surface.shape
+        pixels = BAND_PIXELS // views if is_inference() else height * width
+        return torch.cat([self._embed(view.features(rows)) for rows, _ in bands(
+            height, width, margin=0, pixels=pixels, multiple=self.patch_size)], 1)
 
     def _embed(self, band: Tensor) -> Tensor:
         patches = F.pixel_unshuffle(band, self.patch_size)

@@ -2,8 +2,9 @@
 """Inputs of the guided transformer for views: their estimated light, and what it is told of every pixel."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
@@ -17,25 +18,33 @@ from ..light.surface_light import SurfaceLight
 from ..network.config import ModelConfig
 from ..network.inputs import ViewInputs, view_inputs
 from ..scene import Guides, View
-from .exposure import key_exposure
+from .exposure import display_encode, key_exposure
 
-FEATURES = Channels(
+SURFACE = Channels(
     1,
     offset=(3, DIRECTION),    # of the first hit from the position of its ray bundle
     normal=(3, DIRECTION),
-    colors=(9, COLOR),        # albedo of diffuse, glossy, transmission
-    roughness=1,
-    alpha=1,                  # coverage
-    light=(9, COLOR),         # log10(1 + direct light) of the lobes
     mirrored=(3, DIRECTION),  # the ray, mirrored
-    bounced=(3, COLOR),       # log10(1 + ...) of SurfaceLight's fields, here and below
-    traced=(3, COLOR),
-    hinted=1,                 # 1 if light was traced
+    alpha=1,                  # coverage
+    noise=1,                  # of first hits and of traced light, by the number of samples
+)
+FEATURES = SURFACE.joined(
+    roughness=1,
+    colors=(9, COLOR),        # albedo of diffuse, glossy, transmission
+    direct=(9, COLOR),        # log10(1 + ...) of SurfaceLight's fields, here and below
+    bounced=(3, COLOR),
     reflected=(3, COLOR),
     refracted=(3, COLOR),
+    behind=(3, COLOR),
+    glow=(3, COLOR),
+    traced=(3, COLOR),        # the picture with traced light, and with estimates alone, as on a screen
+    estimated=(3, COLOR),
+    is_traced=1,              # 1 if light was traced
+    has_rays=1,               # 1 if estimates are by rays: shadowed, and with bounces
 )
-RADIANCE_FEATURES = {"light": "direct", "bounced": "bounced", "traced": "traced", "reflected": "reflected",
-                     "refracted": "refracted"}  # by field of SurfaceLight
+LOGARITHMIC = "direct", "bounced", "reflected", "refracted", "behind", "glow"
+NOISY_SAMPLES = 8.0    # whose noise is 1
+SAMPLES = 1, 128       # of a pixel in training pictures, fewest and most
 OFFSET_SCALE = 8.0     # offsets within a bundle are a few hundredths of a unit
 MISS_DISTANCE = 2.0    # network units along its mean ray at which a bundle lies that hits nothing
 
@@ -45,24 +54,58 @@ class GuidedView(ViewInputs):
     """V views, in an exposure of their own: the log average of what each shows is the same."""
 
     positions: Tensor = array("V", "R", 3, behaves=POINT)  # of the R ray bundles: mean first hit, contracted
-    features: Tensor = array("V", len(FEATURES), "H", "W", channels=FEATURES)
+    surface: Tensor = array("V", len(SURFACE), "H", "W", channels=SURFACE)
+    seen: Tensor = array("V", 6, "H", "W", behaves={COLOR: 1, RADIANCE: 1})  # emitters and environment, directly
     light: SurfaceLight
     exposure: Tensor = array("V")                          # factor on network exposure
+    has_media: Tensor = array("V")                         # 1 if the scene has media, whose light no lobe explains
+
+    def features(self, rows: slice = slice(None)) -> Tensor:
+        """(V, len(FEATURES), h, W) of some rows: what the network is told of pixels."""
+        light = self.light.rows(rows)
+        bounces, is_traced = light.bounces(), light.is_traced.view(-1, 1, 1, 1)
+        dark = torch.zeros_like(light.roughness)
+        parts = {"roughness": light.roughness, "colors": light.albedo.flatten(1, 2)}
+        parts |= {name: torch.log10(1 + getattr(light, name).flatten(1, -3)) for name in LOGARITHMIC}
+        parts |= {"traced": is_traced * display_encode(light.traced + bounces),
+                  "estimated": display_encode(light.estimate() + bounces), "is_traced": dark + is_traced,
+                  "has_rays": dark + light.has_rays.view(-1, 1, 1, 1)}
+        return torch.cat([self.surface[..., rows, :], *parts.values()], 1)
+
+    def complete(self, radiance: Tensor) -> Tensor:
+        """(V, 3, H, W) of surfaces and media with the emitters and the environment that are seen directly."""
+        return radiance + self.seen.unflatten(1, (2, 3)).sum(1)
+
+    def rows(self, rows: slice) -> GuidedView:
+        """Some rows of the pixels, with the ray bundles of all."""
+        return replace(self, surface=self.surface[..., rows, :], seen=self.seen[..., rows, :],
+                       light=self.light.rows(rows))
 
 
 def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConfig,
                 effort: Effort = FULL) -> GuidedView:
     """Inputs for one view, normalised as the scene of the light is, on the device of that."""
+    device = light.direct.device
     estimate = estimate_light(light, view, guides, effort)
-    surfaces = HitSurfaces.of(light.scene, view, guides, 0, light.direct.device)
-    exposure = key_exposure(estimate.radiance().mean(1)[surfaces.coverage[None, ..., 0] > 0]).expand(1)
-    exposed = with_exposure(estimate, exposure)
-    position = contracted(surfaces.position)
+    surfaces = HitSurfaces.of(light.scene, view, guides, 0, device)
+    seen = torch.as_tensor(np.dstack([guides.emission, guides.environment]), device=device).permute(2, 0, 1)[None]
+    luminance = (estimate.radiance() + seen[:, 3:])[0].mean(0)
+    shows = surfaces.is_covered[..., 0] | (seen[0, 3:].amax(0) > 0)  # or a black void would decide
+    exposure = key_exposure(luminance[shows]).expand(1)
+    exposed, position = with_exposure(estimate, exposure), contracted(surfaces.position)
     bundles = bundle_positions(position, surfaces, config.patch_size)
-    rays = view_inputs(view).to(light.direct.device)
+    samples = np.full_like(guides.alpha, NOISY_SAMPLES) if guides.samples is None else guides.samples
+    noise = torch.from_numpy(noise_of(samples)).to(device)
+    rays = view_inputs(view).to(device)
     return GuidedView(origin=rays.origin, directions=rays.directions, positions=bundles.reshape(1, -1, 3),
-                      features=_features(exposed, surfaces, position, bundles, config.patch_size), light=exposed,
-                      exposure=exposure)
+                      surface=_surface(surfaces, position, bundles, noise, config.patch_size),
+                      seen=seen * exposure, light=exposed, exposure=exposure,
+                      has_media=torch.full_like(exposure, light.direct.fog is not None))
+
+
+def noise_of(samples: np.ndarray) -> np.ndarray:
+    """Standard deviation of the mean of so many samples, relative to that of NOISY_SAMPLES; f32."""
+    return np.sqrt(NOISY_SAMPLES / samples.clip(*SAMPLES)).astype(np.float32)
 
 
 def with_exposure(light: SurfaceLight, exposure: Tensor) -> SurfaceLight:
@@ -70,20 +113,12 @@ def with_exposure(light: SurfaceLight, exposure: Tensor) -> SurfaceLight:
     return map_arrays(light, {RADIANCE: lambda x: x * exposure.view(-1, *[1] * (x.ndim - 1))})
 
 
-def _features(light: SurfaceLight, surfaces: HitSurfaces, position: Tensor, bundles: Tensor, patch: int) -> Tensor:
-    """(1, len(FEATURES), H, W) of exposed light."""
+def _surface(surfaces: HitSurfaces, position: Tensor, bundles: Tensor, noise: Tensor, patch: int) -> Tensor:
+    """(1, len(SURFACE), H, W)."""
     offset = position - bundles.repeat_interleave(patch, 0).repeat_interleave(patch, 1)
-    channels_first = lambda x: x.permute(2, 0, 1)[None]  # noqa: E731
-    features = torch.empty(1, len(FEATURES), *surfaces.roughness.shape, device=position.device)
-    parts = {"offset": channels_first(offset * OFFSET_SCALE * surfaces.is_covered),
-             "normal": channels_first(surfaces.normal), "colors": light.albedo.flatten(1, 2),
-             "roughness": light.roughness, "alpha": channels_first(surfaces.coverage),
-             "mirrored": channels_first(reflected(surfaces.rays, surfaces.normal)),
-             "hinted": light.is_traced.view(-1, 1, 1, 1)}
-    parts |= {name: torch.log10(1 + getattr(light, field).flatten(1, -3)) for name, field in RADIANCE_FEATURES.items()}
-    for name, values in parts.items():
-        features[:, FEATURES[name]] = values
-    return features
+    return torch.cat([offset * OFFSET_SCALE * surfaces.is_covered, surfaces.normal,
+                      reflected(surfaces.rays, surfaces.normal), surfaces.coverage, noise[..., None]],
+                     -1).permute(2, 0, 1)[None]
 
 
 def bundle_positions(position: Tensor, surfaces: HitSurfaces, patch: int) -> Tensor:

@@ -14,32 +14,31 @@ from torch.nn import functional as F
 from ..camera import extend_sides
 from ..compute.inference import current_pieces
 from ..fields import COLOR, DIRECTION, Channels
-from ..network.layers import Float32Conv2d
+from ..light_passes import Lobes
 from ..pictures import BAND_PIXELS, bands
 from ..scene import Guides
 from .exposure import display_encode, key_exposure
+from .features import SAMPLES, SURFACE, GuidedView, noise_of
+from .pixel_decoder import REACH as REACH_OF_DECODER
+from .pixel_decoder import PixelDecoder
 
+LATENT = 8                         # channels by which the transformer's decoder has a say
 INPUTS = Channels(1, image=(3, COLOR), emission=(3, COLOR), traced=(3, COLOR), colors=(9, COLOR), normal=(3, DIRECTION),
-                alpha=1, noise=1)
+                alpha=1, noise=1, latent=LATENT)
 RADIUS = 2                         # pixels, of a kernel
 WEIGHTS = (2 * RADIUS + 1) ** 2    # row by row
 CENTER = WEIGHTS // 2
-DILATIONS = (1, 2, 4)
-REACH = RADIUS + 1 + sum(DILATIONS)  # pixels around one that it depends on
+REACH = RADIUS + REACH_OF_DECODER    # pixels around one that it depends on
 CENTER_LOGIT = 20.0                        # of the center, that leaves no weight for the others
-SAMPLES = 8, 128                   # of a pixel in training pictures, fewest and most
 BRIGHT = 0.05                       # emission of an emitter's pixel, in the exposure of the picture
 LEAST_WEIGHT = 2e-3                       # smaller weights become 0: a neighbour may be a thousand times brighter
 
 
-class KernelPredictor(nn.Module):
+class KernelPredictor(PixelDecoder):
     """Features of a picture (V, len(INPUTS), H, W) -> a kernel for every pixel (V, WEIGHTS, H, W) f32, of sum 1."""
 
     def __init__(self, width: int):
-        super().__init__()
-        self.enter = nn.Conv2d(len(INPUTS), width, 3, padding=1)
-        self.look = nn.ModuleList(nn.Conv2d(width, width, 3, padding=d, dilation=d) for d in DILATIONS)
-        self.leave = Float32Conv2d(width, WEIGHTS, 1)
+        super().__init__(len(INPUTS), width, WEIGHTS)
         self.reset()
 
     def reset(self, logit: float = CENTER_LOGIT) -> None:
@@ -49,10 +48,7 @@ class KernelPredictor(nn.Module):
         nn.init.constant_(self.leave.bias[CENTER], logit)
 
     def forward(self, inputs: Tensor) -> Tensor:
-        x = F.silu(self.enter(inputs.to(self.enter.weight.dtype)))
-        for look in self.look:
-            x = x + F.silu(look(x))
-        return self.leave(x).softmax(1)
+        return super().forward(inputs).softmax(1)
 
 
 def apply_kernels(picture: Tensor, kernels: Tensor, samples: Tensor | int = 0) -> Tensor:
@@ -60,7 +56,7 @@ def apply_kernels(picture: Tensor, kernels: Tensor, samples: Tensor | int = 0) -
 
     samples: of all pixels, or of each (V, 1, H, W); the more there are than in training, the weaker the filter.
     """
-    trained = SAMPLES[1]
+    trained = SAMPLES[-1]
     most = samples.clamp_min(trained) if isinstance(samples, Tensor) else max(samples, trained)
     kernels = (kernels - LEAST_WEIGHT).clamp_min(0) * (trained / most)
     h, w = picture.shape[2:]
@@ -74,54 +70,77 @@ def apply_kernels(picture: Tensor, kernels: Tensor, samples: Tensor | int = 0) -
     return picture + change
 
 
-def picture_exposure(radiance: np.ndarray, guides: Guides) -> float:
-    """Exposure of a whole picture, as of `kernel_inputs`, by everything but its emitters."""
-    return float(key_exposure(torch.from_numpy((radiance + guides.environment).mean(-1).ravel())))
+def kernel_inputs(radiance: Tensor, seen: Tensor, traced: Tensor, surface: Tensor, noise: Tensor,
+                  latent: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    """Features (V, len(INPUTS), H, W) of pictures, and (V, 1, H, W) bool, whether a kernel may change a pixel.
 
-
-def kernel_inputs(radiance: np.ndarray, guides: Guides, exposure: float, samples: np.ndarray | int) -> Tensor:
-    """(1, len(INPUTS), H, W) features of a picture (H, W, 3), world radiance without directly seen emitters and world.
-
-    samples: of all pixels, or of each (H, W). Without traced light the channels of `traced` are 0.
+    radiance, traced: (V, 3, H, W) of surfaces and media, and what of it is traced light; seen: (V, 6, H, W) directly
+    seen emitters and environment; all in the exposure of the whole picture. surface: (V, 13, H, W) albedos of three
+    lobes, normal, alpha. noise: (V, 1, H, W) as of `noise_of`. latent: (V, LATENT, H, W).
     """
-    traced = np.zeros_like(radiance) if guides.traced is None else guides.traced
-    complete = radiance + guides.emission + guides.environment
-    light = display_encode(to_tensor(np.dstack([complete, guides.emission, traced]) * np.float32(exposure)))
-    surface = to_tensor(np.dstack([guides.diffuse_color, guides.glossy_color, guides.transmission_color,
-                                guides.normal * guides.alpha[..., None], guides.alpha]))
-    noise = to_tensor((np.zeros_like(guides.alpha) + (SAMPLES[0] / np.clip(samples, *SAMPLES)) ** 0.5)[..., None])
-    return torch.cat([light, surface, noise], 1)
+    emission, environment = seen.split(3, 1)
+    light = display_encode(torch.cat([radiance + emission + environment, emission, traced], 1))
+    if latent is None:
+        latent = noise.new_zeros(len(noise), LATENT, *noise.shape[2:])
+    return torch.cat([light, surface, noise, latent], 1), ~near_emitters(emission)
 
 
-def near_emitters(emission: np.ndarray) -> Tensor:
-    """(1, 1, H, W) bool: pixels whose kernel reaches an emitter of (H, W, 3), whose light it would spread."""
-    bright = (to_tensor(emission).amax(1, keepdim=True) > BRIGHT).float()
+def near_emitters(emission: Tensor) -> Tensor:
+    """(V, 1, H, W) bool: pixels whose kernel reaches an emitter of (V, 3, H, W), whose light it would spread."""
+    bright = (emission.amax(1, keepdim=True) > BRIGHT).float()
     return F.max_pool2d(bright, 2 * RADIUS + 1, stride=1, padding=RADIUS) > 0
 
 
-def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
+def antialiased_views(predictor: KernelPredictor, radiance: Tensor, view: GuidedView, latent: Tensor) -> Tensor:
+    """Filter the pictures (V, 3, H, W) of views in their exposure, of which `radiance` is what `kernel_inputs` takes.
+
+    Emitters and environment are added before.
+    """
+    light = (radiance.detach() + view.seen[:, 3:]).mean(1).flatten(1)
+    exposure = torch.stack([key_exposure(of_view) for of_view in light]).view(-1, 1, 1, 1)
+    normal, alpha, noise = (view.surface[:, SURFACE[name]] for name in ("normal", "alpha", "noise"))
+    surface = torch.cat([view.light.albedo.flatten(1, 2), normal * alpha, alpha], 1)
+    inputs, may_change = kernel_inputs(radiance * exposure, view.seen * exposure, view.light.traced * exposure, surface,
+                                       noise, latent)
+    return apply_kernels(view.complete(radiance), predictor(inputs) * may_change)
+
+
+def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
                 samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
-    """Filter all `pictures` (H, W, C) f32 by the kernels of one, whose `radiance` and `guides` `kernel_inputs` takes.
+    """Filter all `pictures` (H, W, C) f32 by the kernels of one, of which there are `lobes` and `guides`.
 
     samples: of all pixels, or of each (H, W), in the first hits and in the traced light. wraps: whether left and right
     side are neighbours.
     """
-    samples = np.zeros_like(guides.alpha) + samples
+    samples = np.zeros_like(guides.alpha) + np.float32(samples)
     if wraps:
         wide = lambda picture: extend_sides(picture, REACH, REACH, wraps)  # noqa: E731
-        filtered = antialiased(predictor, {key: wide(picture) for key, picture in pictures.items()}, wide(radiance),
-                           Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}),
-                           wide(samples))
+        filtered = antialiased(
+            predictor, {key: wide(picture) for key, picture in pictures.items()},
+            Lobes(wide(lobes.radiance), latent=None if lobes.latent is None else wide(lobes.latent)),
+            Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}), wide(samples))
         return {key: picture[:, REACH:-REACH] for key, picture in filtered.items()}
-    device, exposure, filtered = predictor.enter.weight.device, picture_exposure(radiance, guides), []
+    device, filtered = predictor.enter.weight.device, []
+    exposure = float(key_exposure(torch.from_numpy((lobes.radiance + guides.environment).mean(-1).ravel())))
     for outer, inner in bands(*guides.alpha.shape, margin=REACH, pixels=current_pieces().limit(BAND_PIXELS)):
-        kernels = predictor(kernel_inputs(radiance[outer], guides.rows(outer), exposure, samples[outer]).to(device))
-        kernels = kernels * ~near_emitters(guides.emission[outer] * np.float32(exposure)).to(device)
+        inputs, may_change = _inputs(lobes.rows(outer), guides.rows(outer), np.float32(exposure), samples[outer])
+        kernels = predictor(inputs.to(device)) * may_change.to(device)
         joined = to_tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
         counts = to_tensor(samples[outer][..., None]).to(device)
         filtered.append(apply_kernels(joined, kernels, counts)[0, :, inner].permute(1, 2, 0).cpu().numpy())
     ends = np.cumsum([picture.shape[-1] for picture in pictures.values()])
     return dict(zip(pictures, np.split(np.concatenate(filtered), ends[:-1], axis=-1), strict=True))
+
+
+def _inputs(lobes: Lobes, guides: Guides, exposure: np.float32, samples: np.ndarray) -> tuple[Tensor, Tensor]:
+    """`kernel_inputs` of some rows."""
+    traced = np.zeros_like(lobes.radiance) if guides.traced is None else guides.traced
+    surface = np.dstack([guides.diffuse_color, guides.glossy_color, guides.transmission_color,
+                         guides.normal * guides.alpha[..., None], guides.alpha])
+    return kernel_inputs(
+        to_tensor(lobes.radiance * exposure), to_tensor(np.dstack([guides.emission, guides.environment]) * exposure),
+        to_tensor(traced * exposure), to_tensor(surface), to_tensor(noise_of(samples)[..., None]),
+        None if lobes.latent is None else to_tensor(lobes.latent))
 
 
 def to_tensor(picture: np.ndarray) -> Tensor:

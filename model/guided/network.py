@@ -1,24 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The guided networks: the paper's transformer around estimated light (docs/architecture.md 4.2), or kernels alone."""
+"""The guided network: the paper's transformer around estimated and traced light (docs/architecture.md 4.2)."""
 from __future__ import annotations
 
 from pathlib import Path
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from ..compute.inference import chunked
+from ..compute.inference import chunked, current_pieces, is_inference
 from ..network.config import ModelConfig
 from ..network.decoder import DPTDecoder
 from ..network.inputs import EnvironmentInputs
 from ..network.renderformer import RenderFormer
+from ..pictures import BAND_PIXELS, bands
 from ..progress import part
 from ..weights.checkpoint import read_network
 from .decoding import OUTPUTS
 from .encoders import EnvironmentEncoder, Guidance, TileEncoder
 from .features import FEATURES, GuidedView
 from .guided_inputs import GuidedInputs
-from .kernels import KernelPredictor
+from .kernels import LATENT, KernelPredictor
+from .pixel_decoder import REACH, PixelDecoder
 
 
 class GuidedRenderFormer(RenderFormer):
@@ -29,7 +31,9 @@ class GuidedRenderFormer(RenderFormer):
         self.tile_encoder = TileEncoder(config)
         self.environment_encoder = EnvironmentEncoder(config)
         self.guidance = Guidance(config)
-        self.view_transformer.out_dpt = DPTDecoder(config, len(FEATURES), len(OUTPUTS))
+        width = config.guidance.pixel_decoder_width
+        self.view_transformer.out_dpt = DPTDecoder(config, out_channels=width)
+        self.pixel_decoder = PixelDecoder(len(FEATURES) + width, width, len(OUTPUTS) + LATENT)
         self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)  # of finished pictures
 
     def embed_textures(self, tiles: Tensor) -> Tensor:
@@ -51,38 +55,30 @@ class GuidedRenderFormer(RenderFormer):
 
     def embed_rays(self, view: GuidedView) -> Tensor:
         """Ray bundles have the features of their pixels."""
-        return super().embed_rays(view) + self.guidance.bundles(view.features).float()
+        return super().embed_rays(view) + self.guidance.bundles(view).float()
 
     def ray_positions(self, view: GuidedView) -> Tensor:
         """Ray bundles are at their first hits instead of the camera."""
         return view.positions
 
     def decode(self, features: list[Tensor], view: GuidedView) -> Tensor:
-        """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS), H, W) channels for `corrected_light`."""
-        return self.view_transformer.out_dpt(features, view.features)
+        """Four (V, D, Hg, Wg) -> (V, len(OUTPUTS) + LATENT, H, W) channels for `corrected_light` and the kernels."""
+        context = self.view_transformer.out_dpt(features)
 
-    def zero_outputs(self) -> None:
-        """Leave light as it is: training begins there."""
-        for p in self.view_transformer.out_dpt.scratch.output_conv2[-1].parameters():
-            nn.init.zeros_(p)
+        def decode(rows: slice) -> Tensor:
+            return self.pixel_decoder(torch.cat([context[..., rows, :], view.features(rows)], 1))
 
-
-class KernelNetwork(nn.Module):
-    """What is bundled: kernels for finished pictures, without a transformer."""
-
-    def __init__(self, config: ModelConfig):
-        super().__init__()
-        self.config = config.validate()
-        self.kernel_predictor = KernelPredictor(config.guidance.kernel_predictor_width)
+        if not is_inference():
+            return decode(slice(None))
+        return torch.cat([decode(outer)[..., inner, :] for outer, inner in bands(
+            *context.shape[-2:], margin=REACH, pixels=current_pieces().limit(BAND_PIXELS))], -2)
 
 
-def new_network(config: ModelConfig) -> RenderFormer | KernelNetwork:
+def new_network(config: ModelConfig) -> RenderFormer:
     """The network of a configuration, ready to be trained."""
-    if config.guidance is None:
-        return RenderFormer(config)
-    return GuidedRenderFormer(config) if config.guidance.transformer else KernelNetwork(config)
+    return RenderFormer(config) if config.guidance is None else GuidedRenderFormer(config)
 
 
-def load_network(folder: Path) -> RenderFormer | KernelNetwork:
+def load_network(folder: Path) -> RenderFormer:
     """The network of a folder in this project's format. Raises CheckpointError."""
     return read_network(new_network, folder)

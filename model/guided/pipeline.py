@@ -2,6 +2,7 @@
 """The way of the bundled network from scenes to pictures (model/pipeline.py): estimated light, transformer, kernels."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from ..light.direct.direct_light import DirectLight
 from ..light.effort import DRAFT, FULL, Effort
 from ..light.estimate import SceneLight, estimate_light
 from ..light.surface_light import SurfaceLight
+from ..light_passes import Lobes
 from ..material.mappers import load_material_mapper
 from ..network.layers import store_in_precision
 from ..network.renderformer import SceneContext
@@ -22,16 +24,16 @@ from ..pictures import BAND_PIXELS, bands
 from ..progress import part
 from ..scene import Guides, RenderScene, View
 from ..weights.presets import weights_folder
-from .decoding import corrected_light
+from .decoding import OUTPUTS, corrected_light
 from .features import guided_view, with_exposure
 from .guided_inputs import guided_inputs
-from .kernels import antialiased
-from .network import GuidedRenderFormer, load_network
+from .kernels import LATENT, antialiased
+from .network import load_network
 
 
 @dataclass
 class GuidedScene:
-    """A scene's light, and its tokens after stage 1 where there is a transformer and this is no draft."""
+    """A scene's light, and its tokens after stage 1 unless this is a draft."""
 
     light: SceneLight
     context: SceneContext | None = None
@@ -39,14 +41,13 @@ class GuidedScene:
 
 
 class GuidedPipeline:
-    """One network for every resolution. Without a transformer the picture is estimated and traced light as it is."""
+    """One network for every resolution."""
 
-    def __init__(self, weights: str | Path, device: torch.device, dtype: torch.dtype):
-        network = store_in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
-        self.device, self.config, self.granularity = device, network.config, network.config.granularity
-        self.kernel_predictor = network.kernel_predictor
-        self.transformer = network if isinstance(network, GuidedRenderFormer) else None
-        self.mapper = load_material_mapper() if self.transformer else None
+    def __init__(self, weights: str | Path, device: torch.device, dtype: torch.dtype, rays: bool = True):
+        """rays: whether light is estimated by rays, or unshadowed direct light is all that the network is told."""
+        self.network = store_in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
+        self.device, self.config, self.granularity = device, self.network.config, self.network.config.granularity
+        self.mapper, self.rays = load_material_mapper(), rays
 
     def variant(self, picture_size: int) -> str:
         return ""
@@ -64,20 +65,21 @@ class GuidedPipeline:
         with part(0.0, 0.5, "Estimating direct light"):
             direct = DirectLight(scene, self.device)
         with part(0.5, 1.0, "Estimating bounced light"):
-            return GuidedScene(SceneLight(scene, direct, Radiosity(scene, direct, DRAFT)))
+            return GuidedScene(self._light(scene, direct, DRAFT))
 
     def finished(self, draft: GuidedScene) -> GuidedScene:
         return self._encoded(draft.light.scene, draft.light.direct)
 
     def _encoded(self, scene: RenderScene, direct: DirectLight) -> GuidedScene:
-        with part(0.05, 0.1 if self.transformer else 1.0, "Estimating bounced light"):
-            light = SceneLight(scene, direct, Radiosity(scene, direct))
-        if self.transformer is None:
-            return GuidedScene(light)
-        with part(0.1, 1.0):
+        with part(0.05, 0.6, "Estimating bounced light"):
+            light = self._light(scene, direct)
+        with part(0.6, 1.0):
             inputs = guided_inputs(scene, self.config, self.mapper).to(self.device)
-            context = self.transformer.encode_scene(inputs)
+            context = self.network.encode_scene(inputs)
         return GuidedScene(light, context, len(context.tokens))
+
+    def _light(self, scene: RenderScene, direct: DirectLight, effort: Effort = FULL) -> SceneLight:
+        return SceneLight(scene, direct, Radiosity(scene, direct, effort) if self.rays else None)
 
     def image(self, encoded: GuidedScene, view: View, guides: Guides, effort: Effort = FULL) -> Tensor:
         return self.lobes(encoded, view, guides, apart=False, effort=effort)["radiance"]
@@ -85,36 +87,34 @@ class GuidedPipeline:
     def lobes(self, encoded: GuidedScene, view: View, guides: Guides, apart: bool = True,
               effort: Effort = FULL) -> dict[str, Tensor]:
         """Pictures by field of Lobes, in network exposure; `direct` and `indirect` only if `apart`."""
-        with_direct = guides.traced is None or apart
-        if encoded.context is None:
+        if encoded.context is None or not effort.network:
             with part(0.0, 0.95, "Estimating direct light"):
-                light = estimate_light(encoded.light, view, guides, effort, with_direct)
-        else:
-            light = self._corrected(encoded, view, guides, effort)
-        with part(0.95, 1.0, "Adding the light up"):
-            pictures = _in_bands(light, apart)
-        traced = {} if guides.traced is None else {"traced": light.traced[0]}
-        return pictures | traced | ({"direct": light.direct[0]} if apart else {})
-
-    def _corrected(self, encoded: GuidedScene, view: View, guides: Guides, effort: Effort) -> SurfaceLight:
-        """The light of a view after the transformer, in network exposure."""
-        with part(0.0, 0.1, "Estimating direct light"):
+                light = estimate_light(encoded.light, view, guides, effort, guides.traced is None or apart)
+            with part(0.95, 1.0, "Adding the light up"):
+                return _in_bands(light.rows, view, apart)
+        with part(0.0, 0.6, "Estimating direct light"):
             inputs = guided_view(encoded.light, view, guides, self.config, effort)
-        with part(0.1, 0.95):
-            raw = self.transformer.render_view(encoded.context, inputs)
-            return with_exposure(corrected_light(raw, inputs), 1 / inputs.exposure)
+        with part(0.6, 0.95):
+            raw = self.network.render_view(encoded.context, inputs)
+        with part(0.95, 1.0, "Adding the light up"):
+            light, latent = raw.split([len(OUTPUTS), LATENT], 1)
+            return _in_bands(lambda rows: with_exposure(corrected_light(light[..., rows, :], inputs.rows(rows)),
+                                                        1 / inputs.exposure), view, apart) | {"latent": latent[0]}
 
-    def antialiased(self, pictures: dict[str, np.ndarray], radiance: np.ndarray, guides: Guides,
+    def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
                     samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
         """As the function of that name."""
-        return antialiased(self.kernel_predictor, pictures, radiance, guides, samples, wraps)
+        return antialiased(self.network.kernel_predictor, pictures, lobes, guides, samples, wraps)
 
 
-def _in_bands(light: SurfaceLight, apart: bool) -> dict[str, Tensor]:
-    """Radiance (3, H, W), and if `apart` indirect light (3, 3, H, W), of one view; the sums need bounded memory."""
-    height, width = light.roughness.shape[-2:]
+def _in_bands(light: Callable[[slice], SurfaceLight], view: View, apart: bool) -> dict[str, Tensor]:
+    """Pictures by field of Lobes, of one view; `light` gives that of some rows, so that sums need bounded memory."""
     parts = []
-    for rows, _ in bands(height, width, margin=0, pixels=current_pieces().limit(BAND_PIXELS)):
-        some = light.rows(rows)
-        parts.append({"radiance": some.radiance()[0]} | ({"indirect": some.indirect()[0]} if apart else {}))
+    for rows, _ in bands(view.height, view.width, margin=0, pixels=current_pieces().limit(BAND_PIXELS)):
+        some = light(rows)
+        parts.append({"radiance": some.radiance()[0]})
+        if some.is_traced:
+            parts[-1]["traced"] = some.traced[0]
+        if apart:
+            parts[-1] |= {"direct": some.direct[0], "indirect": some.indirect()[0]}
     return {name: torch.cat([part[name] for part in parts], dim=-2) for name in parts[0]}

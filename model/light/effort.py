@@ -18,6 +18,7 @@ class Effort:
     smoothings: int = 2    # of light that was found by rays
     patches: float = 1.0   # share of those between which light bounces
     walls: bool = True     # whether they end at these
+    network: bool = True   # whether the transformer corrects the light
     edges: bool = True     # whether pixels show the light of all surfaces that they see
 
     def of(self, count: int) -> int:
@@ -35,5 +36,5 @@ class Effort:
 
 FULL = Effort()
 QUICK = Effort(rays=1 / 3, probe_rays=2 / 3, most_more=1.0, shadow_grid=2, probe_grid=4, closer=1, smoothings=1,
-               walls=False, edges=False)
+               walls=False, network=False, edges=False)
 DRAFT = Effort(rays=1 / 6, patches=0.5, walls=False)  # of light between surfaces, until the network is done

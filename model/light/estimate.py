@@ -7,7 +7,7 @@ computed at probes and interpolated.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import torch
@@ -21,6 +21,7 @@ from ..scene import Guides, RenderScene, View
 from .bounce.pixels import diffuse_bounces, glossy_bounces, outgoing_radiance
 from .bounce.radiosity import Radiosity
 from .direct.direct_light import DirectLight
+from .direct.footprints import footprints
 from .direct.pixels import direct_light
 from .edges import find_edges
 from .effort import FULL, Effort
@@ -43,16 +44,18 @@ class SceneLight:
 
     scene: RenderScene
     direct: DirectLight
-    radiosity: Radiosity
+    radiosity: Radiosity | None  # None: no rays; only direct light is estimated, without shadows
 
 
 def estimate_light(light: SceneLight, view: View, guides: Guides, effort: Effort = FULL,
                    with_direct: bool = True) -> SurfaceLight:
     """The light of one view (V = 1) on the device of the scene's light, in the radiance units of the scene.
 
-    View and guides are normalised as the scene is. Without `with_direct` the direct light is 0: the picture shows
-    traced light instead.
+    View and guides are normalised as the scene is. Without `with_direct`, where light was traced, the estimates of the
+    same light are 0: the picture shows traced light instead.
     """
+    if light.radiosity is None:
+        return _unshadowed_light(light, view, guides)
     height, width = guides.alpha.shape
     effort = effort.of_picture(view.width * view.height)
     picture, pixels = None, current_pieces().limit(BAND_PIXELS)
@@ -80,35 +83,63 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
         separation = Separation(*(x.permute(2, 0, 1) for x in (surfaces.position, surfaces.normal)),
                                 surfaces.is_covered[..., 0], direct.occluders) if effort.walls else None
     probes = make_probes(surfaces.position, surfaces.normal, surfaces.is_covered, separation=separation)
-    outgoing = partial(outgoing_radiance, radiosity, None if is_traced else direct, effort)
+    outgoing = partial(outgoing_radiance, radiosity, direct if with_direct else None, effort)
     with part(0.02, 0.3):
         bounced, sky = diffuse_bounces(radiosity, probes, filters, effort, with_direct)
     with part(0.3, 0.4):
         gloss = glossy_bounces(radiosity, probes, surfaces, filters, effort, is_traced, with_direct)
-        bounced = gloss.remove_missed(bounced, surfaces.diffuse_ratio)
     with part(0.4, 0.5):
-        behind = probes.interpolate(lambda x, n, number: {"light": outgoing(x, -n, number)}, filters=filters,
-                                    where=surfaces.transmission.amax(-1, keepdim=True) > 0)["light"]
+        behind = probes.interpolate(lambda x, n, number: outgoing(x, -n, number), filters=filters,
+                                    where=surfaces.transmission.amax(-1, keepdim=True) > 0)
     with part(0.5, 0.6):
         mirrored, has_end = path_end_light("reflected", guides, make_probes, outgoing, filters, direct.device)
-        if guides.reflected_light is not None and not is_traced:
-            mirrored = mirrored + tensors_on(direct.device)(guides.reflected_light)
-            mirrored = mirrored + mirrored_highlights(guides, surfaces, direct)
-        reflected = torch.lerp(gloss.radiance, mirrored, (1 - blur(surfaces.roughness)[..., None]) * has_end)
     with part(0.6, 0.7):
         refracted, _ = path_end_light("refracted", guides, make_probes, outgoing, filters, direct.device)
     dark = torch.zeros_like(bounced)
-    lobes = [dark] * 3
+    sharp = (1 - blur(surfaces.roughness)[..., None]) * has_end
+    common = _materials(surfaces) | {"is_traced": dark.new_full((1,), float(is_traced)), "has_rays": dark.new_ones(1)}
+
+    def surface_light(bounced: Tensor, glossy: Tensor, kind: str, **other: Tensor) -> SurfaceLight:
+        fields = {"bounced": bounced, "behind": behind[kind], "glow": glow, "traced": dark,
+                  "reflected": torch.lerp(glossy, mirrored[kind], sharp) if mirrored else glossy,
+                  "refracted": refracted[kind] if refracted else dark} | other
+        return SurfaceLight(direct=_stack(lobes), **common, **{k: _channels_first(x) for k, x in fields.items()})
+
+    lobes, glow = [dark] * 3, dark
     if with_direct:
         with part(0.7, 1.0):
             lobes = direct_light(direct, probes, surfaces, guides, sky, gloss.sky, effort)
-    traced = tensors_on(direct.device)(guides.traced).clamp_min(0) if is_traced else dark
-    glow = dark if is_traced else _glow(direct, surfaces)
+        if mirrored and guides.reflected_light is not None:
+            mirrored["complete"] = (mirrored["complete"] + tensors_on(direct.device)(guides.reflected_light)
+                                    + mirrored_highlights(guides, surfaces, direct))
+        glow = _glow(direct, surfaces)
+        complete = surface_light(bounced, gloss.complete, "complete")
+        if not is_traced:
+            return complete
+    beside = surface_light(gloss.remove_missed(bounced, surfaces.diffuse_ratio), gloss.bounced, "bounced",
+                           traced=tensors_on(direct.device)(guides.traced).clamp_min(0))
+    if not with_direct:
+        return beside
+    return replace(beside, direct=complete.direct + complete.indirect() - beside.indirect())
+
+
+def _unshadowed_light(light: SceneLight, view: View, guides: Guides) -> SurfaceLight:
+    """Direct light in closed form, past everything that is in its way."""
+    direct = light.direct
+    surfaces = HitSurfaces.of(light.scene, view, guides, 0, direct.device)
+    points = surfaces.position, surfaces.normal, -surfaces.rays, surfaces.roughness, surfaces.f0
+    lobes = direct.lobes(*(x.flatten(0, 1) for x in points), None, footprints(surfaces).flatten(0, 1))
+    dark = torch.zeros_like(surfaces.position)
+    none = dark.new_zeros(1)
     return SurfaceLight(
-        albedo=_stack([surfaces.diffuse, surfaces.glossy, surfaces.transmission]),
-        roughness=surfaces.roughness[None, None], direct=_stack(lobes), bounced=_channels_first(bounced),
-        behind=_channels_first(behind), reflected=_channels_first(reflected), refracted=_channels_first(refracted),
-        glow=_channels_first(glow), traced=_channels_first(traced), is_traced=dark.new_full((1,), float(is_traced)))
+        **_materials(surfaces), direct=_stack([lobe.view_as(dark) * surfaces.is_covered for lobe in lobes]),
+        **dict.fromkeys(SurfaceLight.OF_RAYS, _channels_first(dark)), is_traced=none, has_rays=none)
+
+
+def _materials(surfaces: HitSurfaces) -> dict[str, Tensor]:
+    """Albedo and roughness, as SurfaceLight has them."""
+    return {"albedo": _stack([surfaces.diffuse, surfaces.glossy, surfaces.transmission]),
+            "roughness": surfaces.roughness[None, None]}
 
 
 def _glow(direct: DirectLight, surfaces: HitSurfaces) -> Tensor:

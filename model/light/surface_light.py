@@ -20,12 +20,12 @@ class SurfaceLight(TensorGroup):
     """V views of H x W pixels, f32: radiance that white lobes would send to the viewer, and their albedos.
 
     The three lobes of `albedo` and `direct` are LOBES: diffuse, glossy, transmission. Where light was traced, that
-    stands for all direct light and is weighted by albedos and coverage already; `direct` is then no part of the picture
-    and may be 0.
+    stands for all direct light, and for what mirrors and glass show of it, and is weighted by albedos and coverage
+    already; `direct` and `glow` then estimate the same light, are no part of the picture, and may be 0.
     """
 
-    PICTURES: ClassVar = ("albedo", "roughness", "direct", "bounced", "behind", "reflected", "refracted", "glow",
-                          "traced")
+    OF_RAYS: ClassVar = "bounced", "behind", "reflected", "refracted", "glow", "traced"
+    PICTURES: ClassVar = ("albedo", "roughness", "direct", *OF_RAYS)
 
     albedo: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # [lobe, rgb], premultiplied by coverage
     roughness: Tensor = array("V", 1, "H", "W")                      # perceptual
@@ -37,17 +37,25 @@ class SurfaceLight(TensorGroup):
     glow: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1, RADIANCE: 1})  # radiance of media before the surface
     traced: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1, RADIANCE: 1})     # traced light; 0 without it
     is_traced: Tensor = array("V")                                                # 1 if light was traced, else 0
+    has_rays: Tensor = array("V")  # 1 if estimates are by rays; else `direct` has no shadows, and all else is 0
 
     def indirect(self) -> Tensor:
         """(V, 3, 3, H, W) indirect light of each lobe. Smooth glass shows what lies behind it, rough glass the mean."""
         transmitted = torch.lerp(REFRACTED * self.refracted, BEHIND * self.behind, self.roughness)
         return torch.stack([self.bounced, self.reflected, transmitted], dim=1)
 
+    def bounces(self) -> Tensor:
+        """(V, 3, H, W) indirect light of all lobes."""
+        return (self.indirect() * self.albedo).sum(1)
+
+    def estimate(self) -> Tensor:
+        """(V, 3, H, W) of the light that may have been traced, by estimates alone."""
+        return (self.direct * self.albedo).sum(1) + self.glow
+
     def radiance(self) -> Tensor:
         """(V, 3, H, W) of the picture, without emitters and environment that the camera sees directly."""
         is_traced = self.is_traced.view(-1, 1, 1, 1)
-        arriving = is_traced * self.traced + (1 - is_traced) * (self.direct * self.albedo).sum(1)
-        return arriving + (self.indirect() * self.albedo).sum(1) + self.glow
+        return is_traced * self.traced + (1 - is_traced) * self.estimate() + self.bounces()
 
     def rows(self, rows: slice) -> SurfaceLight:
         """Some rows of the views; shared memory."""

@@ -40,9 +40,9 @@ def require_kind(name: str, value, annotation: str) -> None:
 class Guidance:
     """What the guided network has beside the paper's, and sizes of that (docs/architecture.md 4.2)."""
 
-    transformer: bool = True  # False: the kernels alone, of which the paper's network has no part
     tile_encoder_width: int = 32
     environment_encoder_width: int = 32
+    pixel_decoder_width: int = 32
     kernel_predictor_width: int = 32
 
 

@@ -21,10 +21,7 @@ def rf2_200m() -> ModelConfig:
 
 
 def rf2_small() -> ModelConfig:
-    """The guided preset: the same mechanisms at a quarter of the width, with its own small encoders.
-
-    Of its weights the kernel predictor alone is bundled, because the transformer has nothing to add (docs/training.md).
-    """
+    """The guided preset: the same mechanisms at a quarter of the width, with its own small encoders."""
     return replace(
         rf2_200m(), latent_dim=192, num_layers=6, num_heads=3, dim_feedforward=512, num_register_tokens=8,
         vertex_pe_num_freqs=6, intra_rope_pe_num_freqs=20, vn_pe_num_freqs=2, texture_channels=16,

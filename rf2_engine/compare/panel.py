@@ -54,8 +54,8 @@ def _draw_side(column, side) -> None:
         column.prop_search(side, "image", bpy.data, "images", text="")
     elif side.kind == "SLOT":
         column.prop(side, "slot")
-    column.prop(side, "pass_name", placeholder="As in header")
-    column.prop(side, "layer", placeholder="As in header")
+    column.prop(side, "pass_name", placeholder="Same as Header")
+    column.prop(side, "layer", placeholder="Same as Header")
 
 
 class RENDERFORMER_PT_compare_metrics(bpy.types.Panel):
@@ -93,7 +93,7 @@ def _draw_closeness(column, closeness) -> None:
             ("HDR-FLIP", f"{closeness.hdr_flip:.4f}")]
     if closeness.lpips is not None:
         rows.append(("LPIPS", f"{closeness.lpips:.4f}"))
-    rows += [("Seconds of A", _seconds(comparison.a)), ("Seconds of B", _seconds(comparison.b))]
+    rows += [("Render Time A", _seconds(comparison.a)), ("Render Time B", _seconds(comparison.b))]
     for name, value in rows:
         row = column.row()
         row.label(text=name)
@@ -102,7 +102,7 @@ def _draw_closeness(column, closeness) -> None:
 
 def _seconds(picture) -> str:
     seconds = picture.credits.seconds
-    return "not known" if seconds is None else f"{seconds:.2f}"
+    return "not known" if seconds is None else f"{seconds:.2f} s"
 
 
 class RENDERFORMER_MT_compare(bpy.types.Menu):
@@ -131,7 +131,7 @@ def _menu(self, context):
 def _button(self, context):
     if _is_image_editor(context):
         show = comparison.settings.show
-        self.layout.operator("renderformer_v2.compare", text="Both", icon="MOD_MIRROR", depress=show)
+        self.layout.operator("renderformer_v2.compare", icon="MOD_MIRROR", depress=show)
         if show and comparison.has_one_picture:
             _draw_way_out(self.layout, context)
             self.layout.operator("renderformer_v2.compare_choose", icon="RIGHTARROW")

@@ -16,22 +16,18 @@ from ..setup import importing, wheels
 
 PUBLISHED_PARAMETERS = 208_000_000  # without the image encoder
 IMAGE_ENCODER = 78_500_000          # bytes; it stays in float32 on a card
-GUIDED_WEIGHTS = 1_000_000          # bytes
-GUIDED_PIXEL = 320                  # bytes: guides, and the light of each lobe, for every pixel of the picture
+GUIDED_PIXEL = 720                  # bytes: guides, light of each lobe, decoded channels, of every pixel
 GUIDED_BAND = 600_000_000           # bytes: patches, and light of the pixels that are computed at once
-GUIDED_PARAMETERS = 11_000_000      # of one whose transformer was trained; the bundled one has none
+GUIDED_PARAMETERS = 7_100_000
 
 
 def count_tokens(scene: RenderScene, settings: FrameSettings) -> int:
     """Length of the token sequence of a scene as its weights are given it (published_scene.py).
 
-    0 without a transformer. Raises CheckpointError for weights that cannot be read.
+    Raises CheckpointError for weights that cannot be read.
     """
-    config = _config(settings)
-    if not _has_transformer(config):
-        return 0
     lights = int(scene.is_light.sum())
-    return config.sequence_length(lights, len(scene) - lights + len(scene.volumes or ()))
+    return _config(settings).sequence_length(lights, len(scene) - lights + len(scene.volumes or ()))
 
 
 def memory(settings: FrameSettings, tokens: int, pixels: int) -> tuple[int, int] | None:
@@ -61,21 +57,14 @@ def _needed(settings: FrameSettings, device, tokens: int, pixels: int) -> int:
         view_item = 4 if has_tensor_float_32(device) else item
         return IMAGE_ENCODER + estimate_card_bytes(presets.rf2_200m(), PUBLISHED_PARAMETERS, tokens, pixels,
                                                    (item, view_item), KEYS_VALUES_BYTES)
-    needed = GUIDED_WEIGHTS + GUIDED_BAND + GUIDED_PIXEL * pixels
-    config = _config(settings)
-    if not _has_transformer(config):
-        return needed
-    return needed + estimate_card_bytes(config, GUIDED_PARAMETERS, tokens, pixels, (item, item), KEYS_VALUES_BYTES)
+    return GUIDED_BAND + GUIDED_PIXEL * pixels + estimate_card_bytes(
+        _config(settings), GUIDED_PARAMETERS, tokens, pixels, (item, item), KEYS_VALUES_BYTES)
 
 
 def _config(settings: FrameSettings) -> ModelConfig:
     if settings.network is Network.PUBLISHED:
         return presets.rf2_200m()
     return ModelConfig.from_dict(described(presets.weights_folder(settings.weights)))
-
-
-def _has_transformer(config: ModelConfig) -> bool:
-    return config.guidance is None or config.guidance.transformer
 
 
 def warn(settings: FrameSettings, scene: RenderScene, pixels: int, report: Report) -> None:
@@ -91,4 +80,4 @@ def describe(estimate: tuple[int, int] | None) -> str:
         return ""
     needed, free = estimate
     advice = ": if that is too little, it works in smaller pieces, more slowly" if needed > free else ""
-    return f"Card: at most {needed / 1e9:.1f} GB are needed, {free / 1e9:.1f} GB are free{advice}"
+    return f"GPU: at most {needed / 1e9:.1f} GB are needed, {free / 1e9:.1f} GB are free{advice}"

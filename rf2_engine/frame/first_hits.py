@@ -123,7 +123,7 @@ def _make_guides(layer: Layer, passes: Passes, scene: RenderScene, view: View) -
     """The guides of a view, with what mirrors and glass show where its network wants that."""
     with progress.part(0.0, 0.5):
         guides = make_guides(passes, scene, view)
-    if not layer.settings.network.follows_specular_paths:
+    if not layer.settings.follows_specular_paths:
         return guides
     with progress.part(0.5, 1.0):
         return add_path_ends(guides, scene, view)

@@ -58,8 +58,7 @@ class LayerNetwork:
         if self._renderer is None:
             settings = self._layer.settings
             with self._layer.plan.enter(LOAD):
-                self._renderer = model_cache.renderer(settings.weights, settings.device, settings.precision,
-                                                      settings.transformer)
+                self._renderer = model_cache.renderer(*settings.renderer)
             self._report_remark()
             if unused := model_cache.explain_unused_card(self._renderer) if settings.device == "auto" else "":
                 self._layer.report.approximated("Device", unused)

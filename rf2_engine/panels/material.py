@@ -35,7 +35,6 @@ class RENDERFORMER_PT_material_settings(EnginePanel):
         layout = self.split_layout()
         layout.prop(context.material, "pass_index")
         layout.prop(context.material, "displacement_method", text="Displacement")
-        layout.use_property_split = False  # its name would be cut at the usual width
         layout.prop(context.material, "use_transparent_shadow")
 
 

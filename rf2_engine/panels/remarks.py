@@ -135,8 +135,9 @@ class RENDERFORMER_OT_copy_report(bpy.types.Operator):
     bl_description = "Copy the report to the clipboard"
     bl_options = {"INTERNAL"}
 
-    source: bpy.props.EnumProperty(items=(("LAST_RENDER", "Last Render", "", 0), ("PREFLIGHT", "Preflight", "", 1)),
-                                   options={"SKIP_SAVE"})
+    source: bpy.props.EnumProperty(options={"SKIP_SAVE"}, items=(
+        ("LAST_RENDER", "Last Render", "The report of the last frame, with all its view layers", 0),
+        ("PREFLIGHT", "Preflight", "What Check Scene found", 1)))
 
     def execute(self, context):
         text = last_render.as_text() if self.source == "LAST_RENDER" else preflight.as_text(context.scene)

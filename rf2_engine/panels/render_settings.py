@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render Properties: the engine's settings, film, blur, performance, viewport."""
+"""Render Properties: the engine's settings, sampling, film, blur, performance, viewport."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -36,38 +36,21 @@ class RENDERFORMER_PT_settings(EnginePanel):
             _draw_published(column)
         published = is_published(settings)
         if published:
-            column.prop(settings, "transformer", text="Network")
+            column.prop(settings, "transformer")
         column.prop(settings, "device")
         if settings.device == "cuda":
             column.prop(settings, "card")
         column.prop(settings, "precision")
         if not published:  # published networks take no traced light
             column.prop(settings, "light")
-        _draw_sampling(layout, settings)
-        numbers = layout.column(align=True)
-        numbers.use_property_split = False  # their names would be cut at the sidebar's usual width
+        numbers = layout.column()
         numbers.prop(settings, "token_budget")
         numbers.prop(settings, "max_edge")
-        numbers.separator()
         numbers.prop(settings, "as_is")
         if published:
             numbers.prop(settings, "paper_lamps")
             numbers.operator("renderformer_v2.suggested_budget")
         numbers.prop(settings, "bake_unknown")
-
-
-def _draw_sampling(layout, settings) -> None:
-    """As Cycles has it."""
-    row = layout.column(align=True, heading="Noise Threshold").row(align=True)
-    row.prop(settings, "use_adaptive_sampling", text="")
-    threshold = row.row()
-    threshold.active = settings.use_adaptive_sampling
-    threshold.prop(settings, "adaptive_threshold", text="")
-    column = layout.column(align=True)
-    column.prop(settings, "guide_samples")
-    least = column.column()
-    least.active = settings.use_adaptive_sampling
-    least.prop(settings, "adaptive_min_samples")
 
 
 def _find_folder_problem(settings) -> str:
@@ -85,6 +68,26 @@ def _draw_published(layout) -> None:
         column = layout.column()
         draw_text(column, "The published weights, or the packages for them, are incomplete")
         column.operator("preferences.addon_show", text="Open Preferences").module = packages.EXTENSION
+
+
+class RENDERFORMER_PT_sampling(EnginePanel):
+    """As Cycles has it, and in the same place."""
+
+    bl_label = "Sampling"
+    bl_context = "render"
+
+    def draw(self, context):
+        layout, settings = self.split_layout(), context.scene.renderformer_v2
+        row = layout.column(align=True, heading="Noise Threshold").row(align=True)
+        row.prop(settings, "use_adaptive_sampling", text="")
+        threshold = row.row()
+        threshold.active = settings.use_adaptive_sampling
+        threshold.prop(settings, "adaptive_threshold", text="")
+        column = layout.column(align=True)
+        column.prop(settings, "guide_samples")
+        least = column.column()
+        least.active = settings.use_adaptive_sampling
+        least.prop(settings, "adaptive_min_samples")
 
 
 class RENDERFORMER_PT_film(EnginePanel):
@@ -169,5 +172,5 @@ class RENDERFORMER_PT_viewport(EnginePanel):
 
 
 register, unregister = classes(
-    RENDERFORMER_PT_settings, RENDERFORMER_PT_film, RENDERFORMER_PT_depth_of_field, RENDERFORMER_PT_motion_blur,
-    RENDERFORMER_PT_performance, RENDERFORMER_PT_viewport)
+    RENDERFORMER_PT_settings, RENDERFORMER_PT_sampling, RENDERFORMER_PT_film, RENDERFORMER_PT_depth_of_field,
+    RENDERFORMER_PT_motion_blur, RENDERFORMER_PT_performance, RENDERFORMER_PT_viewport)

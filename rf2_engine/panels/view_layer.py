@@ -29,7 +29,6 @@ class RENDERFORMER_PT_passes_data(_PassesPanel):
 
     def draw(self, context):
         _draw_passes(self.layout, context.view_layer, available_passes(context.scene)["Data"])
-        self.layout.use_property_split = False  # its name would be cut at the usual width
         self.layout.prop(context.view_layer, "pass_alpha_threshold")
 
 

@@ -20,7 +20,7 @@ def draw_packages(layout, group: dict[str, str], published: bool = False) -> Non
     if installation and installation.state == "failed":
         draw_text(layout, installation.error)
     if missing := packages.missing(group):
-        draw_text(layout, f"Missing Python packages: {', '.join(missing)}")
+        draw_text(layout, f"Missing Python packages: {', '.join(missing)}", icon="INFO" if published else "ERROR")
         if "fast_simplification" in missing and not set(missing) & set(packages.NETWORK):
             draw_text(layout, "Scenes render without it: meshes are simplified in several times the time", icon="INFO")
         if problem := packages.unavailable(missing):

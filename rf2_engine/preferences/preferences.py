@@ -57,12 +57,13 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
         description="Address of the package index for all other packages. Leave empty to use the Python Package Index",
     )
     weights_folder: StringProperty(
-        name="Own Folder", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        name="Weights Folder", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         description="A copy of renderformer-v2 on this computer, with the VAE of Qwen-Image in its folder vae or in "
                     "Qwen-Image/vae beside it. If empty, the downloaded weights are used",
     )
     networks: EnumProperty(
-        name="Networks", description="Which of the two published networks to download", default="SMALL",
+        name="Network Resolution", default="SMALL",
+        description="The size of the pictures that the networks to download were trained with",
         items=(("SMALL", "512", "Trained for pictures of 512 x 512 pixels: 0.8 GB", 0),
                ("LARGE", "2048", "Trained for pictures of 2048 x 2048 pixels: 0.8 GB", 1),
                ("BOTH", "Both", "Pictures from 2048 pixels are drawn by the second: 1.7 GB", 2)),
@@ -73,9 +74,9 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
     )
 
     show_reference: BoolProperty(
-        name="Show Both With a Cycles Reference", default=True,
+        name="Compare With a Cycles Reference", default=True,
         description="While Cycles renders a reference, and after that, the Image Editor shows the picture and the "
-                    "reference, divided by a line. The button Both in its header switches that off and on",
+                    "reference, divided by a line. The button Compare in its header switches that off and on",
     )
 
     def draw(self, context):
@@ -85,9 +86,10 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
         box = layout.box()
         package_panel.draw_packages(box, packages.PACKAGES)
         package_panel.draw_choices(box)
-        layout.label(text="Published weights")
+        is_wanted = _are_weights_wanted(self)
+        layout.label(text="Published weights" if is_wanted else "Published weights: not downloaded (optional)")
         box = layout.box()
-        _draw_status(box)
+        _draw_status(box, is_wanted)
         if not self.weights_folder:
             package_panel.draw_packages(box, packages.PUBLISHED, published=True)
             _draw_download(box, self)
@@ -99,16 +101,24 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
             layout.operator("renderformer_v2.free_model")
 
 
-def _draw_status(layout) -> None:
+def _are_weights_wanted(preferences: RenderFormerPreferences) -> bool:
+    """Whether a folder was chosen or a part of the weights was downloaded, so that missing parts matter."""
+    folder = published_weights.download_folder()
+    return bool(preferences.weights_folder or packages.shared_folder(packages.WEIGHTS_VARIABLE)
+                or folder and folder.is_dir())
+
+
+def _draw_status(layout, is_wanted: bool) -> None:
     bundle = published_weights.bundle_folder()
     if bundle is None:
         layout.label(text="The add-on runs from its source folder: choose a folder with the weights", icon="INFO")
         return
-    missing = published_weights.missing_parts(bundle) if isdir(bundle) else ["everything"]
-    if missing:
-        draw_text(layout, f"Missing: {', '.join(missing)}")
-    else:
-        layout.label(text="Complete", icon="CHECKMARK")
+    if is_wanted:
+        missing = published_weights.missing_parts(bundle) if isdir(bundle) else ["everything"]
+        if missing:
+            draw_text(layout, f"Missing: {', '.join(missing)}")
+        else:
+            layout.label(text="Complete", icon="CHECKMARK")
     folder = published_weights.download_folder()
     if folder and folder.is_dir():
         layout.label(text=f"{format_size(published_weights.size_on_disk(folder))} downloaded to {folder}")
@@ -130,7 +140,7 @@ def _draw_download(layout, preferences: RenderFormerPreferences) -> None:
             if download.needs_token or session.token:
                 layout.prop(preferences, "access_token")
         row = layout.row()
-        row.label(text="Network for pictures of so many pixels:")
+        row.label(text="Network Resolution:")
         row.prop(preferences, "networks", expand=True)
         layout.operator("renderformer_v2.download_weights", icon="IMPORT")
         return

@@ -36,19 +36,19 @@ def begin_import() -> Future:
     return threads.begin_import(load)
 
 
-def renderer(weights: str, device: str, precision: str, transformer: str = AUTOMATIC):
+def renderer(weights: str, device: str, precision: str, transformer: str = AUTOMATIC, rays: bool = True):
     """The model.renderer.Renderer for these settings, loaded at the first call and when its files have changed.
 
     Raises CheckpointError when the weights, the device or the precision cannot be used.
     """
-    key = (weights, device, precision, transformer, _state_of_files(weights_folder(weights)))
+    key = (weights, device, precision, transformer, rays, _state_of_files(weights_folder(weights)))
     if key not in _cached:
         with part(0.0, 1.0, "Loading PyTorch"):
             network = threads.finish_import(begin_import())
         free()
         try:
             _cached[key] = network.Renderer(weights, device, precision, transformer,
-                                            published_weights.latents_file())
+                                            published_weights.latents_file(), rays)
         except ValueError as error:
             raise CheckpointError(str(error)) from error
     return _cached[key]

@@ -48,8 +48,7 @@ class ViewportSettings:
     def scene_key(self) -> tuple:
         """The settings that decide how a scene is converted and encoded."""
         frame = self.frame
-        return (frame.weights, frame.network, frame.transformer, frame.device, frame.precision, frame.token_budget,
-                frame.max_edge, frame.as_is, frame.paper_lamps)
+        return (*frame.renderer, frame.network, frame.token_budget, frame.max_edge, frame.as_is, frame.paper_lamps)
 
 
 @dataclass(eq=False, frozen=True)
@@ -98,7 +97,7 @@ def prepare_scene(copied: CopiedScene, state: State, view: View, settings: Viewp
     encoded = None
     if len(scene) or scene.volumes:
         with progress.part(0.4, 0.5, "Loading the network"):
-            network = model_cache.renderer(frame.weights, frame.device, frame.precision, frame.transformer)
+            network = model_cache.renderer(*frame.renderer)
         with progress.part(0.5, 1.0, "Bouncing light"):
             encoded = network.encode(scene, view.longer_side, draft=True)
     return PreparedScene(state, settings, scene, framing, encoded, content, at_hits)
@@ -122,7 +121,7 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
     materials = prepared.at_hits if frame.network.has_lobes and not is_quick else None
     with progress.part(0.0, 0.1, "Finding surfaces"):
         guides = cast_guides(prepared.scene, view, SPREAD if is_finest else CENTER, materials)
-    if frame.network.follows_specular_paths:
+    if frame.follows_specular_paths:
         with progress.part(0.1, 0.2):
             guides = add_path_ends(guides, prepared.scene, view)
     covered = guides.alpha > 0

@@ -18,4 +18,5 @@ def status_text(session: Session, is_reading: bool = False) -> str:
 
 
 def _describe(picture: DisplayedPicture) -> str:
-    return f"{NAMES[picture.divisor].capitalize()}, {picture.seconds:.1f} s, {picture.triangles:,} triangles"
+    size = "Full resolution" if picture.divisor == 1 else f"Resolution {NAMES[picture.divisor]}"
+    return f"{size} · {picture.seconds:.1f} s · {picture.triangles:,} triangles"

@@ -10,14 +10,16 @@ class Layout:
 
     def __init__(self):
         self.shown, self.texts, self.active = set(), [], True
+        self.icons = set()  # of labels
         self.operators = []
 
     def prop(self, data, name, **_):
         assert name in data.bl_rna.properties, f"{data} has no {name}"
         self.shown.add(name)
 
-    def label(self, text="", **_):
+    def label(self, text="", icon="NONE", **_):
         self.texts.append(text)
+        self.icons.add(icon)
 
     def operator(self, name, **_):
         package, _, operator = name.partition(".")

@@ -3,16 +3,13 @@
 import argparse
 import json
 import sys
-from itertools import count
 from pathlib import Path
-from types import SimpleNamespace
 
 import torch
 from torch import nn
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
-from renderformer_v2.model.guided.kernels import KernelPredictor
-from tools.train import antialiasing, material, ranks
+from tools.train import material, ranks
 from tools.train.errors import TrainingError
 
 
@@ -26,18 +23,6 @@ def spheres(work: Path) -> list[float]:
         material.fit(model, lambda indices, wanted=wanted: (model(x[indices]) - wanted).square().mean(), len(x),
                      work / f"{name}.safetensors", steps=20, batch=8, rate=0.1)
     return torch.cat([p.detach().flatten() for p in model.parameters()]).tolist()
-
-
-def kernels(work: Path) -> list[float]:
-    """The same after 20 steps of `antialiasing.train`, which the first process alone writes."""
-    torch.manual_seed(0)
-    clock = count()
-    antialiasing.time = SimpleNamespace(monotonic=lambda: next(clock))  # in steps
-    predictor = KernelPredictor(4)
-    samples = [torch.rand(1, sum(antialiasing.CHANNELS), 48, 48).half() for _ in range(2)]
-    antialiasing.train(predictor, samples, 21.0, lambda: (work / f"written-by-{ranks.rank()}").touch())
-    assert next(clock) == 22
-    return torch.cat([p.detach().flatten() for p in predictor.parameters()]).tolist()
 
 
 def shared_out() -> str:
@@ -56,7 +41,7 @@ def main() -> None:
     folder, options = Path(sys.argv[1]), argparse.Namespace(device="cpu")
     torch.set_num_threads(1)
     with ranks.join(options):
-        found = {"spheres": spheres(folder / f"work-{ranks.count()}"), "kernels": kernels(folder),
+        found = {"spheres": spheres(folder / f"work-{ranks.count()}"),
                  "share": shared_out(), "agreed": ranks.broadcast(float(ranks.rank() + 5)),
                  "means": ranks.compute_means({"a": torch.tensor(float(ranks.rank()))})["a"],
                  "gathered": sorted(ranks.gather({ranks.rank(): None}))}

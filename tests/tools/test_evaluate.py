@@ -70,7 +70,7 @@ def test_blend_files_are_rendered_by_both_engines(tmp_path, cube):
     assert scene["psnr"] > 15 and scene["cycles_seconds"] > 0
     equal = scene["beside"]["cycles_equal"]
     assert 1 <= equal["samples"] <= 4 and equal["seconds"] > 0 and equal["psnr"] > scene["psnr"]
-    assert scene["beside"]["network_alone"]["psnr"] > 15
+    assert scene["beside"]["network_and_rays"]["psnr"] > 15
     page = Page(tmp_path / "report")
     assert [Path(file).stem for file in page.pictures()] == KINDS
     assert imread(tmp_path / "report" / page.pictures()[0]).shape == (40, 48, 3)
@@ -80,7 +80,8 @@ def test_cycles_with_chosen_samples_is_beside_a_reference_that_is_not_clamped(tm
     shutil.copy(cube, tmp_path)
     found = evaluate(tmp_path, tmp_path / "report", "--cycles", "1", "2", "--reference", "3")
     beside = found["scenes"]["a cube"]["beside"]
-    assert set(beside) == {"cycles_1", "cycles_2", "network_alone"} and found["mean"]["cycles_2"]["seconds"] > 0
+    assert set(beside) == {"cycles_1", "cycles_2", "network_and_rays", "transformer_alone"}
+    assert found["mean"]["cycles_2"]["seconds"] > 0
     assert "Cycles, 2 samples" in Page(tmp_path / "report").cells
 
 
@@ -156,8 +157,9 @@ def test_the_page_shows_every_view_of_every_scene_beside_cycles(report):
 
 def test_the_page_has_the_figures_of_the_report(report):
     page, found = Page(report), json.loads((report / "report.json").read_text())
-    assert {"PSNR, dB", "SSIM", "FLIP", "time, s", "triangles", "without the network", "network alone",
-            "traced light alone", "Cycles, equal time"} <= set(page.cells)
+    assert {"PSNR, dB", "SSIM", "FLIP", "time, s", "triangles", "without the network",
+            "network and rays", "rays alone", "transformer alone", "traced light alone",
+            "Cycles, equal time"} <= set(page.cells)
     for of in (found["mean"], *found["scenes"].values()):
         assert f"{of['psnr']:.2f}" in page.cells and f"{of['flip']:.4f}" in page.cells
     assert f"{found['mean']['worst_psnr']:.2f}" in page.cells

@@ -10,11 +10,16 @@ import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model.camera import square_view
+from renderformer_v2.model.network.inputs import view_inputs
+from renderformer_v2.model.network.renderformer import to_radiance
 from renderformer_v2.model.published.pipeline import PublishedPipeline
 from renderformer_v2.model.renderer import Renderer
 from tests.model.published.bundles import tiny_published_config, write_bundle
 from tests.model.samples import floor_scene, floor_view
 from tests.tools.test_train_network import write
+from tools.benchmark import ring
+from tools.benchmark.point import random_inputs
 from tools.datagen.sample_files import hint_samples, load_sample, sample_paths
 from tools.train import published
 from tools.train.config import TrainConfig
@@ -122,6 +127,29 @@ def test_a_published_network_learns_one_sample(tmp_path, bundle):
     assert found[-1] < 0.8 * found[0], found
 
 
+def test_no_channel_of_a_new_network_starts_dead():
+    """ELU lets a thousandth of the gradients of a negative channel pass."""
+    config = tiny_published_config()
+    rays = view_inputs(square_view(ring.camera_to_world(), ring.FIELD_OF_VIEW, 64))
+    for seed in range(10):
+        torch.manual_seed(seed)
+        inputs, network = random_inputs(ring.LEAST, config), published.new_transformer(config)
+        with torch.no_grad():
+            assert (network(inputs, rays).amax((0, 2, 3)) > 0).all(), seed
+
+
+def test_what_the_network_draws_below_zero_has_gradients(tmp_path, bundle):
+    write(tmp_path, 8)
+    pipeline = PublishedPipeline(bundle, torch.device("cpu"), torch.float32)
+    sample = build_sample(sample_paths(tmp_path)[0], pipeline)
+    network = published.trainable(pipeline.load("transformer_512"))
+    bias = network.view_transformer.out_dpt.scratch.output_conv2[-1].bias
+    torch.nn.init.constant_(bias, -9.0)
+    assert (network.render_view(network.encode_scene(sample.inputs), sample.rays) < 0).all()
+    published.sample_loss(network, sample, structure_loss)["total"].backward()
+    assert (bias.grad < 0).all()
+
+
 def test_training_sees_what_rendering_sees(tmp_path, bundle):
     write(tmp_path, 1)
     renderer = Renderer(bundle, device="cpu", precision="fp32")
@@ -129,7 +157,7 @@ def test_training_sees_what_rendering_sees(tmp_path, bundle):
     network = renderer.pipeline.load("transformer_512")
     with torch.no_grad():
         log_image = network.render_view(network.encode_scene(sample.inputs), sample.rays)
-    seen = (published.to_radiance(log_image).clamp(min=0) * sample.shown)[0].movedim(0, -1).numpy()
+    seen = (to_radiance(log_image).clamp(min=0) * sample.shown)[0].movedim(0, -1).numpy()
     view, guides = floor_view()
     encoded = renderer.encode(floor_scene())
     expected = encoded.view(view, guides) * encoded.normalization.exposure

@@ -10,8 +10,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 ROWS = {"ours": "With Cycles*", "without_network": "without the network", "cycles_equal": "Cycles with 8 samples",
-        "network_alone": "| *Network Alone*", "priors_alone": "starts from"}  # by what their row of the table has
-LEAST = 35.0  # dB of ours; that of the table is 39.9, of pictures with twice as many pixels along each side
+        "network_and_rays": "| *Network and Rays*", "rays_alone": "starts from"}  # by what their row of the table has
+LEAST = 33.0  # dB of ours; that of the table is 37.2, of pictures with twice as many pixels along each side
 
 
 def run(*command) -> str:
@@ -31,11 +31,11 @@ def claimed() -> dict[str, float]:
 @pytest.mark.parametrize("first, count", [(900002, 1), pytest.param(900000, 6, marks=pytest.mark.slow)])
 def test_pictures_rank_as_the_readme_says(tmp_path, first, count):
     run("tools.datagen", tmp_path, "--first-seed", first, "--scenes", count, "--resolution", 64, "--views", 1,
-        "--samples", 64, "--equal", 8, "--hints", 128, "--profile", "full", "--processes", 1)
+        "--samples", 64, "--equal", 8, "--hints", 8, "--profile", "full", "--processes", 1)
     mean = json.loads(run("tools.evaluate", tmp_path, "-o", tmp_path / "report"))["mean"]
     # Eight samples of Cycles are a matter of luck in a single scene.
     measured = {name: mean.get(name, mean)["psnr"] for name in ROWS if count > 1 or name != "cycles_equal"}
     ranks = {name: db for name, db in claimed().items() if name in measured}
     assert sorted(measured, key=measured.get) == sorted(ranks, key=ranks.get), measured
     assert measured["ours"] > LEAST
-    assert measured["ours"] > measured["without_network"] + 0.2  # 0.4 in the table
+    assert measured["ours"] > measured["without_network"] + 0.2  # 1.1 in the table

@@ -71,5 +71,5 @@ def test_the_command_prints_both_settings(tmp_path):
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
-    assert list(found) == ["traced_hints", "network_alone"]
+    assert list(found) == ["traced_hints", "network_and_rays"]
     assert all(list(oracles) == list(ORACLES) for oracles in found.values())

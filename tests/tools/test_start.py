@@ -48,7 +48,7 @@ def test_inputs_that_were_not_there_start_at_zero(folder):
 
 
 def test_outputs_that_were_not_there_start_at_zero(folder):
-    name = "view_transformer.out_dpt.scratch.output_conv2.2.bias"
+    name = "pixel_decoder.leave.bias"
     stored = changed(folder, lambda state: state.update({name: state[name][:21].contiguous()}))
     model = new_network(TINY)
     start_from(model, folder)
@@ -56,26 +56,13 @@ def test_outputs_that_were_not_there_start_at_zero(folder):
     assert torch.equal(bias[:21], stored[name].float()) and len(bias) > 21 and not bias[21:].any()
 
 
-def test_a_kernel_predictor_that_was_not_there_is_kept(folder):
-    changed(folder, lambda state: [state.pop(name) for name in list(state) if name.startswith("kernel_predictor.")])
+@pytest.mark.parametrize("module", ["kernel_predictor", "pixel_decoder"])
+def test_a_module_that_was_not_there_is_kept_as_it_is(folder, module):
+    changed(folder, lambda state: [state.pop(name) for name in list(state) if name.startswith(module + ".")])
     model = new_network(TINY)
-    before = {name: p.clone() for name, p in model.kernel_predictor.named_parameters()}
+    before = {name: p.clone() for name, p in getattr(model, module).named_parameters()}
     start_from(model, folder)
-    assert before and all(torch.equal(p, before[name]) for name, p in model.kernel_predictor.named_parameters())
-
-
-def test_a_transformer_that_was_not_there_begins_without_a_say(tmp_path):
-    guidance = replace(TINY.guidance, transformer=False)
-    kernels = new_network(replace(TINY, guidance=guidance))
-    save_network(tmp_path, kernels.config, kernels.state_dict())
-    model, stored = new_network(TINY), load_file(tmp_path / "model.safetensors")
-    tokens = model.reg_tokens.clone()
-    outputs = list(model.view_transformer.out_dpt.scratch.output_conv2[-1].parameters())
-    assert all(p.any() for p in outputs)
-    start_from(model, tmp_path)
-    assert not any(p.any() for p in outputs) and torch.equal(model.reg_tokens, tokens)
-    for name, p in model.kernel_predictor.named_parameters():
-        assert torch.equal(p, stored[f"kernel_predictor.{name}"].float()), name
+    assert before and all(torch.equal(p, before[name]) for name, p in getattr(model, module).named_parameters())
 
 
 @pytest.mark.parametrize("change, message", [

@@ -21,7 +21,7 @@ from tools.train import config, sample_cache
 from tools.train.augment import turned_and_swapped
 from tools.train.config import Stage, TrainConfig
 from tools.train.errors import TrainingError
-from tools.train.losses import PSNR_WEIGHT, image_loss, structure_loss
+from tools.train.losses import PSNR_WEIGHT, image_loss, log_radiance, structure_loss
 from tools.train.network import sample_loss
 from tools.train.samples import build_sample, cached_sample, with_latents
 from tools.train.state import TrainingState
@@ -117,13 +117,13 @@ def test_swapped_colours_keep_picture_and_parts_consistent(stored):
     order = torch.tensor([2, 0, 1])
     swapped = turned_and_swapped(sample, 0, order)
     torch.testing.assert_close(swapped.view.light.radiance(), sample.view.light.radiance()[:, order])
-    light, features = swapped.view.light, swapped.view.features
+    light, features = swapped.view.light, swapped.view.features()
     for name, axis in (("albedo", 2), ("direct", 2), ("bounced", 1), ("behind", 1), ("reflected", 1), ("refracted", 1),
                        ("glow", 1), ("traced", 1)):
         assert torch.equal(getattr(light, name), getattr(sample.view.light, name).index_select(axis, order)), name
     for name, axis in (("image", 1), ("direct", 2), ("indirect", 2)):
         assert torch.equal(getattr(swapped, name), getattr(sample, name).index_select(axis, order)), name
-    colors, direct = (features[:, FEATURES[name]].unflatten(1, (3, 3)) for name in ("colors", "light"))
+    colors, direct = (features[:, FEATURES[name]].unflatten(1, (3, 3)) for name in ("colors", "direct"))
     torch.testing.assert_close(colors, light.albedo)
     torch.testing.assert_close(torch.pow(10, direct) - 1, light.direct, rtol=1e-3, atol=1e-4)
     tiles, before = swapped.inputs.texture, sample.inputs.texture
@@ -185,7 +185,7 @@ def test_configuration_names_wrong_keys(tmp_path):
                         (changed(network={"windows": 1}), "unknown keys in model_config: windows"),
                         (changed(network={"dense": 1}), "dense = 1 is not of the kind bool"),
                         (changed(network=[]), "network must be a JSON object"),
-                        (changed(network={"guidance": {"transformer": False}}), "antialiasing trains kernels alone"),
+                        (changed(network={"guidance": {"transformer": 1}}), "unknown keys in guidance: transformer"),
                         (changed(stages=[]), "stages must be a list"),
                         (changed(stages=5), "stages must be a list"),
                         (changed(stages=[{"steps": 1}, {"steps": 2, "glass": 1}]), "stages.1.: unknown keys glass"),
@@ -201,6 +201,17 @@ def test_a_configuration_may_change_the_network(tmp_path):
     path.write_text(changed(network={"light_sinks": False, "summary_block_size": 16}))
     config = TrainConfig.load(path).model()
     assert (config.light_sinks, config.summary_block_size, config.summaries) == (False, 16, True)
+
+
+def test_the_learning_rate_rises_and_falls_by_steps(tmp_path):
+    path = tmp_path / "config.json"
+    path.write_text(changed(learning_rate=0.1, warmup_steps=10, cosine_steps=100))
+    rates = [TrainConfig.load(path).rate(step) for step in range(150)]
+    assert rates[:10] == pytest.approx([0.01 * (step + 1) for step in range(10)])
+    assert rates[10] == pytest.approx(0.1) and rates[60] == pytest.approx(0.0505)
+    assert rates[10:] == sorted(rates[10:], reverse=True) and rates[110:] == pytest.approx([0.001] * 40)
+    path.write_text(changed(learning_rate=0.1, warmup_steps=10))
+    assert TrainConfig.load(path).rate(10_000) == pytest.approx(0.1)
 
 
 def test_parts_of_a_network_are_trained_alone(tmp_path):
@@ -227,11 +238,19 @@ def test_dark_places_count_as_on_a_screen():
     assert (too_bright.grad > 0).all()
 
 
+def test_negative_light_has_gradients_and_positive_light_its_logarithm():
+    picture = torch.tensor([-0.5, -1e-3, 0.0, 0.2, 7.0], requires_grad=True)
+    torch.testing.assert_close(log_radiance(picture)[2:], torch.log10(1 + picture)[2:])
+    negative = picture.view(1, 1, 1, 5).expand(1, 3, 32, 5)
+    image_loss(negative, torch.full_like(negative, 9.0), lambda a, b: 0.0).backward()
+    assert (picture.grad < 0).all()
+
+
 def test_a_picture_that_is_nearly_right_still_gains_by_its_decibels():
     picture, none = torch.full((1, 3, 32, 32), 0.5), lambda a, b: 0.0
     for off in (0.2, 0.02):
         gain = image_loss(picture + off, picture, none) - image_loss(picture + off / 2, picture, none)
-        assert gain > 0.95 * PSNR_WEIGHT * 10 * math.log10(4)
+        assert gain > 0.85 * PSNR_WEIGHT * 10 * math.log10(4)
 
 
 def test_equal_pictures_cost_nothing():

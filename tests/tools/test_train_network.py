@@ -17,14 +17,15 @@ from tests.model.samples import floor_scene, floor_view
 from tools.datagen import manifest
 from tools.datagen.sample_files import save_sample
 from tools.evaluate import __main__ as evaluate
-from tools.train import losses, network
+from tools.train import losses, network, prepare
 from tools.train.config import Stage
 from tools.train.errors import TrainingError
-from tools.train.loader import Prepared, SampleStream, stream
-from tools.train.samples import LOBES
+from tools.train.loader import Prepared, SampleStream, given_of, stream
+from tools.train.samples import LOBES, Given
 
 ROOT = Path(__file__).parents[2]
 ANY = Stage(1)
+STILL = replace(ANY, scene=0.0)  # the same is given of a sample every time
 
 
 def write(folder: Path, seed: int) -> None:
@@ -43,7 +44,7 @@ def mapper(parameters: torch.Tensor) -> torch.Tensor:
 def order(folder: Path, seed: tuple[int, int]) -> list[float]:
     """What the first two epochs show, by the brightness of the pictures."""
     (folder / "cache").mkdir(exist_ok=True)
-    samples = iter(SampleStream(folder, Prepared(folder / "cache", mapper, 0.2), ANY, seed, 0.0))
+    samples = iter(SampleStream(folder, Prepared(folder / "cache", mapper, STILL), ANY, seed, 0.0))
     return [round(float(next(samples).direct.mean()), 3) for _ in range(12)]
 
 
@@ -61,7 +62,7 @@ def test_streams_with_any_number_of_workers_yield_together_what_one_would(tmp_pa
     (tmp_path / "cache").mkdir()
 
     def shown(place: int, count: int, workers: int, number: int) -> list[float]:
-        read = Prepared(tmp_path / "cache", mapper, 0.0)
+        read = Prepared(tmp_path / "cache", mapper, STILL)
         samples = SampleStream(tmp_path / "data", read, ANY, (0, 0), 0.0, place, count)
         loaded = iter(DataLoader(samples, batch_size=None, num_workers=workers))
         return [float(next(loaded).direct.mean()) for _ in range(number)]
@@ -91,8 +92,8 @@ def test_what_the_manifest_says_of_a_sample_spares_reading_it(tmp_path):
     lines = [manifest.make_entry(path) for path in sorted((tmp_path / "data").glob("scene_*.npz"))]
     lines[0]["volumes"] = True  # which is not so
     manifest.append_entries(tmp_path / "data" / "manifest_00000001.jsonl", lines)
-    samples = stream(tmp_path / "data", tmp_path / "cache", mapper, Stage(1, volumes=False), (0, 0), 0.0)
-    plain = iter(SampleStream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, 0.2), ANY, (0, 0), 0.0))
+    samples = stream(tmp_path / "data", tmp_path / "cache", mapper, replace(STILL, volumes=False), (0, 0), 0.0)
+    plain = iter(SampleStream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, STILL), ANY, (0, 0), 0.0))
     assert {float(next(samples).direct.mean()) for _ in range(4)} == {
         max(float(next(plain).direct.mean()) for _ in range(2))}
 
@@ -124,20 +125,43 @@ def test_a_negative_number_of_threads_is_refused(monkeypatch, capsys, program, a
     assert "--threads: -1: expected a whole number from 0" in capsys.readouterr().err
 
 
+def test_prepared_samples_are_what_training_reads(tmp_path, monkeypatch, capsys):
+    for seed in range(1, 4):
+        write(tmp_path / "data", seed)
+    (tmp_path / "data" / "scene_00000009.npz").write_bytes(b"PK")
+    monkeypatch.setattr("sys.argv", ["prepare", "--data", str(tmp_path / "data"), "--processes", "1"])
+    assert prepare.main() == 0
+    assert "4 samples are prepared" in capsys.readouterr().out
+    stored = {file: file.stat().st_mtime_ns for file in (tmp_path / "cache").iterdir()}
+    assert len(stored) == 6  # of each sample that can be read, as it is given and by its scene alone
+    samples = iter(SampleStream(tmp_path / "data", Prepared(tmp_path / "cache", mapper, ANY), ANY, (0, 0), 0.0))
+    for _ in range(9):
+        next(samples)
+    assert stored == {file: file.stat().st_mtime_ns for file in (tmp_path / "cache").iterdir()}
+
+
+def test_a_quarter_of_all_scenes_is_given_without_traced_light_and_always_the_same():
+    given = [given_of(Path(f"scene_{seed:08d}.npz"), 0.25) for seed in range(400)]
+    assert 70 < given.count(Given.RAYS) < 130 and given.count(Given.RAYS) + given.count(Given.TRACED) == 400
+    assert given == [given_of(Path(f"elsewhere/scene_{seed:08d}.npz"), 0.25) for seed in range(400)]
+
+
 def test_a_folder_that_is_just_being_filled_is_waited_for(tmp_path):
     (tmp_path / "data").mkdir()
     threading.Timer(0.5, write, (tmp_path / "data", 1)).start()
     assert next(stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 60.0)).image.shape == (1, 3, 64, 64)
 
 
-def test_the_perceptual_network_is_on_the_device_of_the_pictures(tmp_path, monkeypatch):
+@pytest.mark.parametrize("backbone", losses.BACKBONES)
+def test_the_perceptual_network_is_on_the_device_of_the_pictures(tmp_path, monkeypatch, backbone):
     """The `lpips` package is not among the requirements; this has its interface."""
     (tmp_path / "checkpoints").mkdir()
-    (tmp_path / "checkpoints" / "alexnet-owt-7be5be79.pth").touch()
+    (tmp_path / "checkpoints" / losses.BACKBONES[backbone]).touch()
     monkeypatch.setattr(torch.hub, "get_dir", lambda: str(tmp_path))
 
     class LPIPS(torch.nn.Conv2d):
         def __init__(self, net):
+            assert net == backbone
             super().__init__(3, 1, 3)
 
         def forward(self, a, b, normalize):
@@ -147,7 +171,9 @@ def test_the_perceptual_network_is_on_the_device_of_the_pictures(tmp_path, monke
     sys.modules["lpips"].LPIPS = LPIPS
     device = torch.device("meta")
     picture = torch.zeros(1, 3, 8, 8, device=device)
-    assert losses.perceptual_term(device)(picture, picture).device == device
+    assert losses.perceptual_term(device, backbone)(picture, picture).device == device
+    other, = losses.BACKBONES.keys() - {backbone}
+    assert losses.perceptual_term(device, other) is losses.structure_loss, "its weights are not here"
 
 
 def command(folder: Path, minutes: float) -> list[str]:

@@ -95,9 +95,7 @@ def test_small_parts_are_trained_by_two_as_by_one(tmp_path):
         assert done.returncode == 0, done.stderr
     found = (tmp_path / f"{name}.json" for name in ("0-of-1", "0-of-2", "1-of-2"))
     alone, first, second = (json.loads(file.read_text()) for file in found)
-    for part in ("spheres", "kernels"):  # 20 steps of each
-        assert alone[part] == pytest.approx(first[part], abs=1e-5) and first[part] == second[part]
-    assert (tmp_path / "written-by-0").exists() and not (tmp_path / "written-by-1").exists()
+    assert alone["spheres"] == pytest.approx(first["spheres"], abs=1e-5) and first["spheres"] == second["spheres"]
     assert alone["share"] == "3" and "--scenes-per-step: 3 cannot be shared equally by 2" in second["share"]
     assert (second["agreed"], second["means"], second["gathered"]) == (5.0, 0.5, [0, 1])
 

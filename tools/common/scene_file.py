@@ -10,6 +10,7 @@ from renderformer_v2.model.weights.presets import BUNDLED
 from .pictures import write_atomically
 
 FORMATS = {".exr": "OPEN_EXR_MULTILAYER", ".png": "PNG"}
+LIGHTS = "TRACED", "NETWORK", "TRANSFORMER"  # of Light in Render Properties
 ENGINES = {"renderformer": "RENDERFORMER_V2", "cycles": "CYCLES"}
 
 
@@ -29,8 +30,8 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
               with_reference: bool = False, reference_samples: int | None = None, unclamped: bool = False) -> None:
     """Choose one of ENGINES and its settings; what is None stays as it is in the file.
 
-    samples: of every pixel, by our engine or by Cycles. weights: BUNDLED, or a folder. light: "TRACED" or
-    "NETWORK". with_reference: beside Cycles, with `reference_samples`. unclamped: Cycles keeps light that has bounced
+    samples: of every pixel, by our engine or by Cycles. weights: BUNDLED, or a folder. light: one of
+    LIGHTS. with_reference: beside Cycles, with `reference_samples`. unclamped: Cycles keeps light that has bounced
     as it is.
     """
     scene.render.engine = ENGINES[engine]

@@ -4,11 +4,12 @@
 SCENE_DIR holds samples of `python -m tools.datagen` (the RenderScene that the engine makes, and Cycles references), or
 .blend files, which are rendered by both engines with the settings they hold. Prints one JSON object with PSNR, SSIM and
 FLIP per scene and their means; REPORT_DIR gets the same as report.json, and as report.html, a page with the pictures.
-Samples are also set beside the traced light (traced_alone), that and a share of the radiosity, which is what the
-network adds to (without_network), the network without traced hints (network_alone), and what that adds to
-(priors_alone); all scenes beside Cycles with few samples and OpenImageDenoise (cycles_equal): `tools.datagen --equal N`
-for samples, as many as take about the engine's time for .blend files, or as --cycles says. References of .blend files
-are kept in REPORT_DIR/renders and not rendered again while file and --reference are the same.
+Samples are also set beside what each ingredient alone gives: the traced light (traced_alone), with bounced light, which
+is what the network corrects (without_network), Network and Rays (network_and_rays), what that corrects (rays_alone),
+and Transformer Alone (transformer_alone); all scenes beside Cycles with few samples and OpenImageDenoise
+(cycles_equal): `tools.datagen --equal N` for samples, as many as take about the engine's time for .blend files, or as
+--cycles says. References of .blend files are kept in REPORT_DIR/renders and not rendered again while file and
+--reference are the same.
 """
 from __future__ import annotations
 
@@ -19,14 +20,13 @@ from pathlib import Path
 
 from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.errors import CheckpointError
-from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.presets import BUNDLED
 from tools.common.console import whole_number
 from tools.datagen.sample_files import sample_paths
 
 from .blends import evaluate_blend
 from .report import write_page, write_pictures
-from .samples import evaluate_sample
+from .samples import Renderers, evaluate_sample
 from .scores import compute_means
 
 
@@ -62,15 +62,15 @@ def evaluate(paths: list[Path], options: argparse.Namespace) -> dict:
 
     Raises CheckpointError and RuntimeError.
     """
-    renderer, scenes, pictures = None, {}, {}
+    renderers, scenes, pictures = None, {}, {}
     for path in paths:
         if path.suffix == ".blend":
             evaluation = evaluate_blend(path, options.weights, options.output / "renders", options.threads,
                                         options.cycles, options.reference)
         else:
-            renderer = renderer or Renderer(options.weights)
+            renderers = renderers or Renderers.of(options.weights)
             with team(options.threads):
-                evaluation = evaluate_sample(path, renderer)
+                evaluation = evaluate_sample(path, renderers)
         scenes[path.stem] = evaluation.scores
         pictures[path.stem] = write_pictures(evaluation, options.output, path.stem)
         report = {"weights": options.weights, "scenes": scenes, "mean": compute_means(list(scenes.values()))}

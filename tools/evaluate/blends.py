@@ -11,6 +11,8 @@ from tools.common.render_process import find_samples_in_time, run_render, run_re
 
 from .scores import Evaluation, compute_scores
 
+OTHER_LIGHT = {"network_and_rays": "NETWORK", "transformer_alone": "TRANSFORMER"}  # choices of Light
+
 
 def evaluate_blend(path: Path, weights: str, folder: Path, threads: int, cycles: Sequence[int] = (),
                    reference: int | None = None) -> Evaluation:
@@ -27,8 +29,11 @@ def evaluate_blend(path: Path, weights: str, folder: Path, threads: int, cycles:
     reference_run = run_render_cached(path, exact, "--engine", "cycles",
                                       *(["--samples", reference, "--unclamped"] if reference else []), *common)
     with tempfile.TemporaryDirectory() as scratch:
-        alone = Path(scratch, "alone.exr")
-        alone_seconds = run_render(path, alone, "--alone", "--weights", weights, *common)["seconds"]["total"]
+        other, other_seconds = {}, {}
+        for name, light in OTHER_LIGHT.items():
+            other[name] = Path(scratch, f"{name}.exr")
+            run = run_render(path, other[name], "--light", light, "--weights", weights, *common)
+            other_seconds[name] = run["seconds"]["total"]
 
         def time_cycles(samples: int) -> float:
             exr = Path(scratch, f"{samples}.exr")
@@ -38,7 +43,7 @@ def evaluate_blend(path: Path, weights: str, folder: Path, threads: int, cycles:
             timings = {f"cycles_{samples}": (samples, time_cycles(samples)) for samples in cycles}
         else:
             timings = {"cycles_equal": find_samples_in_time(seconds, reference_run["samples"], time_cycles)}
-        files = {"ours": ours, "reference": exact, "network_alone": alone}
+        files = {"ours": ours, "reference": exact} | other
         files |= {name: Path(scratch, f"{samples}.exr") for name, (samples, _) in timings.items()}
         pictures = {name: read_pass(exr, "Combined", "RGB") for name, exr in files.items()}
 
@@ -49,7 +54,7 @@ def evaluate_blend(path: Path, weights: str, folder: Path, threads: int, cycles:
                    cycles_seconds=reference_run["seconds"]["total"])
     scores["beside"] = {name: score(name, samples=samples, seconds=own_seconds)
                         for name, (samples, own_seconds) in timings.items()}
-    scores["beside"]["network_alone"] = score("network_alone", seconds=alone_seconds)
+    scores["beside"] |= {name: score(name, seconds=own_seconds) for name, own_seconds in other_seconds.items()}
     closest = min(timings, key=lambda name: abs(timings[name][1] - seconds))
     return Evaluation(scores, [{"ours": pictures["ours"], "reference": pictures["reference"],
                                 "equal": pictures[closest]}])

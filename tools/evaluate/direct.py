@@ -2,9 +2,9 @@
 """python -m tools.evaluate.direct SCENE_DIR -o OUT_DIR: how close direct light of our own is to that of Cycles.
 
 SCENE_DIR holds .blend files whose view layers have the passes of light, such as `examples/highlights.py` makes. Each is
-rendered with Light > Network Alone and by Cycles with --samples. Prints one JSON object: PSNR of the picture by scene,
-and of each lobe's direct and indirect light times its colour. OUT_DIR keeps the renders, and uses those of Cycles
-again.
+rendered with Light > Network and Rays and by Cycles with --samples. Prints one JSON object: PSNR of the picture by
+scene, and of each lobe's direct and indirect light times its colour. OUT_DIR keeps the renders, and uses those of
+Cycles again.
 """
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def compare_lobes(path: Path, folder: Path, samples: int) -> dict[str, float]:
     Raises KeyError naming a pass that the file does not have, RuntimeError if it cannot be rendered.
     """
     ours, cycles = (folder / f"{path.stem}.{name}.exr" for name in ("alone", "cycles"))
-    seconds = run_render(path, ours, "--alone")["seconds"]["total"]
+    seconds = run_render(path, ours, "--light", "NETWORK")["seconds"]["total"]
     run_render_cached(path, cycles, "--engine", "cycles", "--samples", samples, "--unclamped")
     scores = {"seconds": seconds, "picture": _score(*(read_pass(exr, "Combined", "RGB") for exr in (ours, cycles)))}
     for lobe in LOBES:

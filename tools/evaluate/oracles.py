@@ -131,8 +131,8 @@ def study(paths: list[Path], renderer: Renderer) -> dict[str, dict[str, dict[str
     for path in paths:
         scene, views, guides, passes = load_with_paths(path)
         encoded = renderer.encode(scene)
-        for setting in ("traced_hints", "network_alone"):
-            if setting == "network_alone":
+        for setting in ("traced_hints", "network_and_rays"):
+            if setting == "network_and_rays":
                 guides = [replace(guide, traced=None) for guide in guides]
             prepared = [prepare_view(encoded, *row) for row in zip(views, guides, passes, strict=True)]
             for name, oracle in ORACLES.items():

@@ -22,8 +22,9 @@ TEMPLATE = Path(__file__).with_name("page.html")
 OURS = "RenderFormer-V2"
 BESIDE = {  # keys of a scene's "beside", in the order of the page
     "without_network": "without the network",
-    "network_alone": "network alone",
-    "priors_alone": "neither network nor traced light",
+    "network_and_rays": "network and rays",
+    "rays_alone": "rays alone",
+    "transformer_alone": "transformer alone",
     "traced_alone": "traced light alone",
     "cycles_equal": "Cycles, equal time",
 }

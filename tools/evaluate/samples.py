@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -13,6 +14,7 @@ from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.guided.pipeline import GuidedScene
 from renderformer_v2.model.light.estimate import estimate_light
 from renderformer_v2.model.light.surface_light import SurfaceLight
+from renderformer_v2.model.pipeline import LobePipeline
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
 from tools.datagen.sample_files import hint_samples, load_with_paths
@@ -20,33 +22,54 @@ from tools.datagen.sample_files import hint_samples, load_with_paths
 from .scores import Evaluation, compute_scores
 
 
-def evaluate_sample(path: Path, renderer: Renderer) -> Evaluation:
+class Renderers(NamedTuple):
+    """Of one network: as it is given estimates by rays, and as it knows the scene alone."""
+
+    rays: Renderer
+    scene: Renderer | None  # None for the published network, which is always given the scene alone
+
+    @classmethod
+    def of(cls, weights: str) -> Renderers:
+        rays = Renderer(weights)
+        return cls(rays, Renderer(weights, rays=False) if isinstance(rays.pipeline, LobePipeline) else None)
+
+
+def evaluate_sample(path: Path, renderers: Renderers) -> Evaluation:
     """Mean metrics over the views of one sample, and of the pictures "beside" ours."""
     scene, views, guides, passes = load_with_paths(path)
-    begin = time.perf_counter()
-    encoded = renderer.encode(scene)
-    hints = hint_samples(path)
-    ours = [_render(encoded, view, guide, hints) for view, guide in zip(views, guides, strict=True)]
-    seconds = time.perf_counter() - begin
-    surfaces, network_alone = {}, {}  # radiance without directly seen emitters and world
-    if isinstance(encoded.encoded, GuidedScene) and guides[0].traced is not None:
-        untraced = [replace(guide, traced=None) for guide in guides]
-        surfaces["traced_alone"] = [guide.traced for guide in guides]
-        surfaces["without_network"] = [without_network(encoded, *pair) for pair in zip(views, guides)]
-        surfaces["priors_alone"] = [without_network(encoded, *pair) for pair in zip(views, untraced)]
-        network_alone["network_alone"] = [_render(encoded, *pair, hints) for pair in zip(views, untraced)]
-    if "equal" in passes[0]:
-        surfaces["cycles_equal"] = [p["equal"][..., :3] - guide.emission
-                                    for p, guide in zip(passes, guides, strict=True)]
-    beside = {name: [surface + guide.emission + guide.environment
-                     for surface, guide in zip(of_views, guides, strict=True)] for name, of_views in surfaces.items()}
-    beside |= network_alone
     references = [p["combined"][..., :3] + p["environment"] for p in passes]
+    hints = hint_samples(path)
+
+    def rendered(renderer: Renderer, guides: list[Guides]) -> tuple[EncodedScene, list[np.ndarray], float]:
+        begin = time.perf_counter()
+        encoded = renderer.encode(scene)
+        pictures = [_render(encoded, view, guide, hints) for view, guide in zip(views, guides, strict=True)]
+        return encoded, pictures, time.perf_counter() - begin
+
+    encoded, ours, seconds = rendered(renderers.rays, guides)
     scores = compute_scores(ours, references, triangles=len(scene), seconds=seconds)
-    scores["beside"] = {name: compute_scores(pictures, references) for name, pictures in beside.items()}
-    columns = {"ours": ours, "reference": references} | (
-        {"equal": beside["cycles_equal"]} if "cycles_equal" in beside else {})
+    beside = {}
+    if renderers.scene and guides[0].traced is not None:
+        untraced = [replace(guide, traced=None) for guide in guides]
+        for name, renderer in (("network_and_rays", renderers.rays), ("transformer_alone", renderers.scene)):
+            _, pictures, took = rendered(renderer, untraced)
+            beside[name] = compute_scores(pictures, references, seconds=took)
+        surfaces = {"traced_alone": [guide.traced for guide in guides],
+                    "without_network": [without_network(encoded, *pair) for pair in zip(views, guides)],
+                    "rays_alone": [without_network(encoded, *pair) for pair in zip(views, untraced)]}
+        beside |= {name: compute_scores(_with_seen(light, guides), references) for name, light in surfaces.items()}
+    columns = {"ours": ours, "reference": references}
+    if "equal" in passes[0]:
+        columns["equal"] = _with_seen([p["equal"][..., :3] - guide.emission
+                                       for p, guide in zip(passes, guides, strict=True)], guides)
+        beside["cycles_equal"] = compute_scores(columns["equal"], references)
+    scores["beside"] = beside
     return Evaluation(scores, [dict(zip(columns, row)) for row in zip(*columns.values())])
+
+
+def _with_seen(surfaces: list[np.ndarray], guides: list[Guides]) -> list[np.ndarray]:
+    """Radiance of surfaces with directly seen emitters and world."""
+    return [surface + guide.emission + guide.environment for surface, guide in zip(surfaces, guides, strict=True)]
 
 
 def _render(encoded: EncodedScene, view: View, guides: Guides, hints: int) -> np.ndarray:

@@ -27,6 +27,7 @@ from renderformer_v2.model.errors import CheckpointError, SceneError
 from tools import extension
 from tools.common.console import picture_size, reserve_stdout, to_one_line, whole_number
 from tools.common.pictures import check_output, read_pass
+from tools.common.scene_file import LIGHTS
 
 
 def main() -> int:
@@ -63,7 +64,7 @@ def _parse_arguments() -> argparse.Namespace:
     parser.add_argument("--degrees", type=float, default=1.0, help="a frame; 0 moves the camera as in the file")
     parser.add_argument("--samples", type=count, nargs="+", default=[1024], help="of Cycles")
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
-    parser.add_argument("--light", choices=("TRACED", "NETWORK"), help="default: the file's")
+    parser.add_argument("--light", choices=LIGHTS, help="default: the file's")
     parser.add_argument("--guide-samples", type=count, help="default: the file's")
     parser.add_argument("--weights", help="rf2_small, or a folder with weights (default: the file's)")
     parser.add_argument("--threads", type=count, help="processor threads (default: the file's)")

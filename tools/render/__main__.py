@@ -28,7 +28,7 @@ from renderformer_v2.model.weights.presets import BUNDLED
 from tools import extension
 from tools.common.console import file_with, picture_size, reserve_stdout, to_one_line, whole_number
 from tools.common.pictures import check_output
-from tools.common.scene_file import ENGINES, FORMATS, configure, open_scene, save_picture
+from tools.common.scene_file import ENGINES, FORMATS, LIGHTS, configure, open_scene, save_picture
 
 H5 = (".h5", ".hdf5")
 
@@ -56,7 +56,8 @@ def _parse_arguments() -> argparse.Namespace:
                         help="write the scene for the research code")
     parser.add_argument("--engine", choices=ENGINES, default="renderformer")
     parser.add_argument("--samples", type=count, help="samples, or Cycles' samples (default: the file's)")
-    parser.add_argument("--alone", action="store_true", help="Light > Network Alone, whatever the file has")
+    parser.add_argument("--light", choices=LIGHTS, help="With Cycles, Network and Rays, or Transformer Alone "
+                                                        "(default: the file's)")
     parser.add_argument("--unclamped", action="store_true", help="Cycles without Clamp Indirect")
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
     parser.add_argument("--weights", type=_parse_weights,
@@ -102,7 +103,7 @@ def _run(arguments: argparse.Namespace) -> dict:
     scene = open_scene(arguments.scene)
     configure(scene, arguments.engine, samples=arguments.samples, resolution=arguments.resolution,
               weights=arguments.weights, threads=arguments.threads, with_reference=arguments.beside_cycles,
-              reference_samples=arguments.reference_samples, light="NETWORK" if arguments.alone else None,
+              reference_samples=arguments.reference_samples, light=arguments.light,
               unclamped=arguments.unclamped)
     if arguments.export_h5:
         from . import h5_scene

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Symmetries of light transport: the picture does not change when the world turns or its colours are swapped.
 
-The paper turns every sample by a random rotation and swaps the environment's channels; here the world turns about Z
-(the panorama is shifted, not resampled) and the channels of everything that has a colour are swapped together.
+The paper turns and moves every sample at random and swaps the environment's channels; here the world turns about Z (the
+panorama is shifted, not resampled) and the channels of everything that has a colour are swapped together.
 """
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, map_arrays, map_channels
+from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, Behaviour, map_arrays, map_channels
 from renderformer_v2.model.scene import TILE
 
 from .samples import TrainingSample
@@ -27,7 +28,15 @@ def augment(sample: TrainingSample, generator: torch.Generator) -> TrainingSampl
 
 def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> TrainingSample:
     """Turned by so many columns of the panorama, with the colour channels in this order."""
-    angle = 2 * math.pi * shift / sample.inputs.environment.ldr.shape[-1]
+    changes = symmetry(shift / sample.inputs.environment.ldr.shape[-1], order)
+    changed = map_arrays(sample, changes)
+    tiles = map_channels(sample.inputs.texture, TILE, changes)
+    return replace(changed, inputs=replace(changed.inputs, texture=tiles))
+
+
+def symmetry(turns: float, order: Tensor) -> dict[Behaviour, Callable[[Tensor], Tensor]]:
+    """Changes for `map_arrays`: turns about Z, by whole columns of panoramas, and the order of colour channels."""
+    angle = 2 * math.pi * turns
     turn = turn_about_z(angle)
 
     def add_turn(euler: Tensor) -> Tensor:
@@ -36,11 +45,14 @@ def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> Tra
         return torch.cat([euler[..., :2], torch.atan2(z.sin(), z.cos())[..., None]], -1)
 
     # Column c of a panorama looks along phi = pi - 2 pi c / columns: a turn by +angle moves it to the left.
-    changes = {POINT: turn, DIRECTION: turn, EULER: add_turn, PANORAMA: lambda x: x.roll(-shift, -1),
-               COLOR: recolored(order)}
-    changed = map_arrays(sample, changes)
-    tiles = map_channels(sample.inputs.texture, TILE, changes)
-    return replace(changed, inputs=replace(changed.inputs, texture=tiles))
+    return {POINT: turn, DIRECTION: turn, EULER: add_turn, COLOR: recolored(order),
+            PANORAMA: lambda x: x.roll(-round(turns * x.shape[-1]), -1)}
+
+
+def for_numpy(changes: dict[Behaviour, Callable[[Tensor], Tensor]]) -> dict[Behaviour, Callable]:
+    """The same changes of numpy arrays."""
+    return {behaviour: lambda x, change=change: change(torch.from_numpy(np.ascontiguousarray(x))).numpy()
+            for behaviour, change in changes.items()}
 
 
 def turn_about_z(angle: float) -> Callable[[Tensor], Tensor]:
@@ -53,11 +65,3 @@ def turn_about_z(angle: float) -> Callable[[Tensor], Tensor]:
 def recolored(order: Tensor) -> Callable[[Tensor], Tensor]:
     """A function of (..., 3 n) colours: their channels in this order."""
     return lambda x: x.unflatten(-1, (-1, 3))[..., order].flatten(-2)
-
-
-def mirrored(pictures: Tensor) -> Tensor:
-    """(..., h, w) flipped and transposed at random, all alike."""
-    for axis in (-1, -2):
-        if torch.rand(()) < 0.5:
-            pictures = pictures.flip(axis)
-    return pictures.transpose(-1, -2) if torch.rand(()) < 0.5 else pictures

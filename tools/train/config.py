@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from tools.datagen.sample_files import Facts
 from .errors import TrainingError
 from .state import TrainingState
 
+LEAST_RATE = 0.01  # of the learning rate, where the cosine ends
 KINDS = "textures", "environment", "volumes", "transmission"  # that a stage admits or does not
 
 
@@ -31,8 +33,11 @@ class Stage:
     environment: bool = True     # scenes that the world lights
     volumes: bool = True         # scenes with participating media
     transmission: bool = True    # scenes with glass
-    unhinted: float = 0.2        # share of samples whose traced light is withheld, for "Network Alone"
+    rays: float = 0.25           # share of samples whose traced light is withheld, and of those that
+    scene: float = 0.1           # know direct light without shadows only
     dense: bool = False          # stage 1 of the network sees all tokens instead of a window
+    views: int | None = None     # drawn from those of a sample; only published networks heed this,
+    crop: int | None = None      # and the pixels of squares that are cut out of the views
 
     def admits_all(self) -> bool:
         return self.max_triangles is None and all(getattr(self, kind) for kind in KINDS)
@@ -53,8 +58,12 @@ class TrainConfig:
     clip_norm: float
     average_decay: float         # of the weights' running average, which is what is saved for rendering
     stages: tuple[Stage, ...]    # the last one goes on for as long as the run is given
+    cosine_steps: int | None = None  # after the warm-up, in which the rate falls to LEAST_RATE; None: it stays
     network: dict = field(default_factory=dict)  # settings of ModelConfig that differ from the preset's (ablations)
     parts: tuple[str, ...] = ("",)  # how the names of the tensors begin that are trained; the others stay
+    copies: int = 1              # of a published sample: itself, and others that are turned and recoloured
+    offset: float = 0.0          # network units by which they are moved, standard deviation along each axis
+    recomputed: tuple[str, ...] = ()  # how the names of the layers begin that tools/train/memory.py computes twice
 
     @classmethod
     def load(cls, path: Path) -> TrainConfig:
@@ -75,16 +84,12 @@ class TrainConfig:
     def model(self, where: str = "network") -> ModelConfig:
         """The preset with the settings of `network`.
 
-        Raises TrainingError for one that does not exist, or has no transformer that could learn.
+        Raises TrainingError for one that does not exist.
         """
         try:
             if not isinstance(self.network, dict):
                 raise CheckpointError("network must be a JSON object")
-            config = ModelConfig.from_dict(PRESETS[self.preset]().to_dict() | self.network)
-            if config.guidance and not config.guidance.transformer:
-                raise CheckpointError("guidance.transformer is false: python -m tools.train.antialiasing trains "
-                                      "kernels alone")
-            return config
+            return ModelConfig.from_dict(PRESETS[self.preset]().to_dict() | self.network)
         except CheckpointError as error:
             raise TrainingError(f"{where}: {error}") from error
 
@@ -99,6 +104,13 @@ class TrainConfig:
                 raise TrainingError(f"parts: no tensor's name begins with {part!r}")
         for name, p in model.named_parameters():
             p.requires_grad_(name.startswith(tuple(self.parts)) and not name.endswith("rope_emb.freqs"))
+
+    def rate(self, step: int) -> float:
+        """The learning rate of a step; the first one is 0."""
+        if step < self.warmup_steps:
+            return self.learning_rate * (step + 1) / self.warmup_steps
+        fallen = min((step - self.warmup_steps) / self.cosine_steps, 1.0) if self.cosine_steps else 0.0
+        return self.learning_rate * (LEAST_RATE + (1 - LEAST_RATE) * (1 + math.cos(math.pi * fallen)) / 2)
 
     def stage(self, step: int) -> Stage:
         return next((s for s in self.stages if step < s.steps), self.stages[-1])

@@ -19,7 +19,7 @@ from . import ranks
 from .augment import augment
 from .config import Stage
 from .errors import SampleError, TrainingError
-from .samples import TrainingSample, cached_sample, unreadable, with_latents
+from .samples import Given, TrainingSample, cached_sample, seed_of, unreadable, with_latents
 
 LOOK_AGAIN = 1.0  # seconds
 
@@ -141,18 +141,24 @@ class Prepared:
 
     cache: Path
     mapper: Callable
-    unhinted: float
+    stage: Stage
 
     def __call__(self, path: Path, generator: torch.Generator) -> TrainingSample:
-        hinted = bool(torch.rand((), generator=generator) >= self.unhinted)
-        return with_latents(augment(cached_sample(path, self.cache, hinted), generator), self.mapper)
+        by_scene_alone = bool(torch.rand((), generator=generator) < self.stage.scene)
+        given = Given.SCENE if by_scene_alone else given_of(path, self.stage.rays)
+        return with_latents(augment(cached_sample(path, self.cache, given), generator), self.mapper)
+
+
+def given_of(path: Path, rays: float) -> Given:
+    """What is prepared of a scene: so large a share of all is without traced light, always the same ones."""
+    return Given.RAYS if seed_of(path).random() < rays else Given.TRACED
 
 
 def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,
            workers: int = 1) -> Iterator[TrainingSample]:
     """This process's share of a folder, for the guided network. Raises TrainingError as `shared_stream` does."""
     cache.mkdir(parents=True, exist_ok=True)
-    return shared_stream(folder, Prepared(cache, mapper, stage.unhinted), stage, seed, patience, workers)
+    return shared_stream(folder, Prepared(cache, mapper, stage), stage, seed, patience, workers)
 
 
 def shared_stream(folder: Path, read: Callable[[Path, torch.Generator], TensorGroup], stage: Stage,

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The paper's loss shape: L1 of the log image plus a small perceptual term (paper, Loss Function); and, which the paper
-has not, the error as it is display_encode on a screen.
+"""The paper's loss, L1 of the log image plus a small perceptual term (paper, Loss Function); and for the guided network
+also the error as a screen shows it.
 
-The paper's perceptual term is LPIPS. Its backbone is used when its weights are on this machine
-(`lpips` and torchvision's cached AlexNet); otherwise a stand-in without weights compares structure: SSIM and finite
-differences over an image pyramid. Both see the log image divided by log10(2), clamped to [0, 1].
+The paper's perceptual term is LPIPS. Its backbone is used when its weights are on this machine (`lpips` and
+torchvision's cached weights); otherwise a stand-in without weights compares structure: SSIM and finite differences over
+an image pyramid. Both see the log image divided by log10(2), clamped to [0, 1].
 """
 from __future__ import annotations
 
@@ -18,26 +18,33 @@ from torch.nn import functional as F
 from renderformer_v2.model.guided.exposure import display_encode
 
 PERCEPTUAL_WEIGHT = 0.05
+BACKBONES = {"alex": "alexnet-owt-7be5be79.pth", "vgg": "vgg16-397923af.pth"}  # files of torchvision's cache
 SHOWN_WEIGHT = 0.25  # of the error as it is seen on a screen, which weighs dark places as an eye does
 SQUARED_WEIGHT = 4.0  # of its square beside its amount: PSNR counts squares
-PSNR_WEIGHT = 0.003  # of each view's decibels: those of a picture that is nearly right count as much as others
+PSNR_WEIGHT = 0.02  # of each view's decibels: those of a picture that is nearly right count as much as others
+OTHER_WEIGHT = 0.2  # of all else, whose gradients scenes that are hardly right would rule
 BEST_PSNR = 50.0  # decibels that no view is asked to surpass
 PYRAMID_LEVELS = 3
 LOBE_WEIGHT = 0.2  # supervision of direct and indirect light per lobe (Cycles' passes), training only
 
 
 def log_radiance(x: Tensor) -> Tensor:
-    return torch.log10(1 + x.clamp_min(0))
+    """log10(1 + x), and below zero its tangent there, because a clamp would end the gradients of what is negative."""
+    return torch.where(x > 0, torch.log10(1 + x.clamp_min(0)), x / math.log(10))
+
+
+def paper_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
+    """(V, 3, H, W) log images, log10(1 + radiance) in network exposure, both."""
+    display = lambda y: (y / math.log10(2)).clamp(0, 1)  # noqa: E731
+    return (predicted - target).abs().mean() + PERCEPTUAL_WEIGHT * perceptual(display(predicted), display(target))
 
 
 def image_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
-    """(V, 3, H, W) linear radiance in network exposure, both."""
-    a, b = log_radiance(predicted), log_radiance(target)
-    display = lambda y: (y / math.log10(2)).clamp(0, 1)  # noqa: E731
+    """`paper_loss` and the error on a screen of (V, 3, H, W) linear radiance in network exposure, both."""
     seen = display_encode(predicted) - display_encode(target)
     decibels = -10 * torch.log10(seen.square().mean((1, 2, 3)) + 10 ** (-BEST_PSNR / 10))
-    return ((a - b).abs().mean() + PERCEPTUAL_WEIGHT * perceptual(display(a), display(b))
-            + SHOWN_WEIGHT * (seen.abs() + SQUARED_WEIGHT * seen.square()).mean()
+    shown = SHOWN_WEIGHT * (seen.abs() + SQUARED_WEIGHT * seen.square()).mean()
+    return (OTHER_WEIGHT * (paper_loss(log_radiance(predicted), log_radiance(target), perceptual) + shown)
             + PSNR_WEIGHT * (BEST_PSNR - decibels).mean())
 
 
@@ -74,14 +81,13 @@ def _difference(x: Tensor, axis: int) -> Tensor:
     return torch.diff(x, dim=axis)
 
 
-def perceptual_term(device: torch.device):
-    """LPIPS on `device` when its weights are present on this machine, else `structure_loss`."""
-    cached = Path(torch.hub.get_dir()) / "checkpoints" / "alexnet-owt-7be5be79.pth"
-    if not cached.is_file():
+def perceptual_term(device: torch.device, backbone: str = "alex"):
+    """LPIPS of one of BACKBONES on `device` when its weights are present on this machine, else `structure_loss`."""
+    if not (Path(torch.hub.get_dir()) / "checkpoints" / BACKBONES[backbone]).is_file():
         return structure_loss
     try:
         import lpips
     except ImportError:
         return structure_loss
-    network = lpips.LPIPS(net="alex").to(device).eval().requires_grad_(False)
+    network = lpips.LPIPS(net=backbone).to(device).eval().requires_grad_(False)
     return lambda a, b: network(a, b, normalize=True).mean()

@@ -15,7 +15,8 @@ from pathlib import Path
 import torch
 from safetensors.torch import load_file
 
-from renderformer_v2.model.guided.decoding import corrected_light
+from renderformer_v2.model.guided.decoding import OUTPUTS, corrected_light
+from renderformer_v2.model.guided.kernels import LATENT, antialiased_views
 from renderformer_v2.model.guided.network import GuidedRenderFormer, new_network
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.weights.checkpoint import save_network
@@ -28,18 +29,23 @@ from .run import add_arguments, run, run_command
 from .samples import TrainingSample
 from .state import TrainingState
 
-KERNELS = "kernel_predictor."  # how the names of its tensors begin
+BEFORE_KERNELS = 0.2  # weight of the loss of pictures before the kernels
 DIFFUSE_ALONE = torch.tensor([1.0, 0.0, 0.0]).view(1, 3, 1, 1, 1)
 
 
 def sample_loss(model: GuidedRenderFormer, sample: TrainingSample, perceptual) -> dict[str, torch.Tensor]:
-    """Losses of all views of one scene."""
-    light = corrected_light(model.render_view(model.encode_scene(sample.inputs), sample.view), sample.view)
+    """Losses of all views of one scene: of finished pictures, of those before the kernels, and of the lobes' light."""
+    view = sample.view
+    raw, latent = model.render_view(model.encode_scene(sample.inputs), view).split([len(OUTPUTS), LATENT], 1)
+    light = corrected_light(raw, view)
+    radiance = light.radiance()
+    finished = antialiased_views(model.kernel_predictor, radiance, view, latent)
     # Traced light contains the indirect light of the specular lobes in part, and never that of the diffuse lobe.
     is_traced = light.is_traced.view(-1, 1, 1, 1, 1) > 0
     untraced = light.albedo * torch.where(is_traced, DIFFUSE_ALONE.to(light.albedo), 1.0)
-    losses = {"image": image_loss(light.radiance(), sample.image, perceptual),
-              "direct": lobe_loss(light.direct, sample.direct, light.albedo),
+    losses = {"finished": image_loss(finished, sample.finished, perceptual),
+              "image": BEFORE_KERNELS * image_loss(radiance, sample.image, perceptual),
+              "direct": lobe_loss(light.direct, sample.direct, light.albedo * ~is_traced),
               "indirect": lobe_loss(light.indirect(), sample.indirect, untraced)}
     return losses | {"total": sum(losses.values())}
 
@@ -68,17 +74,14 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
 def start_from(model: GuidedRenderFormer, folder: Path) -> None:
     """Take over the weights in folder/model.safetensors; inputs and outputs that only `model` has start at zero.
 
-    Without a kernel predictor there, `model` keeps its own; with nothing else there, its transformer starts by leaving
-    light as it is. Raises TrainingError when a tensor is missing there for another reason, or has another shape than
-    fewer inputs or outputs explain.
+    Modules of which there is nothing there stay as they are, such as a new kernel predictor. Raises TrainingError when
+    a tensor is missing there for another reason, or has another shape than fewer inputs or outputs explain.
     """
     stored = load_file(folder / "model.safetensors")
-    parts = {name.startswith(KERNELS) for name in stored}
-    if parts == {True}:
-        model.zero_outputs()
+    modules = {name.partition(".")[0] for name in stored}
     with torch.no_grad():
         for name, p in model.named_parameters():
-            if name.startswith(KERNELS) not in parts:
+            if name.partition(".")[0] not in modules:
                 continue
             if name not in stored:
                 raise TrainingError(f"{folder} has no {name}: it holds another network")

@@ -16,11 +16,12 @@ from pathlib import Path
 
 import torch
 from safetensors.torch import save_file
+from torch import nn
 
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.network.config import ModelConfig
-from renderformer_v2.model.network.renderformer import RenderFormer, to_radiance
+from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.published.bundle_files import MODEL_CONFIG, TRANSFORMERS, is_transformer
 from renderformer_v2.model.published.image_encoder import find_vae
 from renderformer_v2.model.published.pipeline import PublishedPipeline
@@ -30,18 +31,23 @@ from . import ranks
 from .config import Stage, TrainConfig, iterate_stages
 from .errors import TrainingError
 from .loader import shared_stream
-from .losses import image_loss, perceptual_term
+from .losses import log_radiance, paper_loss, perceptual_term
+from .published_draw import Drawn
 from .published_samples import Encoded, PublishedSample, picture_size
 from .run import add_arguments, run, run_command
 from .state import TrainingState
 
 WEIGHTS = "model.safetensors"
+FIRST_BIAS = 0.1  # of the log image: a channel that starts below zero has a thousandth of the gradients
 
 
 def sample_loss(network: RenderFormer, sample: PublishedSample, perceptual) -> dict[str, torch.Tensor]:
-    """Loss of all views of one scene, where the picture is known."""
+    """Loss of all views of one scene, where the picture is known.
+
+    Log images are compared, so that what the network draws below zero has gradients, too.
+    """
     log_image = network.render_view(network.encode_scene(sample.inputs), sample.rays)
-    return {"total": image_loss(to_radiance(log_image) * sample.shown, sample.image, perceptual)}
+    return {"total": paper_loss(log_image.float() * sample.shown, log_radiance(sample.image), perceptual)}
 
 
 def train(options: argparse.Namespace, config: TrainConfig) -> None:
@@ -54,13 +60,16 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     torch.manual_seed(options.seed)
     pipeline = PublishedPipeline(options.start, device, torch.float32)
     variant = pipeline.variant(picture_size(options.data))
-    encoded = Encoded(options.cache or options.out / "cache", pipeline)
+    side = pipeline.granularity
+    if config.copies < 1 or any(stage.crop and stage.crop % side for stage in config.stages):
+        raise TrainingError(f"{options.config}: copies must be at least 1, and crop a multiple of {side} pixels")
+    encoded = Encoded(options.cache or options.out / "cache", pipeline, config.copies)
     encoded.prepare(options.data, pipeline)
     network = trainable(changed(pipeline.load(variant), config.network, options.from_scratch)).to(device)
     config.train(network)
     del pipeline  # and with it the image encoder
     state = TrainingState(network, config.learning_rate, config.weight_decay, config.average_decay)
-    perceptual = perceptual_term(device)
+    perceptual = perceptual_term(device, "vgg")  # as the authors
     if ranks.is_first():
         others = {*TRANSFORMERS} - {variant} if options.from_scratch else ()
         copy_bundle(options.start, bundle, f"{variant}/{WEIGHTS}", *others)
@@ -68,7 +77,8 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
             write_config(bundle / variant, network.config)
 
     def scenes(stage: Stage) -> Iterator[PublishedSample]:
-        return shared_stream(options.data, encoded, stage, (options.seed, state.step), 0.0, options.workers)
+        return shared_stream(options.data, Drawn(encoded, stage, side, config.offset), stage,
+                             (options.seed, state.step), 0.0, options.workers)
 
     run(state, config, options, iterate_stages(config, state, scenes),
         lambda sample: sample_loss(network, sample, perceptual),
@@ -83,7 +93,7 @@ def changed(network: RenderFormer, settings: dict, from_scratch: bool) -> Render
     try:
         config = ModelConfig.from_dict(network.config.to_dict() | settings)
         if from_scratch:
-            return new_network(config)
+            return new_transformer(config)
         with torch.device("meta"):
             other = new_network(config)
         other.load_state_dict(network.state_dict(), assign=True)
@@ -93,6 +103,13 @@ def changed(network: RenderFormer, settings: dict, from_scratch: bool) -> Render
     except RuntimeError as error:
         raise TrainingError(f"the weights do not fit a network of {settings}: leave it out, or add --from-scratch"
                             ) from error
+
+
+def new_transformer(config: ModelConfig) -> RenderFormer:
+    """A network with new weights, whose first pictures are not black."""
+    network = new_network(config)
+    nn.init.constant_(network.view_transformer.out_dpt.scratch.output_conv2[-1].bias, FIRST_BIAS)
+    return network
 
 
 def write_config(folder: Path, config: ModelConfig) -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 
 from renderformer_v2.model.camera import find_window
+from renderformer_v2.model.fields import COLOR, array, map_arrays
 from renderformer_v2.model.network.inputs import (
     EnvironmentInputs,
     NetworkInputs,
@@ -23,11 +25,12 @@ from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.published.as_trained import as_trained, find_emitters
 from renderformer_v2.model.published.pipeline import PublishedPipeline, displayed_pixels
 from renderformer_v2.model.renderer import padded
-from renderformer_v2.model.scene import Guides, View
+from renderformer_v2.model.scene import ENVIRONMENT_SHAPE, Guides, View
 from renderformer_v2.model.tensor_group import stacked
 from tools.datagen.sample_files import load_sample, sample_paths
 
 from . import ranks, sample_cache
+from .augment import for_numpy, symmetry
 from .errors import SampleError, TrainingError
 from .samples import unreadable
 
@@ -40,8 +43,8 @@ class PublishedSample(TensorGroup):
 
     inputs: NetworkInputs
     rays: ViewInputs
-    image: torch.Tensor  # (V, 3, H, W) f32 radiance, zero where nothing is compared
-    shown: torch.Tensor  # (V, 1, H, W) bool, what is compared
+    image: torch.Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # radiance, zero where nothing is compared
+    shown: torch.Tensor = array("V", 1, "H", "W")                      # bool, what is compared
 
 
 KINDS = {"": PublishedSample, "inputs": NetworkInputs, "rays": ViewInputs, "environment": EnvironmentInputs,
@@ -61,46 +64,53 @@ def picture_size(folder: Path) -> int:
 
 
 class Encoded:
-    """Samples whose latents a pipeline's encoder has made, kept in `cache`."""
+    """Samples whose latents a pipeline's encoder has made, kept in `cache`, so many `copies` of each."""
 
-    def __init__(self, cache: Path, pipeline: PublishedPipeline):
-        self.cache, self.by = cache, pipeline.encoder.images.identity.hex()
+    def __init__(self, cache: Path, pipeline: PublishedPipeline, copies: int = 1):
+        self.cache, self.by, self.copies = cache, pipeline.encoder.images.identity.hex(), copies
         cache.mkdir(parents=True, exist_ok=True)
 
     def prepare(self, folder: Path, pipeline: PublishedPipeline) -> None:
         """Make what is missing, each process its share, for all. A file of no use is named and left out."""
         for path in sample_paths(folder)[ranks.rank()::ranks.count()]:
             try:
-                sample_cache.make_if_missing(self._stored_path(path), self._key(path),
-                                             lambda path=path: build_sample(path, pipeline))
+                for copy in range(self.copies):
+                    sample_cache.make_if_missing(self._stored_path(path, copy), self._key(path),
+                                                 partial(build_sample, path, pipeline, copy))
             except DAMAGED as error:
                 print(f"{unreadable(path, error)} (left out)", flush=True)
                 continue
             print(f"{path.name}: encoded", flush=True)
         ranks.wait_for_all()
 
-    def __call__(self, path: Path, _: torch.Generator) -> PublishedSample:
-        """Raises SampleError for a sample that was not prepared."""
+    def __call__(self, path: Path, generator: torch.Generator) -> PublishedSample:
+        """One of its copies. Raises SampleError for a sample that was not prepared."""
         def missing():
             raise SampleError(f"{path} is not prepared: it is newer than this run, or cannot be read")
 
-        return sample_cache.load_or_make(self._stored_path(path), self._key(path), missing, KINDS)
+        copy = int(torch.randint(self.copies, (), generator=generator))
+        return sample_cache.load_or_make(self._stored_path(path, copy), self._key(path), missing, KINDS)
 
-    def _stored_path(self, path: Path) -> Path:
-        return sample_cache.cache_path(path, self.cache)
+    def _stored_path(self, path: Path, copy: int) -> Path:
+        return sample_cache.cache_path(path, self.cache, f"-{copy}" if copy else "")
 
     def _key(self, path: Path) -> str:
         return f"{sample_cache.sample_key(path, sample_cache.PUBLISHED)}-{self.by}"
 
 
-def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
-    """From one file of tools.datagen, with the encoder that rendering uses."""
+def build_sample(path: Path, pipeline: PublishedPipeline, copy: int = 0) -> PublishedSample:
+    """From one file of tools.datagen, with the encoder that rendering uses.
+
+    Copy 0 is the scene as it is, any other one is turned and recoloured, always in the same way.
+    """
     scene, views, guides, passes = load_sample(path)
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
     emits = find_emitters(normalized)
+    changes = symmetry(*symmetry_of(path, copy, recolors=scene.latents is None)) if copy else {}
     with torch.no_grad():
-        inputs = pipeline.encoder.inputs(pipeline.encoder.process(as_trained(normalized, emits)))
+        inputs = pipeline.encoder.inputs(pipeline.encoder.process(
+            as_trained(map_arrays(normalized, for_numpy(changes)), emits)))
     rays, pictures, masks = [], [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):
         surface = (reference["combined"][..., :3] - reference["emission"]).clip(0) * np.float32(normalization.exposure)
@@ -108,8 +118,15 @@ def build_sample(path: Path, pipeline: PublishedPipeline) -> PublishedSample:
         rays.append(view_inputs(normalization.view(larger)))
         pictures.append(picture)
         masks.append(mask)
-    return PublishedSample(inputs, stacked(rays), torch.from_numpy(np.stack(pictures)).movedim(-1, 1).contiguous(),
-                           torch.from_numpy(np.stack(masks))[:, None])
+    image, shown = torch.from_numpy(np.stack(pictures)).movedim(-1, 1).contiguous(), torch.from_numpy(np.stack(masks))
+    return replace(map_arrays(PublishedSample(None, stacked(rays), image, shown[:, None]), changes), inputs=inputs)
+
+
+def symmetry_of(path: Path, copy: int, recolors: bool) -> tuple[float, torch.Tensor]:
+    """Turns about Z and order of the colour channels; the appearance of some materials is known in one order alone."""
+    draw = np.random.default_rng((zlib.crc32(path.stem.encode()), copy))
+    columns = ENVIRONMENT_SHAPE[1]
+    return int(draw.integers(columns)) / columns, torch.from_numpy(draw.permutation(3) if recolors else np.arange(3))
 
 
 def compared(view: View, guides: Guides, picture: np.ndarray, emitters: np.ndarray,

@@ -23,6 +23,7 @@ from tools.common.console import whole_number
 from . import ranks
 from .config import TrainConfig
 from .errors import TrainingError
+from .memory import recompute
 from .state import TrainingState
 
 COMPILED = SwiGLU, RMSNorm  # chains of small operations between the products and attentions, which gain by it
@@ -43,6 +44,7 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
     resume(state, saved)
     if options.compile:
         compile_parts(state.model)
+    recompute(state.model, config.recomputed)
     compute_losses = ranks.with_shared_gradients(state.model, compute_losses)
     precision = PRECISIONS[options.precision]
     if ranks.is_first():
@@ -57,7 +59,7 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
             write_weights()
 
     while rate_share := ranks.broadcast(_remaining_share(options, state.step, time.monotonic() - begin)):
-        rate = config.learning_rate * min(1.0, (state.step + 1) / config.warmup_steps) * rate_share
+        rate = config.rate(state.step) * rate_share
         scene_losses = []
         for i in range(scenes_per_step):
             sample = next(scenes).to(device)

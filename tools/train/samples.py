@@ -2,7 +2,10 @@
 """Training samples: the inputs that the renderer makes for one scene, and the expected output."""
 from __future__ import annotations
 
+import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +17,7 @@ from renderformer_v2.model.guided.features import GuidedView, guided_view
 from renderformer_v2.model.guided.guided_inputs import GuidedInputs, guided_inputs
 from renderformer_v2.model.light.bounce.radiosity import Radiosity
 from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.light.effort import FULL
 from renderformer_v2.model.light.estimate import SceneLight
 from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.light_passes import LOBES
@@ -21,7 +25,7 @@ from renderformer_v2.model.network.inputs import EnvironmentInputs, VolumeInputs
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.tensor_group import TensorGroup, stacked
 from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
-from tools.datagen.sample_files import load_with_paths
+from tools.datagen.sample_files import load_sample, load_with_paths
 
 from . import sample_cache
 from .errors import SampleError
@@ -36,6 +40,7 @@ class TrainingSample(TensorGroup):
     inputs: GuidedInputs  # `texture` (T, 11, t, t) is BSDF parameters until `with_latents` maps them
     view: GuidedView
     image: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # radiance without directly seen emitters and world
+    finished: Tensor = array("V", 3, "H", "W", behaves={COLOR: 1})  # with them
     direct: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})  # light of white lobes
     indirect: Tensor = array("V", 3, 3, "H", "W", behaves={COLOR: 2})
 
@@ -49,34 +54,59 @@ def unreadable(path: Path, error: Exception) -> SampleError:
     return SampleError(f"{path} cannot be read ({error}): delete it, and tools.datagen makes it again")
 
 
-def build_sample(path: Path, hinted: bool = True) -> TrainingSample:
-    """From one file of tools.datagen, `hinted` with its traced light. Raises SampleError when it cannot be read."""
+class Given(StrEnum):
+    """What a sample holds of the light of its scene."""
+
+    TRACED = "traced"    # traced light, and estimates by rays
+    RAYS = "rays"        # estimates by rays
+    SCENE = "scene"      # direct light without shadows, in closed form
+
+
+def build_sample(path: Path, given: Given = Given.TRACED) -> TrainingSample:
+    """From one file of tools.datagen. Raises SampleError when it cannot be read."""
     try:
-        scene, views, guides, passes = load_with_paths(path)
+        scene, views, guides, passes = load_sample(path) if given is Given.SCENE else load_with_paths(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
         raise unreadable(path, error) from error
+    # As many rays of a probe as pictures of several sizes have.
+    effort = replace(FULL, most_more=2.0 ** seed_of(path).integers(3))
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
     direct = DirectLight(normalized)
-    light = SceneLight(normalized, direct, Radiosity(normalized, direct))
+    light = SceneLight(normalized, direct, None if given is Given.SCENE else Radiosity(normalized, direct))
     inputs, targets = [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):
-        guide = guide if hinted else replace(guide, traced=None)
-        inputs.append(guided_view(light, normalization.view(view), normalization.guides(guide), CONFIG))
+        guide = guide if given is Given.TRACED else replace(guide, traced=None)
+        inputs.append(guided_view(light, normalization.view(view), normalization.guides(guide), CONFIG, effort))
         surface = reference["combined"][..., :3] - reference["emission"]
-        targets.append([surface.clip(0), *(np.stack([reference[f"{lobe}_{part}"] for lobe in LOBES])
-                                           for part in ("direct", "indirect"))])
-    image, direct, indirect = (torch.from_numpy(np.stack(t).astype(np.float32) * np.float32(normalization.exposure))
-                               .movedim(-1, -3) for t in zip(*targets, strict=True))
+        targets.append([surface.clip(0), reference["combined"][..., :3] + reference["environment"],
+                        *(np.stack([reference[f"{lobe}_{part}"] for lobe in LOBES])
+                          for part in ("direct", "indirect"))])
+    targets = (torch.from_numpy(np.stack(t).astype(np.float32) * np.float32(normalization.exposure)).movedim(-1, -3)
+               for t in zip(*targets, strict=True))
     view = stacked(inputs)
-    targets = (t * view.exposure.view(-1, *[1] * (t.ndim - 1)) for t in (image, direct, indirect))
+    targets = (t * view.exposure.view(-1, *[1] * (t.ndim - 1)) for t in targets)
     return TrainingSample(guided_inputs(normalized, CONFIG), view, *targets)
 
 
-def cached_sample(path: Path, cache: Path, hinted: bool = True) -> TrainingSample:
+def seed_of(path: Path) -> np.random.Generator:
+    """What is random in a sample, always the same."""
+    return np.random.default_rng(zlib.crc32(path.stem.encode()))
+
+
+def cached_sample(path: Path, cache: Path, given: Given = Given.TRACED) -> TrainingSample:
     """`build_sample`, kept in `cache` for the next epoch; made again when it is out of date."""
-    stored = sample_cache.cache_path(path, cache, "" if hinted else "-alone")
-    return sample_cache.load_or_make(stored, sample_cache.sample_key(path), lambda: build_sample(path, hinted), KINDS)
+    return sample_cache.load_or_make(*_stored(path, cache, given), KINDS)
+
+
+def prepare_sample(path: Path, cache: Path, given: Given) -> None:
+    """As `cached_sample`, without reading what is there."""
+    sample_cache.make_if_missing(*_stored(path, cache, given))
+
+
+def _stored(path: Path, cache: Path, given: Given) -> tuple[Path, str, Callable[[], TrainingSample]]:
+    return (sample_cache.cache_path(path, cache, f"-{given}"), sample_cache.sample_key(path),
+            lambda: build_sample(path, given))
 
 
 KINDS = {"": TrainingSample, "inputs": GuidedInputs, "view": GuidedView, "light": SurfaceLight,

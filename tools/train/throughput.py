@@ -19,7 +19,6 @@ from renderformer_v2.model.compute.threads import team
 from renderformer_v2.model.guided.network import new_network
 from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.network.inputs import view_inputs
-from renderformer_v2.model.network.renderformer import to_radiance
 from renderformer_v2.model.weights.presets import rf2_200m
 from renderformer_v2.rf2_engine.progress import memory
 from tools.benchmark import ring
@@ -28,7 +27,7 @@ from tools.common.console import whole_number
 
 from .config import set_attention
 from .cost import tokens, training_flops
-from .losses import image_loss, structure_loss
+from .losses import paper_loss, structure_loss
 from .run import PRECISIONS, compile_parts
 from .state import TrainingState
 
@@ -49,7 +48,7 @@ def measure(config: ModelConfig, options: argparse.Namespace) -> dict:
     for _ in range(options.steps + 1):
         begin = time.perf_counter()
         with torch.autocast(device.type, precision, enabled=precision != torch.float32):
-            loss = image_loss(to_radiance(network(inputs, rays)), target, structure_loss)
+            loss = paper_loss(network(inputs, rays), target, structure_loss)
         loss.backward()
         state.advance(1e-4, 1.0)
         float(loss.detach())  # waits for a card

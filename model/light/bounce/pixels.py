@@ -32,8 +32,9 @@ def diffuse_bounces(radiosity: Radiosity, probes: Probes, filters: Iterable[int]
 class GlossyPixels:
     """GlossyLight of all pixels."""
 
-    radiance: Tensor       # (h, W, 3) of a white glossy lobe
-    missed: Tensor | None  # (h, W, 3) part of it that traced light leaves out, with light of the diffuse lobe instead
+    complete: Tensor       # (h, W, 3) radiance of a white glossy lobe
+    bounced: Tensor | None  # (h, W, 3) what of it traced light does not contain, where light was traced
+    missed: Tensor | None  # (h, W, 3) part of that which traced light has instead of light of the diffuse lobe
     sky: Tensor | None     # (h, W, 3) visibility of the sky in the lobe
 
     def remove_missed(self, bounced: Tensor, diffuse_ratio: Tensor) -> Tensor:
@@ -41,8 +42,6 @@ class GlossyPixels:
 
         diffuse_ratio: (h, W), as of HitSurfaces.
         """
-        if self.missed is None:
-            return bounced
         return (bounced - self.missed / diffuse_ratio[..., None].clamp_min(LEAST_RATIO)).clamp_min(0)
 
 
@@ -59,17 +58,18 @@ def glossy_bounces(radiosity: Radiosity, probes: Probes, surfaces: HitSurfaces, 
         where=surfaces.is_covered & where, filters=used)
         for where, used in ((~is_rough, SMOOTH[:1]), (is_rough, filters)))
     pictures = {name: smooth[name] + rough[name] for name in smooth}
-    missed = pictures.get("missed")
-    radiance = pictures["bounced"] if missed is None else pictures["bounced"] + missed
-    return GlossyPixels(radiance, missed, pictures.get("sky"))
+    bounced = pictures["bounced"] + pictures["missed"] if is_traced else None
+    return GlossyPixels(pictures["complete"], bounced, pictures.get("missed"), pictures.get("sky"))
 
 
 def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: Effort, x: Tensor, n: Tensor,
-                      number: Tensor) -> Tensor:
-    """(P, 3) radiance leaving white diffuse surfaces at points x (P, 3): indirect light, and `direct` if given."""
+                      number: Tensor) -> dict[str, Tensor]:
+    """(P, 3) radiance leaving white diffuse surfaces at points x (P, 3): "bounced" before, and "complete" if `direct`.
+    """
     with part(0.0, 0.5):
-        indirect = radiosity.indirect(x, n, number, effort)
+        bounced = radiosity.indirect(x, n, number, effort)
     with part(0.5, 1.0):
         if direct is None:
-            return indirect
-        return indirect + direct.diffuse(x, n, direct.visibility(x, n, sky_rays=effort.of(SKY_RAYS)))
+            return {"bounced": bounced}
+        arriving = direct.diffuse(x, n, direct.visibility(x, n, sky_rays=effort.of(SKY_RAYS)))
+        return {"bounced": bounced, "complete": bounced + arriving}

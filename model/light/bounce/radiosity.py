@@ -44,9 +44,10 @@ PHOTONS = 1 << 16  # from emitters to glass
 class GlossyLight(NamedTuple):
     """Light that white glossy surfaces send towards the viewer at P points."""
 
-    bounced: Tensor               # (P, 3) radiance that has bounced diffusely before; all of it without traced light
-    missed: Tensor | None = None  # (P, 3) radiance of other indirect light that Cycles' traced light leaves out
-    sky: Tensor | None = None     # (P, 3) visibility of the sky in the lobe
+    complete: Tensor               # (P, 3) radiance of all indirect light
+    bounced: Tensor | None = None  # (P, 3) what of it has bounced diffusely before, where light was traced
+    missed: Tensor | None = None   # (P, 3) what of the rest Cycles' traced light leaves out
+    sky: Tensor | None = None      # (P, 3) visibility of the sky in the lobe
 
 
 class Radiosity:
@@ -137,15 +138,14 @@ class Radiosity:
         gathered = self.gather_scene.gather(position, normal, direction, with_media=False)
         weight = weight * schlick(f0[:, None], cosine)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
+        complete, bounced, missed = gathered.radiance(self.leaving, weight), None, None
         if traced:
             diffuse = diffuse_ratio[:, None] * (direction @ normal[..., None])[..., 0].clamp_min(0) / math.pi
             share = diffuse / (diffuse + weight * density).clamp_min(1e-6)
             bounced = gathered.radiance(self.bounced_before, weight)
             missed = gathered.radiance(self.leaving - self.bounced_before, weight * share)
-        else:
-            bounced, missed = gathered.radiance(self.leaving, weight), None
         sky = gathered.sky_visibility(self.gather_scene.environment, weight) if with_sky else None
-        return GlossyLight(bounced, missed, sky)
+        return GlossyLight(complete, bounced, missed, sky)
 
 
 def _bounce(gathered: Gathered, light: Tensor, diffuse: Tensor, glossy: Tensor) -> tuple[Tensor, Tensor]:

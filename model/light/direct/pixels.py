@@ -25,17 +25,19 @@ def direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, gui
     """Radiance (h, W, 3) that a white diffuse, glossy and transmissive lobe send to the viewer.
 
     sky, glossy_sky: (h, W, 3) visibility of the sky, as gather rays have found it. Where refractions were followed, the
-    transmissive lobe shows the light at the ends of their paths.
+    transmissive lobe shows the light at the ends of their paths. Beside traced light, which has sharp shadows and
+    highlights, both are coarser.
     """
+    is_traced = guides.traced is not None
     with part(0.0, 2 / 3):
-        emitters, glossy_emitters = _shadows(direct, probes, surfaces, effort, is_sharp=guides.traced is None)
+        emitters, glossy_emitters = _shadows(direct, probes, surfaces, effort, is_sharp=not is_traced)
     with part(2 / 3, 1.0):
         is_followed = guides.refracted_light is not None
         sky_behind = torch.full_like(surfaces.coverage, not is_followed)
         visibility = LobeVisibility(sky, emitters, glossy_sky, glossy_emitters, sky_behind)
         points = surfaces.position, surfaces.normal, -surfaces.rays, surfaces.roughness, surfaces.f0
         visibility = LobeVisibility(*(x.flatten(0, 1) for x in visibility))
-        footprint = [footprints(surfaces).flatten(0, 1)] if effort.edges else []
+        footprint = [footprints(surfaces).flatten(0, 1)] if effort.edges and not is_traced else []
         lobes = direct.lobes(*(x.flatten(0, 1) for x in points), visibility, *footprint)
         lobes = [lobe.view_as(surfaces.position) * surfaces.is_covered for lobe in lobes]
         if is_followed:
@@ -51,7 +53,7 @@ def shadow_grid(emitters: int) -> int:
 
 def _shadows(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, effort: Effort,
              is_sharp: bool) -> tuple[Tensor, Tensor]:
-    """(h, W, 3) visibility of the emitters for the diffuse and the glossy lobe; traced light needs no sharp shadows."""
+    """(h, W, 3) visibility of the emitters for the diffuse and the glossy lobe."""
     grid = probes.grid
     if is_sharp:
         grid = min(max(shadow_grid(len(direct.emitters)), effort.shadow_grid), grid)

@@ -18,22 +18,23 @@ from ..sampling import r2_starts
 RAYS = 4  # to each emitter from a mirrored point
 
 
-def path_end_light(lobe: str, guides: Guides, make_probes: Callable[..., Probes], outgoing: Callable[..., Tensor],
-                   filters: Iterable[int], device: torch.device) -> tuple[Tensor, Tensor]:
+def path_end_light(lobe: str, guides: Guides, make_probes: Callable[..., Probes],
+                   outgoing: Callable[..., dict[str, Tensor]], filters: Iterable[int],
+                   device: torch.device) -> tuple[dict[str, Tensor] | None, Tensor]:
     """(h, W, 3) radiance from the surfaces at which specular paths end, tinted, and (h, W, 1) bool where they meet any.
 
-    lobe: "reflected" or "refracted". outgoing(position, normal, number): (P, 3) radiance of white diffuse surfaces.
+    lobe: "reflected" or "refracted". outgoing(position, normal, number): (P, 3) radiance of white diffuse surfaces, of
+    several kinds. None where no paths were followed.
     """
     to_tensor = tensors_on(device)
     arrays = [getattr(guides, f"{lobe}_{kind}") for kind in ("position", "normal", "color")]
     if arrays[0] is None:
-        dark = to_tensor(np.zeros_like(guides.position))
-        return dark, dark[..., :1] > 0
+        return None, to_tensor(np.zeros_like(guides.alpha))[..., None] > 0
     position, normal, color = map(to_tensor, arrays)
     is_lit = color.amax(-1, keepdim=True) > 0
     probes = make_probes(position, F.normalize(normal, dim=-1), is_lit)
-    light = probes.interpolate(lambda x, n, number: {"light": outgoing(x, n, number)}, filters=filters)["light"]
-    return light * color, (normal != 0).any(-1, keepdim=True)
+    light = probes.interpolate(outgoing, filters=filters)
+    return {kind: radiance * color for kind, radiance in light.items()}, (normal != 0).any(-1, keepdim=True)
 
 
 def mirrored_highlights(guides: Guides, surfaces: HitSurfaces, direct: DirectLight) -> Tensor:

@@ -30,8 +30,8 @@ class Group(NamedTuple):
     """Remarks that say the same of several data-blocks, perhaps with other numbers; as text, one sentence."""
 
     kind: str
-    message: str  # where numbers differ, from the least to the largest: "simplified from 168 to 12...16 triangles"
-    remarks: list[Remark]
+    message: str  # where numbers differ, from the least to the largest: "simplified from 168 to 12–16 triangles"
+    remarks: list[Remark]  # those with the largest numbers first, where numbers differ
 
     @property
     def names(self) -> str:
@@ -59,16 +59,21 @@ def grouped(remarks: list[Remark]) -> list[Group]:
         for remark in alike:
             messages.setdefault(remark.message, []).append(remark)
         if len(alike) > SOME:
+            alike.sort(key=_numbers, reverse=True)
             messages = {_merge(list(messages)): alike}
         groups += [Group(alike[0].kind, message, same) for message, same in messages.items()]
     return sorted(groups, key=lambda group: KINDS.index(group.kind))
+
+
+def _numbers(remark: Remark) -> list[float]:
+    return [float(number) for number in _NUMBER.findall(remark.message)]
 
 
 def _merge(messages: list[str]) -> str:
     """One message for several that differ only in numbers."""
     columns = zip(*(_NUMBER.findall(message) for message in messages), strict=True)
     ranges = iter([sorted(column, key=float) for column in columns])
-    return _NUMBER.sub(lambda _: "...".join(dict.fromkeys(next(ranges)[::len(messages) - 1 or 1])), messages[0])
+    return _NUMBER.sub(lambda _: "–".join(dict.fromkeys(next(ranges)[::len(messages) - 1 or 1])), messages[0])
 
 
 class Report:

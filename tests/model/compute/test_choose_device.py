@@ -35,7 +35,7 @@ def test_the_card_with_the_most_memory_is_taken_and_another_by_its_number(cards)
     assert choose_device() == torch.device("cuda", 1) and choose_device("cuda") == torch.device("cuda", 1)
     assert choose_device("cuda:0") == torch.device("cuda", 0)
     assert choose_device("cpu") == torch.device("cpu")
-    with pytest.raises(ValueError, match="no card 4, only 3"):
+    with pytest.raises(ValueError, match="no GPU 4, only 3"):
         choose_device("cuda:3")
 
 

@@ -16,10 +16,11 @@ from renderformer_v2.model.compute.precision import (
 @pytest.mark.parametrize("capabilities, expected", [
     ({"architecture": "x86_64", "avx2": True, "avx512_f": False, "avx512_bf16": False}, torch.float32),
     ({"architecture": "x86_64", "avx2": True, "avx512_f": True, "avx512_bf16": False}, torch.float32),
-    ({"architecture": "x86_64", "avx512_f": True, "avx512_bf16": True, "amx_bf16": False}, torch.bfloat16),
-    ({"architecture": "x86_64", "avx512_f": True, "avx512_bf16": True, "amx_bf16": True}, torch.bfloat16),
+    ({"cpu_name": "AMD Ryzen 9 9950X", "avx512_f": True, "avx512_bf16": True, "amx_bf16": False}, torch.bfloat16),
+    ({"cpu_name": "Intel Xeon", "avx512_f": True, "avx512_bf16": True, "amx_bf16": True}, torch.bfloat16),
+    ({"cpu_name": "Intel Xeon", "avx512_f": True, "avx512_bf16": True}, torch.float32),
     ({"architecture": "aarch64", "neon": True, "bf16": True}, torch.float32)],
-    ids=["Zen 3", "Ice Lake", "Zen 5", "Sapphire Rapids", "Apple M2"])
+    ids=["Zen 3", "Ice Lake", "Zen 5", "Sapphire Rapids", "Sapphire Rapids without AMX", "Apple M2"])
 def test_processors_that_multiply_bfloat16_themselves_take_it(capabilities, expected):
     assert processor_precision(capabilities) == expected
 

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The transformer corrects estimated light: not at all by zeros, and within bounds."""
+import math
 from dataclasses import replace
 
 import pytest
 import torch
 
 from renderformer_v2.model.guided.decoding import LARGEST_FACTOR, OUTPUTS, corrected_light, factor
-from renderformer_v2.model.guided.features import FEATURES, GuidedView, guided_view
+from renderformer_v2.model.guided.features import SURFACE, GuidedView, guided_view
 from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_view, scene_light, walls
 
@@ -20,14 +21,14 @@ def inputs(is_traced=False, width=64) -> GuidedView:
     if is_traced:
         guides = replace(guides, traced=0.5 * guides.diffuse_color)
     inputs = guided_view(scene_light(walls((0.8, 0.3, 0.3))), view, guides, rf2_small())
-    is_covered = inputs.features[:, FEATURES["alpha"]]
+    is_covered = inputs.surface[:, SURFACE["alpha"]]
     added = {name: getattr(inputs.light, name) + 0.3 * is_covered for name in ("behind", "refracted")}
     return replace(inputs, light=replace(inputs.light, **added))
 
 
 def outputs(view: GuidedView, **values: float) -> torch.Tensor:
     """Channels of the decoder: zeros but for these."""
-    raw = torch.zeros(1, len(OUTPUTS), *view.features.shape[2:])
+    raw = torch.zeros(1, len(OUTPUTS), *view.surface.shape[2:])
     for name, value in values.items():
         raw[:, OUTPUTS[name]] = value
     return raw
@@ -45,12 +46,32 @@ def test_zeros_leave_light_exactly_as_it_is(is_traced, width, dtype):
 
 
 @pytest.mark.parametrize("is_traced", [False, True])
-def test_a_black_object_in_a_lit_room_stays_exactly_black_until_the_decoder_adds_light(is_traced):
+def test_a_black_object_in_a_lit_room_stays_exactly_black_unless_there_are_media(is_traced):
     view = inputs(is_traced)
-    corrected = corrected_light(outputs(view, direct=2.0, indirect=2.0, traced=2.0), view).radiance()
+    corrected = corrected_light(outputs(view, direct=2.0, indirect=2.0, share=0.5), view).radiance()
     black, others = corrected[..., :32], corrected[..., 32:]
-    assert not black.any() and others[..., view.features[0, FEATURES.index("alpha"), :, 32:] > 0].min() > 0
-    assert (corrected_light(outputs(view, rest=9.0), view).radiance()[0, :, 32, 16] > 0.1).all()
+    assert not black.any() and others[..., view.surface[0, SURFACE.index("alpha"), :, 32:] > 0].min() > 0
+    everything = outputs(view, rest=9.0, missing=9.0)
+    assert not corrected_light(everything, view).radiance()[..., :32].any()
+    in_media = replace(view, has_media=torch.ones(1))
+    assert (corrected_light(everything, in_media).radiance()[0, :, 32, 16] > 0.1).all() != is_traced
+
+
+def test_what_was_traced_gives_way_to_its_estimate_where_that_is_believed():
+    view = inputs(is_traced=True)
+    believed = corrected_light(outputs(view, share=30.0), view)
+    torch.testing.assert_close(believed.radiance(), view.light.estimate() + view.light.bounces())
+    half = corrected_light(outputs(view, share=math.atanh(0.5)), view).radiance()
+    torch.testing.assert_close(half, (believed.radiance() + view.light.radiance()) / 2)
+
+
+def test_lobes_get_light_that_nothing_has_found():
+    view = inputs()
+    corrected = corrected_light(outputs(view, missing=5.0), view)
+    added = corrected.bounced - view.light.bounced
+    assert (added > 1).all() and torch.allclose(added, added[0, 0, 0, 0])
+    less = corrected_light(outputs(view, missing=-30.0), view)
+    assert all((getattr(less, name) >= 0).all() for name in ("bounced", "reflected", "refracted", "behind"))
 
 
 def test_a_factor_of_zero_is_1_and_others_are_bounded():
@@ -61,13 +82,25 @@ def test_a_factor_of_zero_is_1_and_others_are_bounded():
 
 @pytest.mark.parametrize(("raw", "expected"), [(30.0, LARGEST_FACTOR), (-30.0, 1 / LARGEST_FACTOR)])
 @pytest.mark.parametrize(("name", "fields"), [
-    ("direct", ["direct"]), ("indirect", ["bounced", "behind", "reflected", "refracted"]), ("traced", ["traced"])])
+    ("direct", ["direct"]), ("indirect", ["bounced", "behind", "reflected", "refracted"])])
 def test_light_is_corrected_within_bounds_and_by_its_own_channels_alone(name, fields, raw, expected):
-    view = inputs(is_traced=True)
+    view = inputs()
     corrected = corrected_light(outputs(view, **{name: raw}), view)
     for field, before in vars(view.light).items():
         torch.testing.assert_close(getattr(corrected, field), before * (expected if field in fields else 1))
         assert field not in fields or before.any(), field
+
+
+def test_where_light_was_traced_nothing_but_the_share_of_the_estimate_counts():
+    view = inputs(is_traced=True)
+    others = dict.fromkeys(set(OUTPUTS.parts) - {"share"}, 5.0)
+    corrected = corrected_light(outputs(view, **others), view)
+    for name, values in vars(view.light).items():
+        assert torch.equal(getattr(corrected, name), values), name
+    alone = inputs()
+    believed = corrected_light(outputs(alone, share=5.0), alone)
+    for name, values in vars(alone.light).items():
+        assert torch.equal(getattr(believed, name), values), name
 
 
 def test_each_lobe_and_colour_has_a_factor_of_its_own():
@@ -88,6 +121,6 @@ def test_each_lobe_and_colour_has_a_factor_of_its_own():
 def test_no_light_where_nothing_is_hit():
     view = inputs(width=128)
     radiance = corrected_light(torch.full((1, len(OUTPUTS), 64, 128), 3.0), view).radiance()
-    empty = view.features[0, FEATURES.index("alpha")] == 0
+    empty = view.surface[0, SURFACE.index("alpha")] == 0
     assert empty.any() and (~empty).any()
     assert not radiance[..., empty].any()

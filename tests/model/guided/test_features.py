@@ -9,9 +9,11 @@ import torch
 from renderformer_v2.model.compute.inference import inference
 from renderformer_v2.model.guided import encoders
 from renderformer_v2.model.guided.encoders import Guidance
-from renderformer_v2.model.guided.features import FEATURES, MISS_DISTANCE, RADIANCE_FEATURES, guided_view, with_exposure
+from renderformer_v2.model.guided.exposure import display_encode
+from renderformer_v2.model.guided.features import FEATURES, LOGARITHMIC, MISS_DISTANCE, guided_view, with_exposure
+from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.weights.presets import rf2_small
-from tests.model.samples import floor_scene, floor_view, scene_light
+from tests.model.samples import flat, floor_scene, floor_view, scene_light
 
 CONFIG = rf2_small()
 
@@ -25,7 +27,7 @@ def inputs(width=64, height=64, radiance=40.0, traced=None):
 def test_bundles_lie_on_what_they_see_and_ahead_where_they_see_nothing():
     view = inputs(128, 64)
     positions = view.positions.view(8, 16, 3)
-    assert view.features.shape == (1, len(FEATURES), 64, 128)
+    assert view.features().shape == (1, len(FEATURES), 64, 128)
     torch.testing.assert_close(positions[4, 8, 2], torch.tensor(0.0), atol=1e-5, rtol=0)
     camera = torch.tensor([0.0, 0.0, 3.0])
     drawn_in = positions[0, 0].norm()
@@ -38,19 +40,38 @@ def test_far_bundles_are_drawn_in():
     guides.position = guides.position + np.float32((0, 500, 0)) * (guides.alpha[..., None] > 0)
     far = guided_view(scene_light(floor_scene()), view, guides, CONFIG)
     assert 1.9 < far.positions.norm(dim=-1).max() <= 2
-    assert far.features[:, FEATURES["offset"]].abs().max() < 1
+    assert far.features()[:, FEATURES["offset"]].abs().max() < 1
 
 
 @pytest.mark.parametrize("traced", [None, 0.5])
 def test_features_are_those_of_the_light_as_it_is_exposed(traced):
     view = inputs(traced=traced)
     light = view.light
-    for name, field in RADIANCE_FEATURES.items():
-        exposed = torch.pow(10, view.features[:, FEATURES[name]]) - 1
-        torch.testing.assert_close(exposed, getattr(light, field).flatten(1, -3), atol=1e-5, rtol=1e-4)
-    assert torch.equal(view.features[:, FEATURES["colors"]], light.albedo.flatten(1, 2))
-    assert torch.equal(view.features[:, FEATURES["roughness"]], light.roughness)
-    assert (view.features[:, FEATURES["hinted"]] == light.is_traced).all() and light.is_traced.item() == bool(traced)
+    for name in LOGARITHMIC:
+        exposed = torch.pow(10, view.features()[:, FEATURES[name]]) - 1
+        torch.testing.assert_close(exposed, getattr(light, name).flatten(1, -3), atol=1e-5, rtol=1e-4)
+    pictures = {"traced": light.is_traced * (light.traced + light.bounces()),
+                "estimated": light.estimate() + light.bounces()}
+    for name, picture in pictures.items():
+        torch.testing.assert_close(view.features()[:, FEATURES[name]], display_encode(picture))
+    assert torch.equal(view.features()[:, FEATURES["colors"]], light.albedo.flatten(1, 2))
+    assert torch.equal(view.features()[:, FEATURES["roughness"]], light.roughness)
+    assert (view.features()[:, FEATURES["is_traced"]] == bool(traced)).all() and light.is_traced.item() == bool(traced)
+
+
+def test_noise_is_that_of_the_samples_and_without_rays_only_direct_light_without_shadows_is_known():
+    view, guides = floor_view()
+    guides = replace(guides, samples=np.full_like(guides.alpha, 32))
+    shade = flat(np.float32([[[-1, -1, 1], [1, -1, 1], [0, 1, 1]]]), (0.5,) * 3)
+    light = scene_light(floor_scene().appended(shade))
+    given = guided_view(light, view, guides, CONFIG)
+    assert (given.features()[:, FEATURES["noise"]] == 0.5).all()
+    assert (given.features()[:, FEATURES["has_rays"]] == 1).all()
+    bare = guided_view(replace(light, radiosity=None), view, guides, CONFIG)
+    assert (bare.features()[:, FEATURES["has_rays"]] == 0).all()
+    assert not any(getattr(bare.light, name).any() for name in SurfaceLight.OF_RAYS)
+    shadowed, unshadowed = (x.light.direct / x.exposure for x in (given, bare))
+    assert (unshadowed >= shadowed - 1e-5).all() and (unshadowed > shadowed + 1e-3).any()
 
 
 def test_exposure_scales_all_radiance_of_each_view_and_nothing_else():
@@ -64,14 +85,14 @@ def test_what_a_view_sees_is_exposed_alike_however_bright_it_is():
     """A dim room beside a bright one is no dark picture to the network."""
     bright, dim = inputs(traced=0.5), inputs(radiance=0.04, traced=0.5e-3)
     torch.testing.assert_close(dim.exposure, 1000 * bright.exposure, rtol=0.01, atol=0)
-    torch.testing.assert_close(dim.features, bright.features, rtol=0.02, atol=1e-3)
+    torch.testing.assert_close(dim.features(), bright.features(), rtol=0.02, atol=1e-3)
     assert inputs(radiance=0.0).exposure == 1
 
 
 @torch.no_grad()
 def test_bands_of_a_large_picture_give_the_same_tokens(monkeypatch):
-    features, encoder = inputs(128, 64).features, Guidance(replace(CONFIG, latent_dim=12))
-    tokens = encoder.bundles(features)
+    view, encoder = inputs(128, 64), Guidance(replace(CONFIG, latent_dim=12))
+    tokens = encoder.bundles(view)
     monkeypatch.setattr(encoders, "BAND_PIXELS", 24 * 128)
     with inference():
-        torch.testing.assert_close(encoder.bundles(features), tokens)
+        torch.testing.assert_close(encoder.bundles(view), tokens)

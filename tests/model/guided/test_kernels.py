@@ -6,25 +6,26 @@ import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model.guided.features import SAMPLES, guided_view, noise_of
 from renderformer_v2.model.guided.kernels import (
     CENTER,
     INPUTS,
+    LATENT,
     LEAST_WEIGHT,
     RADIUS,
-    SAMPLES,
     WEIGHTS,
     KernelPredictor,
     antialiased,
+    antialiased_views,
     apply_kernels,
-    kernel_inputs,
-    picture_exposure,
     to_tensor,
 )
 from renderformer_v2.model.guided.network import load_network
-from renderformer_v2.model.weights.presets import BUNDLED, weights_folder
-from tests.model.samples import floor_view
+from renderformer_v2.model.light_passes import Lobes
+from renderformer_v2.model.weights.presets import BUNDLED, rf2_small, weights_folder
+from tests.model.samples import floor_scene, floor_view, scene_light
 
-FEW, MOST = SAMPLES
+FEW, MOST = 8, SAMPLES[1]
 
 
 def covered(distance: np.ndarray, rng: np.random.Generator, samples: int) -> np.ndarray:
@@ -91,12 +92,12 @@ def test_all_pictures_get_the_same_kernels_whatever_the_bands(monkeypatch):
     radiance, guides = bright_half(0.5, FEW)
     predictor = trained_like()
     pictures = {"combined": np.dstack([radiance, guides.alpha]), "half": 0.5 * radiance}
-    found = antialiased(predictor, pictures, radiance, guides, FEW)
+    found = antialiased(predictor, pictures, Lobes(radiance), guides, FEW)
     assert found["combined"].shape == (64, 64, 4) and np.abs(found["combined"][..., :3] - radiance).max() > 0.01
     np.testing.assert_allclose(found["combined"][..., :3], 2 * found["half"], rtol=1e-5)
     np.testing.assert_allclose(found["combined"][..., 3], 1, rtol=1e-5)
     monkeypatch.setattr("renderformer_v2.model.pictures.BAND_PIXELS", 5 * 64)
-    again = antialiased(predictor, pictures, radiance, guides, FEW)
+    again = antialiased(predictor, pictures, Lobes(radiance), guides, FEW)
     for name, picture in found.items():
         np.testing.assert_allclose(again[name], picture, rtol=1e-4, atol=1e-5)
 
@@ -108,7 +109,7 @@ def test_the_bundled_kernels_bring_a_noisy_edge_nearer_to_the_truth(degrees, sam
     predictor = load_network(weights_folder(BUNDLED)).kernel_predictor
     radiance, guides = bright_half(np.radians(degrees), samples)
     truth, _ = bright_half(np.radians(degrees), 4096, seed=1)
-    found = antialiased(predictor, {"picture": radiance}, radiance, guides, samples)["picture"]
+    found = antialiased(predictor, {"picture": radiance}, Lobes(radiance), guides, samples)["picture"]
     before, after = (np.square(picture - truth).mean() for picture in (radiance, found))
     assert after < most * before
     far = np.abs(inside(np.radians(degrees))) > 8
@@ -120,27 +121,57 @@ def test_what_glows_keeps_its_light():
     radiance, guides = bright_half(0.5, FEW)
     lamp = np.zeros_like(radiance)
     lamp[30:34, 30:34] = 50
-    found = antialiased(trained_like(), {"lamp": lamp}, radiance, replace(guides, emission=lamp), FEW)["lamp"]
+    found = antialiased(trained_like(), {"lamp": lamp}, Lobes(radiance), replace(guides, emission=lamp), FEW)["lamp"]
     np.testing.assert_array_equal(found, lamp)
-    faint = antialiased(trained_like(), {"lamp": lamp}, radiance, replace(guides, emission=1e-5 * lamp), FEW)
+    faint = antialiased(trained_like(), {"lamp": lamp}, Lobes(radiance), replace(guides, emission=1e-5 * lamp), FEW)
     assert np.abs(faint["lamp"] - lamp).max() > 1
 
 
+@torch.no_grad()
 def test_kernels_do_not_depend_on_the_unit_of_light():
     radiance, guides = bright_half(0.5, FEW)
-    guides = replace(guides, emission=radiance, environment=0.5 * radiance)
+    guides = replace(guides, emission=0.01 * radiance, environment=0.5 * radiance)
     brighter = replace(guides, **{name: 1000 * getattr(guides, name) for name in ("emission", "environment", "traced")})
-    exposure = picture_exposure(radiance, guides)
-    assert picture_exposure(1000 * radiance, brighter) == pytest.approx(exposure / 1000)
-    torch.testing.assert_close(kernel_inputs(1000 * radiance, brighter, exposure / 1000, FEW),
-                               kernel_inputs(radiance, guides, exposure, FEW))
+    predictor = trained_like()
+    found, bright = (antialiased(predictor, {"picture": light}, Lobes(light), seen, FEW)["picture"]
+                     for light, seen in ((radiance, guides), (1000 * radiance, brighter)))
+    assert np.abs(found - radiance).max() > 0.01
+    np.testing.assert_allclose(bright, 1000 * found, rtol=1e-4)
+
+
+@torch.no_grad()
+def test_the_decoder_of_the_transformer_has_a_say_in_the_kernels():
+    radiance, guides = bright_half(0.5, FEW)
+    predictor = trained_like()
+    latent = np.random.default_rng(0).random((64, 64, LATENT)).astype(np.float32)
+    without, none, some = (
+        antialiased(predictor, {"picture": radiance}, Lobes(radiance, latent=x), guides, FEW)["picture"]
+        for x in (None, 0 * latent, latent))
+    np.testing.assert_array_equal(without, none)
+    assert np.abs(some - none).max() > 1e-3
+
+
+@torch.no_grad()
+def test_views_in_training_have_the_kernels_that_pictures_have():
+    view, guides = floor_view(64, 64)
+    guides = replace(guides, traced=0.5 * guides.diffuse_color, samples=np.full_like(guides.alpha, FEW))
+    given = guided_view(scene_light(floor_scene()), view, guides, rf2_small())
+    radiance, predictor = given.light.radiance(), trained_like()
+    latent = torch.rand(1, LATENT, 64, 64)
+    found = antialiased_views(predictor, radiance, given, latent)[0].permute(1, 2, 0).numpy()
+    picture, radiance = (x[0].permute(1, 2, 0).numpy() for x in (given.complete(radiance), radiance))
+    lobes = Lobes(radiance, latent=latent[0].permute(1, 2, 0).numpy())
+    exposure = float(given.exposure)
+    exposed = replace(guides, **{
+        name: exposure * getattr(guides, name) for name in ("traced", "emission", "environment")})
+    expected = antialiased(predictor, {"picture": picture}, lobes, exposed, FEW)["picture"]
+    assert np.abs(expected - picture).max() > 0.01
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-4)
 
 
 def test_the_noise_that_is_seen_is_that_of_the_samples_between_those_of_the_training():
-    radiance, guides = bright_half(0.5, FEW)
-    noise = [float(kernel_inputs(radiance, guides, 1.0, count)[:, INPUTS["noise"]].unique())
-             for count in (1, FEW, 32, MOST, 4096)]
-    np.testing.assert_allclose(noise, [1, 1, 0.5, 0.25, 0.25])
+    samples = np.array([0.5, 1, FEW, 32, MOST, 4096])
+    np.testing.assert_allclose(noise_of(samples), [8 ** 0.5, 8 ** 0.5, 1, 0.5, 0.25, 0.25])
 
 
 def test_pictures_are_stacked_row_0_on_top():

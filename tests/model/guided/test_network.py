@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Guidance changes light tokens, ray tokens and pixels, and nothing else; the bundled weights do without all of it."""
-import json
 from dataclasses import replace
 
 import pytest
@@ -9,11 +8,12 @@ import torch
 from renderformer_v2.model.guided.decoding import OUTPUTS
 from renderformer_v2.model.guided.features import guided_view
 from renderformer_v2.model.guided.guided_inputs import guided_inputs
-from renderformer_v2.model.guided.network import KernelNetwork, load_network
+from renderformer_v2.model.guided.kernels import LATENT
+from renderformer_v2.model.guided.network import GuidedRenderFormer, load_network
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.network.renderformer import RenderFormer
 from renderformer_v2.model.weights.presets import BUNDLED, rf2_small, weights_folder
-from tests.model.guided.weights import busy_network, write
+from tests.model.guided.weights import busy_network
 from tests.model.samples import floor_scene, floor_view, scene_light
 
 
@@ -45,13 +45,13 @@ def test_a_beam_changes_the_light_tokens_alone(network, inputs):
 def test_ray_tokens_are_where_they_hit_and_know_what(network, view):
     assert torch.equal(network.ray_positions(view), view.positions)
     paper = RenderFormer.embed_rays(network, view)
-    torch.testing.assert_close(network.embed_rays(view) - paper, network.guidance.bundles(view.features))
+    torch.testing.assert_close(network.embed_rays(view) - paper, network.guidance.bundles(view))
 
 
 @torch.no_grad()
 def test_pixels_are_channels_of_light(network, inputs, view):
     raw = network.render_view(network.encode_scene(inputs), view)
-    assert raw.shape == (1, len(OUTPUTS), 64, 64) and raw.isfinite().all()
+    assert raw.shape == (1, len(OUTPUTS) + LATENT, 64, 64) and raw.isfinite().all()
 
 
 def test_inputs_without_a_mapper_hold_the_parameters(network):
@@ -60,19 +60,10 @@ def test_inputs_without_a_mapper_hold_the_parameters(network):
     torch.testing.assert_close(parameters[0, :3, 0, 0], torch.tensor([0.8, 0.5, 0.2]), atol=1e-3, rtol=0)
 
 
-def test_the_bundled_weights_are_kernels_alone():
+def test_the_bundled_weights_are_of_the_whole_network_and_small():
     folder = weights_folder(BUNDLED)
-    network, preset = load_network(folder), rf2_small()
-    assert isinstance(network, KernelNetwork) and {
-        name.partition(".")[0] for name in network.state_dict()} == {"kernel_predictor"}
-    assert network.config == replace(preset, guidance=replace(preset.guidance, transformer=False))
-    assert (folder / "model.safetensors").stat().st_size < 100_000
-
-
-def test_a_configuration_that_does_not_tell_is_of_a_whole_network(network, tmp_path):
-    file = write(tmp_path, network) / "config.json"
-    description = json.loads(file.read_text())
-    del description["model_config"]["guidance"]["transformer"]
-    file.write_text(json.dumps(description))
-    loaded = load_network(tmp_path)
-    assert loaded.config == network.config and set(loaded.state_dict()) == set(network.state_dict())
+    loaded = load_network(folder)
+    assert isinstance(loaded, GuidedRenderFormer) and loaded.config == rf2_small()
+    assert all(p.isfinite().all() for p in loaded.state_dict().values())
+    assert any(p.any() for p in loaded.pixel_decoder.leave.parameters())
+    assert (folder / "model.safetensors").stat().st_size < 20e6

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a picture does not show is not computed."""
+"""The transformer is in every picture that stays; what a picture does not show is not computed."""
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from renderformer_v2.model.guided.kernels import LATENT
 from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.light.effort import FULL
 from renderformer_v2.model.renderer import Renderer
 from tests.model.samples import floor_view, walls
 
@@ -27,24 +29,37 @@ def traced_points(monkeypatch):
     return calls
 
 
-def test_shadows_of_emitters_at_pixels_only_where_no_light_was_traced(renderer, traced_points):
+def test_the_picture_is_that_of_the_network_and_knows_both_estimates_of_traced_light(renderer, traced_points):
     view, guides = floor_view()
     traced = replace(guides, traced=np.full(guides.diffuse_color.shape, 0.25, np.float32))
     encoded = renderer.encode(walls((0.6, 0.2, 0.2)))
-
+    assert encoded.tokens > len(walls((0.6, 0.2, 0.2)))
     traced_points.clear()
-    displayed = encoded.lobes(view, traced, apart=False).radiance
+    ours, quick = (encoded.view(view, traced, effort) for effort in (FULL, replace(FULL, network=False)))
+    assert traced_points and np.abs(ours - quick).max() > 1e-3
+    lobes = encoded.lobes(view, traced)
+    np.testing.assert_array_equal(lobes.radiance, ours)
+    assert lobes.latent.shape == (64, 64, LATENT)
+
+
+def test_a_draft_traces_no_shadows_where_light_was_traced(renderer, traced_points):
+    view, guides = floor_view()
+    traced = replace(guides, traced=np.full(guides.diffuse_color.shape, 0.25, np.float32))
+    draft = renderer.encode(walls((0.6, 0.2, 0.2)), draft=True)
+    assert draft.tokens == 0 and draft.finished().tokens > 0
+    traced_points.clear()
+    draft.view(view, traced)
     assert not traced_points
-    apart = encoded.lobes(view, traced)
-    assert traced_points and apart.direct.any()
-    np.testing.assert_array_equal(displayed, apart.radiance)
-
-    traced_points.clear()
-    encoded.view(view, guides)
+    draft.view(view, guides)
     assert traced_points
 
 
-def test_kernels_alone_need_no_tokens_and_no_material_mapper(renderer):
-    pipeline, encoded = renderer.pipeline, renderer.encode(walls((0.6, 0.2, 0.2)))
-    assert pipeline.transformer is None and pipeline.mapper is None
-    assert encoded.encoded.context is None and encoded.tokens == 0
+def test_the_transformer_alone_needs_no_rays(traced_points):
+    """Its picture is another one, and the scene may as well hide everything from each other."""
+    view, guides = floor_view()
+    alone, with_rays = (Renderer(device="cpu", precision="fp32", rays=rays).encode(walls((0.6, 0.2, 0.2)))
+                        for rays in (False, True))
+    traced_points.clear()
+    picture = alone.view(view, guides)
+    assert not traced_points and np.isfinite(picture).all() and picture.max() > 0.01
+    assert np.abs(picture - with_rays.view(view, guides)).max() > 1e-3

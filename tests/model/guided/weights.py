@@ -14,8 +14,7 @@ def busy_network() -> GuidedRenderFormer:
     torch.manual_seed(0)
     network = new_network(rf2_small())
     network.kernel_predictor = load_network(weights_folder(BUNDLED)).kernel_predictor
-    network.zero_outputs()
-    torch.nn.init.normal_(network.view_transformer.out_dpt.scratch.output_conv2[-1].weight, std=0.01)
+    torch.nn.init.normal_(network.pixel_decoder.leave.weight, std=0.01)
     return network.requires_grad_(False).eval()
 
 

@@ -8,6 +8,7 @@ import torch
 
 from renderformer_v2.model.fields import layouts
 from renderformer_v2.model.light import estimate
+from renderformer_v2.model.light.effort import FULL
 from renderformer_v2.model.light.estimate import estimate_light
 from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.scene import ROUGHNESS
@@ -93,3 +94,17 @@ def test_a_mirror_shows_the_highlight_of_the_metal_that_it_shows():
     dark, lit = (estimate_light(light, view, replace(guides, mirrored_normal=normal, **metal)).reflected
                  for normal in (-up, up))
     assert dark.max() == 0 < lit.max()
+
+
+@pytest.mark.parametrize("roughness", [0.1, 0.6])
+def test_what_was_traced_is_estimated_as_well_if_that_is_asked_for(roughness):
+    """Together with the light that has bounced it is the picture without traced light."""
+    scene, (view, guides) = walls((0.8, 0.3, 0.3)), floor_view()
+    scene.tiles[:, ROUGHNESS] = roughness
+    light, traced = scene_light(scene), replace(guides, traced=0.5 * guides.diffuse_color)
+    plain = replace(FULL, edges=False)  # highlights and edges beside traced light are coarser
+    beside, untraced = (estimate_light(light, view, given, plain) for given in (traced, guides))
+    assert not torch.equal(beside.bounces(), untraced.bounces())  # lobes share what traced light leaves out
+    torch.testing.assert_close(beside.estimate() + beside.bounces(), untraced.radiance(), rtol=1e-3, atol=1e-4)
+    alone = estimate_light(light, view, traced, plain, with_direct=False)
+    assert not alone.direct.any() and torch.equal(alone.radiance(), beside.radiance())

@@ -58,16 +58,16 @@ def test_preflight_tells_what_a_card_needs(lit, monkeypatch, free, said):
     found = preflight.run(bpy.context.evaluated_depsgraph_get(), lambda text, fraction: None)
     needed, known = card.memory(FrameSettings.read(lit), found.tokens, 50 * 37)
     assert not found.error and known == free
-    assert found.card.startswith(f"Card: at most {needed / 1e9:.1f} GB are needed, {said}")
+    assert found.card.startswith(f"GPU: at most {needed / 1e9:.1f} GB are needed, {said}")
 
 
 @pytest.mark.parametrize("network", [Network.GUIDED, Network.PUBLISHED])
-def test_more_pixels_need_more_of_a_card_and_more_triangles_only_for_a_transformer(lit, monkeypatch, network):
+def test_more_pixels_and_more_triangles_need_more_of_a_card(lit, monkeypatch, network):
     describe(monkeypatch, AMPERE)
     settings = replace(FrameSettings.read(lit), network=network)
     small, of_many, of_large = (card.memory(settings, *size)[0] for size in ((1000, 64 * 64), (100_000, 64 * 64),
                                                                              (1000, 3840 * 2160)))
-    assert 0 < small < of_large and (small < of_many) == (network is Network.PUBLISHED)
+    assert 0 < small < of_large and small < of_many
 
 
 @pytest.mark.parametrize("free, said", [(64e9, False), (1e6, True)])
@@ -111,7 +111,7 @@ def test_the_published_weights_are_counted_in_the_precision_that_a_card_holds_th
 
 def test_without_a_card_nothing_is_said_of_one(lit):
     found = preflight.run(bpy.context.evaluated_depsgraph_get(), lambda text, fraction: None)
-    assert not found.error and not any(line.startswith("Card") for line in found.lines)
+    assert not found.error and not any(line.startswith("GPU") for line in found.lines)
 
 
 def test_a_budget_for_the_published_weights_is_suggested(scene):
@@ -129,9 +129,9 @@ def test_encoded_textures_can_be_deleted(scene, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_bundled_network_needs_memory_for_pixels_and_hardly_any_for_weights(lit, monkeypatch):
+def test_the_bundled_network_needs_memory_for_pixels_above_all(lit, monkeypatch):
     describe(monkeypatch, AMPERE)
     settings = FrameSettings.read(lit)
     assert settings.network is Network.GUIDED
     small, large = (card.memory(settings, 4096, pixels)[0] for pixels in (512 * 512, 4096 * 2160))
-    assert small < 1e9 and 2.3e9 < large < 5e9
+    assert small < 1.3e9 and 5e9 < large < 9e9

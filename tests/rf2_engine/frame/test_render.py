@@ -40,7 +40,7 @@ def test_reports_stages_tokens_and_triangles(scene, tmp_path):
     cube(scene)
     press_f12(scene, tmp_path)
     (last,) = last_render.last_frame
-    assert last.triangles >= 12 and last.tokens == 0 and last.size == (50, 37)
+    assert last.tokens > last.triangles >= 12 and last.size == (50, 37)
     assert {"Converting the scene", "Camera rays", "Network"} <= set(last.seconds)
 
 

@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 from bl_ext.user_default.renderformer_v2.model.weights import presets
-from bl_ext.user_default.renderformer_v2.rf2_engine.panels import blender_panels, camera
+from bl_ext.user_default.renderformer_v2.rf2_engine.panels import blender_panels, camera, render_settings
 
 from tests.rf2_engine.f12 import cube, sun
 from tests.rf2_engine.layout import Layout
@@ -32,8 +32,8 @@ def panels():
 
 
 @pytest.mark.parametrize("panel, expected", [
-    ("RENDERFORMER_PT_settings", {"weights_source", "device", "precision", "light", "token_budget", "max_edge",
-                                  "guide_samples", "use_adaptive_sampling", "adaptive_threshold",
+    ("RENDERFORMER_PT_settings", {"weights_source", "device", "precision", "light", "token_budget", "max_edge"}),
+    ("RENDERFORMER_PT_sampling", {"guide_samples", "use_adaptive_sampling", "adaptive_threshold",
                                   "adaptive_min_samples"}),
     ("RENDERFORMER_PT_film", {"film_exposure", "film_transparent", "film_transparent_glass", "pixel_filter_type",
                               "filter_width"}),
@@ -51,6 +51,20 @@ def panels():
 ])
 def test_what_acts_can_be_set(scene, panel, expected):
     assert expected <= drawn(scene, panels()[panel], object=cube(scene)).shown
+
+
+def test_sampling_stands_below_the_settings_of_the_engine_as_in_cycles():
+    ours = [name for name in render_settings.__dict__ if name.startswith("RENDERFORMER_PT_")]
+    at_the_top = [name for name in ours if not hasattr(panels().get(name), "bl_parent_id")
+                  and panels()[name].bl_label != "RenderFormer-V2 Presets"]
+    assert [panels()[name].bl_label for name in at_the_top][:2] == ["RenderFormer-V2", "Sampling"]
+
+
+@pytest.mark.parametrize("name", ["RENDERFORMER_PT_settings", "RENDERFORMER_PT_passes_data",
+                                  "RENDERFORMER_PT_material_settings"])
+def test_labels_are_in_blenders_column(scene, name):
+    layout = drawn(scene, panels()[name], material=cube(scene).active_material)
+    assert layout.use_property_split is not False
 
 
 def test_passes_that_cannot_be_given_are_named(scene):

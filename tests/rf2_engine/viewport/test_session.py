@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A viewport shows what a render with Network Alone shows, coarse to fine, and does nothing twice."""
+"""A viewport shows what a render with Network and Rays shows, coarse to fine, and does nothing twice."""
 import itertools
 
 import numpy as np

@@ -17,7 +17,6 @@ CHANGE = {
 KEEP = {
     "renderformer_v2.light": "TRACED", "renderformer_v2.guide_samples": 3,
     "renderformer_v2.use_adaptive_sampling": True,
-    "renderformer_v2.precision": "bf16",  # of the transformer alone, which the default picture has not
     "renderformer_v2.token_budget": 300, "renderformer_v2.lens_samples": 7, "renderformer_v2.shutter_samples": 7,
     "renderformer_v2.paper_lamps": True, "renderformer_v2.reference.use": False,
     "renderformer_v2.viewport.time_limit": 0.5, "render.resolution_percentage": 50, "cycles.samples": 3,

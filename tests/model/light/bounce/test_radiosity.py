@@ -237,7 +237,7 @@ def glossy(bounce: Radiosity, at, outgoing, roughness: float, diffuse_ratio: flo
 def test_a_glossy_surface_shows_more_of_a_bright_wall_from_where_it_is_mirrored():
     bounce = built(walls((0.8, 0.8, 0.8)))
     towards, away = (torch.nn.functional.normalize(torch.tensor([[x, 0.0, 0.5]]), dim=-1) for x in (1.0, -1.0))
-    wall, nothing = (glossy(bounce, (0.0, 0.0, 0.0), eye, 0.2).bounced[0, 0].item() for eye in (towards, away))
+    wall, nothing = (glossy(bounce, (0.0, 0.0, 0.0), eye, 0.2).complete[0, 0].item() for eye in (towards, away))
     assert wall > 5 * nothing
 
 
@@ -256,13 +256,13 @@ def test_beside_traced_light_a_glossy_surface_shows_what_paths_of_its_lobe_do_no
     """A lobe alone is traced as a whole; one that few paths are chosen by is not; a mirror is, beside much else."""
     bounce, at = built(walls((0.8, 0.8, 0.8))), (-0.8, 0.0, 0.0)
     found = {ratio: glossy(bounce, at, UP, 0.9, ratio, traced=True) for ratio in (0.0, 1.0, 1e4)}
-    every, again = glossy(bounce, at, UP, 0.9).bounced, found[0.0].bounced
+    every, again = glossy(bounce, at, UP, 0.9).complete, found[0.0].bounced
     missed = {ratio: light.missed / (every - again) for ratio, light in found.items()}
     assert again.max() > 0 and missed[0.0].max() == 0 and missed[1e4].min() > 0.99
     assert 0.3 < missed[1.0].min() and missed[1.0].max() < 0.7
     towards = torch.nn.functional.normalize(torch.tensor([[1.0, 0.0, 0.5]]), dim=-1)
     mirrored = glossy(bounce, (0.0, 0.0, 0.0), towards, 0.1, 10.0, traced=True)
-    all_of_it = glossy(bounce, (0.0, 0.0, 0.0), towards, 0.1).bounced
+    all_of_it = glossy(bounce, (0.0, 0.0, 0.0), towards, 0.1).complete
     assert mirrored.missed.max() < 0.1 * (all_of_it - mirrored.bounced).min()
 
 
@@ -291,5 +291,7 @@ def test_light_that_is_asked_for_alone_is_the_same():
     for traced in False, True:
         both, light = (glossy(bounce, (0.0, 0.0, 0.0), eye, 0.3, traced=traced, with_sky=with_sky)
                        for with_sky in (True, False))
-        assert both.sky is not None and light.sky is None and torch.equal(light.bounced, both.bounced)
-        assert (light.missed is both.missed is None) if not traced else torch.equal(light.missed, both.missed)
+        assert both.sky is not None and light.sky is None and torch.equal(light.complete, both.complete)
+        for name in ("bounced", "missed"):
+            one, other = getattr(light, name), getattr(both, name)
+            assert torch.equal(one, other) if traced else one is other is None

@@ -90,7 +90,7 @@ def test_what_is_said_of_several_things_is_one_sentence():
     report.skipped("Box 0", "it is scaled to nothing")
     assert list(map(str, grouped(report.entries))) == [
         "skipped Box 0: it is scaled to nothing",
-        "unplaced 5 (Box 0, Box 1, Box 2 and 2 more): no room for 0...4 of its 9 instances"]
+        "unplaced 5 (Box 4, Box 3, Box 2 and 2 more): no room for 0–4 of its 9 instances"]
 
 
 def test_few_numbers_are_said_one_by_one_and_equal_sentences_once():
@@ -104,11 +104,19 @@ def test_few_numbers_are_said_one_by_one_and_equal_sentences_once():
         "approximated Cone: simplified from 168 to 16 triangles"]
 
 
+def test_of_many_simplified_meshes_the_largest_is_named_first_with_the_range_of_triangles():
+    report = Report()
+    for name, count in (("Pot", 3584), ("Tree", 90000), ("Leaf", 900), ("Rock", 12000)):
+        report.approximated(name, f"simplified from {count} to {count // 100} triangles")
+    assert list(map(str, grouped(report.entries))) == [
+        "approximated 4 (Tree, Rock, Pot and 1 more): simplified from 900–90000 to 9–900 triangles"]
+
+
 def test_numbers_of_all_forms_are_one_range():
     report = Report()
     for i, radius in enumerate((0, 0.25, 1e-05, 3, 0.1)):
         report.approximated(f"Lamp {i}", f"its radius is 0.5 instead of {radius:.3g}: shadows are softer")
-    assert str(grouped(report.entries)[0]).endswith(": its radius is 0.5 instead of 0...3: shadows are softer")
+    assert str(grouped(report.entries)[0]).endswith(": its radius is 0.5 instead of 0–3: shadows are softer")
 
 
 def test_many_lamps_are_one_line(scene, converted, report):
@@ -121,7 +129,7 @@ def test_many_lamps_are_one_line(scene, converted, report):
     converted()
     lines = list(map(str, grouped(report.entries)))
     assert len(report.entries) >= 120 and len(lines) <= 3
-    assert any(line.startswith("approximated 120 (Lamp 0, Lamp 1, Lamp 2 and 117 more): its radius is ")
+    assert any(line.startswith("approximated 120 (Lamp 119, Lamp 118, Lamp 117 and 117 more): its radius is ")
                for line in lines), lines
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One picture of a scene three times: this engine, Cycles in the same time, Cycles with many samples.
+"""One picture of a scene four times: Transformer Alone, With Cycles, Cycles in the same time, Cycles with many samples.
 
-    python -m tools.triptych SCENE.blend -o OUT.png [--samples 256] [--resolution WxH] [--weights rf2_small|DIR]
-                             [--threads N]
+    python -m tools.side_by_side SCENE.blend -o OUT.png [--samples 256] [--resolution WxH] [--weights rf2_small|DIR]
+                                 [--threads N]
 
 Labelled with the seconds that each render takes on this machine now, so leave it alone meanwhile. Prints them as one
-line of JSON. Cycles renders as the file says, denoising included, but for the number of samples; in the middle they are
-as many as take nearest to this engine's time.
+line of JSON. Cycles renders as the file says, denoising included, but for the number of samples; in the third picture
+they are as many as take nearest to the time of With Cycles.
 """
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def main() -> int:
 
 
 def _parse_arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m tools.triptych", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m tools.side_by_side", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path, help=".blend file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.png")
     parser.add_argument("--samples", type=whole_number(1), default=256, help="of the picture on the right")
@@ -58,7 +58,7 @@ def _parse_arguments() -> argparse.Namespace:
 
 
 def render_all(arguments: argparse.Namespace, folder: Path, options: list) -> tuple[list[np.ndarray], list[str], dict]:
-    """The three pictures (H, W, 3) u8, what is written below them, and {picture: its samples and seconds}."""
+    """The four pictures (H, W, 3) u8, what is written below them, and {picture: its samples and seconds}."""
     from skimage.io import imread
 
     def render_cycles(samples: int) -> float:
@@ -66,16 +66,20 @@ def render_all(arguments: argparse.Namespace, folder: Path, options: list) -> tu
                                 *options)
         return statistics["seconds"]["total"]
 
-    ours = run_render(arguments.scene, folder / "ours.png", *options,
-                  *(["--weights", arguments.weights] if arguments.weights else []))
-    seconds = ours["seconds"]["total"]
+    own = {}
+    for light in ("TRANSFORMER", "TRACED"):
+        statistics = run_render(arguments.scene, folder / f"{light}.png", "--light", light, *options,
+                                *(["--weights", arguments.weights] if arguments.weights else []))
+        own[light] = statistics["seconds"]["total"]
+    seconds = own["TRACED"]
     equal, equal_seconds = find_samples_in_time(seconds, arguments.samples, render_cycles)
     many_seconds = render_cycles(arguments.samples)
-    pictures = [imread(folder / f"{name}.png")[..., :3] for name in ("ours", equal, arguments.samples)]
-    labels = [f"RenderFormer-V2 ({Path(ours['weights']).name}), {seconds:.1f} s"] + [
+    pictures = [imread(folder / f"{name}.png")[..., :3] for name in (*own, equal, arguments.samples)]
+    labels = [f"Transformer Alone, {own['TRANSFORMER']:.1f} s", f"With Cycles, {seconds:.1f} s"] + [
         f"Cycles, {n} sample{'s' if n > 1 else ''}, {s:.1f} s"
         for n, s in ((equal, equal_seconds), (arguments.samples, many_seconds))]
-    return pictures, labels, {"renderformer": {"seconds": seconds},
+    return pictures, labels, {"transformer_alone": {"seconds": own["TRANSFORMER"]},
+                              "with_cycles": {"seconds": seconds},
                               "cycles_equal": {"samples": equal, "seconds": equal_seconds},
                               "cycles": {"samples": arguments.samples, "seconds": many_seconds}}
 
