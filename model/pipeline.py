@@ -57,5 +57,5 @@ class LobePipeline(Pipeline, Protocol):
         lobes' albedos."""
 
     def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
-                    samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
+                    wraps: bool = False) -> dict[str, np.ndarray]:
         """All `pictures` (H, W, C) f32 with smooth edges, in world radiance (guided/kernels.py)."""

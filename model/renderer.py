@@ -141,14 +141,13 @@ class EncodedScene:
         return Lobes(**self._rendered(view, guides, lambda *inputs: lobes(*inputs, apart)))
 
     def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
-                    samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
+                    wraps: bool = False) -> dict[str, np.ndarray]:
         """All `pictures` (H, W, C) f32, with the edges of the view of `lobes` as more samples would show them.
 
-        They are made of the view's light or its guides, which have so many samples, all pixels or each (H, W); wraps:
-        as View's. Guided networks alone know how.
+        They are made of the view's light or its guides. wraps: as View's. Guided networks alone know how.
         """
         antialiased = self.renderer.pipeline.antialiased
-        return self.renderer.fitted(lambda: antialiased(pictures, lobes, guides, samples, wraps))
+        return self.renderer.fitted(lambda: antialiased(pictures, lobes, guides, wraps))
 
     def _rendered(self, view: View, guides: Guides, run: Callable[..., dict[str, Tensor]]) -> dict[str, np.ndarray]:
         """What run(encoded, view, guides) makes in network units, (..., 3, H, W), as world radiance (..., H, W, 3).

@@ -94,13 +94,17 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
     exposure = key_exposure(luminance[shows]).expand(1)
     exposed, position = with_exposure(estimate, exposure), contracted(surfaces.position)
     bundles = bundle_positions(position, surfaces, config.patch_size)
-    samples = np.full_like(guides.alpha, NOISY_SAMPLES) if guides.samples is None else guides.samples
-    noise = torch.from_numpy(noise_of(samples)).to(device)
+    noise = torch.from_numpy(noise_of(samples_of(guides))).to(device)
     rays = view_inputs(view).to(device)
     return GuidedView(origin=rays.origin, directions=rays.directions, positions=bundles.reshape(1, -1, 3),
                       surface=_surface(surfaces, position, bundles, noise, config.patch_size),
                       seen=seen * exposure, light=exposed, exposure=exposure,
                       has_media=torch.full_like(exposure, light.direct.fog is not None))
+
+
+def samples_of(guides: Guides) -> np.ndarray:
+    """(H, W) f32, NOISY_SAMPLES where it is not known."""
+    return np.full_like(guides.alpha, NOISY_SAMPLES) if guides.samples is None else guides.samples
 
 
 def noise_of(samples: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from ..light_passes import Lobes
 from ..pictures import BAND_PIXELS, bands
 from ..scene import Guides
 from .exposure import display_encode, key_exposure
-from .features import SAMPLES, SURFACE, GuidedView, noise_of
+from .features import SAMPLES, SURFACE, GuidedView, noise_of, samples_of
 from .pixel_decoder import REACH as REACH_OF_DECODER
 from .pixel_decoder import PixelDecoder
 
@@ -106,27 +106,26 @@ def antialiased_views(predictor: KernelPredictor, radiance: Tensor, view: Guided
 
 
 def antialiased(predictor: KernelPredictor, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
-                samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
+                wraps: bool = False) -> dict[str, np.ndarray]:
     """Filter all `pictures` (H, W, C) f32 by the kernels of one, of which there are `lobes` and `guides`.
 
-    samples: of all pixels, or of each (H, W), in the first hits and in the traced light. wraps: whether left and right
-    side are neighbours.
+    wraps: whether left and right side are neighbours.
     """
-    samples = np.zeros_like(guides.alpha) + np.float32(samples)
     if wraps:
         wide = lambda picture: extend_sides(picture, REACH, REACH, wraps)  # noqa: E731
         filtered = antialiased(
             predictor, {key: wide(picture) for key, picture in pictures.items()},
             Lobes(wide(lobes.radiance), latent=None if lobes.latent is None else wide(lobes.latent)),
-            Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}), wide(samples))
+            Guides(**{key: wide(guide) for key, guide in guides.arrays().items()}))
         return {key: picture[:, REACH:-REACH] for key, picture in filtered.items()}
     device, filtered = predictor.enter.weight.device, []
     exposure = float(key_exposure(torch.from_numpy((lobes.radiance + guides.environment).mean(-1).ravel())))
     for outer, inner in bands(*guides.alpha.shape, margin=REACH, pixels=current_pieces().limit(BAND_PIXELS)):
-        inputs, may_change = _inputs(lobes.rows(outer), guides.rows(outer), np.float32(exposure), samples[outer])
+        samples = samples_of(guides.rows(outer))
+        inputs, may_change = _inputs(lobes.rows(outer), guides.rows(outer), np.float32(exposure), samples)
         kernels = predictor(inputs.to(device)) * may_change.to(device)
         joined = to_tensor(np.dstack([picture[outer] for picture in pictures.values()])).to(device)
-        counts = to_tensor(samples[outer][..., None]).to(device)
+        counts = to_tensor(samples[..., None]).to(device)
         filtered.append(apply_kernels(joined, kernels, counts)[0, :, inner].permute(1, 2, 0).cpu().numpy())
     ends = np.cumsum([picture.shape[-1] for picture in pictures.values()])
     return dict(zip(pictures, np.split(np.concatenate(filtered), ends[:-1], axis=-1), strict=True))

@@ -87,33 +87,37 @@ class GuidedPipeline:
     def lobes(self, encoded: GuidedScene, view: View, guides: Guides, apart: bool = True,
               effort: Effort = FULL) -> dict[str, Tensor]:
         """Pictures by field of Lobes, in network exposure; `direct` and `indirect` only if `apart`."""
+        is_traced = guides.traced is not None
         if encoded.context is None or not effort.network:
             with part(0.0, 0.95, "Estimating direct light"):
-                light = estimate_light(encoded.light, view, guides, effort, guides.traced is None or apart)
+                light = estimate_light(encoded.light, view, guides, effort, apart or not is_traced)
             with part(0.95, 1.0, "Adding the light up"):
-                return _in_bands(light.rows, view, apart)
+                return _in_bands(light.rows, view, is_traced, apart)
         with part(0.0, 0.6, "Estimating direct light"):
             inputs = guided_view(encoded.light, view, guides, self.config, effort)
         with part(0.6, 0.95):
             raw = self.network.render_view(encoded.context, inputs)
         with part(0.95, 1.0, "Adding the light up"):
-            light, latent = raw.split([len(OUTPUTS), LATENT], 1)
-            return _in_bands(lambda rows: with_exposure(corrected_light(light[..., rows, :], inputs.rows(rows)),
-                                                        1 / inputs.exposure), view, apart) | {"latent": latent[0]}
+            channels, latent = raw.split([len(OUTPUTS), LATENT], 1)
+
+            def light(rows: slice) -> SurfaceLight:
+                return with_exposure(corrected_light(channels[..., rows, :], inputs.rows(rows)), 1 / inputs.exposure)
+
+            return _in_bands(light, view, is_traced, apart) | {"latent": latent[0]}
 
     def antialiased(self, pictures: dict[str, np.ndarray], lobes: Lobes, guides: Guides,
-                    samples: np.ndarray | int, wraps: bool = False) -> dict[str, np.ndarray]:
+                    wraps: bool = False) -> dict[str, np.ndarray]:
         """As the function of that name."""
-        return antialiased(self.network.kernel_predictor, pictures, lobes, guides, samples, wraps)
+        return antialiased(self.network.kernel_predictor, pictures, lobes, guides, wraps)
 
 
-def _in_bands(light: Callable[[slice], SurfaceLight], view: View, apart: bool) -> dict[str, Tensor]:
+def _in_bands(light: Callable[[slice], SurfaceLight], view: View, is_traced: bool, apart: bool) -> dict[str, Tensor]:
     """Pictures by field of Lobes, of one view; `light` gives that of some rows, so that sums need bounded memory."""
     parts = []
     for rows, _ in bands(view.height, view.width, margin=0, pixels=current_pieces().limit(BAND_PIXELS)):
         some = light(rows)
         parts.append({"radiance": some.radiance()[0]})
-        if some.is_traced:
+        if is_traced:
             parts[-1]["traced"] = some.traced[0]
         if apart:
             parts[-1] |= {"direct": some.direct[0], "indirect": some.indirect()[0]}

@@ -143,7 +143,7 @@ class LayerNetwork:
         rough = {"combined": picture.combined, "radiance": lobes.radiance} | {
             key: getattr(guides, key) for key in EMITTED}
         with self._layer.plan.enter(EDGES):
-            smooth = encoded.antialiased(rough, lobes, guides, hits.passes["samples"][..., 0], wraps)
+            smooth = encoded.antialiased(rough, lobes, guides, wraps)
         if outside is not None:
             black = outside & (guides.alpha == 0)
             for key, pixels in smooth.items():

@@ -160,12 +160,6 @@ def load_with_paths(path: Path) -> tuple[RenderScene, list[View], list[Guides], 
     return scene, views, [add_path_ends(g, scene, v) for g, v in zip(guides, views, strict=True)], passes
 
 
-def hint_samples(path: Path) -> int:
-    """How many samples the guides of a sample are made of; older files do not say."""
-    with np.load(path) as file:
-        return file["hint_samples"].item() if "hint_samples" in file.files else HINT_SAMPLES
-
-
 def read_facts(path: Path) -> Facts:
     """From the file alone, without building its scene. A damaged file raises whatever the damage leads to."""
     with np.load(path) as file:

@@ -17,7 +17,7 @@ from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.pipeline import LobePipeline
 from renderformer_v2.model.renderer import EncodedScene, Renderer
 from renderformer_v2.model.scene import Guides, View
-from tools.datagen.sample_files import hint_samples, load_with_paths
+from tools.datagen.sample_files import load_with_paths
 
 from .scores import Evaluation, compute_scores
 
@@ -38,22 +38,24 @@ def evaluate_sample(path: Path, renderers: Renderers) -> Evaluation:
     """Mean metrics over the views of one sample, and of the pictures "beside" ours."""
     scene, views, guides, passes = load_with_paths(path)
     references = [p["combined"][..., :3] + p["environment"] for p in passes]
-    hints = hint_samples(path)
 
-    def rendered(renderer: Renderer, guides: list[Guides]) -> tuple[EncodedScene, list[np.ndarray], float]:
+    def encode(renderer: Renderer) -> tuple[EncodedScene, float]:
         begin = time.perf_counter()
-        encoded = renderer.encode(scene)
-        pictures = [_render(encoded, view, guide, hints) for view, guide in zip(views, guides, strict=True)]
-        return encoded, pictures, time.perf_counter() - begin
+        return renderer.encode(scene), time.perf_counter() - begin
 
-    encoded, ours, seconds = rendered(renderers.rays, guides)
-    scores = compute_scores(ours, references, triangles=len(scene), seconds=seconds)
+    def score(encoded: EncodedScene, encoding: float, guides: list[Guides], **more) -> tuple[dict, list[np.ndarray]]:
+        begin = time.perf_counter()
+        pictures = [_render(encoded, view, guide) for view, guide in zip(views, guides, strict=True)]
+        seconds = encoding + time.perf_counter() - begin
+        return compute_scores(pictures, references, seconds=seconds, **more), pictures
+
+    encoded, seconds = encode(renderers.rays)
+    scores, ours = score(encoded, seconds, guides, triangles=len(scene))
     beside = {}
     if renderers.scene and guides[0].traced is not None:
         untraced = [replace(guide, traced=None) for guide in guides]
-        for name, renderer in (("network_and_rays", renderers.rays), ("transformer_alone", renderers.scene)):
-            _, pictures, took = rendered(renderer, untraced)
-            beside[name] = compute_scores(pictures, references, seconds=took)
+        beside["network_and_rays"], _ = score(encoded, seconds, untraced)
+        beside["transformer_alone"], _ = score(*encode(renderers.scene), untraced)
         surfaces = {"traced_alone": [guide.traced for guide in guides],
                     "without_network": [without_network(encoded, *pair) for pair in zip(views, guides)],
                     "rays_alone": [without_network(encoded, *pair) for pair in zip(views, untraced)]}
@@ -72,13 +74,13 @@ def _with_seen(surfaces: list[np.ndarray], guides: list[Guides]) -> list[np.ndar
     return [surface + guide.emission + guide.environment for surface, guide in zip(surfaces, guides, strict=True)]
 
 
-def _render(encoded: EncodedScene, view: View, guides: Guides, hints: int) -> np.ndarray:
-    """(H, W, 3) on an opaque film; hints: samples that the guides are made of."""
+def _render(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
+    """(H, W, 3) on an opaque film."""
     if not isinstance(encoded.encoded, GuidedScene):
         return encoded.view(view, guides) + guides.emission + guides.environment
     lobes = encoded.lobes(view, guides, apart=False)
     picture = {"picture": lobes.radiance + guides.emission + guides.environment}
-    return encoded.antialiased(picture, lobes, guides, hints)["picture"]
+    return encoded.antialiased(picture, lobes, guides)["picture"]
 
 
 def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:

@@ -106,7 +106,7 @@ class TrainConfig:
             p.requires_grad_(name.startswith(tuple(self.parts)) and not name.endswith("rope_emb.freqs"))
 
     def rate(self, step: int) -> float:
-        """The learning rate of a step; the first one is 0."""
+        """The learning rate of step 0, 1, ..."""
         if step < self.warmup_steps:
             return self.learning_rate * (step + 1) / self.warmup_steps
         fallen = min((step - self.warmup_steps) / self.cosine_steps, 1.0) if self.cosine_steps else 0.0

@@ -32,7 +32,7 @@ from tools.datagen.sample_files import load_sample, sample_paths
 from . import ranks, sample_cache
 from .augment import for_numpy, symmetry
 from .errors import SampleError, TrainingError
-from .samples import unreadable
+from .samples import seed_of, unreadable
 
 DAMAGED = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error)  # what such files raise
 
@@ -124,7 +124,7 @@ def build_sample(path: Path, pipeline: PublishedPipeline, copy: int = 0) -> Publ
 
 def symmetry_of(path: Path, copy: int, recolors: bool) -> tuple[float, torch.Tensor]:
     """Turns about Z and order of the colour channels; the appearance of some materials is known in one order alone."""
-    draw = np.random.default_rng((zlib.crc32(path.stem.encode()), copy))
+    draw = seed_of(path, copy)
     columns = ENVIRONMENT_SHAPE[1]
     return int(draw.integers(columns)) / columns, torch.from_numpy(draw.permutation(3) if recolors else np.arange(3))
 

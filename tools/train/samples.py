@@ -89,9 +89,9 @@ def build_sample(path: Path, given: Given = Given.TRACED) -> TrainingSample:
     return TrainingSample(guided_inputs(normalized, CONFIG), view, *targets)
 
 
-def seed_of(path: Path) -> np.random.Generator:
-    """What is random in a sample, always the same."""
-    return np.random.default_rng(zlib.crc32(path.stem.encode()))
+def seed_of(path: Path, *of: int) -> np.random.Generator:
+    """What is random in a sample, or in a part `of` it, always the same."""
+    return np.random.default_rng((zlib.crc32(path.stem.encode()), *of))
 
 
 def cached_sample(path: Path, cache: Path, given: Given = Given.TRACED) -> TrainingSample:

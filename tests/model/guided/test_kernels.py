@@ -49,7 +49,7 @@ def bright_half(angle: float, samples: int, seed: int = 0):
     picture = lambda value: np.broadcast_to(value, (64, 64, 3)).astype(np.float32)  # noqa: E731
     guides = replace(guides, diffuse_color=picture(color), glossy_color=picture(0.04), transmission_color=picture(0),
                      normal=normal, alpha=np.ones((64, 64), np.float32), emission=picture(0), environment=picture(0),
-                     traced=picture(radiance))
+                     traced=picture(radiance), samples=np.full((64, 64), samples, np.float32))
     return picture(radiance), guides
 
 
@@ -92,12 +92,12 @@ def test_all_pictures_get_the_same_kernels_whatever_the_bands(monkeypatch):
     radiance, guides = bright_half(0.5, FEW)
     predictor = trained_like()
     pictures = {"combined": np.dstack([radiance, guides.alpha]), "half": 0.5 * radiance}
-    found = antialiased(predictor, pictures, Lobes(radiance), guides, FEW)
+    found = antialiased(predictor, pictures, Lobes(radiance), guides)
     assert found["combined"].shape == (64, 64, 4) and np.abs(found["combined"][..., :3] - radiance).max() > 0.01
     np.testing.assert_allclose(found["combined"][..., :3], 2 * found["half"], rtol=1e-5)
     np.testing.assert_allclose(found["combined"][..., 3], 1, rtol=1e-5)
     monkeypatch.setattr("renderformer_v2.model.pictures.BAND_PIXELS", 5 * 64)
-    again = antialiased(predictor, pictures, Lobes(radiance), guides, FEW)
+    again = antialiased(predictor, pictures, Lobes(radiance), guides)
     for name, picture in found.items():
         np.testing.assert_allclose(again[name], picture, rtol=1e-4, atol=1e-5)
 
@@ -109,7 +109,7 @@ def test_the_bundled_kernels_bring_a_noisy_edge_nearer_to_the_truth(degrees, sam
     predictor = load_network(weights_folder(BUNDLED)).kernel_predictor
     radiance, guides = bright_half(np.radians(degrees), samples)
     truth, _ = bright_half(np.radians(degrees), 4096, seed=1)
-    found = antialiased(predictor, {"picture": radiance}, Lobes(radiance), guides, samples)["picture"]
+    found = antialiased(predictor, {"picture": radiance}, Lobes(radiance), guides)["picture"]
     before, after = (np.square(picture - truth).mean() for picture in (radiance, found))
     assert after < most * before
     far = np.abs(inside(np.radians(degrees))) > 8
@@ -121,9 +121,9 @@ def test_what_glows_keeps_its_light():
     radiance, guides = bright_half(0.5, FEW)
     lamp = np.zeros_like(radiance)
     lamp[30:34, 30:34] = 50
-    found = antialiased(trained_like(), {"lamp": lamp}, Lobes(radiance), replace(guides, emission=lamp), FEW)["lamp"]
+    found = antialiased(trained_like(), {"lamp": lamp}, Lobes(radiance), replace(guides, emission=lamp))["lamp"]
     np.testing.assert_array_equal(found, lamp)
-    faint = antialiased(trained_like(), {"lamp": lamp}, Lobes(radiance), replace(guides, emission=1e-5 * lamp), FEW)
+    faint = antialiased(trained_like(), {"lamp": lamp}, Lobes(radiance), replace(guides, emission=1e-5 * lamp))
     assert np.abs(faint["lamp"] - lamp).max() > 1
 
 
@@ -133,7 +133,7 @@ def test_kernels_do_not_depend_on_the_unit_of_light():
     guides = replace(guides, emission=0.01 * radiance, environment=0.5 * radiance)
     brighter = replace(guides, **{name: 1000 * getattr(guides, name) for name in ("emission", "environment", "traced")})
     predictor = trained_like()
-    found, bright = (antialiased(predictor, {"picture": light}, Lobes(light), seen, FEW)["picture"]
+    found, bright = (antialiased(predictor, {"picture": light}, Lobes(light), seen)["picture"]
                      for light, seen in ((radiance, guides), (1000 * radiance, brighter)))
     assert np.abs(found - radiance).max() > 0.01
     np.testing.assert_allclose(bright, 1000 * found, rtol=1e-4)
@@ -145,7 +145,7 @@ def test_the_decoder_of_the_transformer_has_a_say_in_the_kernels():
     predictor = trained_like()
     latent = np.random.default_rng(0).random((64, 64, LATENT)).astype(np.float32)
     without, none, some = (
-        antialiased(predictor, {"picture": radiance}, Lobes(radiance, latent=x), guides, FEW)["picture"]
+        antialiased(predictor, {"picture": radiance}, Lobes(radiance, latent=x), guides)["picture"]
         for x in (None, 0 * latent, latent))
     np.testing.assert_array_equal(without, none)
     assert np.abs(some - none).max() > 1e-3
@@ -164,7 +164,7 @@ def test_views_in_training_have_the_kernels_that_pictures_have():
     exposure = float(given.exposure)
     exposed = replace(guides, **{
         name: exposure * getattr(guides, name) for name in ("traced", "emission", "environment")})
-    expected = antialiased(predictor, {"picture": picture}, lobes, exposed, FEW)["picture"]
+    expected = antialiased(predictor, {"picture": picture}, lobes, exposed)["picture"]
     assert np.abs(expected - picture).max() > 0.01
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-4)
 
