@@ -33,9 +33,11 @@ def test_pictures_rank_as_the_readme_says(tmp_path, first, count):
     run("tools.datagen", tmp_path, "--first-seed", first, "--scenes", count, "--resolution", 64, "--views", 1,
         "--samples", 64, "--equal", 8, "--hints", 8, "--profile", "full", "--processes", 1)
     mean = json.loads(run("tools.evaluate", tmp_path, "-o", tmp_path / "report"))["mean"]
-    # Eight samples of Cycles are a matter of luck in a single scene.
-    measured = {name: mean.get(name, mean)["psnr"] for name in ROWS if count > 1 or name != "cycles_equal"}
-    ranks = {name: db for name, db in claimed().items() if name in measured}
-    assert sorted(measured, key=measured.get) == sorted(ranks, key=ranks.get), measured
+    measured = {name: mean.get(name, mean)["psnr"] for name in ROWS}
+    # In a single scene it is a matter of luck whether traced or estimated light is the better one.
+    if count > 1:
+        ranks = claimed()
+        assert sorted(measured, key=measured.get) == sorted(ranks, key=ranks.get), measured
     assert measured["ours"] > LEAST
     assert measured["ours"] > measured["without_network"] + 0.2  # 1.1 in the table
+    assert measured["network_and_rays"] > measured["rays_alone"] + 0.2  # 1.7 in the table
