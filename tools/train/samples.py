@@ -69,7 +69,7 @@ def build_sample(path: Path, given: Given = Given.TRACED) -> TrainingSample:
     except Exception as error:  # a damaged archive raises whatever the damage leads to
         raise unreadable(path, error) from error
     # As many rays of a probe as pictures of several sizes have.
-    effort = replace(FULL, most_more=2.0 ** seed_of(path).integers(3))
+    effort = replace(FULL, most_more=2.0 ** seed_of(path, 1).integers(3))
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
     direct = DirectLight(normalized)
