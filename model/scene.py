@@ -180,7 +180,7 @@ class Geometry:
 
 @dataclass
 class RenderScene:
-    """Everything the network is told about a scene: N triangles, T material tiles, one environment, M volume cells.
+    """A scene for the network: N triangles, T material tiles, one environment, M volume cells.
 
     And, as `geometry`, what rays meet. Float arrays are f32, tiles f16, `tile_index` i32.
     """

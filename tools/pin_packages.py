@@ -4,7 +4,7 @@
     python -m tools.pin_packages
 
 The versions are those of the Python that runs this, which are the ones that were tried; names, hashes and sizes of
-their wheels for all systems come from the package index that pip uses when it is told nothing else.
+their wheels for all systems come from pip's default package index.
 """
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def shared(function: Callable, *tensors: Sequence) -> list:
     try:
         return _pooled(one, rows, workers, begin)
     finally:
-        torch.set_num_threads(workers)  # for threads to come: a new one has as many as the last was given
+        torch.set_num_threads(workers)  # new threads inherit the last number that was set
 
 
 def spread(function: Callable, rows: Sequence[tuple]) -> list:

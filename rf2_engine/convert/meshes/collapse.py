@@ -28,15 +28,15 @@ def simplify(points: np.ndarray, faces: np.ndarray, target_count: int) -> tuple[
         progress.report((begin - len(faces)) / (begin - target_count))
         edges = _edges(faces)
         count = (max(int(SHARE * excess), min(FEW, excess)) + 1) // 2
-        kept, gone, place = _collapsible(points, faces, quadrics, edges, count, cheap, random)
-        if len(kept) < count / 4:
-            if cheap * count > len(edges) and len(kept) == 0:
+        staying, removed, place = _collapsible(points, faces, quadrics, edges, count, cheap, random)
+        if len(staying) < count / 4:
+            if cheap * count > len(edges) and len(staying) == 0:
                 break
             cheap *= 2
-        quadrics[kept] += quadrics[gone]
-        points[kept] = place
+        quadrics[staying] += quadrics[removed]
+        points[staying] = place
         names = np.arange(len(points))
-        names[gone] = kept
+        names[removed] = staying
         faces = names[faces]
         faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     used, faces = np.unique(faces, return_inverse=True)

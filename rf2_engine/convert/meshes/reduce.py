@@ -38,9 +38,9 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     with progress.part(0.15, 0.3):
         surface = NearestTriangles(points, faces)
     progress.report(0.3)
-    as_seen = points if lens is None else lens.enter(points)
+    apparent = points if lens is None else lens.enter(points)
     with progress.part(0.35, 0.6):
-        corners = reduce_points(as_seen, faces, target)
+        corners = reduce_points(apparent, faces, target)
     progress.report(0.6)
     if lens is not None:
         corners = lens.leave(corners)

@@ -83,9 +83,9 @@ def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, targe
         return mesh
     progress.report()
     corners = mesh.corners.astype(np.float64)
-    as_seen = corners if lens is None else lens.enter(corners.reshape(-1, 3)).reshape(corners.shape)
+    apparent = corners if lens is None else lens.enter(corners.reshape(-1, 3)).reshape(corners.shape)
     low, high = _boxes(piece, corners)
-    area = np.bincount(piece, meshes.areas(as_seen))
+    area = np.bincount(piece, meshes.areas(apparent))
     middle = (low + high) / 2
     is_kept, growth = keep_sample(area, SHARE * target, cost=cost, positions=middle, sizes=(high - low).max(axis=1))
     if area[~is_kept].sum() < MISSED * area.sum():
