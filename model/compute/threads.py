@@ -117,7 +117,7 @@ def limited(count: int):
 
 
 def _team_size() -> int:
-    """How many threads this one's work is shared between; as many as PyTorch has where nothing else is said."""
+    """How many threads share this one's work: as many as PyTorch has, unless limited."""
     if getattr(_this, "workers", 0):
         return _this.workers
     torch = sys.modules.get("torch")

@@ -35,7 +35,7 @@ class AccumulatedGuides:
     """
 
     def __init__(self, scene: RenderScene, view: View, materials: Materials | None = None):
-        """materials: as they are at pixels; without them, as the tiles of tokens have them."""
+        """materials: to be evaluated at pixels; without them, the tiles of tokens are read."""
         self._scene, self._view, self._materials, self._count = scene, view, materials, 0
         shape = view.height, view.width
         black = lambda: np.zeros((*shape, 3), np.float32)  # noqa: E731
@@ -73,12 +73,12 @@ class AccumulatedGuides:
         return self._guides
 
     def _flat(self, name: str) -> np.ndarray:
-        """(H W, ...) the memory of a guide."""
+        """(H W, ...) view of the memory of a guide."""
         values = getattr(self._guides, name)
         return values.reshape(self._view.height * self._view.width, *values.shape[2:])
 
     def _place(self, at: np.ndarray, rays: np.ndarray, row: np.ndarray, weights: np.ndarray) -> None:
-        """Places and surfaces of pixels by number (P,)."""
+        """Write position, normal, depth and token of pixels by number (P,)."""
         scene, camera, share = self._scene, self._view.camera_to_world, corner_weights(weights)
         position = np.einsum("pk,pkc->pc", share, scene.surfaces.triangles[row])
         self._flat("position")[at] = position

@@ -61,7 +61,7 @@ def prepare(network, scene: RenderScene, picture_size: int) -> None:
 
 
 def encoded(network, scene: RenderScene, picture_size: int):
-    """The model.renderer.EncodedScene of `scene` by that renderer, or what is kept of it when nothing has changed."""
+    """The model.renderer.EncodedScene of `scene` by that renderer, from the cache if nothing has changed."""
     key = _key(network, scene, picture_size)
     if key not in _encoded:
         _encoded.clear()
@@ -78,7 +78,7 @@ def is_loaded() -> bool:
 
 
 def free() -> None:
-    """Give the network's memory back, on the GPU too."""
+    """Free the network's memory, on the GPU too."""
     if not _cached:
         return  # and PyTorch may be half imported
     _cached.clear()

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ....model import progress
-from ....model.cells import cell_index, facing_side, group_key, groups_of
+from ....model.clusters import cell_index, facing_side, group_key, groups_of
 from ....model.geometry import area_vectors, quartered, unit
 from ....model.rays import Rays
 from ..data import mesh as meshes
