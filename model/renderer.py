@@ -118,7 +118,7 @@ class EncodedScene:
     is_draft: bool = False
 
     def finished(self) -> EncodedScene:
-        """Of a draft, the scene after stage 1."""
+        """The scene of a draft after stage 1."""
         renderer = self.renderer
         return replace(self, encoded=renderer.fitted(lambda: renderer.pipeline.finished(self.encoded)), is_draft=False)
 

@@ -29,7 +29,7 @@ class Sampling(NamedTuple):
         return Sampling(self.most)
 
     def times(self, count: int) -> Sampling:
-        """So many times as many at most."""
+        """`count` times as many samples at most."""
         return self._replace(most=self.most * count)
 
     def divided(self, count: int) -> Sampling:

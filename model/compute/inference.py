@@ -86,7 +86,7 @@ def is_inference() -> bool:
 
 
 def current_pieces() -> Pieces:
-    """Those of the surrounding `inference()`; usual ones outside."""
+    """The pieces of the surrounding `inference()`; of the usual size outside."""
     return _pieces.get() or Pieces()
 
 

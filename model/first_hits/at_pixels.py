@@ -24,7 +24,7 @@ class Appearance(NamedTuple):
 
     @classmethod
     def empty(cls, normal: np.ndarray) -> Appearance:
-        """Of points with these normals (P, 3), of which nothing else is known."""
+        """Unknown materials at points with these normals (P, 3)."""
         return cls(np.zeros(len(normal), bool), np.zeros((len(normal), PARAMETERS.stop), np.float32),
                    np.zeros_like(normal), normal.copy())
 

@@ -24,7 +24,7 @@ session = Session()
 
 
 def networks() -> tuple[str, ...]:
-    """Those of bundle_files.TRANSFORMERS that are to be downloaded."""
+    """The names in bundle_files.TRANSFORMERS that are to be downloaded."""
     choice = packages.preferences().networks
     return TRANSFORMERS if choice == "BOTH" else (SMALL if choice == "SMALL" else LARGE,)
 

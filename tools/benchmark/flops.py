@@ -57,7 +57,7 @@ def visible_pairs(sink: int, ordered: int, half: int) -> int:
 
 
 def decoder_flops_per_ray(config: ModelConfig) -> int:
-    """Of the DPT decoder, for each token of the ray grid."""
+    """Operations of the DPT decoder for a token of the ray grid."""
     d, c, width = config.view_transformer_latent_dim, config.dpt_out_channels, config.dpt_features
     unit, point = 4 * 9 * width ** 2, 2 * width ** 2  # a residual unit, a 1x1 convolution, per position
     extra, out = (len(FEATURES), len(OUTPUTS)) if config.guidance else (0, 3)

@@ -39,7 +39,7 @@ class Blocks:
 
     @property
     def materials(self) -> list[Material]:
-        """Those that were copied."""
+        """The materials that were copied."""
         return [block for block in self._copies.values() if isinstance(block, Material)]
 
     def _tree(self, block) -> Tree | None:

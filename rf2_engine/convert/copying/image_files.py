@@ -81,7 +81,7 @@ def scene_linear(colors: np.ndarray, space: str) -> np.ndarray:
 
 
 def _of_file(like, path: str) -> np.ndarray | None:
-    """Of another file, read as the image is."""
+    """Pixels of another file, read as the image is."""
     pixels = []
 
     def load():
