@@ -44,9 +44,9 @@ def spheres():
     scene = empty(sky=1.0, eye=(0, -6, 2.4), target=(0, 0, 0.5))
     panorama(scene)
     box("Ground", material("Ground", (0.45, 0.42, 0.38), 0.8), (0, 0, -0.05), (12, 12, 0.1))
-    looks = ((RED, 0.9, 0, 0), (GREEN, 0.3, 0, 0), (WARM, 0.15, 1, 0), (WHITE, 0.05, 1, 0), (WHITE, 0.0, 0, 1),
+    materials = ((RED, 0.9, 0, 0), (GREEN, 0.3, 0, 0), (WARM, 0.15, 1, 0), (WHITE, 0.05, 1, 0), (WHITE, 0.0, 0, 1),
              (BLUE, 0.5, 0, 0))
-    for i, (color, *how) in enumerate(looks):
+    for i, (color, *how) in enumerate(materials):
         ball(f"Ball {i}", material(f"Ball {i}", color, *how), (1.2 * (i % 3 - 1), 1.3 * (i // 3) - 0.6, 0.5), 0.5)
 
 

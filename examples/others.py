@@ -43,9 +43,9 @@ def materials(folder):
     """Eight spheres with materials of the library on the floor of Blender's previews."""
     _show({"Env"})
     bpy.context.scene.collection.children.link(bpy.data.collections["Env"])  # which is in those that are hidden
-    with bpy.data.libraries.load(str(find(folder, LIBRARY))) as (_, wanted):
-        wanted.materials = list(MATERIALS)
-    for index, of in enumerate(wanted.materials):
+    with bpy.data.libraries.load(str(find(folder, LIBRARY))) as (_, appended):
+        appended.materials = list(MATERIALS)
+    for index, of in enumerate(appended.materials):
         bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24, radius=0.1, location=(
             -0.4 + index // 4 * 0.3, -0.36 + index % 4 * 0.24, 0.1))
         bpy.ops.object.shade_smooth()
@@ -54,9 +54,9 @@ def materials(folder):
 
 def skeleton(folder):
     """The skeleton of FreeMoCap in the studio of Molecular Nodes."""
-    with bpy.data.libraries.load(str(find(folder, "assets/skelly_full_mesh_20k_faces.blend"))) as (there, wanted):
-        wanted.objects = there.objects
-    for thing in wanted.objects:
+    with bpy.data.libraries.load(str(find(folder, "assets/skelly_full_mesh_20k_faces.blend"))) as (there, appended):
+        appended.objects = there.objects
+    for thing in appended.objects:
         bpy.context.scene.collection.objects.link(thing)
 
 

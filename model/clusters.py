@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cluster weighted points by splitting the group with the largest variance (Wan, Wong and Prusinkiewicz 1988)."""
+"""Group points: by splitting the group with the largest variance, or by cells of a grid and the side that they face."""
 from __future__ import annotations
 
 import numpy as np
@@ -10,7 +10,8 @@ NEGLIGIBLE = 1e-12  # share of the total variance below which a group is not spl
 def split_clusters(points: np.ndarray, weights: np.ndarray, groups: list[np.ndarray], most: int) -> list[np.ndarray]:
     """`groups` (rows of the (N, K) points) split until there are `most`, or none has any variance.
 
-    weights: (N,) >= 0; a group is split at its weighted mean of the coordinate with the largest variance.
+    weights: (N,) >= 0; a group is split at its weighted mean of the coordinate with the largest variance (Wan, Wong and
+    Prusinkiewicz 1988).
     """
     groups = list(groups)
     spread = [_variance(points[rows], weights[rows]) for rows in groups]
@@ -38,3 +39,34 @@ def _variance(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         return np.zeros(points.shape[1])
     mean = weights @ points / total
     return weights @ np.square(points - mean)
+
+
+def facing_side(vector: np.ndarray) -> np.ndarray:
+    """(S,) which of six sides, by axis and sign, vectors (S, 3) point to."""
+    axis = np.abs(vector).argmax(axis=1)
+    return 2 * axis + (vector[np.arange(len(vector)), axis] < 0)
+
+
+def cell_index(position: np.ndarray, side: np.ndarray | float) -> np.ndarray:
+    """(3, S) f, cells of side (S,) in which positions (S, 3) are."""
+    return np.floor(position / np.reshape(side, (-1, 1))).T
+
+
+def group_key(*columns: np.ndarray) -> np.ndarray:
+    """(S,) u64 hash of columns (S,) of whole numbers; different rows are as good as never equal."""
+    key = np.zeros(len(columns[0]), np.uint64)
+    for column in columns:
+        whole = column if column.dtype == np.uint64 else column.astype(np.int64).view(np.uint64)
+        key = (key + whole) * np.uint64(0x9E3779B97F4A7C15)  # Steele et al. 2014
+        key = (key ^ key >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
+        key ^= key >> np.uint64(27)
+    return key
+
+
+def groups_of(key: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(S,) groups of equal keys (S,), and (E,) rows of their largest members by size (S,), the first of equal ones."""
+    order = np.lexsort((-size, key))
+    begins = np.insert(np.diff(key[order]) != 0, 0, True) if len(order) else np.zeros(0, bool)
+    group = np.empty(len(key), np.int64)
+    group[order] = np.cumsum(begins) - 1
+    return group, order[begins]

@@ -17,7 +17,7 @@ import numpy as np
 
 
 class Behaviour(Enum):
-    """What one axis of an array holds (the last one if not said otherwise), or what every element is."""
+    """What one axis of an array holds (by default the last one), or what every element is."""
 
     POINT = auto()      # x, y, z of a position
     DIRECTION = auto()  # x, y, z of a unit vector in the world

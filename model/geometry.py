@@ -38,11 +38,11 @@ def connected(faces: np.ndarray, count: int) -> np.ndarray:
     first = np.arange(count)
     while len(faces):
         progress.report()
-        found = first[faces]
-        least = found.min(axis=1, keepdims=True)
-        apart = (found != least).any(axis=1)
-        faces, found, least = faces[apart], found[apart], least[apart]
-        np.minimum.at(first, found.ravel(), np.broadcast_to(least, found.shape).ravel())
+        roots = first[faces]
+        least = roots.min(axis=1, keepdims=True)
+        apart = (roots != least).any(axis=1)
+        faces, roots, least = faces[apart], roots[apart], least[apart]
+        np.minimum.at(first, roots.ravel(), np.broadcast_to(least, roots.shape).ravel())
         while (first != first[first]).any():
             first = first[first]
     return first
@@ -128,7 +128,7 @@ def latlong_uv(directions: np.ndarray) -> np.ndarray:
     return np.stack([0.5 - np.arctan2(y, x) / (2 * np.pi), 0.5 + np.arcsin(np.clip(z, -1, 1)) / np.pi], axis=-1)
 
 
-def seen_in(panorama: np.ndarray, rays: np.ndarray) -> np.ndarray:
+def nearest_texels(panorama: np.ndarray, rays: np.ndarray) -> np.ndarray:
     """(P, C) nearest texels of (H, W, C), whose top row is +Z, along unit world rays (P, 3)."""
     u, v = np.moveaxis(latlong_uv(rays), -1, 0)
     height, width = panorama.shape[:2]

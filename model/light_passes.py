@@ -29,7 +29,7 @@ class Lobes:
     # (3, H, W, 3) light of LOBES before their albedos; `direct` is no part of the picture where light was traced
     direct: np.ndarray | None = None
     indirect: np.ndarray | None = None
-    latent: np.ndarray | None = None    # (H, W, C), what the network's decoder tells the kernels of `antialiased`
+    latent: np.ndarray | None = None    # (H, W, C), from the network's decoder for the kernels of `antialiased`
 
     def scaled_to(self, radiance: np.ndarray) -> Lobes:
         """The same light in the same proportions, whose sum is another picture (H, W, 3)."""

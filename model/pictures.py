@@ -10,7 +10,7 @@ import numpy as np
 
 from .progress import report
 
-BAND_PIXELS = 1 << 18  # of a band; also what lies between two looks at the Esc key
+BAND_PIXELS = 1 << 18  # of a band, and so between two checks of the Esc key
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of scene-linear RGB
 HALF_MAX = 65504.0  # the largest half float
 

@@ -50,7 +50,7 @@ class Renderer:
                  transformer: str = AUTOMATIC, latents: Path | None = None, rays: bool = True):
         """weights: a preset that comes with the add-on, a folder of this project's format, or a published bundle, of
         which a transformer may be chosen (published/bundle_files.py), and which keeps textures in the file `latents`.
-        rays: whether those of this project's format are told of light that rays have estimated.
+        rays: whether networks of this project's format get light that is estimated by rays.
 
         Raises CheckpointError for unusable weights, ValueError for a device or precision that is not there. `remark`
         says afterwards what automatic choices had to do without, "" for nothing.
@@ -118,7 +118,7 @@ class EncodedScene:
     is_draft: bool = False
 
     def finished(self) -> EncodedScene:
-        """Of a draft, the scene after stage 1."""
+        """The scene of a draft after stage 1."""
         renderer = self.renderer
         return replace(self, encoded=renderer.fitted(lambda: renderer.pipeline.finished(self.encoded)), is_draft=False)
 

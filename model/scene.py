@@ -158,7 +158,7 @@ class Guides:
         return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) is not None}
 
     def rows(self, rows: slice) -> Guides:
-        """Those of a part of the picture's rows; shared memory."""
+        """The guides of some rows of the picture; shared memory."""
         return Guides(**{name: array[rows] for name, array in self.arrays().items()})
 
 
@@ -180,7 +180,7 @@ class Geometry:
 
 @dataclass
 class RenderScene:
-    """Everything the network is told about a scene: N triangles, T material tiles, one environment, M volume cells.
+    """A scene for the network: N triangles, T material tiles, one environment, M volume cells.
 
     And, as `geometry`, what rays meet. Float arrays are f32, tiles f16, `tile_index` i32.
     """

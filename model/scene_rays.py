@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays against the real surfaces of a scene: one tree for each kind of surface, whoever asks, in whatever frame."""
+"""Rays against the real surfaces of a scene, in any frame; all callers share a tree for each kind of surface."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

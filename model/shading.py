@@ -25,7 +25,7 @@ def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
 
 
 def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray, ray: np.ndarray) -> np.ndarray:
-    """(P, 3) f32 unit normals on triangles (P,) of the geometry with weights (P, 3) of their corners, facing who looks
+    """(P, 3) f32 unit normals on triangles (P,) of the geometry with weights (P, 3) of their corners, facing the viewer
     along (P, 3)."""
     normal = np.einsum("pk,pkc->pc", weights, scene.surfaces.normals[triangle])
     return facing(normal / np.sqrt(dot(normal, normal)).clip(1e-12)[:, None], ray)

@@ -14,7 +14,7 @@ STRAIGHT = 1.05      # ior up to which light passes without a bend
 
 
 class Kind(IntFlag):
-    """What a triangle is; each is one of these. Sets of them are what a ray can meet."""
+    """What a triangle is, which is one of these. Sets of them are what a ray can meet."""
 
     OPAQUE = auto()
     GLASS = auto()          # bends light
@@ -48,6 +48,6 @@ def token_kinds(scene: RenderScene) -> np.ndarray:
     return np.select([case for case, _ in cases], [int(kind) for _, kind in cases], int(Kind.UNSEEN)).astype(np.int32)
 
 
-def is_kind(kinds: np.ndarray, wanted: Kind) -> np.ndarray:
-    """(N,) bool: those of kinds (N,) that are among some."""
-    return (kinds & int(wanted)) != 0
+def is_kind(kinds: np.ndarray, kind: Kind) -> np.ndarray:
+    """(N,) bool: which of kinds (N,) are in a set."""
+    return (kinds & int(kind)) != 0

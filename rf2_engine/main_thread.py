@@ -9,7 +9,7 @@ import bpy
 
 from ..model import progress
 
-INTERVAL = 0.05  # seconds between two looks at the Esc key
+INTERVAL = 0.05  # seconds between two checks of the Esc key
 
 
 def call(action: Callable[[], None]) -> None:

@@ -40,7 +40,7 @@ def set_latent(material: bpy.types.Material, numbers: np.ndarray) -> None:
 
 
 def read_latent(file) -> np.ndarray:
-    """Of a .npy file. Raises ValueError naming it, OSError as the disk does."""
+    """The array in a .npy file. Raises ValueError that names the file, and OSError."""
     try:
         return np.load(file, allow_pickle=False)
     except (ValueError, EOFError) as error:

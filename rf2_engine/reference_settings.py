@@ -73,7 +73,7 @@ class FrameReference:
 
     @classmethod
     def read(cls, scene: bpy.types.Scene) -> FrameReference | None:
-        """The settings of an evaluated scene; None if no reference is wanted."""
+        """The settings of an evaluated scene; None without a reference."""
         chosen = scene.renderformer_v2.reference
         if not chosen.use:
             return None

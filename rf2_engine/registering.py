@@ -13,7 +13,7 @@ Pair = tuple[Callable[[], object], Callable[[], object]]
 
 
 def pairs(*in_order: Pair) -> Pair:
-    """Of pairs, taken back in the reverse order. When one cannot be registered, those before it are taken back."""
+    """Registers pairs in order and unregisters them in reverse; if one fails, those before it are unregistered."""
     def register() -> None:
         done = []
         try:
@@ -36,7 +36,7 @@ def pairs(*in_order: Pair) -> Pair:
 
 
 def modules(in_order: tuple[ModuleType, ...]) -> Pair:
-    """Of modules that have such functions."""
+    """Registers modules by their functions `register` and `unregister`."""
     return pairs(*((module.register, module.unregister) for module in in_order))
 
 
@@ -46,13 +46,13 @@ def classes(*in_order: type) -> Pair:
 
 
 def pointer(owner: type, name: str, settings: type) -> Pair:
-    """Of a property of all data of one type, such as `scene.renderformer_v2`."""
+    """Registers a property group of all data of one type, such as `scene.renderformer_v2`."""
     return (lambda: setattr(owner, name, bpy.props.PointerProperty(type=settings, name="RenderFormer-V2")),
             lambda: delattr(owner, name))
 
 
 def appended(name: str, draw: Callable) -> Pair:
-    """Of a function that draws in the panel, menu or header of Blender with that name, if there is one."""
+    """Appends a function to the panel, menu or header of Blender with that name, if there is one."""
     def call(method: str) -> None:
         if owner := getattr(bpy.types, name, None):
             getattr(owner, method)(draw)

@@ -8,7 +8,7 @@ import numpy as np
 
 RAYS = 8 * 512 * 512     # of a picture that has automatic samples: tracing takes about as long as the rest of a frame
 AUTOMATIC = 8, 128       # samples, fewest and most
-STEP = 16                # samples between two looks at the noise, which Cycles does not let anyone change
+STEP = 16                # samples between two measurements of the noise; fixed in Cycles
 
 
 class Sampling(NamedTuple):
@@ -29,7 +29,7 @@ class Sampling(NamedTuple):
         return Sampling(self.most)
 
     def times(self, count: int) -> Sampling:
-        """So many times as many at most."""
+        """`count` times as many samples at most."""
         return self._replace(most=self.most * count)
 
     def divided(self, count: int) -> Sampling:
@@ -51,8 +51,8 @@ class Sampling(NamedTuple):
         if share is None or not self.is_adaptive:
             return self.most
         values = np.unique(np.round(share[share > 0], 4))
-        first_look = (self.least // STEP + (self.least % STEP == STEP - 1) + 1) * STEP
-        for length in (*range(first_look, self.most, STEP), self.most):
+        first_check = (self.least // STEP + (self.least % STEP == STEP - 1) + 1) * STEP
+        for length in (*range(first_check, self.most, STEP), self.most):
             steps = values * length / STEP
             if (np.isclose(steps, np.round(steps), atol=2e-3) | (values == 1)).all():
                 return share * length

@@ -279,7 +279,7 @@ class FrameSettings:
 
     @property
     def follows_specular_paths(self) -> bool:
-        """Whether the network is given what mirrors and glass show."""
+        """Whether the network reads what mirrors and glass show."""
         return self.network is Network.GUIDED and self.rays
 
     @property

@@ -2,7 +2,7 @@
 """Command lines over the two packages.
 
 They import the add-on as the package `renderformer_v2`, as Blender does under another name, so that every class of it
-exists once in a process. PyTorch is imported after them, so this is where its threads are told how to wait.
+exists once in a process. PyTorch is imported after them, so the variable that says how its threads wait is set here.
 """
 from .extension import load
 

@@ -31,7 +31,7 @@ def leave(code: int) -> NoReturn:
     try:
         sys.stdout.flush()
         sys.stderr.flush()
-    except OSError:  # nobody can read what was said
+    except OSError:  # the reader is gone
         code = code or 1
     finally:
         _remove_temporary_folder()

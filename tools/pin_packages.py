@@ -4,7 +4,7 @@
     python -m tools.pin_packages
 
 The versions are those of the Python that runs this, which are the ones that were tried; names, hashes and sizes of
-their wheels for all systems come from the package index that pip uses when it is told nothing else.
+their wheels for all systems come from pip's default package index.
 """
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def choose_version(name: str, offered: list[dict]) -> str:
 
 
 def find_system(platform: str) -> str:
-    """Of a wheel, as in SYSTEMS; "any" or "" (a system that Blender does not run on)."""
+    """The system of a wheel, as in SYSTEMS, or "any"; "" for one that Blender does not run on."""
     if platform == "any" or platform.startswith("macosx") and platform.endswith("universal2"):
         return "any"
     return next((system for system in SYSTEMS for machine, kind in [system.split()]

@@ -13,7 +13,7 @@ Inside, PyTorch records no gradients (`torch.inference_mode`), and
 Outside, all is computed whole and gradients pass through it, whether they are recorded or not: training, its validation
 and gradient tests need to say nothing. Code that has to choose asks `is_inference()`.
 
-How large the pieces are belongs to whoever renders: `Pieces`.
+The renderer decides how large the pieces are: `Pieces`.
 """
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def is_inference() -> bool:
 
 
 def current_pieces() -> Pieces:
-    """Those of the surrounding `inference()`; usual ones outside."""
+    """The pieces of the surrounding `inference()`; of the usual size outside."""
     return _pieces.get() or Pieces()
 
 

@@ -87,7 +87,7 @@ def shared(function: Callable, *tensors: Sequence) -> list:
     try:
         return _pooled(one, rows, workers, begin)
     finally:
-        torch.set_num_threads(workers)  # for threads to come: a new one has as many as the last was given
+        torch.set_num_threads(workers)  # new threads inherit the last number that was set
 
 
 def spread(function: Callable, rows: Sequence[tuple]) -> list:
@@ -117,7 +117,7 @@ def limited(count: int):
 
 
 def _team_size() -> int:
-    """How many threads this one's work is shared between; as many as PyTorch has where nothing else is said."""
+    """How many threads share this one's work: as many as PyTorch has, unless limited."""
     if getattr(_this, "workers", 0):
         return _this.workers
     torch = sys.modules.get("torch")

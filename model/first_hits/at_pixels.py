@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials at the pixel, where somebody can tell them, instead of those of a texel of the token's tile."""
+"""Materials evaluated at the pixel instead of read from a texel of the token's tile."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -10,12 +10,12 @@ import numpy as np
 from ..geometry import area_vectors, barycentric, dot, unit
 from ..scene import PARAMETERS, RenderScene, View
 
-BLUR = 0.7   # pixels that a material is asked to blur over, about the width of a filter
-GRAZING = 0.02    # cosine at which that is no longer stretched, and which bent normals keep
+BLUR = 0.7      # pixels over which a material is averaged, about the width of a filter
+GRAZING = 0.02  # least cosine, for footprints and for bent normals
 
 
 class Appearance(NamedTuple):
-    """What is seen at P points."""
+    """Material and shading of P points."""
 
     is_known: np.ndarray  # (P,) bool; the rest is arbitrary elsewhere
     texel: np.ndarray     # (P, 7) f32, channels of TILE before the normal
@@ -24,13 +24,13 @@ class Appearance(NamedTuple):
 
     @classmethod
     def empty(cls, normal: np.ndarray) -> Appearance:
-        """Of points with these normals (P, 3), of which nothing else is known."""
+        """Unknown materials at points with these normals (P, 3)."""
         return cls(np.zeros(len(normal), bool), np.zeros((len(normal), PARAMETERS.stop), np.float32),
                    np.zeros_like(normal), normal.copy())
 
 
 class Materials(Protocol):
-    """Who can say what is seen at a point of the geometry of a scene."""
+    """Materials that can be evaluated at any point of a scene's geometry."""
 
     def groups(self, triangle: np.ndarray) -> np.ndarray | None:
         """(P,) i32 number of the material of triangles (P,), -1 where the token's tile is exact, and for triangle -1;
@@ -38,7 +38,7 @@ class Materials(Protocol):
 
     def at(self, triangle: np.ndarray, weights: np.ndarray, normal: np.ndarray,
            steps: Callable[[np.ndarray], np.ndarray]) -> Appearance:
-        """What is seen at points of triangles (P,) that belong to groups.
+        """The appearance of points of triangles (P,) that belong to groups.
 
         weights: (P, 3) f32 of their corners. normal: (P, 3) unit shading normals, world, facing the camera.
         steps: of some points by number (Q,), by how much weights change along a row and a column of the picture over
@@ -48,7 +48,7 @@ class Materials(Protocol):
 
 def appearance(scene: RenderScene, materials: Materials, view: View, rays: np.ndarray, at: np.ndarray,
                triangle: np.ndarray, weights: np.ndarray, normal: np.ndarray) -> Appearance:
-    """What a view of a scene sees at pixels by number (P,), whose rays (H, W, 3) hit triangles (P,) that have groups.
+    """The appearance of pixels by number (P,), whose rays (H, W, 3) hit triangles (P,) that have groups.
 
     weights: (P, 3) of the corners; normal: (P, 3) shading normals facing the camera, as those of the result do.
     """
@@ -60,9 +60,9 @@ def appearance(scene: RenderScene, materials: Materials, view: View, rays: np.nd
         distance = dot(np.einsum("pk,pkc->pc", weights[rows], shape) - origin, ahead)
         return _steps(shape, ahead, distance, _turns(rays, at[rows]))
 
-    seen = materials.at(triangle, weights, normal, steps)
-    behind = (dot(seen.normal, ray) + GRAZING).clip(0)  # a bent normal may point away from the camera
-    return seen._replace(normal=unit(seen.normal - behind[:, None] * ray))
+    result = materials.at(triangle, weights, normal, steps)
+    behind = (dot(result.normal, ray) + GRAZING).clip(0)  # a bent normal may point away from the camera
+    return result._replace(normal=unit(result.normal - behind[:, None] * ray))
 
 
 def _turns(rays: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
 from ..surface_kinds import SEEN
 from .at_pixels import Materials
-from .from_rays import FirstHits, lobe_colors
+from .from_rays import AccumulatedGuides, lobe_colors
 
 SAMPLES = 16        # of a pixel
 BLACKMAN_HARRIS = 0.35875, 0.48829, 0.14128, 0.01168  # terms of Cycles' default pixel filter
@@ -74,13 +74,13 @@ def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float,
     For pictures without passes of Cycles, such as a viewport's. Without `materials` they are as the tokens' tiles show
     them.
     """
-    camera, first_hits = CameraRays(scene, view), FirstHits(scene, view, materials)
+    camera, guides = CameraRays(scene, view), AccumulatedGuides(scene, view, materials)
     for i, position in enumerate(positions):
         rays = view_rays(replace(view, principal=view.principal - np.subtract(position, 0.5)))[1]
         with part(i / len(positions), (i + 1) / len(positions), FINDING):
             hits = camera.closest(rays.reshape(-1, 3))
-            first_hits.add(rays, hits.triangle, hits.weights)
-    return first_hits.guides()
+            guides.add(rays, hits.triangle, hits.weights)
+    return guides.guides()
 
 
 def _sample_points(count: int) -> np.ndarray:

@@ -2,8 +2,8 @@
 """Denoise first hits behind smoke and fog.
 
 A camera ray either scatters in a medium or reaches the surface behind it, by chance. So with a few samples, coverage
-and colours are noisy there. They are averaged over neighbouring pixels, because a medium varies slowly; what the
-tokens know of the surface behind it keeps its edges.
+and colours are noisy there. They are averaged over neighbouring pixels, because a medium varies slowly; the colours of
+the tokens behind it keep edges sharp.
 """
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..scene import CELLS, Guides, View, Volumes
 RADIUS = 4           # pixels, of the square that is averaged
 CLEAR = 0.1          # transmittance below which the background behind a medium is averaged too
 SAME = 0.01          # difference up to which colours of two pixels are the same
-FAINT = 1e-4         # a colour below has no share that could be told
+FAINT = 1e-4         # colour below which coverage cannot be derived from it
 COLORS = ("diffuse_color", "glossy_color", "transmission_color")
 PASSES = (*COLORS, "environment")  # of the guides, those that `smoothed` changes besides alpha
 
@@ -34,42 +34,42 @@ class Behind(NamedTuple):
 
 def varies(picture: np.ndarray) -> np.ndarray:
     """(H, W) bool: pixels of (H, W, C) beside others that are not the same."""
-    found = np.zeros(picture.shape[:2], bool)
+    differs = np.zeros(picture.shape[:2], bool)
     for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         other = (np.abs(picture[here] - picture[there]) > SAME).any(-1)
-        found[here] |= other
-        found[there] |= other
-    return found
+        differs[here] |= other
+        differs[there] |= other
+    return differs
 
 
 def smoothed(guides: Guides, volumes: Volumes | None, view: View, surface: Behind | None = None) -> Guides:
     """Guides whose coverage and colours, and the environment by it, are local means where a ray crosses a medium.
 
-    All in one frame, of whatever units. With what is known of the surfaces behind it, means are those of how much of
-    them is seen.
+    All are in one frame, in any units. If the `surface` behind the medium is known, the share of it that is visible is
+    averaged, not its colour.
     """
     inside = None if volumes is None or not len(volumes) else crossed(guides, volumes, view)
     if inside is None or not inside.any():
         return guides
     front = None if surface is None else surface.share
-    changed = {"alpha": _mean_of_each(guides.alpha, inside, front)}
+    changed = {"alpha": _mean_by_coverage(guides.alpha, inside, front)}
     for i, name in enumerate(COLORS):
         colors = getattr(guides, name)
         if surface is None:
             changed[name] = _mean(colors, inside, inside)
         else:
-            seen, known = (_mean(c.mean(axis=-1), inside, inside) for c in (colors, surface.colors[i]))
-            share = np.where(known > FAINT, seen / np.maximum(known, FAINT), 0)[..., None]
+            visible, full = (_mean(c.mean(axis=-1), inside, inside) for c in (colors, surface.colors[i]))
+            share = np.where(full > FAINT, visible / np.maximum(full, FAINT), 0)[..., None]
             changed[name] = np.where(inside[..., None], surface.colors[i] * share, colors).astype(np.float32)
     through, clear = 1 - guides.alpha[..., None], 1 - changed["alpha"][..., None]
     behind = np.where(through > CLEAR, guides.environment / np.maximum(through, CLEAR),
-                      _mean_of_each(guides.environment, inside, front) / np.maximum(clear, 1e-3))
+                      _mean_by_coverage(guides.environment, inside, front) / np.maximum(clear, 1e-3))
     environment = np.where(inside[..., None], behind * clear, guides.environment)
     return replace(guides, environment=environment.astype(np.float32), **changed)
 
 
-def _mean_of_each(values: np.ndarray, inside: np.ndarray, share: np.ndarray | None) -> np.ndarray:
-    """`_mean` of what is in front of surfaces and of what is not, each by itself, by the share of a pixel."""
+def _mean_by_coverage(values: np.ndarray, inside: np.ndarray, share: np.ndarray | None) -> np.ndarray:
+    """`_mean` over pixels with a surface and over the others, mixed by the surface's share of a pixel."""
     if share is None:
         return _mean(values, inside, inside)
     front, nothing = (_mean(values, inside & kind, inside) for kind in (share >= 0.5, share < 0.5))
@@ -81,8 +81,8 @@ def _mean(values: np.ndarray, among: np.ndarray, at: np.ndarray) -> np.ndarray:
     """(H, W, ...) f32 local means over pixels `among` (H, W) of others at some (H, W); the rest stays."""
     layers, among = values.reshape(*at.shape, -1), among[..., None]
     count = box_sums(among.astype(np.float32), RADIUS)
-    found = box_sums(layers * among, RADIUS) / np.maximum(count, 1)
-    return np.where(at[..., None] & (count > 0.5), found, layers).reshape(values.shape).astype(np.float32)
+    mean = box_sums(layers * among, RADIUS) / np.maximum(count, 1)
+    return np.where(at[..., None] & (count > 0.5), mean, layers).reshape(values.shape).astype(np.float32)
 
 
 def crossed(guides: Guides, volumes: Volumes, view: View) -> np.ndarray:

@@ -94,7 +94,7 @@ class FirstSurfaces(NamedTuple):
             own[rows] = other
 
     def taken(self, source: np.ndarray) -> FirstSurfaces:
-        """Those of other pixels, by flat index (H, W)."""
+        """The surfaces of other pixels, by flat index (H, W)."""
         return FirstSurfaces(*(x.reshape(source.size, *x.shape[2:])[source] for x in self))
 
     @classmethod

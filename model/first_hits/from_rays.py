@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import corner_weights, seen_in
+from ..geometry import corner_weights, nearest_texels
 from ..material.reflectance import normal_reflectance
 from ..scene import (
     BASE_COLOR,
@@ -23,28 +23,28 @@ from .at_pixels import Materials, appearance
 
 NOTHING_HIT = 1e10  # depth there, as Blender has it
 EVEN = 0.02         # difference from the neighbours up to which all samples of a pixel have the colours of the first
-UNLIKE = -2         # look of what is like nothing else
+UNLIKE = -2         # material of emitters, which are like nothing else
 COLORS = "diffuse_color", "glossy_color", "transmission_color", "emission"
 
 
-class FirstHits:
-    """Guides of one view of a scene, from one sample of each pixel after the other.
+class AccumulatedGuides:
+    """Guides of one view of a scene, accumulated over samples of all its pixels.
 
     Places are those of the first sample that hits anything, colours are means. Colours leave out how reflection grows
     towards grazing angles; normals face the viewer.
     """
 
     def __init__(self, scene: RenderScene, view: View, materials: Materials | None = None):
-        """materials: as they are at pixels; without them, as the tiles of tokens have them."""
+        """materials: to be evaluated at pixels; without them, the tiles of tokens are read."""
         self._scene, self._view, self._materials, self._count = scene, view, materials, 0
         shape = view.height, view.width
         black = lambda: np.zeros((*shape, 3), np.float32)  # noqa: E731
         self._guides = Guides(*(black() for _ in range(7)), np.full(shape, NOTHING_HIT, np.float32),
                               np.zeros(shape, np.float32), np.full(shape, -1, np.int32),
                               np.zeros((*shape, 2), np.float32))
-        # Of the first sample: colours of lobes and emission (4, H W, 3), and looks (H W,)
+        # Of the first sample: colours of lobes and emission (4, H W, 3), and materials (H W,)
         self._first: tuple[np.ndarray, np.ndarray] | None = None
-        self._is_even: np.ndarray | None = None  # (H W,) pixels that look like their neighbours in it
+        self._is_even: np.ndarray | None = None  # (H W,) pixels with the material and colour of their neighbours in it
 
     def add(self, rays: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> None:
         """A sample of each pixel.
@@ -59,26 +59,26 @@ class FirstHits:
         self._flat("alpha")[is_hit] += 1
         if self._scene.environment is not None:
             sky = np.flatnonzero(~is_hit)
-            self._flat("environment")[sky] += seen_in(self._scene.environment, rays.reshape(-1, 3)[sky])
+            self._flat("environment")[sky] += nearest_texels(self._scene.environment, rays.reshape(-1, 3)[sky])
         colors = self._colors(rays, triangle, weights)
         for name, values in zip(COLORS, colors, strict=True):
             total = self._flat(name)
             total += values
 
     def guides(self) -> Guides:
-        """Of the samples so far, of which there are to be no more."""
+        """The means over the samples; none can be added afterwards."""
         for name in (*COLORS, "environment", "alpha"):
             values = getattr(self._guides, name)
             values /= max(self._count, 1)
         return self._guides
 
     def _flat(self, name: str) -> np.ndarray:
-        """(H W, ...) the memory of a guide."""
+        """(H W, ...) view of the memory of a guide."""
         values = getattr(self._guides, name)
         return values.reshape(self._view.height * self._view.width, *values.shape[2:])
 
     def _place(self, at: np.ndarray, rays: np.ndarray, row: np.ndarray, weights: np.ndarray) -> None:
-        """Places and surfaces of pixels by number (P,)."""
+        """Write position, normal, depth and token of pixels by number (P,)."""
         scene, camera, share = self._scene, self._view.camera_to_world, corner_weights(weights)
         position = np.einsum("pk,pkc->pc", share, scene.surfaces.triangles[row])
         self._flat("position")[at] = position
@@ -89,16 +89,16 @@ class FirstHits:
     def _colors(self, rays: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """(4, H W, 3) of the lobes, and emission.
 
-        Where a pixel looks like its neighbours, and more samples look like the first one, they have its colours.
+        Where a pixel is like its neighbours, samples that hit the material of its first one have the colours of that.
         """
         group = None if self._materials is None else self._materials.groups(triangle)
-        colors, look = np.zeros((4, len(triangle), 3), np.float32), self._looks(triangle, group)
+        colors, material_id = np.zeros((4, len(triangle), 3), np.float32), self._material_ids(triangle, group)
         is_open = triangle >= 0
         if self._first is not None:
-            first, first_look = self._first
+            first, first_id = self._first
             if self._is_even is None:
-                self._is_even = _is_even(first, first_look, self._guides.alpha.shape)
-            is_known = self._is_even & (look == first_look)
+                self._is_even = _is_even(first, first_id, self._guides.alpha.shape)
+            is_known = self._is_even & (material_id == first_id)
             colors[:, is_known] = first[:, is_known]
             is_open &= ~is_known
         if group is not None:
@@ -109,19 +109,19 @@ class FirstHits:
         token, on_token = self._tokens(at, triangle[at], weights[at])
         colors[:3, at], colors[3, at] = lobe_colors(self._scene, token, on_token), self._scene.emission[token]
         if self._first is None:
-            self._first = colors, look
+            self._first = colors, material_id
         return colors
 
-    def _looks(self, triangle: np.ndarray, group: np.ndarray | None) -> np.ndarray:
-        """(H W,) i32, the same for hits on one material, or on one tile."""
+    def _material_ids(self, triangle: np.ndarray, group: np.ndarray | None) -> np.ndarray:
+        """(H W,) i32, equal for hits on one material, or on one tile."""
         scene = self._scene
         if not len(scene):
             return np.full(len(triangle), -1, np.int32)
         token = scene.surfaces.token[triangle.clip(0)]
-        look = np.where(scene.is_light, UNLIKE, scene.tile_index)[token]
+        material_id = np.where(scene.is_light, UNLIKE, scene.tile_index)[token]
         if group is not None:
-            look = np.where(group >= 0, len(scene.tiles) + group, look)
-        return np.where(triangle >= 0, look, -1)
+            material_id = np.where(group >= 0, len(scene.tiles) + group, material_id)
+        return np.where(triangle >= 0, material_id, -1)
 
     def _tokens(self, at: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if self._first is None:
@@ -130,16 +130,19 @@ class FirstHits:
 
     def _evaluate(self, colors: np.ndarray, at: np.ndarray, rays: np.ndarray, triangle: np.ndarray,
                   weights: np.ndarray) -> np.ndarray:
-        """Write colours of pixels by number (P,), and of the first sample the surface; which of them are known."""
+        """Write the colours of pixels by number (P,), of the first sample normals and materials, too.
+
+        Returns the pixels at which materials could be evaluated.
+        """
         share, is_first = corner_weights(weights), self._first is None
         normal = self._flat("normal")[at] if is_first else shading_normals(
             self._scene, triangle, share, rays.reshape(-1, 3)[at])
-        seen = appearance(self._scene, self._materials, self._view, rays, at, triangle, share, normal)
-        at, texel = at[seen.is_known], seen.texel[seen.is_known]
-        colors[:3, at], colors[3, at] = colors_of_texels(texel), seen.emission[seen.is_known]
+        evaluated = appearance(self._scene, self._materials, self._view, rays, at, triangle, share, normal)
+        at, texel = at[evaluated.is_known], evaluated.texel[evaluated.is_known]
+        colors[:3, at], colors[3, at] = colors_of_texels(texel), evaluated.emission[evaluated.is_known]
         if is_first:
             self._guides.material = self._of_tokens()
-            self._flat("material")[at], self._flat("normal")[at] = texel, seen.normal[seen.is_known]
+            self._flat("material")[at], self._flat("normal")[at] = texel, evaluated.normal[evaluated.is_known]
         return at
 
     def _of_tokens(self) -> np.ndarray:
@@ -149,16 +152,16 @@ class FirstHits:
         return self._scene.tiles[tile, PARAMETERS, y, x]
 
 
-def _is_even(colors: np.ndarray, look: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """(H W,) bool: pixels whose four neighbours have the same look (H W,) in about the same colours (4, H W, 3)."""
-    look, is_even = look.reshape(shape), np.ones(shape, bool)
+def _is_even(colors: np.ndarray, material_id: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """(H W,) bool: pixels whose four neighbours have the same material (H W,) and similar colours (4, H W, 3)."""
+    material_id, is_even = material_id.reshape(shape), np.ones(shape, bool)
     for axis in (0, 1):
-        is_same = np.diff(look, axis=axis) == 0
+        is_same = np.diff(material_id, axis=axis) == 0
         for color in np.sqrt(colors).reshape(len(colors), *shape, 3):
             is_same &= np.abs(np.diff(color, axis=axis)).max(axis=-1) < EVEN
         for margin in ((1, 0), (0, 1)):
             is_even &= np.pad(is_same, (margin, (0, 0)) if axis == 0 else ((0, 0), margin), constant_values=True)
-    return is_even.ravel() & (look.ravel() != UNLIKE)
+    return is_even.ravel() & (material_id.ravel() != UNLIKE)
 
 
 def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:

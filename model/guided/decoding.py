@@ -13,8 +13,8 @@ from ..fields import Channels
 from ..light.surface_light import SurfaceLight
 from .features import SURFACE, GuidedView
 
-# Share of the estimate in what was also traced; factors of direct and indirect light by lobe and colour; indirect light
-# of lobes that was not found; light of media
+# Share of the estimate where light was also traced; factors of direct and indirect light by lobe and colour; indirect
+# light of lobes that the estimate lacks; light of media
 OUTPUTS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3)
 LARGEST_FACTOR = 4.0  # and its inverse is the smallest
 DARK = -3.0           # offset at which softplus adds little

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Inputs of the guided transformer for views: their estimated light, and what it is told of every pixel."""
+"""Inputs of the guided transformer for views: their light, and features of every pixel."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -51,7 +51,7 @@ MISS_DISTANCE = 2.0    # network units along its mean ray at which a bundle lies
 
 @dataclass(kw_only=True)
 class GuidedView(ViewInputs):
-    """V views, in an exposure of their own: the log average of what each shows is the same."""
+    """V views, every one in an exposure that gives its radiance the same log average."""
 
     positions: Tensor = array("V", "R", 3, behaves=POINT)  # of the R ray bundles: mean first hit, contracted
     surface: Tensor = array("V", len(SURFACE), "H", "W", channels=SURFACE)
@@ -61,7 +61,7 @@ class GuidedView(ViewInputs):
     has_media: Tensor = array("V")                         # 1 if the scene has media, whose light no lobe explains
 
     def features(self, rows: slice = slice(None)) -> Tensor:
-        """(V, len(FEATURES), h, W) of some rows: what the network is told of pixels."""
+        """(V, len(FEATURES), h, W) f32 of some rows of pixels."""
         light = self.light.rows(rows)
         bounces, is_traced = light.bounces(), light.is_traced.view(-1, 1, 1, 1)
         dark = torch.zeros_like(light.roughness)
@@ -84,7 +84,7 @@ class GuidedView(ViewInputs):
 
 def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConfig,
                 effort: Effort = FULL) -> GuidedView:
-    """Inputs for one view, normalised as the scene of the light is, on the device of that."""
+    """Inputs for one view. View and guides are in network units; the result is on the device of the scene's light."""
     device = light.direct.device
     estimate = estimate_light(light, view, guides, effort)
     surfaces = HitSurfaces.of(light.scene, view, guides, 0, device)

@@ -44,7 +44,7 @@ class GuidedPipeline:
     """One network for every resolution."""
 
     def __init__(self, weights: str | Path, device: torch.device, dtype: torch.dtype, rays: bool = True):
-        """rays: whether light is estimated by rays, or unshadowed direct light is all that the network is told."""
+        """rays: whether light is estimated by rays; else the network's only estimate is unshadowed direct light."""
         self.network = store_in_precision(load_network(weights_folder(weights)), dtype).to(device).eval()
         self.device, self.config, self.granularity = device, self.network.config, self.network.config.granularity
         self.mapper, self.rays = load_material_mapper(), rays

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Convolutions of full resolution: the last layers of the decoder, in which what the transformer says of a pixel meets
-what is known of it and its neighbours, and of the kernels for finished pictures."""
+"""Convolutions of full resolution: the last layers of the decoder, which join features of the transformer with those of
+pixels and their neighbours; and the layers that predict kernels for finished pictures."""
 from __future__ import annotations
 
 from torch import Tensor, nn

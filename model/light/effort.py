@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many rays are spent on light: all for pictures that stay, fewer for those that the next ones replace at once."""
+"""How many rays are spent on light: all for finished pictures, fewer for coarse ones that are soon replaced."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -9,28 +9,28 @@ FEW_PIXELS = 512 * 256  # below which each probe has more rays, so that there ar
 
 @dataclass(frozen=True)
 class Effort:
-    rays: float = 1.0      # share of the rays of a finished picture
-    probe_rays: float = 1.0  # and of those of a probe, of which there may be fewer
-    most_more: float = 8.0  # times as many rays of a probe in a small picture, at most
-    shadow_grid: int = 1   # pixels between points where shadows are looked for, at least
-    probe_grid: int = 1    # and between those where bounced light is
-    closer: int = 2        # times as close probes stand where those around say little
-    smoothings: int = 2    # of light that was found by rays
-    patches: float = 1.0   # share of those between which light bounces
-    walls: bool = True     # whether they end at these
-    network: bool = True   # whether the transformer corrects the light
-    edges: bool = True     # whether pixels show the light of all surfaces that they see
+    rays: float = 1.0        # share of the rays of a finished picture
+    probe_rays: float = 1.0  # the same for the rays of a probe
+    most_more: float = 8.0   # largest factor on the rays of a probe in small pictures
+    shadow_grid: int = 1     # least distance in pixels between probes of shadows
+    probe_grid: int = 1      # and of bounced light
+    closer: int = 2          # factor on the density of probes where those around are unreliable
+    smoothings: int = 2      # filters of light that rays have estimated
+    patches: float = 1.0     # share of the patches of a finished picture
+    walls: bool = True       # whether patches and probes are separated by walls
+    network: bool = True     # whether the transformer corrects the light
+    edges: bool = True       # whether pixels at edges get the light of all their surfaces
 
     def of(self, count: int) -> int:
-        """So many of `count` rays, one at least."""
+        """The share of `count` rays, at least one."""
         return max(round(self.rays * count), 1)
 
     def of_probe(self, count: int) -> int:
-        """The same of a probe."""
+        """The share of `count` rays of a probe, at least one."""
         return max(round(self.probe_rays * count), 1)
 
     def of_picture(self, pixels: int) -> Effort:
-        """Of a picture with so many pixels."""
+        """The effort for a picture of so many pixels."""
         return replace(self, probe_rays=self.probe_rays * min(max(FEW_PIXELS / pixels, 1.0), self.most_more))
 
 

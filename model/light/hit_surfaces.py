@@ -49,7 +49,7 @@ class HitSurfaces:
 
     @classmethod
     def of(cls, scene: RenderScene, view: View, guides: Guides, first_row: int, device: torch.device) -> HitSurfaces:
-        """Of guides that are rows of the view of a normalised scene, from `first_row` on."""
+        """The surfaces of guides, which are rows from `first_row` on of a view of a normalised scene."""
         to_tensor = tensors_on(device)
         h, w = guides.alpha.shape
         origin, rays = map(to_tensor, view_rays_at(view, np.arange(w) + 0.5, first_row + np.arange(h)[:, None] + 0.5))

@@ -115,7 +115,7 @@ class Probes:
         return self._weights(*pixels, _to_planes(position), _to_planes(normal))
 
     def _weights(self, rows: Tensor, columns: Tensor, position: Tensor, normal: Tensor) -> Weights:
-        """Of pixels in such `rows` (h,) and `columns` (w,), with positions and normals (3, h, w): (h w, 4)."""
+        """(h w, 4) for pixels in `rows` (h,) and `columns` (w,), with positions and normals (3, h, w)."""
         probes, numbers, weights = torch.cat([self.x, self.n, self.tolerance[None]]).flatten(1), [], []
         for down in (0, 1):
             for right in (0, 1):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Thin walls that are seen edge-on: no pixel shows them, but they keep light from the pixels beside them.
 
-Where a floor goes on behind such a wall, positions and normals tell nothing. So a ray is cast from each pixel to the
+Where a floor goes on behind such a wall, positions and normals do not show it. So a ray is cast from a pixel to the
 next along either axis that shows the same surface.
 """
 from __future__ import annotations

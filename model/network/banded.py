@@ -18,7 +18,7 @@ from .layers import Conv2d
 
 
 class Rows:
-    """Rows of a (V, C, H, W) map, computed on demand. One reader asks for them, from top to bottom.
+    """Rows of a (V, C, H, W) map, computed on demand for one reader, from top to bottom.
 
     `compute(begin, end)` returns rows begin..end - 1; the rows of the last reading are held until the next.
     """

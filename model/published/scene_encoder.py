@@ -122,7 +122,7 @@ class SceneEncoder:
 
 
 def digest(*parts: bytes | np.ndarray) -> bytes:
-    """Of contents, shapes and dtypes."""
+    """A hash of contents, shapes and dtypes."""
     result = hashlib.blake2b(digest_size=16)
     for content in parts:
         if isinstance(content, np.ndarray):

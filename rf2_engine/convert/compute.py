@@ -40,10 +40,11 @@ def own_framing(framing: Framing) -> Framing:
 
 def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, report: Report, *,
             choose_framing: Callable[[Framing], Framing] = own_framing, baker=None,
-            cache: ConversionCache | None = None, at_hits: HitMaterials | None = None) -> RenderScene:
+            cache: ConversionCache | None = None, hit_materials: HitMaterials | None = None) -> RenderScene:
     """The second half of `convert` (scene.py), on any thread; `copied` is not changed.
 
-    cache: of earlier conversions, for scenes that are converted again and again. at_hits: becomes that of the scene.
+    cache: of earlier conversions, for scenes that are converted again and again. hit_materials: an empty one, to be
+    filled.
     """
     if cache is not None:
         cache.begin()
@@ -55,7 +56,7 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     with progress.part(0.6, 0.7):
         match_tokens(collected.parts, report, cache)
     with progress.part(0.7, 0.9):
-        surfaces = assemble_surfaces(collected.parts, MaterialTiles(report, baker), report, at_hits)
+        surfaces = assemble_surfaces(collected.parts, MaterialTiles(report, baker), report, hit_materials)
     frame, lamps = Normalization.of(RenderScene(box=plan.framing.box)), plan.lamps
     if options.paper_lamps:
         lamps = [one_triangle(lamp, frame.center, frame.scale) for lamp in lamps]
@@ -65,8 +66,8 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     scene.environment, scene.box = plan.environment, plan.framing.box
     scene.exposure = np.ones(1, np.float32) if options.as_is else None
     scene.validate()
-    if at_hits is not None:
-        at_hits.geometry = scene.surfaces
+    if hit_materials is not None:
+        hit_materials.geometry = scene.surfaces
     if cache is not None:
         cache.end()
     return scene

@@ -26,8 +26,8 @@ from .. import passes as pass_table
 from ..progress import cycles_text
 from ..runtime import running
 
-INTERVAL = 0.1  # seconds between two looks at the Esc key
-GRACE = 30.0    # seconds for a Blender that is to hand over what it has
+INTERVAL = 0.1  # seconds between two checks of the Esc key
+GRACE = 30.0    # seconds that a Blender has to hand over its samples
 STOP = b"stop\n"
 WORKER = Path(__file__).with_name("background_worker.py")
 COLLECTIONS = {"SCENE": "scenes", "OBJECT": "objects", "WORLD": "worlds", "CAMERA": "cameras",
@@ -36,13 +36,13 @@ COLLECTIONS = {"SCENE": "scenes", "OBJECT": "objects", "WORLD": "worlds", "CAMER
 
 @dataclass
 class Job:
-    """What to render. It is made before Cycles is tried inside Blender, which may free the evaluated scene."""
+    """A render of one view layer. Made before Cycles runs inside Blender, which may free the evaluated scene."""
 
     scene: str
     layer: str
     frame: int
     subframe: float
-    passes: list[tuple[str, str]]                               # Blender's name, path of the setting that asks for it
+    passes: list[tuple[str, str]]                               # Blender's name, path of the setting that enables it
     changes: list[tuple[str, str, bool, str, object]] = field(default_factory=list)  # see `describe_change`
     compute_device_type: str = "NONE"
     devices: list[str] = field(default_factory=list)            # Cycles' names of those that are switched on
@@ -59,7 +59,7 @@ class Job:
 
 
 def describe_change(data: bpy.types.ID, path: str, value: object) -> tuple[str, str, bool, str, object]:
-    """A setting of evaluated data: collection of bpy.data, name, whether it is linked, path, value as JSON has it."""
+    """A setting of evaluated data: collection of bpy.data, name, whether it is linked, path, and value for JSON."""
     original = data.original
     if isinstance(value, mathutils.Matrix):
         value = [list(row) for row in value]
@@ -72,15 +72,14 @@ def run(engine: bpy.types.RenderEngine, job: Job, requested: list[pass_table.Pas
         partial: bool = False) -> dict[str, np.ndarray]:
     """{key: (H, W, C) f32} of the `requested` passes, row 0 on top, of the render border.
 
-    Raises RenderCancelled after Esc, and then ends that Blender; where `partial` pictures are requested it is asked for
-    what it has, and the last status of `engine` says how many samples that has. Raises SceneError when that Blender
-    cannot be started or fails.
+    Esc ends that Blender and raises RenderCancelled; with `partial` the samples that it has are returned instead, and
+    the last status of `engine` says how many these are. Raises SceneError when that Blender cannot be started or fails.
     """
     with tempfile.TemporaryDirectory(prefix="renderformer-v2-") as folder:
         answer = Path(folder) / "passes.exr"
         process = start_blender(WORKER, *write_copy(folder, bpy.data.scenes[job.scene], vars(job)), str(answer),
                           stdin=subprocess.PIPE)
-        _wait(engine, process, partial and bool(bpy.app.binary_path))  # the bpy module cannot be told
+        _wait(engine, process, partial and bool(bpy.app.binary_path))  # the bpy module cannot be interrupted
         try:
             file = exr.read(answer)
         except (OSError, ValueError) as error:
@@ -99,7 +98,7 @@ def write_copy(folder: str, scene: bpy.types.Scene, job: dict) -> tuple[str, str
 
 
 def start_blender(worker: Path, *arguments: str, stdin: int = subprocess.DEVNULL) -> subprocess.Popen:
-    """A Blender that runs a program beside this file, with its words in `stdout`. Raises SceneError."""
+    """A Blender that runs a program beside this file; it prints to the pipe `stdout`. Raises SceneError."""
     try:
         return subprocess.Popen(_command(str(worker), *arguments), stdin=stdin, stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT, encoding="utf-8", errors="replace",
@@ -110,7 +109,7 @@ def start_blender(worker: Path, *arguments: str, stdin: int = subprocess.DEVNULL
 
 
 def _command(worker: str, *arguments: str) -> list[str]:
-    """The bpy module is no program, but the Python that has imported it can do so once more."""
+    """With the bpy module, which is no program, the command is this Python."""
     if bpy.app.binary_path:
         return [bpy.app.binary_path, "--background", "--factory-startup", "--offline-mode", "--disable-autoexec",
                 "--python-exit-code", "1", "--python", worker, "--", *arguments]
@@ -118,7 +117,7 @@ def _command(worker: str, *arguments: str) -> list[str]:
 
 
 def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bool) -> None:
-    """Until it has ended, of itself or because it was told to; progress is Cycles' own."""
+    """Wait until the process has ended, by itself or on request; reports Cycles' own progress."""
     lines = [""]
     reader = threading.Thread(target=lambda: lines.extend(process.stdout), daemon=True)
     reader.start()
@@ -135,7 +134,7 @@ def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bo
                 raise RenderCancelled("the Blender in the background did not hand over its samples in "
                                       f"{GRACE:.0f} seconds") from None
             engine.update_stats("", _status(lines))
-            return  # with the status of a render that was ended; its file says whether it had anything
+            return  # the exit status is that of a render that was ended; the file shows whether it had samples
         code = process.wait()
     finally:
         process.kill()
@@ -152,13 +151,13 @@ def _wait(engine: bpy.types.RenderEngine, process: subprocess.Popen, partial: bo
 
 
 def _status(lines: list[str]) -> str:
-    """What Cycles said last of its samples, or ""."""
+    """The last line of Cycles about its samples, or ""."""
     line = next((line for line in reversed(lines) if "Sample" in line), "").strip()
     return line and f"Background Blender {line[line.find('Sample'):]}"
 
 
 def _hand_over(engine: bpy.types.RenderEngine, process: subprocess.Popen, reader: threading.Thread) -> bool:
-    """Whether it has ended in time with what it had rendered, once it was told to."""
+    """Ask the process to end with what it has rendered; returns whether it did in time."""
     try:
         process.stdin.write(STOP.decode())
         process.stdin.flush()

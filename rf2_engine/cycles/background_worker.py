@@ -27,7 +27,7 @@ def main() -> None:
     copy, request, answer = sys.argv[sys.argv.index("--") + 1:]
     job = json.loads(Path(request).read_text())
     bpy.ops.wm.open_mainfile(filepath=copy, load_ui=False, use_scripts=False)
-    bpy.app.handlers.render_stats.append(_tell)
+    bpy.app.handlers.render_stats.append(_print_status)
     scene = bpy.data.scenes[job["scene"]]
     choose_devices(job["compute_device_type"], job["devices"])
     _prepare(scene, job)
@@ -35,22 +35,22 @@ def main() -> None:
         for data in getattr(bpy.data, collection):
             if data.name == name and (data.library is not None) == is_linked:
                 if path == "matrix_world":
-                    _hold(data)
+                    _hold_in_place(data)
                     value = mathutils.Matrix(value)
                 parent, _, last = path.rpartition(".")
                 setattr(data.path_resolve(parent) if parent else data, last, value)
     if bpy.app.binary_path:
-        threading.Thread(target=_end_when_told, daemon=True).start()
+        threading.Thread(target=_end_on_request, daemon=True).start()
     bpy.ops.render.render(scene=scene.name)
     settings = scene.render.image_settings
     compat.set_file_format(settings, "OPEN_EXR_MULTILAYER")
     settings.color_management, settings.color_depth, settings.exr_codec = "FOLLOW_SCENE", "32", "NONE"
-    image = next(each for each in bpy.data.images if each.type == "RENDER_RESULT")
+    image = next(image for image in bpy.data.images if image.type == "RENDER_RESULT")
     image.save_render(answer, scene=scene)
 
 
 def _prepare(scene: bpy.types.Scene, job: dict) -> None:
-    """Nothing but the render of this view layer, cut to its border."""
+    """Render this view layer alone, cut to its border, without compositing."""
     settings = scene.render
     settings.engine, settings.use_compositing, settings.use_sequencer = "CYCLES", False, False
     settings.use_crop_to_border, settings.use_single_layer, settings.use_persistent_data = True, False, False
@@ -66,15 +66,15 @@ def _prepare(scene: bpy.types.Scene, job: dict) -> None:
     scene.frame_set(job["frame"], subframe=job["subframe"])
 
 
-def _hold(thing: bpy.types.Object) -> None:
-    """Nothing moves it but who asks for it."""
+def _hold_in_place(thing: bpy.types.Object) -> None:
+    """Remove all that moves an object, so that its matrix can be set."""
     thing.animation_data_clear()
     thing.constraints.clear()
     thing.parent = None
 
 
 def choose_devices(kind: str, devices: list[str]) -> None:
-    """As the user has chosen in the preferences, which this Blender does not read."""
+    """Set the devices of the user's preferences, which this Blender does not read."""
     preferences = bpy.context.preferences.addons["cycles"].preferences
     if kind != "NONE":
         preferences.compute_device_type = kind
@@ -98,13 +98,13 @@ def run(program: Callable[[], None]) -> None:
             os._exit(status)
 
 
-def _end_when_told() -> None:
+def _end_on_request() -> None:
     """Blender's own handler of this signal ends a render in the background as Esc would."""
     if os.read(0, 1):  # and not sys.stdin: a thread that waits for that keeps Python from ending
         signal.raise_signal(signal.SIGINT)
 
 
-def _tell(status=None, *_) -> None:
+def _print_status(status=None, *_) -> None:
     if isinstance(status, str):  # before Blender 5 it prints the status itself
         print(status, flush=True)
 

@@ -21,7 +21,7 @@ from ...model.errors import RenderCancelled, SceneError
 from ...model.scene import TILE_SIZE
 from . import background as background_cycles
 
-INTERVAL = 0.1  # seconds between two looks at the Esc key
+INTERVAL = 0.1  # seconds between two checks of the Esc key
 WORKER = Path(__file__).with_name("bake_worker.py")
 SAMPLES = 4     # of each texel
 NOISY = {"ShaderNodeAmbientOcclusion": 16, "ShaderNodeBevel": 16}  # those that cast rays at random
@@ -29,7 +29,7 @@ SIDE = 16       # texels along the edges of a triangle
 
 
 class Baker:
-    """Bakes while it is open as a context; asks for nothing before `bake` is called."""
+    """Bakes inside its context; no copy is written and no Blender started before `prepare` or `bake` is called."""
 
     def __init__(self, depsgraph: bpy.types.Depsgraph):
         job = background_cycles.Job.create(depsgraph, depsgraph.view_layer_eval.name, [], [])
@@ -47,7 +47,7 @@ class Baker:
         if self._process:
             self._process.kill()
             self._process.wait()
-            with suppress(OSError):  # what it did not live to read
+            with suppress(OSError):  # of what it has not read
                 self._process.stdin.close()
             self._reader.join()
             self._process.stdout.close()
@@ -55,7 +55,7 @@ class Baker:
             self._folder.cleanup()
 
     def prepare(self) -> None:
-        """Write the copy and start that Blender, which `bake` does no more then; raises RenderCancelled after Esc."""
+        """Write the copy and start that Blender now instead of in `bake`. Raises RenderCancelled after Esc."""
         try:
             self._start()
         except RenderCancelled:
@@ -64,7 +64,7 @@ class Baker:
             self._broken = f"it could not be baked: {error}"
 
     def bake(self, n) -> np.ndarray:
-        """(m, 32, 32, 1 or 3) f32 of the output that a NodeCall asks for, on the triangles of its points.
+        """(m, 32, 32, 1 or 3) f32 of the output of a NodeCall, on the triangles of its points.
 
         Raises RuntimeError with the reason when it cannot be baked, RenderCancelled after Esc.
         """
@@ -113,7 +113,7 @@ class Baker:
         self._lines.put(None)
 
     def _wait_for(self, word: str) -> None:
-        said = ["no message"]
+        output_lines = ["no message"]
         while True:
             progress.report()
             try:
@@ -123,13 +123,13 @@ class Baker:
             if line == word:
                 return
             if line is None:
-                print("\n".join(said))
-                raise RuntimeError(f"the background Blender ended: {said[-1]}")
-            said += [line] if line else []
+                print("\n".join(output_lines))
+                raise RuntimeError(f"the background Blender ended: {output_lines[-1]}")
+            output_lines += [line] if line else []
 
 
 class Promise:
-    """In place of a Baker where nothing is rendered."""
+    """Replaces a Baker where nothing is rendered."""
 
     def prepare(self) -> None:
         pass
@@ -139,13 +139,13 @@ class Promise:
 
 
 def _filled(tiles: np.ndarray) -> np.ndarray:
-    """(m, s, s, c) without NaN: mirrored beyond the triangle, else the mean of the triangle, or of all."""
+    """(m, s, s, c) tiles with NaN replaced by the texel mirrored at the diagonal, else by the mean of tile or all."""
     tiles = np.where(np.isnan(tiles), tiles[:, ::-1, ::-1].transpose(0, 2, 1, 3), tiles)
-    known = ~np.isnan(tiles)
-    count = known.sum(axis=(1, 2), keepdims=True)
-    total = np.where(known, tiles, 0).sum(axis=(1, 2), keepdims=True)
+    baked = ~np.isnan(tiles)
+    count = baked.sum(axis=(1, 2), keepdims=True)
+    total = np.where(baked, tiles, 0).sum(axis=(1, 2), keepdims=True)
     mean = np.where(count > 0, total / np.maximum(count, 1), total.sum(axis=0) / count.sum(axis=0))
-    return np.where(known, tiles, mean).astype(np.float32)
+    return np.where(baked, tiles, mean).astype(np.float32)
 
 
 def _resized(tiles: np.ndarray) -> np.ndarray:

@@ -4,7 +4,8 @@
     blender --background --python bake_worker.py -- COPY.blend JOB.json
     python bake_worker.py -- COPY.blend JOB.json        # with the bpy module
 
-Each line of standard input is a request, a JSON object; what is baked is saved as `answer`, and "baked" printed.
+Every line of standard input is a request, a JSON object; its result is saved in the file `answer`, then "baked" is
+printed.
 """
 import json
 import sys
@@ -18,8 +19,8 @@ import mathutils
 sys.path.append(str(Path(__file__).parent))
 from background_worker import choose_devices, run  # noqa: E402  it lies beside this file
 
-SCALE, OFFSET = 0.25, 0.5  # of values as emission, so that none is negative, and 0 is what was not baked
-REACH = 0.01               # of the size of the triangles: how far away their surface is looked for
+SCALE, OFFSET = 0.25, 0.5  # from values to emission, which is not negative, and 0 only where nothing is baked
+REACH = 0.01               # length of baking rays, in sizes of the triangles
 VISIBLE_TO = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
@@ -39,17 +40,17 @@ def main() -> None:
 
 
 def bake(scene, layer, object_name, material_name, groups, node_name, output, matrix, triangles, side, samples):
-    """(n, side, side, 3) f32 of the n `triangles` (a file of corners in the frame of the object); NaN where nothing is.
+    """(n, side, side, 3) f32 of the n `triangles` (a file of corners in the frame of the object); NaN beside them.
 
     groups: names of the group nodes that lead to the node; output: its number.
     """
     scene.cycles.samples = samples
     corners = np.load(triangles)
-    _shine(bpy.data.materials[material_name].node_tree, groups, node_name, output)
+    _emit_output(bpy.data.materials[material_name].node_tree, groups, node_name, output)
     target, matrix = bpy.data.objects[object_name], mathutils.Matrix(matrix)
     stand_in = None
     if target.name not in layer.objects or np.abs(np.array(target.matrix_world - matrix)).max() > 1e-4:
-        target = stand_in = target.copy()  # an instance: where its object stands there may be none
+        target = stand_in = target.copy()  # an instance, whose object may be elsewhere
         target.parent, target.matrix_world = None, matrix
         scene.collection.objects.link(target)
     image, tiles = _image(len(corners), side)
@@ -75,7 +76,7 @@ def bake(scene, layer, object_name, material_name, groups, node_name, output, ma
 
 
 def _image(count: int, side: int):
-    """A float image for so many tiles, and how many there are in a row."""
+    """A float image for `count` tiles, and the number of them in a row."""
     tiles = int(np.ceil(np.sqrt(count)))
     image = bpy.data.images.new("Baked", tiles * side, tiles * side, alpha=True, float_buffer=True)
     image.colorspace_settings.name = "Non-Color"
@@ -83,7 +84,7 @@ def _image(count: int, side: int):
 
 
 def _atlas(corners, tiles: int, image):
-    """The triangles as an object, each unwrapped to half of a tile of the image, into which it is baked."""
+    """An object of the triangles, unwrapped to half a tile of the image each, into which they are baked."""
     count = len(corners)
     mesh = bpy.data.meshes.new("Atlas")
     mesh.from_pydata(corners.reshape(-1, 3).tolist(), [], np.arange(3 * count).reshape(-1, 3).tolist())
@@ -102,23 +103,23 @@ def _atlas(corners, tiles: int, image):
     return atlas
 
 
-def _shine(tree, groups, node_name: str, output: int) -> None:
-    """Show an output of a node of the tree, or in groups of it, as the light of the whole material."""
+def _emit_output(tree, groups, node_name: str, output: int) -> None:
+    """Make an output of a node, in the tree or in nested groups, the emission of the whole material."""
     trees, users = [tree], []
     for name in groups:
         users.append(trees[-1].nodes[name])
         trees.append(users[-1].node_tree)
     inner = trees[-1]
-    shown = inner.nodes[node_name].outputs[output]
+    emitted = inner.nodes[node_name].outputs[output]
     for inside, user in zip(reversed(trees[1:]), reversed(users), strict=True):
-        made = inside.interface.new_socket("Shown", in_out="OUTPUT", socket_type="NodeSocketVector")
+        group_output = inside.interface.new_socket("Shown", in_out="OUTPUT", socket_type="NodeSocketVector")
         end = next(node for node in inside.nodes if node.bl_idname == "NodeGroupOutput" and node.is_active_output)
-        inside.links.new(shown, next(entry for entry in end.inputs if entry.identifier == made.identifier))
-        shown = next(leave for leave in user.outputs if leave.identifier == made.identifier)
+        inside.links.new(emitted, next(entry for entry in end.inputs if entry.identifier == group_output.identifier))
+        emitted = next(leave for leave in user.outputs if leave.identifier == group_output.identifier)
     scaled, emission = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeEmission")
     scaled.operation = "MULTIPLY_ADD"
     scaled.inputs[1].default_value, scaled.inputs[2].default_value = [SCALE] * 3, [OFFSET] * 3
-    tree.links.new(shown, scaled.inputs[0])
+    tree.links.new(emitted, scaled.inputs[0])
     tree.links.new(scaled.outputs[0], emission.inputs["Color"])
     tree.links.new(emission.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
 

@@ -22,7 +22,7 @@ GUIDED_PARAMETERS = 7_100_000
 
 
 def count_tokens(scene: RenderScene, settings: FrameSettings) -> int:
-    """Length of the token sequence of a scene as its weights are given it (published_scene.py).
+    """Length of the token sequence of a scene, which published_scene.py has prepared for its weights.
 
     Raises CheckpointError for weights that cannot be read.
     """

@@ -120,7 +120,7 @@ def _nearest_triangles(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _make_guides(layer: Layer, passes: Passes, scene: RenderScene, view: View) -> Guides:
-    """The guides of a view, with what mirrors and glass show where its network wants that."""
+    """The guides of a view, with the ends of specular paths if the network reads them."""
     with progress.part(0.0, 0.5):
         guides = make_guides(passes, scene, view)
     if not layer.settings.follows_specular_paths:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene that published weights are given, and what in it they were not trained for."""
+"""Adapt a scene to published weights, and report what in it they were not trained for."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -16,7 +16,7 @@ FULL = 0.9  # of Max Triangles, from which on there may be too few
 
 
 def network_input(scene: RenderScene, view: View, settings: FrameSettings, report: Report) -> RenderScene:
-    """The scene that the network is given: in network units for published weights, as it is for others.
+    """The input scene of the network: in network units for published weights, unchanged for others.
 
     Reports how it differs from the scenes that published weights were trained with.
     """

@@ -130,8 +130,8 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
             threads: int, report: Report) -> dict[str, Passes]:
     """By view, {key of passes.REFERENCE: (H, W, C) f32}, row 0 on top."""
     layer = depsgraph.view_layer_eval.name
-    wanted = [p for p in pass_table.PASSES if p.key == "combined" or chosen.light_passes and p.source == "lighting"]
-    for p in wanted:  # Cycles fills them under its own names
+    requested = [p for p in pass_table.PASSES if p.key == "combined" or chosen.light_passes and p.source == "lighting"]
+    for p in requested:  # Cycles fills them under its own names
         engine.add_pass(p.blender_name, len(p.channels), p.channels, layer=layer)
     with cycles_run.overrides(engine, depsgraph) as override:
         override(depsgraph.scene_eval, {
@@ -144,6 +144,6 @@ def _render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, chos
         override(depsgraph.scene_eval, dict(chosen.settings))
         if threads:
             override(depsgraph.scene_eval, {"render.threads_mode": "FIXED", "render.threads": threads})
-        rendered = cycles_run.run(engine, depsgraph, layer, wanted, override.changes, report, partial=True)
+        rendered = cycles_run.run(engine, depsgraph, layer, requested, override.changes, report, partial=True)
     return {view: {f"cycles_{'reference' if key == 'combined' else key}": pixels for key, pixels in passes.items()}
             for view, passes in rendered.items()}

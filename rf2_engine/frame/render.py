@@ -110,7 +110,7 @@ class Rendered(NamedTuple):
 
 def _render_passes(layer: Layer, views: dict[str, View], scene: RenderScene, framing: Framing,
                    tokens_scene: RenderScene) -> Rendered:
-    """tokens_scene: the scene as its weights are given it (published_scene.py)."""
+    """tokens_scene: the network's input scene (published_scene.py)."""
     exposure, network = layer.settings.exposure, LayerNetwork(layer, scene, framing)
     with output.unless_stopped(layer.engine, layer.name, views) as passes:
         hits, optics = render_first_hits(layer, scene, views, passes)               # 4. First hits

@@ -90,10 +90,10 @@ def import_h5(file: Path, report, resolution: int = frame_import.RESOLUTION) -> 
 
 def _add_surfaces(scene, scene_file: ProcessedScene, report) -> None:
     """An object for each light and each latent, and one for all other triangles."""
-    looks = np.concatenate([scene_file.light_strength, _read_latents(scene_file, report)], axis=1)
-    looks[scene_file.light_strength.any(axis=1), 3:] = 0
-    unique_looks, index = np.unique(looks, axis=0, return_inverse=True)
-    for i, values in enumerate(unique_looks):
+    rows = np.concatenate([scene_file.light_strength, _read_latents(scene_file, report)], axis=1)
+    rows[scene_file.light_strength.any(axis=1), 3:] = 0
+    unique_rows, index = np.unique(rows, axis=0, return_inverse=True)
+    for i, values in enumerate(unique_rows):
         radiance, latent = values[:3], values[3:]
         material = BARE
         if radiance.any():

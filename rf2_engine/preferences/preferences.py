@@ -24,7 +24,7 @@ session = Session()
 
 
 def networks() -> tuple[str, ...]:
-    """Those of bundle_files.TRANSFORMERS that are to be downloaded."""
+    """The names in bundle_files.TRANSFORMERS that are to be downloaded."""
     choice = packages.preferences().networks
     return TRANSFORMERS if choice == "BOTH" else (SMALL if choice == "SMALL" else LARGE,)
 
@@ -86,10 +86,10 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
         box = layout.box()
         package_panel.draw_packages(box, packages.PACKAGES)
         package_panel.draw_choices(box)
-        is_wanted = _are_weights_wanted(self)
-        layout.label(text="Published weights" if is_wanted else "Published weights: not downloaded (optional)")
+        is_used = _are_weights_used(self)
+        layout.label(text="Published weights" if is_used else "Published weights: not downloaded (optional)")
         box = layout.box()
-        _draw_status(box, is_wanted)
+        _draw_status(box, is_used)
         if not self.weights_folder:
             package_panel.draw_packages(box, packages.PUBLISHED, published=True)
             _draw_download(box, self)
@@ -101,19 +101,19 @@ class RenderFormerPreferences(bpy.types.AddonPreferences):
             layout.operator("renderformer_v2.free_model")
 
 
-def _are_weights_wanted(preferences: RenderFormerPreferences) -> bool:
+def _are_weights_used(preferences: RenderFormerPreferences) -> bool:
     """Whether a folder was chosen or a part of the weights was downloaded, so that missing parts matter."""
     folder = published_weights.download_folder()
     return bool(preferences.weights_folder or packages.shared_folder(packages.WEIGHTS_VARIABLE)
                 or folder and folder.is_dir())
 
 
-def _draw_status(layout, is_wanted: bool) -> None:
+def _draw_status(layout, is_used: bool) -> None:
     bundle = published_weights.bundle_folder()
     if bundle is None:
         layout.label(text="The add-on runs from its source folder: choose a folder with the weights", icon="INFO")
         return
-    if is_wanted:
+    if is_used:
         missing = published_weights.missing_parts(bundle) if isdir(bundle) else ["everything"]
         if missing:
             draw_text(layout, f"Missing: {', '.join(missing)}")

@@ -24,7 +24,7 @@ SUFFIXES = (".safetensors", ".json", ".yaml", ".yml")  # of weights and what des
 
 _cached: dict[tuple, object] = {}   # at most one model.renderer.Renderer: networks are large
 _encoded: dict[tuple, object] = {}  # at most one model.renderer.EncodedScene
-holders: list[Callable[[], None]] = []  # called when the network's memory is to be given back, for others who hold it
+holders: list[Callable[[], None]] = []  # called before the network's memory is freed; they drop what refers to it
 
 
 def begin_import() -> Future:
@@ -61,7 +61,7 @@ def prepare(network, scene: RenderScene, picture_size: int) -> None:
 
 
 def encoded(network, scene: RenderScene, picture_size: int):
-    """The model.renderer.EncodedScene of `scene` by that renderer, or what is kept of it when nothing has changed."""
+    """The model.renderer.EncodedScene of `scene` by that renderer, from the cache if nothing has changed."""
     key = _key(network, scene, picture_size)
     if key not in _encoded:
         _encoded.clear()
@@ -78,13 +78,13 @@ def is_loaded() -> bool:
 
 
 def free() -> None:
-    """Give the network's memory back, on the GPU too."""
+    """Free the network's memory, on the GPU too."""
     if not _cached:
         return  # and PyTorch may be half imported
     _cached.clear()
     _encoded.clear()
-    for let_go in holders:
-        let_go()
+    for release in holders:
+        release()
     gc.collect()
     import torch
     if torch.cuda.is_available():
@@ -102,7 +102,7 @@ def explain_unused_card(network) -> str:
 
 
 def leave_gpu() -> None:
-    """Give a GPU's memory back to whoever needs it next; a network on the processor stays."""
+    """Free the memory of a GPU; a network on the processor stays."""
     if any(network.device.type != "cpu" for network in _cached.values()):
         free()
 

@@ -18,8 +18,8 @@ from bpy.app.handlers import persistent
 from ..registering import handlers
 
 ENGINE = "RENDERFORMER_V2"  # bl_idname of our engine
-PATIENCE = 5.0   # seconds; Cycles does not look at our wish to stop, and the window stands still meanwhile
-TIDYING = 0.1    # seconds; what Blender itself does after its last handler
+PATIENCE = 5.0   # seconds; Cycles does not check whether it is to stop, and the window is blocked meanwhile
+TIDYING = 0.1    # seconds that Blender needs after its last handler
 
 
 @dataclass

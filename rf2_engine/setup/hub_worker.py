@@ -28,7 +28,7 @@ from pathlib import Path, PurePosixPath
 
 SUFFIXES = {".safetensors", ".json", ".yaml", ".yml"}  # never pickles
 INTERVAL = 0.2  # seconds between two messages
-KEPT = "what has arrived is kept, the next download continues from there"
+RESUMABLE = "what has arrived is kept, the next download continues from there"
 LOGIN = "unexpected answer: does this network require a login in the browser?"
 IN_THE_WAY = "a file is where a folder should be"
 REASONS = {errno.ENOENT: "it was removed or renamed", errno.EEXIST: IN_THE_WAY, errno.ENOTDIR: IN_THE_WAY}
@@ -234,7 +234,7 @@ def explain(error: Exception, what: str, request: dict, repository: str = "") ->
     if isinstance(error, OSError) and error.errno and type(error).__module__ == "builtins":  # of the disk
         return explain_disk(request["target"], error)
     return ExplainedError(f"{what}: {type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''} "
-                     f"(check the connection; {KEPT})", status)
+                     f"(check the connection; {RESUMABLE})", status)
 
 
 def access_steps(site: str, repository: str) -> list[tuple[str, str]]:
@@ -246,9 +246,10 @@ def access_steps(site: str, repository: str) -> list[tuple[str, str]]:
             ("Paste it into Access Token, and press Download again", "")]
 
 
-def explain_disk(target: str, error: OSError, kept: str = KEPT) -> ExplainedError:
-    """The error for a folder that cannot be used; `kept` says what remains of a download when the disk is full."""
-    reason = f"the disk is full ({kept})" if error.errno == errno.ENOSPC else REASONS.get(error.errno, error.strerror)
+def explain_disk(target: str, error: OSError, remainder: str = RESUMABLE) -> ExplainedError:
+    """The error for a folder that cannot be used; `remainder` says what is left of a download when the disk is full."""
+    reason = (f"the disk is full ({remainder})" if error.errno == errno.ENOSPC
+              else REASONS.get(error.errno, error.strerror))
     return ExplainedError(f"the folder {target} cannot be used: {reason}")
 
 

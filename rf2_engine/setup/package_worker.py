@@ -29,7 +29,7 @@ sys.path.append(str(Path(__file__).parent))  # at the end, because other package
 import distributions  # noqa: E402
 from distributions import STAGING  # noqa: E402
 from hub_worker import ExplainedError, explain_disk, lock, require_space  # noqa: E402
-from pip_download import INTERVAL, KEPT, download  # noqa: E402
+from pip_download import INTERVAL, REPEATABLE, download  # noqa: E402
 from wheels import Wheel, space_needed  # noqa: E402
 
 stopped = threading.Event()
@@ -143,7 +143,7 @@ def main() -> int:
         return 1
     except OSError as error:
         traceback.print_exc()
-        send(error=str(explain_disk(request["target"], error, KEPT)))
+        send(error=str(explain_disk(request["target"], error, REPEATABLE)))
         return 1
     except Exception as error:
         traceback.print_exc()

@@ -215,8 +215,8 @@ def required_wheels(names: Iterable[str]) -> list[wheels.Wheel]:
     all_packages, required = PACKAGES | PUBLISHED, {}
     for name in names:
         if is_offered(name, all_packages[name]) and not is_elsewhere(name):
-            found_wheels = wheels.find_wheels(all_packages[name], build(), cuda_release())
-            required |= {wheel.name: wheel for wheel in found_wheels}
+            package_wheels = wheels.find_wheels(all_packages[name], build(), cuda_release())
+            required |= {wheel.name: wheel for wheel in package_wheels}
     return list(required.values())
 
 

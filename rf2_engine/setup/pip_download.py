@@ -14,9 +14,10 @@ import distributions
 from hub_worker import ExplainedError
 from wheels import Wheel
 
-KEPT = "packages that are complete are kept, the next installation downloads the others"  # pip cannot resume a file
+# pip cannot resume a file.
+REPEATABLE = "packages that are complete are kept, the next installation downloads the others"
 INTERVAL = 0.5  # seconds between two reports of progress
-KEPT_VARIABLES = {"PIP_CERT", "PIP_CLIENT_CERT", "PIP_PROXY"}  # they describe the network, not what to install
+PASSED_VARIABLES = {"PIP_CERT", "PIP_CLIENT_CERT", "PIP_PROXY"}  # they describe the network, not what to install
 FROM_WHEEL = "import runpy, sys; sys.path.insert(0, sys.argv.pop(1)); runpy.run_module('pip', run_name='__main__')"
 
 
@@ -34,7 +35,7 @@ def pip_command() -> list[str]:
 def environment(temporary: Path) -> dict[str, str]:
     """Environment variables without the user's settings of pip and Python, but with proxies and certificates."""
     cleaned = {key: value for key, value in os.environ.items()
-               if not key.startswith(("PIP_", "PYTHON")) or key in KEPT_VARIABLES}
+               if not key.startswith(("PIP_", "PYTHON")) or key in PASSED_VARIABLES}
     if "SSL_CERT_FILE" in cleaned:  # unknown to older versions of pip
         cleaned.setdefault("REQUESTS_CA_BUNDLE", cleaned["SSL_CERT_FILE"])
     return cleaned | {"PIP_CONFIG_FILE": os.devnull} | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))
@@ -75,7 +76,7 @@ def explain_failure(wheel: Wheel, log: str) -> str:
     if "DO NOT MATCH THE HASHES" in log:
         return f"{what}: the file that was sent is not the one that this add-on knows, so it was not installed"
     if "No space left" in log or "Errno 28" in log:
-        return f"{what}: the disk is full ({KEPT})"
+        return f"{what}: the disk is full ({REPEATABLE})"
     errors = [line.removeprefix("ERROR: ") for line in log.splitlines() if line.startswith("ERROR: ")]
     last = (errors or log.splitlines() or [""])[-1]
-    return f"{what} could not be installed: {last[:300]} (check the connection; {KEPT})"
+    return f"{what} could not be installed: {last[:300]} (check the connection; {REPEATABLE})"

@@ -23,7 +23,7 @@ class Changes:
     world: bool = False                              # or what its nodes refer to
 
     def add(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Those that its last evaluation brought. Cameras count for nothing: they are read for every picture."""
+        """Add the changes of its last evaluation. Cameras are ignored: they are read for every picture."""
         for update in depsgraph.updates:
             block = update.id
             if isinstance(block, bpy.types.Camera) or isinstance(block, bpy.types.Object) and block.type in CAMERA:

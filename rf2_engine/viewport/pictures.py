@@ -61,7 +61,7 @@ class PreparedScene:
     framing: Framing
     encoded: object | None  # model.renderer.EncodedScene; None: there is nothing to light
     content: bytes          # model_cache.fingerprint
-    at_hits: HitMaterials   # of the scene
+    hit_materials: HitMaterials   # of the scene
 
     @property
     def is_draft(self) -> bool:
@@ -80,7 +80,7 @@ def prepare_scene(copied: CopiedScene, state: State, view: View, settings: Viewp
     before: the scene that was shown until now, whose box and shares of triangles stay as long as they fit.
     cache: of earlier conversions.
     """
-    frame, framing, at_hits = settings.frame, None, HitMaterials()
+    frame, framing, hit_materials = settings.frame, None, HitMaterials()
 
     def choose_framing(own: Framing) -> Framing:
         nonlocal framing
@@ -90,17 +90,17 @@ def prepare_scene(copied: CopiedScene, state: State, view: View, settings: Viewp
 
     with progress.part(0.0, 0.4, "Converting the scene"):
         scene = compute(copied, view, frame.conversion, report, choose_framing=choose_framing, cache=cache,
-                        at_hits=at_hits)
+                        hit_materials=hit_materials)
     content = model_cache.fingerprint(scene)
     if before and before.content == content and before.settings.scene_key == settings.scene_key:
-        return replace(before, state=state, framing=framing, at_hits=at_hits)
+        return replace(before, state=state, framing=framing, hit_materials=hit_materials)
     encoded = None
     if len(scene) or scene.volumes:
         with progress.part(0.4, 0.5, "Loading the network"):
             network = model_cache.renderer(*frame.renderer)
         with progress.part(0.5, 1.0, "Bouncing light"):
             encoded = network.encode(scene, view.longer_side, draft=True)
-    return PreparedScene(state, settings, scene, framing, encoded, content, at_hits)
+    return PreparedScene(state, settings, scene, framing, encoded, content, hit_materials)
 
 
 def finish_draft(draft: PreparedScene) -> PreparedScene:
@@ -118,7 +118,7 @@ def render_picture(prepared: PreparedScene, view: View, settings: ViewportSettin
     """
     is_finest, frame = divisor == settings.finest, settings.frame
     is_quick = divisor >= COARSE and not is_finest
-    materials = prepared.at_hits if frame.network.has_lobes and not is_quick else None
+    materials = prepared.hit_materials if frame.network.has_lobes and not is_quick else None
     with progress.part(0.0, 0.1, "Finding surfaces"):
         guides = cast_guides(prepared.scene, view, SPREAD if is_finest else CENTER, materials)
     if frame.follows_specular_paths:

@@ -20,8 +20,8 @@ from tools.evaluate import __main__ as evaluate
 from tools.train import losses, network, prepare
 from tools.train.config import Stage
 from tools.train.errors import TrainingError
-from tools.train.loader import Prepared, SampleStream, given_of, stream
-from tools.train.samples import LOBES, Given
+from tools.train.loader import Prepared, SampleStream, light_inputs_of, stream
+from tools.train.samples import LOBES, LightInputs
 
 ROOT = Path(__file__).parents[2]
 ANY = Stage(1)
@@ -141,9 +141,9 @@ def test_prepared_samples_are_what_training_reads(tmp_path, monkeypatch, capsys)
 
 
 def test_a_quarter_of_all_scenes_is_given_without_traced_light_and_always_the_same():
-    given = [given_of(Path(f"scene_{seed:08d}.npz"), 0.25) for seed in range(400)]
-    assert 70 < given.count(Given.RAYS) < 130 and given.count(Given.RAYS) + given.count(Given.TRACED) == 400
-    assert given == [given_of(Path(f"elsewhere/scene_{seed:08d}.npz"), 0.25) for seed in range(400)]
+    inputs = [light_inputs_of(Path(f"scene_{seed:08d}.npz"), 0.25) for seed in range(400)]
+    assert 70 < inputs.count(LightInputs.RAYS) < 130 and set(inputs) == {LightInputs.RAYS, LightInputs.TRACED}
+    assert inputs == [light_inputs_of(Path(f"elsewhere/scene_{seed:08d}.npz"), 0.25) for seed in range(400)]
 
 
 def test_a_folder_that_is_just_being_filled_is_waited_for(tmp_path):

@@ -7,8 +7,6 @@ import time
 
 import torch
 
-from renderformer_v2.model.guided.decoding import OUTPUTS
-from renderformer_v2.model.guided.features import FEATURES
 from renderformer_v2.model.network.config import SWIN_WINDOW, ModelConfig
 from renderformer_v2.model.network.embedding import ENVIRONMENT_GRID
 from renderformer_v2.model.network.layers import nerf_width
@@ -57,14 +55,13 @@ def visible_pairs(sink: int, ordered: int, half: int) -> int:
 
 
 def decoder_flops_per_ray(config: ModelConfig) -> int:
-    """Of the DPT decoder, for each token of the ray grid."""
+    """Operations of the DPT decoder for a token of the ray grid."""
     d, c, width = config.view_transformer_latent_dim, config.dpt_out_channels, config.dpt_features
     unit, point = 4 * 9 * width ** 2, 2 * width ** 2  # a residual unit, a 1x1 convolution, per position
-    extra, out = (len(FEATURES), len(OUTPUTS)) if config.guidance else (0, 3)
     reassemble = 2 * d * sum(c) + 32 * c[0] ** 2 + 8 * c[1] ** 2 + 18 * c[3] ** 2 // 4
     levels = 18 * width * (16 * c[0] + 4 * c[1] + c[2]) + 18 * width * c[3] // 4
     fusion = (unit // 4 + point) + (2 * unit + 4 * point) + (8 * unit + 16 * point) + (32 * unit + 64 * point)
-    output = 64 * (9 * width ** 2 + 18 * (width // 2 + extra) * 32 + 2 * 32 * out)
+    output = 64 * (9 * width ** 2 + 18 * (width // 2) * 32 + 2 * 32 * 3)
     return reassemble + levels + fusion + output
 
 

@@ -69,7 +69,7 @@ def measure(triangles: int, device: torch.device, vae: nn.Module | None = None) 
 
 
 def count_multiplications(frame: OneFrameEncoder, image: torch.Tensor) -> dict[str, int]:
-    """Of a (1, 3, H, W) image: all, and those for which Winograd's methods are made."""
+    """Multiplications for a (1, 3, H, W) image: all, and those that Winograd's methods apply to."""
     with FlopCounterMode(display=False) as counter:
         frame(image)
     counts = {name.partition(".")[2]: sum(flops.values()) // 2 for name, flops in counter.get_flop_counts().items()}

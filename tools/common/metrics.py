@@ -30,7 +30,7 @@ def hdr_flip(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def compare(rendered: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """Of two linear (H, W, 3) pictures: PSNR, SSIM and FLIP after sRGB encoding and clipping, HDR-FLIP as they are."""
+    """PSNR, SSIM and FLIP of linear (H, W, 3) pictures after sRGB encoding and clipping, and HDR-FLIP without."""
     from skimage.metrics import structural_similarity
 
     a, b = linear_to_srgb(rendered), linear_to_srgb(reference)

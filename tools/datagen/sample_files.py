@@ -35,7 +35,7 @@ class SampleCounts:
     most_hints: int = HINT_SAMPLES
 
     def of_seed(self, seed: int) -> SampleCounts:
-        """Those of one scene, whose hints lie between `hints` and `most_hints`."""
+        """The counts of one scene, with between `hints` and `most_hints` samples of traced light."""
         ratio = max(self.most_hints / self.hints, 1) ** np.random.default_rng(seed).random()
         return replace(self, hints=round(self.hints * ratio))
 

@@ -23,10 +23,10 @@ from .scores import Evaluation, compute_scores
 
 
 class Renderers(NamedTuple):
-    """Of one network: as it is given estimates by rays, and as it knows the scene alone."""
+    """One network twice: with estimates by rays, and for the scene alone."""
 
     rays: Renderer
-    scene: Renderer | None  # None for the published network, which is always given the scene alone
+    scene: Renderer | None  # None for the published network, whose input is always the scene alone
 
     @classmethod
     def of(cls, weights: str) -> Renderers:
@@ -59,18 +59,18 @@ def evaluate_sample(path: Path, renderers: Renderers) -> Evaluation:
         surfaces = {"traced_alone": [guide.traced for guide in guides],
                     "without_network": [without_network(encoded, *pair) for pair in zip(views, guides)],
                     "rays_alone": [without_network(encoded, *pair) for pair in zip(views, untraced)]}
-        beside |= {name: compute_scores(_with_seen(light, guides), references) for name, light in surfaces.items()}
+        beside |= {name: compute_scores(_complete(light, guides), references) for name, light in surfaces.items()}
     columns = {"ours": ours, "reference": references}
     if "equal" in passes[0]:
-        columns["equal"] = _with_seen([p["equal"][..., :3] - guide.emission
+        columns["equal"] = _complete([p["equal"][..., :3] - guide.emission
                                        for p, guide in zip(passes, guides, strict=True)], guides)
         beside["cycles_equal"] = compute_scores(columns["equal"], references)
     scores["beside"] = beside
     return Evaluation(scores, [dict(zip(columns, row)) for row in zip(*columns.values())])
 
 
-def _with_seen(surfaces: list[np.ndarray], guides: list[Guides]) -> list[np.ndarray]:
-    """Radiance of surfaces with directly seen emitters and world."""
+def _complete(surfaces: list[np.ndarray], guides: list[Guides]) -> list[np.ndarray]:
+    """Radiance of surfaces with the emitters and the world that are seen directly."""
     return [surface + guide.emission + guide.environment for surface, guide in zip(surfaces, guides, strict=True)]
 
 

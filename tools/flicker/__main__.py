@@ -91,7 +91,7 @@ def _write_film(path: Path, folders: list[Path]) -> None:
 
 
 def _compute_ratios(engines: dict[str, dict], key: str) -> dict[str, float | None]:
-    """Of all but "cycles" over that; None where nothing changes in its pictures."""
+    """Values of all engines over that of "cycles"; None where its pictures do not change."""
     reference = engines["cycles"][key]
     return {name: round(engine[key] / reference, 3) if reference else None
             for name, engine in engines.items() if name != "cycles"}

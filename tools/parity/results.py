@@ -38,7 +38,7 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
         **{f"cross{i}": layer.multihead_attn.out_proj for i, layer in enumerate(view_layers)},
         **{f"swin{i}": layer.self_attn for i, layer in enumerate(view_layers)},
         "attention": layers[0].multihead_attn.out_proj, "dpt": network.view_transformer.out_dpt,
-    }) as seen, inference():
+    }) as record, inference():
         sequence, _ = network.embed_scene(inputs)
         context = network.encode_scene(inputs)
         log_image = network.render_view(context, views)
@@ -48,20 +48,21 @@ def network_results(case: Case) -> dict[str, torch.Tensor]:
 
     results = order_results(case, inputs) | {
         "out.packed_tri_id": sequence.triangle, "out.pos_pre": sequence.position,
-        "out.tokens_pre": sequence.embedding, "out.tokens_layer0": seen["layer0"], "out.tokens_stage1": context.tokens,
+        "out.tokens_pre": sequence.embedding, "out.tokens_layer0": record["layer0"],
+        "out.tokens_stage1": context.tokens,
         "out.ray_in": network.embed_rays(views),
-        **{f"out.ray_layer{i}": rays(seen[f"ray{i}"]) for i in range(len(view_layers))},
-        "out.image_raw": seen["dpt"], "out.log_image": log_image, "out.linear_image": to_radiance(log_image),
+        **{f"out.ray_layer{i}": rays(record[f"ray{i}"]) for i in range(len(view_layers))},
+        "out.image_raw": record["dpt"], "out.log_image": log_image, "out.linear_image": to_radiance(log_image),
         "in.rays_d": camera_results(case),
     }
     if any(name.startswith("dbg.") for name in case.tensors):
         with Recorder(pyramid) as maps:  # outside of inference() the decoder computes whole maps of any size
             network.render_view(context, views)
         results |= embedding_results(network, case, inputs) | attention_results(network, sequence) | {
-            "dbg.enc0_attn": seen["attention"], "dbg.enc1": seen["layer1"],
-            "dbg.attn0": torch.cat(seen.inputs["attention"]).unflatten(-1, (config.num_heads, -1)).transpose(0, 1),
-            **{f"dbg.view{i}_cross": rays(seen[f"cross{i}"]) for i in range(len(view_layers))},
-            **{f"dbg.view{i}_swin": seen[f"swin{i}"] for i in range(len(view_layers))},
+            "dbg.enc0_attn": record["attention"], "dbg.enc1": record["layer1"],
+            "dbg.attn0": torch.cat(record.inputs["attention"]).unflatten(-1, (config.num_heads, -1)).transpose(0, 1),
+            **{f"dbg.view{i}_cross": rays(record[f"cross{i}"]) for i in range(len(view_layers))},
+            **{f"dbg.view{i}_swin": record[f"swin{i}"] for i in range(len(view_layers))},
             **{f"dbg.dpt_{name}": maps[name][:1] for name in pyramid},
         }
     if any(name.startswith("alt.") for name in case.tensors):
@@ -169,12 +170,12 @@ def autoencoder_results(case: Case, salt: int) -> dict[str, torch.Tensor]:
     with torch.device("meta"):
         autoencoder = MaterialAutoencoder(**arguments)
     with_recipe_weights(autoencoder, salt, "material_autoencoder/")
-    with Recorder({"mid": autoencoder.encoder_mid, "final": autoencoder.encoder_final}) as seen:
+    with Recorder({"mid": autoencoder.encoder_mid, "final": autoencoder.encoder_final}) as record:
         latent = autoencoder.encode(log10_1p(case.tensors["in.ae_linear_rgb"].float()))
     decoded = autoencoder.decode(case.tensors["in.ae_latent_dec"])
     return {
-        "out.ae_latent": latent, "out.ae_encoder_final": seen["final"].flatten(1),
-        "out.ae_encoder_mid_every4": seen["mid"][:, ::16, ::4, ::4], "out.ae_decoded_every4": decoded[..., ::4, ::4],
+        "out.ae_latent": latent, "out.ae_encoder_final": record["final"].flatten(1),
+        "out.ae_encoder_mid_every4": record["mid"][:, ::16, ::4, ::4], "out.ae_decoded_every4": decoded[..., ::4, ::4],
         "out.ae_decoded_stats": torch.stack([decoded.mean(), decoded.std(correction=0), decoded.min(), decoded.max()]),
     }
 

@@ -268,10 +268,10 @@ def _decoder_sizes(entry):
     for name, sizes in entry.items():
         grid = tuple(map(int, name.split("x")))
         parts = dict(decoder.scratch.named_children())
-        with Recorder(parts | {"output_conv2": parts["output_conv2"][-1]}) as seen:
+        with Recorder(parts | {"output_conv2": parts["output_conv2"][-1]}) as record:
             decoder([torch.zeros(1, 768, *grid, device="meta")] * 4)
         for key, size in sizes.items():
-            yield list(seen[key].shape[-2:]), size
+            yield list(record[key].shape[-2:]), size
 
 
 def _recipe(entry):

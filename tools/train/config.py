@@ -57,7 +57,7 @@ class TrainConfig:
     scenes_per_step: int         # gradients of this many scenes (all their views) make one step
     clip_norm: float
     average_decay: float         # of the weights' running average, which is what is saved for rendering
-    stages: tuple[Stage, ...]    # the last one goes on for as long as the run is given
+    stages: tuple[Stage, ...]    # the last one lasts until the run ends
     cosine_steps: int | None = None  # after the warm-up, in which the rate falls to LEAST_RATE; None: it stays
     network: dict = field(default_factory=dict)  # settings of ModelConfig that differ from the preset's (ablations)
     parts: tuple[str, ...] = ("",)  # how the names of the tensors begin that are trained; the others stay

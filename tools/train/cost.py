@@ -40,7 +40,7 @@ STAGES = (PaperStage("stage1", 1024, 256, True, 4), PaperStage("stage2", 4096, 5
 
 
 def training_flops(config: ModelConfig, triangles: int, resolution: int, *, dense: bool, views: int = 1) -> int:
-    """Of one scene: forward and backward."""
+    """Operations for one scene, forward and backward."""
     half = triangles if dense else config.local_attention_window_size_half
     flops = forward_flops(replace(config, local_attention_window_size_half=half), triangles, LIGHTS, resolution)
     scene = stage1_flops(flops) + flops["keys_values"]
@@ -48,12 +48,12 @@ def training_flops(config: ModelConfig, triangles: int, resolution: int, *, dens
 
 
 def tokens(config: ModelConfig, triangles: int, resolution: int) -> tuple[int, int]:
-    """Of a scene, and of a view of it."""
+    """Tokens of a scene, and of a view of it."""
     return config.sequence_length(LIGHTS, triangles - LIGHTS), (resolution // config.patch_size) ** 2
 
 
 def rows(cards: tuple[int, ...], rate: float) -> list[dict]:
-    """Of each stage: what a scene costs, how many the paper's time is enough for, and the days of other cards."""
+    """A row for every stage: the cost of a scene, scenes in the paper's time, and the days that other cards take."""
     config, table = rf2_200m(), []
     for stage in STAGES:
         flops = training_flops(config, stage.triangles, stage.resolution, dense=stage.dense)

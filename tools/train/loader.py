@@ -19,9 +19,9 @@ from . import ranks
 from .augment import augment
 from .config import Stage
 from .errors import SampleError, TrainingError
-from .samples import Given, TrainingSample, cached_sample, seed_of, unreadable, with_latents
+from .samples import LightInputs, TrainingSample, cached_sample, seed_of, unreadable, with_latents
 
-LOOK_AGAIN = 1.0  # seconds
+POLL_SECONDS = 1.0  # seconds
 
 
 class SampleStream(IterableDataset):
@@ -103,7 +103,7 @@ class SampleStream(IterableDataset):
         return sample
 
     def _leave_out(self, path: Path, error: SampleError) -> None:
-        """Said once."""
+        """Leave a sample out of this run; its error is printed once."""
         if path not in self.unreadable:
             print(f"{error} (left out)", flush=True)
         self.unreadable.add(path)
@@ -117,7 +117,7 @@ class SampleStream(IterableDataset):
         while len(sample_paths(self.folder)) <= known:
             if time.monotonic() >= end:
                 return False
-            time.sleep(min(LOOK_AGAIN, self.patience))
+            time.sleep(min(POLL_SECONDS, self.patience))
         return True
 
     def _problem(self, count: int) -> str:
@@ -137,7 +137,7 @@ def _generator(*seed: int) -> torch.Generator:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Reads samples for the guided network, made once and then kept in `cache`."""
+    """Reads samples for the guided network, which are made once and stored in `cache`."""
 
     cache: Path
     mapper: Callable
@@ -145,13 +145,13 @@ class Prepared:
 
     def __call__(self, path: Path, generator: torch.Generator) -> TrainingSample:
         by_scene_alone = bool(torch.rand((), generator=generator) < self.stage.scene)
-        given = Given.SCENE if by_scene_alone else given_of(path, self.stage.rays)
-        return with_latents(augment(cached_sample(path, self.cache, given), generator), self.mapper)
+        light_inputs = LightInputs.SCENE if by_scene_alone else light_inputs_of(path, self.stage.rays)
+        return with_latents(augment(cached_sample(path, self.cache, light_inputs), generator), self.mapper)
 
 
-def given_of(path: Path, rays: float) -> Given:
-    """What is prepared of a scene: so large a share of all is without traced light, always the same ones."""
-    return Given.RAYS if seed_of(path).random() < rays else Given.TRACED
+def light_inputs_of(path: Path, rays: float) -> LightInputs:
+    """Light of a sample: a share `rays` of all samples, always the same ones, is without traced light."""
+    return LightInputs.RAYS if seed_of(path).random() < rays else LightInputs.TRACED
 
 
 def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,

@@ -19,11 +19,11 @@ from renderformer_v2.model.guided.exposure import display_encode
 
 PERCEPTUAL_WEIGHT = 0.05
 BACKBONES = {"alex": "alexnet-owt-7be5be79.pth", "vgg": "vgg16-397923af.pth"}  # files of torchvision's cache
-SHOWN_WEIGHT = 0.25  # of the error as it is seen on a screen, which weighs dark places as an eye does
+SHOWN_WEIGHT = 0.25  # of the error on a screen, whose values are about as uniform as perception
 SQUARED_WEIGHT = 4.0  # of its square beside its amount: PSNR counts squares
 PSNR_WEIGHT = 0.02  # of each view's decibels: those of a picture that is nearly right count as much as others
 OTHER_WEIGHT = 0.2  # of all else, whose gradients scenes that are hardly right would rule
-BEST_PSNR = 50.0  # decibels that no view is asked to surpass
+BEST_PSNR = 50.0  # decibels from which on a view has no more to gain
 PYRAMID_LEVELS = 3
 LOBE_WEIGHT = 0.2  # supervision of direct and indirect light per lobe (Cycles' passes), training only
 
@@ -41,10 +41,10 @@ def paper_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
 
 def image_loss(predicted: Tensor, target: Tensor, perceptual) -> Tensor:
     """`paper_loss` and the error on a screen of (V, 3, H, W) linear radiance in network exposure, both."""
-    seen = display_encode(predicted) - display_encode(target)
-    decibels = -10 * torch.log10(seen.square().mean((1, 2, 3)) + 10 ** (-BEST_PSNR / 10))
-    shown = SHOWN_WEIGHT * (seen.abs() + SQUARED_WEIGHT * seen.square()).mean()
-    return (OTHER_WEIGHT * (paper_loss(log_radiance(predicted), log_radiance(target), perceptual) + shown)
+    difference = display_encode(predicted) - display_encode(target)
+    decibels = -10 * torch.log10(difference.square().mean((1, 2, 3)) + 10 ** (-BEST_PSNR / 10))
+    displayed = SHOWN_WEIGHT * (difference.abs() + SQUARED_WEIGHT * difference.square()).mean()
+    return (OTHER_WEIGHT * (paper_loss(log_radiance(predicted), log_radiance(target), perceptual) + displayed)
             + PSNR_WEIGHT * (BEST_PSNR - decibels).mean())
 
 

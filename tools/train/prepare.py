@@ -20,18 +20,18 @@ from tools.datagen.sample_files import sample_paths
 
 from .config import Stage
 from .errors import SampleError
-from .loader import given_of
-from .samples import Given, prepare_sample
+from .loader import light_inputs_of
+from .samples import LightInputs, prepare_sample
 
-LOOK_AGAIN = 60.0  # seconds
+POLL_SECONDS = 60.0  # seconds
 
 
 def prepare(path: Path, cache: Path, rays: float) -> None:
     """All that a stage with this share of `rays` reads of a sample; one that cannot be read is reported."""
     torch.set_num_threads(1)
     try:
-        for given in (Given.SCENE, given_of(path, rays)):
-            prepare_sample(path, cache, given)
+        for light_inputs in (LightInputs.SCENE, light_inputs_of(path, rays)):
+            prepare_sample(path, cache, light_inputs)
     except SampleError as error:
         print(f"{error} (left out)", flush=True)
 
@@ -51,9 +51,9 @@ def main() -> int:
             list(pool.map(prepare, paths, [cache] * len(paths), [Stage.rays] * len(paths)))
             done |= set(paths)
             print(f"{len(done)} samples are prepared", flush=True)
-            if time.monotonic() + LOOK_AGAIN > end:
+            if time.monotonic() + POLL_SECONDS > end:
                 return 0
-            time.sleep(LOOK_AGAIN)
+            time.sleep(POLL_SECONDS)
 
 
 if __name__ == "__main__":

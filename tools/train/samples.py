@@ -54,29 +54,29 @@ def unreadable(path: Path, error: Exception) -> SampleError:
     return SampleError(f"{path} cannot be read ({error}): delete it, and tools.datagen makes it again")
 
 
-class Given(StrEnum):
-    """What a sample holds of the light of its scene."""
+class LightInputs(StrEnum):
+    """Which light of its scene a sample gives the network."""
 
     TRACED = "traced"    # traced light, and estimates by rays
     RAYS = "rays"        # estimates by rays
     SCENE = "scene"      # direct light without shadows, in closed form
 
 
-def build_sample(path: Path, given: Given = Given.TRACED) -> TrainingSample:
+def build_sample(path: Path, light_inputs: LightInputs = LightInputs.TRACED) -> TrainingSample:
     """From one file of tools.datagen. Raises SampleError when it cannot be read."""
     try:
-        scene, views, guides, passes = load_sample(path) if given is Given.SCENE else load_with_paths(path)
+        scene, views, guides, passes = load_sample(path) if light_inputs is LightInputs.SCENE else load_with_paths(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
         raise unreadable(path, error) from error
-    # As many rays of a probe as pictures of several sizes have.
+    # Smaller pictures have more rays for each probe.
     effort = replace(FULL, most_more=2.0 ** seed_of(path, 1).integers(3))
     normalization = Normalization.of(scene)
     normalized = normalization.scene(scene)
     direct = DirectLight(normalized)
-    light = SceneLight(normalized, direct, None if given is Given.SCENE else Radiosity(normalized, direct))
+    light = SceneLight(normalized, direct, None if light_inputs is LightInputs.SCENE else Radiosity(normalized, direct))
     inputs, targets = [], []
     for view, guide, reference in zip(views, guides, passes, strict=True):
-        guide = guide if given is Given.TRACED else replace(guide, traced=None)
+        guide = guide if light_inputs is LightInputs.TRACED else replace(guide, traced=None)
         inputs.append(guided_view(light, normalization.view(view), normalization.guides(guide), CONFIG, effort))
         surface = reference["combined"][..., :3] - reference["emission"]
         targets.append([surface.clip(0), reference["combined"][..., :3] + reference["environment"],
@@ -90,23 +90,23 @@ def build_sample(path: Path, given: Given = Given.TRACED) -> TrainingSample:
 
 
 def seed_of(path: Path, *of: int) -> np.random.Generator:
-    """What is random in a sample, or in a part `of` it, always the same."""
+    """The random numbers of a sample, or of a part `of` it, which are always the same."""
     return np.random.default_rng((zlib.crc32(path.stem.encode()), *of))
 
 
-def cached_sample(path: Path, cache: Path, given: Given = Given.TRACED) -> TrainingSample:
+def cached_sample(path: Path, cache: Path, light_inputs: LightInputs = LightInputs.TRACED) -> TrainingSample:
     """`build_sample`, kept in `cache` for the next epoch; made again when it is out of date."""
-    return sample_cache.load_or_make(*_stored(path, cache, given), KINDS)
+    return sample_cache.load_or_make(*_stored(path, cache, light_inputs), KINDS)
 
 
-def prepare_sample(path: Path, cache: Path, given: Given) -> None:
-    """As `cached_sample`, without reading what is there."""
-    sample_cache.make_if_missing(*_stored(path, cache, given))
+def prepare_sample(path: Path, cache: Path, light_inputs: LightInputs) -> None:
+    """Fill the cache as `cached_sample` does, without reading a sample that is there."""
+    sample_cache.make_if_missing(*_stored(path, cache, light_inputs))
 
 
-def _stored(path: Path, cache: Path, given: Given) -> tuple[Path, str, Callable[[], TrainingSample]]:
-    return (sample_cache.cache_path(path, cache, f"-{given}"), sample_cache.sample_key(path),
-            lambda: build_sample(path, given))
+def _stored(path: Path, cache: Path, light_inputs: LightInputs) -> tuple[Path, str, Callable[[], TrainingSample]]:
+    return (sample_cache.cache_path(path, cache, f"-{light_inputs}"), sample_cache.sample_key(path),
+            lambda: build_sample(path, light_inputs))
 
 
 KINDS = {"": TrainingSample, "inputs": GuidedInputs, "view": GuidedView, "light": SurfaceLight,

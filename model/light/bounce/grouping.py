@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...cells import cell_index, facing_side, group_key, groups_of
+from ...clusters import cell_index, facing_side, group_key, groups_of
 from ...geometry import area_vectors
 
 MANY = 1 << 15   # triangles up to which each is an element

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from ...cells import groups_of
+from ...clusters import groups_of
 from ...geometry import area_vectors, surfaces
 from ...material.reflectance import blurred, layer_reflectance, normal_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene

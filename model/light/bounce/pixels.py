@@ -15,7 +15,7 @@ from ..probes import SMOOTH, Probes
 from ..specular.paths import BLURRED
 from .radiosity import Radiosity
 
-LEAST_RATIO = 1e-3  # diffuse over glossy albedo: below, nobody sees the diffuse lobe
+LEAST_RATIO = 1e-3  # diffuse over glossy albedo, below which the diffuse lobe is invisible
 
 
 def diffuse_bounces(radiosity: Radiosity, probes: Probes, filters: Iterable[int], effort: Effort,

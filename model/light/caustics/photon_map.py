@@ -55,7 +55,7 @@ class PhotonMap:
 
 
 def _grid(position: Tensor, normal: Tensor, light: Tensor, spacing: float) -> _Grid:
-    """Of photons (N, 3) with flux and number `light` (N, 4), each in the layers across its surface's main axes."""
+    """A grid of photons (N, 3) with flux and number `light` (N, 4), in layers across their surface's main axes."""
     nodes, parts = [], []
     for axis in range(3):
         photon = (normal[:, axis].abs() > ALONG).nonzero()[:, 0]

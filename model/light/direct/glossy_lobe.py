@@ -28,7 +28,7 @@ SMALL = 0.1             # squared size of an emitter over that of what the lobe 
 
 
 class FacetCosines(NamedTuple):
-    """Of facets that mirror the middle of E emitters at P points."""
+    """Cosines of facets that mirror the middle of E emitters at P points."""
 
     n_h: Tensor  # (P, E), between facet and normal
     v_h: Tensor  # (P, E), between facet and viewer
@@ -37,7 +37,7 @@ class FacetCosines(NamedTuple):
 
 
 def facet_cosines(direction: Tensor, n: Tensor, v: Tensor) -> FacetCosines:
-    """Of emitters in unit `direction` (3, P, E), n and v (P, 3)."""
+    """FacetCosines of emitters in unit `direction` (3, P, E); n and v: (P, 3)."""
     n_l, n_v = cosines(direction, n), (n * v).sum(-1, keepdim=True)
     half = (2 + 2 * cosines(direction, v)).clamp_min(1e-6).sqrt()
     return FacetCosines((n_l + n_v) / half, half / 2, n_l, n_v)

@@ -46,8 +46,8 @@ def padded(outlines: list[np.ndarray]) -> np.ndarray:
 
 def rings(corners: np.ndarray) -> np.ndarray:
     """(P, RING, 3) f32 points in order on padded outlines (P, K, 3): all corners, more on longer edges."""
-    found = np.zeros((len(corners), RING, 3), np.float32)
-    for ring, outline in zip(found, corners.astype(np.float64), strict=True):
+    result = np.zeros((len(corners), RING, 3), np.float32)
+    for ring, outline in zip(result, corners.astype(np.float64), strict=True):
         edges = np.roll(outline, -1, axis=0) - outline
         lengths = np.linalg.norm(edges, axis=1)
         parts = (lengths > 0).astype(int)
@@ -56,7 +56,7 @@ def rings(corners: np.ndarray) -> np.ndarray:
         points = [start + edge * i / count for start, edge, count in zip(outline, edges, parts, strict=True)
                   for i in range(count)]
         ring[:] = points or outline[0]
-    return found
+    return result
 
 
 def fans(corners: np.ndarray) -> np.ndarray:

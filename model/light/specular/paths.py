@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...geometry import dot, reflected, refracted, seen_in
+from ...geometry import dot, nearest_texels, reflected, refracted
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...shading import surface
 
@@ -108,7 +108,7 @@ def follow_paths(scene: RenderScene, cast: Cast, origin: np.ndarray, direction: 
 
 def _emitted(scene: RenderScene, token: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """(P, 3) radiance of tokens (P,) that shine, or for -1 of the sky, along unit vectors (P, 3)."""
-    sky = 0.0 if scene.environment is None else seen_in(scene.environment, direction)
+    sky = 0.0 if scene.environment is None else nearest_texels(scene.environment, direction)
     axis, (outer, inner) = scene.beam_axis[token], scene.beam_cosine[token].T
     share = ((-dot(axis, direction) - outer) / np.maximum(inner - outer, 1e-4)).clip(0, 1)
     share = np.where(axis.any(1), share * share * (3 - 2 * share), 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a picture is seen from: by the scene's camera, or in stereoscopy by one eye for each of Blender's views."""
+"""Cameras of a picture: the scene's, or in stereoscopy an eye for every one of Blender's views."""
 from __future__ import annotations
 
 from dataclasses import dataclass

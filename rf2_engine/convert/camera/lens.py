@@ -25,7 +25,7 @@ class Lens:
     camera: object            # bpy.types.Object
     axes: np.ndarray          # (4, 3) right, up, backward (unit, perhaps sheared or mirrored) and position, world
     radius: float             # of the aperture, world units
-    focus: float              # world units along the axis to what is sharp
+    focus: float              # world units along the axis to the focal plane
 
     @classmethod
     def of(cls, eye: Eye) -> Lens:
@@ -37,7 +37,7 @@ class Lens:
         return cls(camera, axes, radius, max(_focus_distance(data.dof, axes), NEAREST))
 
     def points(self, count: int) -> np.ndarray:
-        """(count, 2) world units along the camera's x and y, spread evenly over the aperture, and so is any stretch."""
+        """(count, 2) world units along the camera's x and y, evenly over the aperture, as are consecutive ones."""
         dof, index = self.camera.data.dof, np.arange(count)
         radius, turn = np.sqrt((index + 0.5) / count), index * GOLDEN % 1  # sunflower
         if dof.aperture_blades < 3:

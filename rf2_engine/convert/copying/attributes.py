@@ -36,7 +36,7 @@ class RequestedAttributes:
         return _first(self.names[OBJECT], obj, obj.data)
 
     def read_instancer(self, instance) -> dict[str, tuple]:
-        """Of a DepsgraphObjectInstance: what it has itself, its particles, the instancer, its own object."""
+        """Values for a DepsgraphObjectInstance, from itself, its particles, the instancer or its own object."""
         if not self.names[INSTANCER]:
             return {}
         system = instance.particle_system if instance.is_instance else None

@@ -24,7 +24,7 @@ class Blocks:
         is `known` of them (`Images`)."""
         self.depsgraph = depsgraph
         self._trees = Trees(Images(frame, images), _conventions())
-        self._known: dict[int, object] = {}
+        self._copies: dict[int, object] = {}
 
     def of(self, block: bpy.types.ID | None) -> Material | Lamp | World | None:
         """A copy of a material, a lamp or a world."""
@@ -33,14 +33,14 @@ class Blocks:
         if self.depsgraph is not None and not block.is_evaluated:
             block = block.evaluated_get(self.depsgraph)
         key = block.as_pointer()
-        if key not in self._known:
-            self._known[key] = COPIES[block.id_type](block, self._tree(block))
-        return self._known[key]
+        if key not in self._copies:
+            self._copies[key] = COPIES[block.id_type](block, self._tree(block))
+        return self._copies[key]
 
     @property
     def materials(self) -> list[Material]:
-        """Those that were copied."""
-        return [block for block in self._known.values() if isinstance(block, Material)]
+        """The materials that were copied."""
+        return [block for block in self._copies.values() if isinstance(block, Material)]
 
     def _tree(self, block) -> Tree | None:
         return self._trees.copied(block.node_tree) if block.use_nodes and block.node_tree else None

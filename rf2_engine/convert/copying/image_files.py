@@ -24,7 +24,7 @@ def read_pixels(image, frame: int | None = None, tile: int | None = None) -> np.
         return _pixels(image)
     if not image.packed_file:
         return _of_file(image, of_tile(bpy.path.abspath(image.filepath, library=image.library), tile))
-    packed = next((each for each in image.packed_files if each.tile_number == tile), None)
+    packed = next((file for file in image.packed_files if file.tile_number == tile), None)
     if packed is None:
         return None
     with tempfile.TemporaryDirectory(prefix="renderformer-v2-") as folder:
@@ -81,7 +81,7 @@ def scene_linear(colors: np.ndarray, space: str) -> np.ndarray:
 
 
 def _of_file(like, path: str) -> np.ndarray | None:
-    """Of another file, read as the image is."""
+    """Pixels of another file, read as the image is."""
     pixels = []
 
     def load():

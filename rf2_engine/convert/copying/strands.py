@@ -62,7 +62,7 @@ def read_point_cloud(cloud) -> TriangleMesh:
 
 
 def _ribbons(knots: np.ndarray, radius: np.ndarray) -> TriangleMesh:
-    """Of (s, KNOTS, 3) knots and (s, KNOTS) radii: each turned otherwise, and as wide as a tube looks on average."""
+    """Flat strands along (s, KNOTS, 3) knots, turned at random, as wide as tubes of (s, KNOTS) radii on average."""
     tangent = np.gradient(knots, axis=1)
     turn = np.arange(len(knots)) * GOLDEN
     other = np.stack([np.cos(turn), np.sin(turn), 0.3 + 0 * turn], axis=-1)[:, None]

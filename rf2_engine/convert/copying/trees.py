@@ -26,42 +26,43 @@ class Trees:
         self._names: dict[str, list[str]] = {}  # by kind of node: the settings that are values
 
     def copied(self, tree) -> Tree:
-        """Of a material, a lamp or a world."""
-        return self._filled(Tree(tree.name, self.conventions), tree, tree.get_output_node("CYCLES"))
+        """A copy of the tree of a material, a lamp or a world."""
+        return self._with_nodes(Tree(tree.name, self.conventions), tree, tree.get_output_node("CYCLES"))
 
     def _group(self, tree) -> Tree:
         key = tree.as_pointer()
         if key not in self._groups:
             end = next((n for n in tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output), None)
-            self._groups[key] = self._filled(Tree(tree.name, self.conventions), tree, end)
+            self._groups[key] = self._with_nodes(Tree(tree.name, self.conventions), tree, end)
         return self._groups[key]
 
-    def _filled(self, copied: Tree, tree, end) -> Tree:
+    def _with_nodes(self, copied: Tree, tree, end) -> Tree:
         if end is None:
             return copied
-        feeding = {}
+        links_by_input = {}
         for link in tree.links:
             if link.is_valid and not link.is_muted:
-                feeding.setdefault(link.to_socket.as_pointer(), link)
-        waiting, nodes, sockets = [end], {}, {}  # both by pointer
-        while waiting:
-            node = waiting.pop()
+                links_by_input.setdefault(link.to_socket.as_pointer(), link)
+        remaining, nodes, sockets = [end], {}, {}  # both by pointer
+        while remaining:
+            node = remaining.pop()
             if node.as_pointer() not in nodes:
                 nodes[node.as_pointer()] = self._node(node, sockets)
-                waiting += [feeding[s.as_pointer()].from_node for s in node.inputs if s.as_pointer() in feeding]
-        for to, link in feeding.items():
-            if to in sockets:
-                sockets[to].source = sockets[link.from_socket.as_pointer()]
+                inputs = (socket.as_pointer() for socket in node.inputs)
+                remaining += [links_by_input[socket].from_node for socket in inputs if socket in links_by_input]
+        for socket_pointer, link in links_by_input.items():
+            if socket_pointer in sockets:
+                sockets[socket_pointer].source = sockets[link.from_socket.as_pointer()]
         copied.output, copied.nodes = nodes[end.as_pointer()], list(nodes.values())
         return copied
 
     def _node(self, node, sockets: dict[int, Socket]) -> Node:
-        """sockets: by pointer, to which its own are added."""
+        """A copy of a node; its sockets are added to `sockets` by the pointers of the originals."""
         copied = Node(node.bl_idname, node.bl_label, node.name, node.mute)
-        for of, to in (node.inputs, copied.inputs), (node.outputs, copied.outputs):
-            for socket in of:
+        for originals, copies in (node.inputs, copied.inputs), (node.outputs, copied.outputs):
+            for socket in originals:
                 sockets[socket.as_pointer()] = copied_socket = _socket(socket, copied)
-                to.append(copied_socket)
+                copies.append(copied_socket)
         for link in node.internal_links if node.mute else ():
             copied.bypass.setdefault(sockets[link.to_socket.as_pointer()], sockets[link.from_socket.as_pointer()])
         for name in self._values(node):
@@ -77,7 +78,7 @@ class Trees:
         return self._names[node.bl_idname]
 
     def _refer(self, copied: Node, node) -> None:
-        """What the settings of a node point to."""
+        """Copy what the settings of a node refer to."""
         kind = node.bl_idname
         if kind in TEXTURES:
             copied.image = self.images.picture(node)
@@ -120,7 +121,7 @@ def _curves(mapping) -> Curves:
 
 
 def _profile(node) -> ies.Profile | None:
-    """None where it cannot be read."""
+    """The light distribution of an IES node; None if it cannot be read."""
     try:
         text = node.ies.as_string() if node.mode == "INTERNAL" else Path(
             bpy.path.abspath(node.filepath)).read_text(errors="replace")

@@ -81,7 +81,7 @@ def find_dark_emitters(depsgraph, report) -> set:
                if instance.object.type in RECEIVERS and instance.show_self}
     dark = set()
     for obj in linked:
-        receivers = _lit(obj.light_linking.receiver_collection, visible - {obj.original})
+        receivers = _receivers(obj.light_linking.receiver_collection, visible - {obj.original})
         if not receivers:
             dark.add(obj.original)
         elif receivers != visible - {obj.original}:
@@ -89,8 +89,8 @@ def find_dark_emitters(depsgraph, report) -> set:
     return dark
 
 
-def _lit(collection, visible: set) -> set:
-    """Those of `shown` that a receiver collection lets light reach: all but the excluded where it includes none."""
+def _receivers(collection, visible: set) -> set:
+    """The `visible` objects that a receiver collection lets light reach: without included ones all but the excluded."""
     links = {"INCLUDE": set(), "EXCLUDE": set()}
     for child, entry in zip(collection.objects, collection.collection_objects, strict=True):
         links[entry.light_linking.link_state].add(child.original)

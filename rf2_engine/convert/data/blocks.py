@@ -104,7 +104,7 @@ class Tree:
     nodes: list[Node] = field(default_factory=list, repr=False)
 
     def all_nodes(self) -> Iterator[Node]:
-        """Those of the groups in it too."""
+        """The nodes of the tree and of the groups in it."""
         for node in self.nodes:
             yield node
             if (group := getattr(node, "node_tree", None)) is not None:
@@ -113,7 +113,7 @@ class Tree:
 
 @dataclass(frozen=True)
 class Frame:
-    """Of an object that coordinates are taken from."""
+    """The frame of an object that is used for texture coordinates."""
 
     from_world: np.ndarray  # (4, 4) f32
 

@@ -14,7 +14,7 @@ _halving = Lock()  # several threads may read one image
 
 @dataclass(frozen=True)
 class Picture:
-    """Of an image at the frame that is rendered."""
+    """The pixels of an image at the frame that is rendered."""
 
     source: str                                                       # as of a `bpy.types.Image`; "" without one
     pyramids: dict[int | None, Pyramid] = field(default_factory=dict)  # of each UDIM tile; None: of the whole image
@@ -91,7 +91,7 @@ def _linear(t):
 
 
 def _cubic(t):
-    """Of a B-spline, which "Cubic" is, and "Smart" too."""
+    """First offset and weights of a cubic B-spline, which "Cubic" and "Smart" use."""
     s = 1 - t
     return -1, (s ** 3 / 6, 2 / 3 - t * t * (1 - t / 2), 2 / 3 - s * s * (1 - s / 2), t ** 3 / 6)
 

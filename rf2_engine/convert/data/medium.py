@@ -38,15 +38,15 @@ class Medium:
     absorption: np.ndarray  # (3,) f64
     density: Callable[[int], np.ndarray]  # r -> (r, r, r) density of the box's voxels, [x, y, z] along the box axes
     finest: int = CELLS     # cells per axis that show all there is to see
-    _known: np.ndarray | None = field(default=None, repr=False)
+    _voxels: np.ndarray | None = field(default=None, repr=False)
 
     def voxels(self, resolution: int) -> np.ndarray:
         """`density`; where it is known twice as finely, the means of that."""
-        if self._known is not None and len(self._known) == 2 * resolution:
-            self._known = self._known.reshape(resolution, 2, resolution, 2, resolution, 2).mean(axis=(1, 3, 5))
+        if self._voxels is not None and len(self._voxels) == 2 * resolution:
+            self._voxels = self._voxels.reshape(resolution, 2, resolution, 2, resolution, 2).mean(axis=(1, 3, 5))
         else:
-            self._known = self.density(resolution)
-        return self._known
+            self._voxels = self.density(resolution)
+        return self._voxels
 
 
 def voxel_centres(box: Box, resolution: int) -> np.ndarray:

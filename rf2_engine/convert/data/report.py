@@ -81,7 +81,7 @@ class Report:
 
     def __init__(self) -> None:
         self.entries: list[Remark] = []
-        self._known: set[Remark] = set()
+        self._unique: set[Remark] = set()
 
     def approximated(self, name: str, message: str) -> None:
         """`name` is in the picture, but not exactly as Cycles shows it."""
@@ -120,6 +120,6 @@ class Report:
 
     def _add(self, kind: str, name: str, message: str) -> None:
         entry = Remark(kind, name, message)
-        if entry not in self._known:
-            self._known.add(entry)
+        if entry not in self._unique:
+            self._unique.add(entry)
             self.entries.append(entry)

@@ -11,7 +11,7 @@ from ....model.camera import view_rays_at
 from ....model.geometry import barycentric
 from ....model.scene import View
 from ..data.mesh import lengths
-from .visible import Hits
+from .visible import VisiblePoints
 
 ASIDE = 0.35   # how large what lies TURN aside of the picture looks, against what is in it
 TURN = 1.9     # difference between cosines; a sharper fall would bend surfaces too much to simplify them there
@@ -118,7 +118,7 @@ class ApparentSpace:
         return (self.apparent.drawn_out(points) - self.matrix[:3, 3]) @ np.linalg.inv(self.matrix[:3, :3]).T
 
 
-def measure_apparent_size(view: View, hits: Hits) -> ApparentSize:
+def measure_apparent_size(view: View, hits: VisiblePoints) -> ApparentSize:
     """The ApparentSize of a view with these `hits`."""
     distance = np.linalg.norm(hits.points - view.camera_to_world[:3, 3], axis=1)
     return ApparentSize(view, max(float(np.percentile(distance, NEAR)), 1e-6) / 2 if len(hits) else 1.0)

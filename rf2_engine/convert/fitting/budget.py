@@ -23,7 +23,7 @@ from ..meshes.reduce import COARSEST, KEPT_WHOLE
 from ..meshes.sampling import keep_sample
 from .apparent_size import ApparentSize, ApparentSpace
 from .framing import Framing
-from .visible import GRID, Hits
+from .visible import GRID, VisiblePoints
 
 HIDDEN = 0.05      # how much of the picture counts that something would fill if it were not hidden
 DETAIL = 0.6       # of the budget at most goes to the coarsest shapes of many instances
@@ -38,7 +38,7 @@ class Simplification:
     """How parts of a scene are simplified."""
 
     parts: list[Part]
-    targets: np.ndarray              # (k,) triangles each part may keep
+    targets: np.ndarray              # (k,) triangles that a part may keep
     nearest: list[np.ndarray]         # (4, 4) object to world, of the instance that shows most
     apparent: ApparentSize | None
 
@@ -65,8 +65,8 @@ class Simplification:
             report.approximated(name, f"simplified from {count} to {to} triangles")
 
 
-def allot_triangles(collected: CollectedScene, budget: int, framing: Framing, hits: Hits | None, targets: list[int],
-                    report) -> Simplification:
+def allot_triangles(collected: CollectedScene, budget: int, framing: Framing, hits: VisiblePoints | None,
+                    targets: list[int], report) -> Simplification:
     """Allot triangles to all parts; the least visible instances are left out where not even coarse shapes of all fit.
 
     targets: triangles of each part, including those by which it will be subdivided; hits: None where there is no
@@ -129,8 +129,9 @@ def _copies(part: Part) -> int:
     return len(part.instances)
 
 
-def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None, hits: Hits | None) -> list[np.ndarray]:
-    """For each part (m,) > 0, the share of the picture, 0 to 1, that each of its instances counts for."""
+def _shares_of_picture(parts: list[Part], apparent: ApparentSize | None,
+                       hits: VisiblePoints | None) -> list[np.ndarray]:
+    """For every part (m,) > 0, the share of the picture, 0 to 1, that its instances count for."""
     covered = np.zeros(sum(map(_copies, parts)))
     if hits is not None:
         covered += np.bincount(hits.instance[hits.instance >= 0], minlength=len(covered)) / GRID ** 2
@@ -172,7 +173,7 @@ def _drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targ
     order = np.lexsort((-np.concatenate(shares_of_picture), ~np.array([part.emits for part in parts])[owner]))
     fits = np.zeros(len(owner), bool)
     fits[order] = np.cumsum(least[owner[order]]) <= budget
-    kept = []
+    remaining = []
     keeps = np.split(fits, np.cumsum(copies)[:-1])
     for part, share, target, keep in zip(parts, shares_of_picture, targets, keeps, strict=True):
         if not keep.all():
@@ -188,18 +189,18 @@ def _drop_instances(parts: list[Part], shares_of_picture: list[np.ndarray], targ
                 report.unplaced(part.name, f"{room}: raise it")
             part.instances = _representing(part.instances, keep, real)
         if part.instances:
-            kept.append((part, share[keep], target))
-    return [list(column) for column in zip(*kept)]
+            remaining.append((part, share[keep], target))
+    return [list(column) for column in zip(*remaining)]
 
 
 def _representing(instances: list[Instance], keep: np.ndarray, real: list[np.ndarray]) -> list[Instance]:
-    """Those that are kept, with the `real` matrices of the others that they stand for: each the ones behind it."""
-    kept = np.flatnonzero(keep)
-    if not len(kept):
+    """The instances in the mask `keep` (m,), with the `real` matrices of themselves and of dropped ones after them."""
+    representatives = np.flatnonzero(keep)
+    if not len(representatives):
         return []
-    owner = np.searchsorted(kept, np.arange(len(keep)), side="right").clip(1) - 1
+    owner = np.searchsorted(representatives, np.arange(len(keep)), side="right").clip(1) - 1
     return [replace(instances[row], real_matrices=tuple(real[i] for i in np.flatnonzero(owner == k)))
-            for k, row in enumerate(kept)]
+            for k, row in enumerate(representatives)]
 
 
 def _sampled(part: Part, share: np.ndarray, count: int) -> np.ndarray:

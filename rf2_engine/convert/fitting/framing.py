@@ -15,7 +15,7 @@ from ....model.scene import View
 from ..data.collected import CollectedScene
 from ..meshes.reduce import COARSEST
 from .apparent_size import ApparentSize
-from .visible import Hits
+from .visible import VisiblePoints
 
 NEAR, FAR = 10, 30  # what is so many times as far as this percentile of the distances is background
 REACH = 1.5         # half of the box, in halves of the picture's longer side at the usual distance
@@ -24,7 +24,7 @@ STEADY = 1.3  # a mesh keeps its triangles while its new share is within this fa
 STEP = 1.3    # between the numbers of triangles that a mesh may have otherwise
 
 
-def find_box(collected: CollectedScene, view: View, hits: Hits) -> np.ndarray:
+def find_box(collected: CollectedScene, view: View, hits: VisiblePoints) -> np.ndarray:
     """(2, 3) f32 lowest and highest corner, world; those of all surfaces and media where the view shows none."""
     return fit_box(collected.bounds(), hits.points, view)
 
@@ -71,6 +71,6 @@ class Framing:
 
 
 def _round_down(targets: np.ndarray, most: np.ndarray) -> np.ndarray:
-    """(k,) powers of STEP up to what is wanted, but no less than COARSEST or, where that is less, `most`."""
+    """(k,) largest powers of STEP up to the targets, but no less than COARSEST or, where that is less, `most`."""
     powers = STEP ** np.floor(np.log(np.maximum(targets, 1)) / np.log(STEP) + 1e-9)
     return np.maximum(powers.astype(np.int64), np.minimum(most, COARSEST))

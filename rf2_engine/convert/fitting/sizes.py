@@ -20,9 +20,10 @@ TEXTURED = 3.0  # factor on the size of a triangle whose material has to fit int
 
 @dataclass
 class Sizes:
-    """max_edge: longest edge wanted, a fraction of the network's box, and of the picture of `apparent` if there is one.
+    """Sizes of triangles in the network's box, outside of which space is contracted, and in the picture.
 
-    In the box, given by `frame`, space is contracted outside.
+    max_edge: target for the longest edge, a fraction of the box and, with `apparent`, of the picture. frame: world to
+    box.
     """
 
     max_edge: float
@@ -41,8 +42,8 @@ class Sizes:
             corners, gain = self._largest_instances([parts[i] for i in some])
             longest, more = meshes.longest_edges(corners), np.zeros(len(corners))
             large = np.flatnonzero(self.apparent.largest(longest) * gain > self.max_edge)
-            looks = self.apparent.size(corners[large], longest[large]) * gain[large]
-            more[large] = np.maximum(np.square(looks / self.max_edge) - 1, 0)
+            size = self.apparent.size(corners[large], longest[large]) * gain[large]
+            more[large] = np.maximum(np.square(size / self.max_edge) - 1, 0)
             begin = np.cumsum(counts[some]) - counts[some]
             counts[some] += np.add.reduceat(more, begin).clip(0, budget).astype(np.int64)
         return counts
@@ -56,15 +57,15 @@ class Sizes:
         cost = np.where([part.emits for part in parts], 0, copies)
         corners = np.concatenate([self.frame.points(self._corners(part, _largest(part, self._reach)))
                                   for part in parts])
-        looks = None
+        apparent_sizes = None
         if self.apparent is not None:
             nearest, gain = self._largest_instances(parts)
 
-            def looks(weights: np.ndarray, parent: np.ndarray) -> np.ndarray:
+            def apparent_sizes(weights: np.ndarray, parent: np.ndarray) -> np.ndarray:
                 pieces = weights @ nearest[parent]
                 return self.apparent.size(pieces, meshes.longest_edges(pieces)) * gain[parent]
         parent, weights = subdivide.subdivide(corners, np.repeat(cost, counts), self.max_edge,
-                                              budget - int(counts @ copies), contracted, looks)
+                                              budget - int(counts @ copies), contracted, apparent_sizes)
         owner = np.repeat(np.arange(len(parts)), counts)[parent]
         for i, part in enumerate(parts):
             mine = owner == i

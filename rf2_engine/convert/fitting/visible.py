@@ -30,8 +30,8 @@ SAMPLE = 64    # triangles that are examined
 
 
 @dataclass
-class Hits:
-    """P of the GRID x GRID rays hit something."""
+class VisiblePoints:
+    """What P of the GRID x GRID rays hit."""
 
     points: np.ndarray    # (P, 3) f64, world
     instance: np.ndarray  # (P,) i64 counted over the matrices of all parts in their order; -1 = a medium
@@ -44,7 +44,7 @@ class Hits:
         return np.linalg.norm(self.points - eye, axis=1)
 
 
-def find_visible(collected: CollectedScene, view: View, clip_start: float = 0.0) -> Hits:
+def find_visible(collected: CollectedScene, view: View, clip_start: float = 0.0) -> VisiblePoints:
     """What the view sees from `clip_start` on (camera.py).
 
     It sees through emitters, unless there is hardly anything else: a sky dome is no more than a background; and
@@ -66,11 +66,11 @@ def find_visible(collected: CollectedScene, view: View, clip_start: float = 0.0)
     return behind if far else hits
 
 
-def _cast(collected: CollectedScene, view: View, clip_start: float, visible: set[int]) -> Hits:
-    """shown: indices of the parts that there are for these rays."""
+def _cast(collected: CollectedScene, view: View, clip_start: float, visible: set[int]) -> VisiblePoints:
+    """visible: indices of the parts that rays hit."""
     triangles, owner = _stand_ins(collected, view.camera_to_world[:3, 3], visible)
     if not len(triangles):
-        return Hits(np.zeros((0, 3)), np.zeros(0, np.int64))
+        return VisiblePoints(np.zeros((0, 3)), np.zeros(0, np.int64))
     x, y = np.meshgrid((np.arange(GRID) + 0.5) / GRID * view.width, (np.arange(GRID) + 0.5) / GRID * view.height)
     if view.panorama is None:
         eye, rays = view_rays_at(view, x.ravel(), y.ravel())
@@ -79,9 +79,10 @@ def _cast(collected: CollectedScene, view: View, clip_start: float, visible: set
         inside = view.panorama.visible(x + view.corner[0], y + view.corner[1])
         eye, rays = view_rays_at(view, x[inside], y[inside])
         starts = rays * clip_start
-    met = Rays(triangles - eye).closest(starts, rays)
-    hit = met.triangle >= 0
-    return Hits(eye + starts[hit] + met.distance[hit, None] * rays[hit], owner[met.triangle[hit]])
+    hits = Rays(triangles - eye).closest(starts, rays)
+    is_hit = hits.triangle >= 0
+    points = eye + starts[is_hit] + hits.distance[is_hit, None] * rays[is_hit]
+    return VisiblePoints(points, owner[hits.triangle[is_hit]])
 
 
 def _stand_ins(collected: CollectedScene, eye: np.ndarray, indices: set[int]) -> tuple[np.ndarray, np.ndarray]:

@@ -63,7 +63,7 @@ def _sun_disks(suns: list[Sun], center: np.ndarray, radius: float, detail, repor
 
 
 def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
-    """The lamp, or no triangles if numbers cannot hold it; what is brighter than they can hold is said."""
+    """The lamp, or no triangles if it is too large or too far away; reports radiance that half floats cannot hold."""
     if not within_reach(shape.triangles).all():
         report.refused(name, "its size or location is too large: reset them")
         return RenderScene()

@@ -11,7 +11,7 @@ from ..data.blocks import Lamp
 from .beams import Cone, cones, smoothstep, sphere
 from .lamp_power import LampLight
 
-MOST_LIT = 0.95  # of a lamp's light is within its half angle
+MOST_LIGHT = 0.95  # of a lamp's light is within its half angle
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def find_half_angle(light: np.ndarray) -> float:
     """Radians around -Z within which nearly all of the light stays."""
     power, cosine = light.mean(axis=1), -sphere(len(light))[:, 2]
     order = np.argsort(-cosine)
-    inside = np.searchsorted(np.cumsum(power[order]), MOST_LIT * power.sum())
+    inside = np.searchsorted(np.cumsum(power[order]), MOST_LIGHT * power.sum())
     return math.acos(np.clip(cosine[order[min(inside, len(order) - 1)]], -1, 1))
 
 

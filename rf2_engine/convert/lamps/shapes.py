@@ -92,13 +92,13 @@ def shining(triangles: np.ndarray, radiance, axis=(0, 0, 0), cosines=(0, 0), til
     """(n, 3, 3) flat triangles of one radiance (3,), or of (n, 3), that share a beam (model/scene.py) and a tile."""
     n = len(triangles)
 
-    def each(value, *shape):
+    def per_triangle(value, *shape):
         return np.broadcast_to(np.float32(value), (n, *shape)).copy()
 
     flat = np.repeat(normals(triangles)[:, None], 3, axis=1) if n else triangles
     return RenderScene(
-        triangles=triangles.astype(np.float32), normals=flat.astype(np.float32), emission=each(radiance, 3),
-        beam_axis=each(axis, 3), beam_cosine=each(cosines, 2), tile_index=np.full(n, tile, np.int32),
+        triangles=triangles.astype(np.float32), normals=flat.astype(np.float32), emission=per_triangle(radiance, 3),
+        beam_axis=per_triangle(axis, 3), beam_cosine=per_triangle(cosines, 2), tile_index=np.full(n, tile, np.int32),
         tiles=TILES.copy(), seen=np.zeros(n, bool))
 
 

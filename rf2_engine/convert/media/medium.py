@@ -87,6 +87,6 @@ def _occupied(medium: Medium, per_axis: int, clear: float) -> Volumes:
 
 
 def _denser(cells: Volumes) -> Volumes:
-    """Those above OCCUPIED."""
+    """The cells whose density exceeds OCCUPIED somewhere."""
     is_dense = cells.density.max(axis=1, initial=0) > OCCUPIED
     return Volumes(*(getattr(cells, f.name)[is_dense] for f in fields(cells)))

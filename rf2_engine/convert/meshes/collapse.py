@@ -11,10 +11,10 @@ import numpy as np
 from ....model import progress
 from ..data import mesh as meshes
 
-SHARE = 0.25       # of the triangles that are too many at most go at a time, so that the cheapest edges go first
-FEW = 64          # that are too many go at once
-CHEAP = 2         # times as many edges as are to go are cheap; where most of them cannot, more
-TURNED = 0.5      # cosine of the angle by which no triangle may turn
+SHARE = 0.25      # of the excess triangles that are removed in a round, so that the cheapest edges are first
+FEW = 64          # excess triangles that are removed in one round
+CHEAP = 2         # candidates for each edge to be collapsed; more where most of them cannot be
+TURNED = 0.5      # cosine of the largest angle by which a triangle may turn
 BIAS = 1e-6       # of an edge's length to the fourth: among equal errors, short edges go first
 
 
@@ -28,15 +28,15 @@ def simplify(points: np.ndarray, faces: np.ndarray, target_count: int) -> tuple[
         progress.report((begin - len(faces)) / (begin - target_count))
         edges = _edges(faces)
         count = (max(int(SHARE * excess), min(FEW, excess)) + 1) // 2
-        kept, gone, place = _collapsible(points, faces, quadrics, edges, count, cheap, random)
-        if len(kept) < count / 4:
-            if cheap * count > len(edges) and len(kept) == 0:
+        staying, removed, place = _collapsible(points, faces, quadrics, edges, count, cheap, random)
+        if len(staying) < count / 4:
+            if cheap * count > len(edges) and len(staying) == 0:
                 break
             cheap *= 2
-        quadrics[kept] += quadrics[gone]
-        points[kept] = place
+        quadrics[staying] += quadrics[removed]
+        points[staying] = place
         names = np.arange(len(points))
-        names[gone] = kept
+        names[removed] = staying
         faces = names[faces]
         faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     used, faces = np.unique(faces, return_inverse=True)
@@ -62,10 +62,10 @@ def _quadrics(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 def _collapsible(points: np.ndarray, faces: np.ndarray, quadrics: np.ndarray, edges: np.ndarray, count: int,
                  cheap: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """At most `count` of the cheapest `cheap` times as many edges, that can be collapsed together.
+    """At most `count` edges, of the cheapest `cheap` times as many, that can be collapsed together.
 
-    Returns (k,) points that stay, (k,) that go, (k, 3) new places. Which of neighbours it is, is random: errors change
-    so smoothly that few edges are cheaper than all around them.
+    Returns (k,) points that stay, (k,) that are removed, and (k, 3) new positions of the former. Among neighbours the
+    choice is random: errors change so smoothly that few edges are cheaper than all around them.
     """
     place, error = _best_places(points, quadrics, edges)
     error += BIAS * np.square(np.square(points[edges[:, 0]] - points[edges[:, 1]]).sum(axis=1))
@@ -88,7 +88,7 @@ def _collapsible(points: np.ndarray, faces: np.ndarray, quadrics: np.ndarray, ed
     of, ring = around[rows], faces[rows]
     has = ring[:, :, None] == edges[of][:, None, :]  # (r, 3, 2): the corner is this end of the edge
     free[_pinched(of, ring, has, len(points))] = False
-    one = has.any(axis=2).sum(axis=1) == 1  # those with both ends go
+    one = has.any(axis=2).sum(axis=1) == 1  # triangles with both ends are removed
     cosine = (meshes.face_normals(points[ring[one]]) * meshes.face_normals(moved[ring[one]])).sum(axis=1)
     free[of[one][cosine < TURNED]] = False
     chosen = np.flatnonzero(free)[:count]
@@ -107,7 +107,7 @@ def _pinched(of: np.ndarray, ring: np.ndarray, has: np.ndarray, count: int) -> n
 
 
 def _best_places(points: np.ndarray, quadrics: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(e, 3) where the point is best that replaces each edge, and (e,) the squared distances from its planes there."""
+    """(e, 3) best positions of the points that replace edges, and (e,) squared distances from their planes there."""
     quadric = quadrics[edges].sum(axis=1)
     a, b, c = points[edges[:, 0]], points[edges[:, 1]], (points[edges[:, 0]] + points[edges[:, 1]]) / 2
     xx, xy, xz, xw, yy, yz, yw, zz, zw, _ = quadric.T

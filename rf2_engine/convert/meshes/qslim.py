@@ -15,7 +15,7 @@ FINE, COARSE = 64, 8    # and one that QSlim leaves STUCK times too fine, of 1 /
 STUCK = 1.05
 UNIT = 2.0              # the new edges, for QSlim
 WHOLE = 200_000         # faces at most at one go, and before what is left of blocks is simplified together,
-ROUGH = 4               # so many times as many as wanted
+ROUGH = 4               # times the target, to which the first pass simplifies
 FAST, DENSE = 30_000, 2.0  # without the package: more faces than these are merged by so many cubes to a new edge
 
 

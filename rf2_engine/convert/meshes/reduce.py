@@ -16,7 +16,7 @@ from .sampling import thin_pieces
 
 COARSEST = 8            # no mesh is simplified further, unless it has fewer triangles to begin with
 KEPT_WHOLE = 64         # a mesh this small keeps all its triangles as long as the budget allows
-SEAMS = 0.1             # of the edges at most are kept for where UVs are cut
+SEAMS = 0.1             # largest share of the edges at UV seams that is preserved
 
 
 def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
@@ -38,9 +38,9 @@ def simplify(mesh: TriangleMesh, target: int, lens=None) -> TriangleMesh:
     with progress.part(0.15, 0.3):
         surface = NearestTriangles(points, faces)
     progress.report(0.3)
-    as_seen = points if lens is None else lens.enter(points)
+    apparent = points if lens is None else lens.enter(points)
     with progress.part(0.35, 0.6):
-        corners = reduce_points(as_seen, faces, target)
+        corners = reduce_points(apparent, faces, target)
     progress.report(0.6)
     if lens is not None:
         corners = lens.leave(corners)
@@ -73,8 +73,8 @@ def weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_fins(points: np.ndarray, faces: np.ndarray, mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points and faces with an upright triangle on every edge where the mesh or a material ends or UVs are cut; the
-    face of each.
+    """Points and faces with an upright triangle on every edge where the mesh or a material ends or UVs are cut, and
+    (n,) the faces that these belong to.
 
     QSlim alone sees no error in cutting the corners off a flat wall; fins keep such edges in place.
     """

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ....model import progress
-from ....model.cells import cell_index, facing_side, group_key, groups_of
+from ....model.clusters import cell_index, facing_side, group_key, groups_of
 from ....model.geometry import area_vectors, quartered, unit
 from ....model.rays import Rays
 from ..data import mesh as meshes
@@ -15,20 +15,20 @@ from ..data.mesh import TriangleMesh
 from .nearest import NearestTriangles
 from .reduce import weld
 
-FACING = 0.3     # cosine between a triangle and the token before or behind it from which on that stands for it
-REACH = 0.05     # of the extent of the mesh, up to which that token may be away
-LARGER = 1.5     # times its token's longest edge, from which on a triangle with a texture is quartered
-ROUNDS = 6       # that it is, at most
-MOST = 1 << 16   # triangles more by that, about
-MANY = 100_000   # triangles up to which each is looked up
+FACING = 0.3     # least cosine between the normals of a triangle and of the token that stands for it
+REACH = 0.05     # extents of the mesh: largest distance between them
+LARGER = 1.5     # longest edges of its token, from which on a triangle with a texture is quartered
+ROUNDS = 6       # of quartering, at most
+MOST = 1 << 16   # triangles that quartering adds, about
+MANY = 100_000   # triangles; of more, those in one cell share a search
 CELLS = 64       # in the area of a token
-BEFORE = 1e-5    # of the extent of the mesh, that a ray starts before its triangle, on which its token may lie
+BEFORE = 1e-5    # extents of the mesh: a ray starts so far before its triangle, because its token may lie on it
 
 
 def represent(mesh: TriangleMesh, tokens: TriangleMesh, is_textured: bool) -> tuple[TriangleMesh, np.ndarray]:
-    """The mesh, and the row (n,) i32 of the token that stands for each of its triangles.
+    """The mesh, and (n,) i32 rows of the tokens that stand for its triangles.
 
-    With a texture triangles are quartered until none is much larger than its token, whose tile holds the texture.
+    Textured triangles are quartered until none is much larger than its token, whose tile holds the texture.
     """
     token, longest = _nearest(mesh, tokens), meshes.longest_edges(tokens.corners)
     for _ in range(ROUNDS if is_textured else 0):
@@ -53,9 +53,9 @@ def _nearest(mesh: TriangleMesh, tokens: TriangleMesh) -> np.ndarray:
 
 
 def _nearest_triangles(corners: np.ndarray, tokens: np.ndarray) -> np.ndarray:
-    """(n,) the token that a ray from the middle of each triangle meets, before it or behind it, else the nearest.
+    """(n,) tokens that rays along the normals of triangles hit, from their middles to both sides, else the nearest.
 
-    Of MANY triangles, those in one cell that face alike have the same one.
+    Of more than MANY triangles, those in one cell with similar normals share a token.
     """
     middle, vector = meshes.middles(corners), area_vectors(corners)
     if len(corners) <= MANY:
@@ -66,20 +66,20 @@ def _nearest_triangles(corners: np.ndarray, tokens: np.ndarray) -> np.ndarray:
 
 
 def _met_or_nearest(middle: np.ndarray, normal: np.ndarray, tokens: np.ndarray) -> np.ndarray:
-    """The same for triangles with these middles and unit normals (n, 3)."""
+    """`_nearest_triangles` of triangles with these middles and unit normals (n, 3)."""
     progress.report()
     origin = tokens.reshape(-1, 3).mean(axis=0)
     extent = float(np.linalg.norm(np.ptp(tokens.reshape(-1, 3), axis=0)))
     reach, start = REACH * extent, BEFORE * extent
     facing, rays = meshes.face_normals(tokens), Rays(tokens - origin)
-    best, found = np.full(len(middle), reach), np.full(len(middle), -1)
+    best, nearest = np.full(len(middle), reach), np.full(len(middle), -1)
     for side in (1, -1):
         progress.report()
         hits = rays.closest(middle - origin - start * side * normal, side * normal)
         fits = (hits.triangle >= 0) & (hits.distance < best)
         fits &= np.einsum("nc,nc->n", facing[hits.triangle], normal) > FACING
-        best[fits], found[fits] = hits.distance[fits], hits.triangle[fits]
-    missed = np.flatnonzero(found < 0)
+        best[fits], nearest[fits] = hits.distance[fits], hits.triangle[fits]
+    missed = np.flatnonzero(nearest < 0)
     if len(missed):
-        found[missed] = NearestTriangles(*weld(tokens)).nearest(middle[missed].astype(np.float64))
-    return found
+        nearest[missed] = NearestTriangles(*weld(tokens)).nearest(middle[missed].astype(np.float64))
+    return nearest

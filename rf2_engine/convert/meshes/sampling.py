@@ -15,7 +15,7 @@ from ....model.geometry import connected
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
 
-LARGEST = 0.1   # size of an enlarged one at most, as a fraction of the extent of all
+LARGEST = 0.1   # size of an enlarged item at most, as a fraction of the extent of all
 CELLS = 1 << 10  # along each axis, for the order in which items are visited
 LEAST = 4       # triangles for each piece that has as many
 SHARE = 0.8     # of the target is for pieces; the rest goes where the surface is curved
@@ -26,9 +26,9 @@ def keep_sample(area: np.ndarray, budget: float, *, cost: np.ndarray | None = No
                 sizes: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Choose some of p items by their areas (p,), so that their costs (p,) sum up to about the budget.
 
-    Returns (p,) bool which are kept, and (p,) the factor on their length and width that preserves the total area.
+    Returns (p,) bool, the sample, and (p,) factors on length and width that preserve the total area.
 
-    cost: None = 1 each. positions: (p, 3); None = each is near the next. sizes: (p,), where growth has a limit.
+    cost: None = 1 for all. positions: (p, 3); None = neighbours follow each other. sizes: (p,), if growth is limited.
     """
     cost = np.ones(len(area)) if cost is None else cost
     chance = _chances(area, cost, budget)
@@ -83,9 +83,9 @@ def thin_pieces(mesh: TriangleMesh, points: np.ndarray, faces: np.ndarray, targe
         return mesh
     progress.report()
     corners = mesh.corners.astype(np.float64)
-    as_seen = corners if lens is None else lens.enter(corners.reshape(-1, 3)).reshape(corners.shape)
+    apparent = corners if lens is None else lens.enter(corners.reshape(-1, 3)).reshape(corners.shape)
     low, high = _boxes(piece, corners)
-    area = np.bincount(piece, meshes.areas(as_seen))
+    area = np.bincount(piece, meshes.areas(apparent))
     middle = (low + high) / 2
     is_kept, growth = keep_sample(area, SHARE * target, cost=cost, positions=middle, sizes=(high - low).max(axis=1))
     if area[~is_kept].sum() < MISSED * area.sum():

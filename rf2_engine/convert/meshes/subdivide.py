@@ -11,18 +11,20 @@ from ..data.mesh import TriangleMesh
 
 
 def subdivide(corners: np.ndarray, cost: np.ndarray, max_edge: float, budget: int,
-              warp=lambda points: points, looks=None) -> tuple[np.ndarray, np.ndarray]:
+              warp=lambda points: points, apparent_sizes=None) -> tuple[np.ndarray, np.ndarray]:
     """Bisect the longest edges, largest triangles first, until none is above `max_edge` or `budget` is used up.
 
     corners: (n, 3, 3); cost: (n,) int, tokens that one more piece of the triangle takes (0 = must stay whole);
     budget: tokens that may be added. Edges are measured in units of `max_edge` after `warp` of their ends, or where
-    that gives more by `looks`: of weights (m, 3, 3) and parents (m,), as returned, how large (m,) pieces look.
-    Returns parent (m,) i64, the triangle each piece came from, and weights (m, 3, 3) f32, [piece, corner, parent
+    is larger by `apparent_sizes`: of weights (m, 3, 3) and parents (m,), as returned, how large (m,) pieces appear.
+    Returns parent (m,) i64, the triangle that a piece is cut from, and weights (m, 3, 3) f32, [piece, corner, parent
     corner], the barycentric coordinates of its corners; the pieces of a triangle cover it exactly.
     """
     def sizes(weights: np.ndarray, parent: np.ndarray) -> np.ndarray:
         size = meshes.longest_edges(warp(weights @ corners[parent]))
-        return np.where(cost[parent] > 0, size if looks is None else np.maximum(size, looks(weights, parent)), 0)
+        if apparent_sizes is not None:
+            size = np.maximum(size, apparent_sizes(weights, parent))
+        return np.where(cost[parent] > 0, size, 0)
 
     parent = np.arange(len(corners))
     weights = np.tile(np.eye(3, dtype=np.float32), (len(corners), 1, 1))
@@ -44,7 +46,7 @@ def subdivide(corners: np.ndarray, cost: np.ndarray, max_edge: float, budget: in
 
 
 def pieces(mesh: TriangleMesh, parent: np.ndarray, weights: np.ndarray) -> TriangleMesh:
-    """The triangles of `mesh` cut into the pieces that `subdivide` found."""
+    """The triangles of `mesh` cut into pieces, from what `subdivide` returns."""
     parents = mesh.take(parent)
     cut = parents.mapped(lambda layer: weights @ layer)
     return replace(cut, normals=meshes.unit_or(cut.normals, parents.normals))

@@ -22,7 +22,7 @@ def coordinate(n: NodeCall):
     if direction is not None:
         if name not in WORLD_COORDINATES:
             n.approximated(f'coordinate "{name}" is evaluated as Generated')
-        return direction if name != "Object" or n.node.object is None else _seen_from(n.node.object, direction)
+        return direction if name != "Object" or n.node.object is None else _in_frame(n.node.object, direction)
     if n.node.from_instancer and name in ("Generated", "UV"):
         instance = n.instance()
         return np.float32(instance.generated) / 2 - 0.5 if name == "Generated" else np.float32((*instance.uv, 0))
@@ -33,12 +33,12 @@ def coordinate(n: NodeCall):
     if name == "Normal":
         return points.normal
     if name == "Object":
-        return points.position if n.node.object is None else _seen_from(n.node.object, world_position(n))
+        return points.position if n.node.object is None else _in_frame(n.node.object, world_position(n))
     raise DependsOnView(f'coordinate "{name}" depends on the view')
 
 
-def _seen_from(frame: Frame, points: np.ndarray) -> np.ndarray:
-    """World points (..., 3) in the frame of an object. Cycles takes a direction of the world for a point, too."""
+def _in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
+    """World points (..., 3) in the frame of an object. Cycles treats a direction of the world as a point, too."""
     return points @ frame.from_world[:3, :3].T + frame.from_world[:3, 3]
 
 

@@ -21,8 +21,8 @@ from .normal_map import UP, bent_normals
 from .points import surface_points
 
 CHUNK = 1 << 13       # pixels evaluated at once
-MOST = 256            # materials of a picture; others, which fill the least of it, are read from tiles
-TILED = -1            # in place of a group: the tile of the token is exact
+MOST = 256            # materials in a picture that are evaluated; those that fill least of it are read from tiles
+TILED = -1            # instead of a group, where the tile of the token is exact
 FINITE = 1e4          # radiance that a pixel shows at most where a node divides by 0
 BY_PIXEL = "ShaderNodeTexImage", "ShaderNodeTexChecker"  # nodes that need the size of a pixel
 DEFAULT = constant_tile()[PARAMETERS, 0, 0].astype(np.float32)
@@ -38,7 +38,7 @@ class _Group:
 
 
 class HitMaterials:
-    """Where the rows of a scene's geometry come from, and what is seen there (model/first_hits/at_pixels.py).
+    """The materials of a scene's geometry, which `at` evaluates (the protocol of model/first_hits/at_pixels.py).
 
     Materials that are the same all over need no evaluation: the tiles of their tokens are exact.
     """
@@ -81,9 +81,9 @@ class HitMaterials:
 
     def at(self, triangle: np.ndarray, weights: np.ndarray, normal: np.ndarray,
            steps: Callable[[np.ndarray], np.ndarray]) -> Appearance:
-        """What is seen at points; see Materials."""
+        """The appearance of points; see Materials."""
         group, on_mesh = (self._joined(name)[triangle] for name in ("_group_of_rows", "_triangle_of_rows"))
-        corners, seen = self.geometry.triangles, Appearance.empty(normal)
+        corners, result = self.geometry.triangles, Appearance.empty(normal)
         order = np.argsort(group, kind="stable")
         kinds, first, count = np.unique(group[order], return_index=True, return_counts=True)
         pieces = [(kinds[i], order[begin:min(begin + CHUNK, first[i] + count[i])])
@@ -93,11 +93,11 @@ class HitMaterials:
         def evaluate(number: int, rows: np.ndarray) -> None:
             part = _evaluated(self._groups[number], on_mesh[rows], weights[rows], normal[rows],
                               corners[triangle[rows]], lambda: steps(rows))
-            for whole, values in zip(seen, part, strict=True):
+            for whole, values in zip(result, part, strict=True):
                 whole[rows] = values
 
         spread(evaluate, pieces)
-        return seen
+        return result
 
     def _joined(self, name: str) -> np.ndarray:
         arrays = getattr(self, name)
@@ -108,7 +108,7 @@ class HitMaterials:
 
 def _evaluated(group: _Group, on_mesh: np.ndarray, weights: np.ndarray, normal: np.ndarray, corners: np.ndarray,
                find_steps: Callable[[], np.ndarray]) -> Appearance:
-    """What is seen on triangles (P,) of the mesh of a group, whose corners in the world are (P, 3, 3)."""
+    """The appearance of points on triangles (P,) of the mesh of a group, whose corners in the world are (P, 3, 3)."""
     is_known = np.ones(len(on_mesh), bool)
     if group.material is None:
         return Appearance(is_known, np.tile(DEFAULT, (len(on_mesh), 1)), np.zeros_like(normal), normal)

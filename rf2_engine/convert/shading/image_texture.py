@@ -44,7 +44,7 @@ def _look_up(n: NodeCall, uv: np.ndarray) -> np.ndarray:
 
 
 def _shown(n: NodeCall, uv: np.ndarray) -> np.ndarray:
-    """Those of coordinates (..., 2+) whose texels are read."""
+    """The coordinates among (..., 2+) at which texels are read."""
     return uv[:, :1, :1] if n.points.first_alone and uv.ndim == 4 else uv
 
 

@@ -8,7 +8,7 @@ from ..data.arrays import join
 from .node_call import NodeCall
 from .noise.hashing import LARGEST, jenkins
 
-LIT = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0, "Ray Depth": 1.0, "Diffuse Depth": 1.0, "Ray Length": 1.0}
+LIGHTING_RAY = dict.fromkeys(("Is Diffuse Ray", "Is Reflection Ray", "Ray Depth", "Diffuse Depth", "Ray Length"), 1.0)
 
 
 def rgb(n: NodeCall):
@@ -24,7 +24,7 @@ def light_path(n: NodeCall):
     n.evaluator.depends_on_ray = True
     if n.points.camera_ray:
         return np.array([n.output.name == "Is Camera Ray"], np.float32)
-    return np.array([LIT.get(n.output.name, 0.0)], np.float32)
+    return np.array([LIGHTING_RAY.get(n.output.name, 0.0)], np.float32)
 
 
 def fresnel(n: NodeCall):

@@ -23,7 +23,7 @@ class LampPoints:
 
     @property
     def normal(self) -> np.ndarray:
-        """Of the surface; that of a ball is the direction."""
+        """The normal of the lamp's surface; of a ball, the direction."""
         return self.direction if self.surface is None else np.float32((0, 0, -1))
 
 

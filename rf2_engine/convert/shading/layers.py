@@ -6,11 +6,11 @@ import numpy as np
 
 from ..data.arrays import mix_values
 
-# Share of light from all sides that sheen of weight 1 turns back, measured in Cycles on a white-lit sphere.
+# Albedo of sheen of weight 1 under uniform white light, measured in Cycles on a sphere.
 SHEEN_ROUGHNESS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 SHEEN = (0.0, 0.0, 0.006, 0.022, 0.104, 0.230, 0.438)
 WAVELENGTHS = (630.0, 532.0, 465.0)  # nm, where red, green and blue are
-STRONGEST = 0.9  # amplitude of reflection that is not exceeded
+STRONGEST = 0.9  # largest amplitude of reflection
 
 
 def normal_reflectance(ior) -> np.ndarray:
@@ -18,9 +18,9 @@ def normal_reflectance(ior) -> np.ndarray:
 
 
 def under_film(reflectance, thickness, ior) -> np.ndarray:
-    """Reflectance seen from straight above of what reflects `reflectance`, below a film of a thickness in nm.
+    """Reflectance at normal incidence of a surface of such a `reflectance` under a thin film, `thickness` in nm.
 
-    The mean over three wavelengths (Airy 1833): what it tints is left out.
+    The mean over three wavelengths (Airy 1833), without the film's tint.
     """
     below = (1 + np.sqrt(np.clip(reflectance, 0, STRONGEST))) / (1 - np.sqrt(np.clip(reflectance, 0, STRONGEST)))
     front, back = (1 - ior) / (1 + ior), (ior - below) / (ior + below)
@@ -32,9 +32,9 @@ def under_film(reflectance, thickness, ior) -> np.ndarray:
 
 
 def effective_ior(ior, level, coat=0.0, film=(0.0, 1.33)) -> np.ndarray:
-    """Index that reflects at Specular IOR Level 1 like `ior` at `level` (docs/scene-input.md 3.2).
+    """IOR that at Specular IOR Level 1 reflects as much as `ior` at `level` (docs/scene-input.md 3.2).
 
-    coat: reflectance of a layer above, which reflects before. film: thickness in nm and index of the one between.
+    coat: reflectance of the layer above. film: thickness in nm and IOR of the film between.
     """
     reflectance = under_film(2 * np.maximum(level, 0) * normal_reflectance(ior), *film)
     amplitude = np.minimum(np.sqrt((1 - (1 - coat) * (1 - reflectance)) / 2), STRONGEST)
@@ -42,10 +42,10 @@ def effective_ior(ior, level, coat=0.0, film=(0.0, 1.33)) -> np.ndarray:
 
 
 def shared_roughness(below, gloss, above, coat) -> np.ndarray:
-    """Of a surface of roughness `below` under a coat of roughness `above`, weighted by what each reflects."""
+    """Roughness of a surface (`below`) under a coat (`above`): their mean, weighted by the reflectances of both."""
     return (gloss * below + coat * above) / np.maximum(gloss + coat, 1e-6)
 
 
 def under_sheen(color, weight, roughness, tint) -> np.ndarray:
-    """Base colour (..., 3) with what sheen adds, less what it keeps from it."""
+    """Base colour (..., 3) with the light that sheen reflects, and without the light that it absorbs."""
     return mix_values(color, tint, weight * np.interp(roughness, SHEEN_ROUGHNESS, SHEEN))

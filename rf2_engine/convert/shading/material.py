@@ -149,7 +149,7 @@ class MaterialTiles:
                  ) -> tuple[SurfaceParameters, np.ndarray]:
         """The surface and its height, in the units of a tile, at these points.
 
-        Light is that which falls on the scene, which may be other than what the camera sees: is_seen asks for that.
+        Emission is that which lights the scene, or with `is_seen` that which the camera sees.
         """
         tree = material.node_tree
         if tree is None:

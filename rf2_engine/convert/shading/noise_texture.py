@@ -36,7 +36,7 @@ def noise_texture(n: NodeCall):
 
 
 def white_noise(n: NodeCall):
-    """Of its input as it is: without a link the input is not coordinates."""
+    """White Noise hashes its input, which without a link is the socket's value, not coordinates."""
     dimensions = n.node.noise_dimensions
     parts = [] if dimensions == "1D" else [n["Vector"][..., :2 if dimensions == "2D" else 3]]
     parts += [n["W"]] if dimensions in ("1D", "4D") else []

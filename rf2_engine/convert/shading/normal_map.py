@@ -90,7 +90,7 @@ def bend_normal(n: NodeCall, base: np.ndarray, height: np.ndarray, distance=1.0,
 
 
 def _inverse(matrices: np.ndarray) -> np.ndarray:
-    """Of (m, 2, 2); 0 where there is none."""
+    """Inverses of (m, 2, 2) matrices; 0 for singular ones."""
     (a, b), (c, d) = np.moveaxis(matrices, 0, -1)
     determinant = a * d - b * c
     return divide_safely(np.stack([d, -b, -c, a], axis=-1), determinant[:, None]).reshape(-1, 2, 2)

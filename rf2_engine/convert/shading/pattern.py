@@ -24,7 +24,7 @@ def checker(n: NodeCall):
 
 
 def _mean_of_stripes(x, width):
-    """Of 1 and -1 in turn from one whole number to the next, over a width around x."""
+    """Mean over a width around x of stripes of 1 and -1 between whole numbers."""
     is_fine = width > FINE
     width = np.where(is_fine, width, 1)
     ends = (1 - np.abs((x + side * width / 2) % 2 - 1) for side in (1, -1))  # of the integral

@@ -19,7 +19,7 @@ from .lamp_nodes import LampPoints
 class Points:
     """Surfaces fill most of it, the world `direction` alone, lamps `lamp` alone.
 
-    On surfaces there are r x c points for each of m triangles: the 32 x 32 texels of their tiles, or those of a much
+    On surfaces there are r x c points on every one of m triangles: the 32 x 32 texels of tiles, or those of a much
     smaller tile around a pixel.
     """
 
@@ -36,7 +36,7 @@ class Points:
     is_displaced: bool = False                                   # displacement is in the corners already
     camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
     weights: np.ndarray | None = None                            # (m, r, c, 3) f32 of corners; None: texels of tiles
-    first_alone: bool = False                                    # the other points only tell how fine the first one is
+    first_alone: bool = False                                    # the other points only give the first one's footprint
 
     @cached_property
     def position(self) -> np.ndarray:

@@ -14,10 +14,10 @@ from .material import MaterialTiles
 
 
 def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
-                      at_hits: HitMaterials | None = None) -> RenderScene:
+                      hit_materials: HitMaterials | None = None) -> RenderScene:
     """Surfaces and mesh emitters in world space; instances share the tiles that do not depend on the instance.
 
-    at_hits: is told where the rows of the geometry come from.
+    hit_materials: records the mesh and instance of all rows of the geometry.
     """
     rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
     geometry: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "token": []}
@@ -33,8 +33,8 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
                     row = np.where(is_kept, count + np.cumsum(is_kept) - 1, -1).astype(np.int32)
                     for real, is_real in _real_surfaces(part, instance, tokens, row):
                         _add(geometry, real)
-                        if at_hits is not None:
-                            at_hits.add(part, instance, materials, is_real)
+                        if hit_materials is not None:
+                            hit_materials.add(part, instance, materials, is_real)
                     count += np.count_nonzero(is_kept)
     scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes)
     for name, values in rows.items():
@@ -71,7 +71,7 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
 
 
 def _is_usable(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) bool each: triangles that are not too far away, and those that have an area."""
+    """(n,) bool and (n,) bool: triangles that are not too far away, and those that have an area."""
     return meshes.within_reach(corners), meshes.has_area(corners)
 
 

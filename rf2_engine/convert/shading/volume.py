@@ -79,7 +79,7 @@ def volume_coefficients(material, report, points: VolumePoints | None = None,
 
 
 def find_grid_names(material) -> list[str]:
-    """Of the grids that its Volume shader reads."""
+    """Names of the grids that the Volume shader of a material reads."""
     names = {}
     points = volume_points(np.zeros((1, 3)), np.float32([(0, 0, 0), (1, 1, 1)]), Instance(),
                            lambda name: names.setdefault(name))

@@ -207,7 +207,7 @@ def test_an_index_that_is_not_there_is_said_in_one_line(index, target, capfd):
 def test_a_full_disk_promises_what_is_kept():
     code = ("import errno, sys; sys.path.append(sys.argv[1]); import package_worker as worker, pip_download;"
             "from wheels import Wheel; wheel = Wheel('tiny', '1', (), 1, 1);"
-            "print(worker.explain_disk('/x', OSError(errno.ENOSPC, ''), worker.KEPT));"
+            "print(worker.explain_disk('/x', OSError(errno.ENOSPC, ''), worker.REPEATABLE));"
             "print(pip_download.explain_failure(wheel, 'ERROR: No space left'))")
     done = subprocess.run([sys.executable, "-c", code, SETUP], capture_output=True, text=True, check=True)
     for line in done.stdout.splitlines():

@@ -161,6 +161,6 @@ def random_panorama(rng: np.random.Generator) -> np.ndarray:
 
 
 def _sky_radiance(elevation: float, air: float, has_disc: bool) -> float:
-    """Of a Sky Texture, the mean over all directions, about; elevation of its sun in degrees."""
+    """Mean radiance of a Sky Texture over all directions, about; elevation: of its sun, degrees."""
     rows = SKIES + DISCS if has_disc else SKIES
     return float(np.interp(air, AIR, [np.interp(elevation, ELEVATIONS, row) for row in rows]))

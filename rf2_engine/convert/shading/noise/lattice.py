@@ -13,7 +13,7 @@ class Lattice:
     """Values of a function around cells. Where the cells lie close together, each lattice point is computed once."""
 
     def __init__(self, function, cell: np.ndarray, low: int, high: int):
-        """function: (d, ...) integers -> (c, ...). cell: (d, m). low, high: offsets that will be asked for."""
+        """function: (d, ...) integers -> (c, ...). cell: (d, m). low, high: of the offsets."""
         self.function, self.cell = function, cell
         first = cell.min(axis=1) + low
         self.extent = cell.max(axis=1) + high + 1 - first

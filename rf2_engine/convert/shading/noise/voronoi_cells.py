@@ -12,7 +12,7 @@ from .hashing import hash_color, hash_floats, hash_point, pcg
 from .lattice import Lattice
 
 FAR = np.float32(3e38)
-FARTHEST = 2                    # cells away from the own one that can be asked for
+FARTHEST = 2                    # cells between a position and the farthest neighbours that `smooth` reads
 LEAST_WIDTH = np.float32(1e-9)
 SAME_POINT = np.float32(1e-4)   # squared distance of points that share no edge
 METRICS = {
@@ -45,7 +45,7 @@ class Cells:
         return Lattice(partial(colored, uses_pcg=self.uses_pcg), self.index, -FARTHEST, FARTHEST)
 
     def offsets(self, reach: int = 1) -> np.ndarray:
-        """(k, d) of the neighbours, x fastest."""
+        """(k, d) offsets of the neighbours, x fastest."""
         side = 2 * reach + 1
         return np.indices([side] * len(self.at)).reshape(len(self.at), -1).T[:, ::-1] - reach
 
@@ -90,7 +90,7 @@ def nearest(cells: Cells, rank: int):
 
 
 def smooth(cells: Cells, smoothness: np.ndarray, only_distance: bool = False):
-    """As `nearest` of rank 0, blended over a width (m,); colour and position are 0 where they are not wanted."""
+    """As `nearest` of rank 0, blended over a width (m,); with `only_distance` colour and position are 0."""
     distance, others = None, (np.zeros((3, 1), np.float32), np.zeros((len(cells.at), 1), np.float32))
     smoothness = np.maximum(smoothness, LEAST_WIDTH)
     for offset in cells.offsets(FARTHEST):

@@ -8,7 +8,7 @@ from bl_ext.user_default.renderformer_v2.model.camera import view_rays, visible_
 from bl_ext.user_default.renderformer_v2.model.errors import SceneError
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.camera.camera import convert_camera
 from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.apparent_size import measure_apparent_size
-from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.visible import Hits
+from bl_ext.user_default.renderformer_v2.rf2_engine.convert.fitting.visible import VisiblePoints
 
 from tests.rf2_engine.f12 import cube
 from tests.rf2_engine.still_life import with_cycles
@@ -88,11 +88,11 @@ def test_what_sees_all_around_has_nothing_behind_it_and_a_fisheye_has(inside):
     corners = np.array([place + triangle for place in around])
     data.panorama_type = "EQUIRECTANGULAR"
     whole = view_of(inside)
-    assert measure_apparent_size(whole, Hits(corners[:, 0], np.zeros(6, int))).is_inside(corners).all()
+    assert measure_apparent_size(whole, VisiblePoints(corners[:, 0], np.zeros(6, int))).is_inside(corners).all()
     data.panorama_type, data.fisheye_fov = "FISHEYE_EQUIDISTANT", 3
     half = view_of(inside)
     ahead = (corners[:, 0] - half.camera_to_world[:3, 3]) @ -half.camera_to_world[:3, 2] > 0
-    seen = measure_apparent_size(half, Hits(corners[:, 0], np.zeros(6, int))).is_inside(corners)
+    seen = measure_apparent_size(half, VisiblePoints(corners[:, 0], np.zeros(6, int))).is_inside(corners)
     assert seen[ahead].all() and not seen.all()
 
 

@@ -150,10 +150,11 @@ def seen(tmp_path_factory):
     bpy.context.view_layer.update()
     passes = cycles_passes(scene, tmp_path_factory.mktemp("passes"))
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    view, report, at_hits = convert_camera(depsgraph, SIDE * CELL, SIDE * CELL, None), Report(), HitMaterials()
-    converted = compute(copy(depsgraph, report), view, ConversionOptions(BUDGET, 1.0), report, at_hits=at_hits)
+    view, report, hit_materials = convert_camera(depsgraph, SIDE * CELL, SIDE * CELL, None), Report(), HitMaterials()
+    converted = compute(copy(depsgraph, report), view, ConversionOptions(BUDGET, 1.0), report,
+                        hit_materials=hit_materials)
     assert len(converted) <= BUDGET < len(converted.surfaces)
-    return {positions: cast_guides(converted, view, positions, at_hits) for positions in (SPREAD, CENTER)}, passes
+    return {positions: cast_guides(converted, view, positions, hit_materials) for positions in (SPREAD, CENTER)}, passes
 
 
 NAMES = {"DiffCol": ("DiffCol", "Diffuse Color"), "Normal": "Normal"}  # the second from Blender 5.0 on
