@@ -13,28 +13,56 @@ from .scene import RenderScene
 from .surface_kinds import Kind, is_kind, token_kinds
 
 NAME = "scene_rays"  # under which a scene keeps its own
+MOST_EDITED = 0.3    # of the triangles of a kind, that have a tree of their own
+
+Tree = tuple[np.ndarray, Rays]  # rows of triangles, i32, and rays against them
+
+
+class TreeCache:
+    """Trees of the surfaces of a scene that is edited again and again.
+
+    Triangles that have changed since the first version get a tree of their own, so while an object of a large scene is
+    dragged only that one's tree is built again.
+    """
+
+    def __init__(self) -> None:
+        self._versions: dict[Kind, tuple[np.ndarray, np.ndarray, list[Tree]]] = {}
+
+    def of(self, kind: Kind, triangles: np.ndarray) -> list[Tree]:
+        """Trees of the triangles (K, 3, 3) of one kind, by their rows."""
+        before, was_edited, trees = self._versions.get(kind, (triangles[:0], np.zeros(0, bool), []))
+        if before.shape == triangles.shape:
+            changed = (before != triangles).any(axis=(1, 2))
+            is_edited = was_edited | changed
+        if before.shape != triangles.shape or np.count_nonzero(is_edited) > MOST_EDITED * len(triangles):
+            changed, is_edited = np.ones(len(triangles), bool), np.zeros(len(triangles), bool)
+        groups = np.flatnonzero(~is_edited), np.flatnonzero(is_edited)
+        trees = [next((tree for tree in trees if np.array_equal(tree[0], rows) and not changed[rows].any()), None)
+                 or (rows, Rays(triangles[rows])) for rows in groups]
+        self._versions[kind] = triangles, is_edited, trees
+        return trees
 
 
 class KindTrees:
     """Rays against the triangles of each kind in a scene, made when first needed."""
 
-    def __init__(self, scene: RenderScene):
-        self._scene = scene
+    def __init__(self, scene: RenderScene, cache: TreeCache | None = None):
+        self._scene, self._cache = scene, cache or TreeCache()
         # Subtracted from all points: the precision of rays depends on it.
         self.center = np.zeros(3, np.float32) if scene.box is None else scene.box.mean(axis=0)
-        self._trees: dict[Kind, tuple[np.ndarray, Rays]] = {}
+        self._trees: dict[Kind, list[Tree]] = {}
 
     @cached_property
     def kinds(self) -> np.ndarray:
         """(G,) i32, the Kind of each triangle of the geometry."""
         return token_kinds(self._scene)[self._scene.surfaces.token]
 
-    def of(self, kind: Kind) -> tuple[np.ndarray, Rays]:
-        """Rows of the triangles of one kind, -1 behind them for no hit, and rays against them."""
+    def of(self, kind: Kind) -> list[Tree]:
+        """Trees of the triangles of one kind, by their rows in the geometry, -1 behind these for no hit."""
         if kind not in self._trees:
             rows = np.flatnonzero(is_kind(self.kinds, kind))
-            self._trees[kind] = (np.append(rows, -1).astype(np.int32),
-                                 Rays(self._scene.surfaces.triangles[rows] - self.center))
+            trees = self._cache.of(kind, self._scene.surfaces.triangles[rows] - self.center)
+            self._trees[kind] = [(np.append(rows[own], -1).astype(np.int32), rays) for own, rays in trees if len(own)]
         return self._trees[kind]
 
 
@@ -56,8 +84,7 @@ class SceneRays:
 
     def among(self, kinds: Kind) -> RaysAmong:
         """Rays that meet some kinds of surfaces alone."""
-        trees = [self.trees.of(kind) for kind in kinds]
-        return RaysAmong(self, [tree for tree in trees if len(tree[0]) > 1])
+        return RaysAmong(self, [tree for kind in kinds for tree in self.trees.of(kind)])
 
 
 @dataclass(frozen=True)
@@ -65,7 +92,7 @@ class RaysAmong:
     """Rays against some kinds of surfaces, with the functions of `Rays`."""
 
     rays: SceneRays
-    trees: list[tuple[np.ndarray, Rays]]
+    trees: list[Tree]
 
     def closest(self, origin: np.ndarray, direction: np.ndarray) -> Hits:
         """The first hits from points (P, 3), or from one point, along directions (P, 3)."""
@@ -95,10 +122,13 @@ class RaysAmong:
         return (points - self.rays.offset) * np.float32(self.rays.factor)
 
 
-def scene_rays(scene: RenderScene) -> SceneRays:
-    """The rays of a scene, which keeps them: it must not change after the first call."""
+def scene_rays(scene: RenderScene, cache: TreeCache | None = None) -> SceneRays:
+    """The rays of a scene, which keeps them: it must not change after the first call.
+
+    cache: of earlier versions of the scene, at the first call.
+    """
     if NAME not in vars(scene):
-        trees = KindTrees(scene)
+        trees = KindTrees(scene, cache)
         vars(scene)[NAME] = SceneRays(trees, trees.center, 1.0)
     return vars(scene)[NAME]
 

@@ -78,7 +78,7 @@ class _Collection:
             mesh, material = surface.mesh, surface.slots[surface.strands_slot]
             emits, textured = self._probe(material, surface.source, mesh, instance) if len(mesh) else (False, False)
             parts = [Part(instance.name, mesh, [material], emits, surface.is_shown, is_textured=textured,
-                          flux_gain=_gain(surface))] if len(mesh) else []
+                          flux_gain=_gain(surface), real=surface.real)] if len(mesh) else []
             self._parts[surface,] = parts, []
             self.collected.parts += parts
         for part in self._parts[surface,][0]:

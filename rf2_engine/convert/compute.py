@@ -10,6 +10,7 @@ import numpy as np
 from ...model import progress, rays
 from ...model.normalize import HALF_EXTENT, Normalization
 from ...model.scene import RenderScene, View
+from ...model.scene_rays import scene_rays
 from .collect import collect
 from .data.cache import ConversionCache
 from .data.collected import CollectedScene
@@ -69,6 +70,7 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     if hit_materials is not None:
         hit_materials.geometry = scene.surfaces
     if cache is not None:
+        scene_rays(scene, cache.trees)
         cache.end()
     return scene
 

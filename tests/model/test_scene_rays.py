@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.scene import IOR, TRANSMISSION, Geometry, RenderScene
-from renderformer_v2.model.scene_rays import scene_rays
+from renderformer_v2.model.scene_rays import TreeCache, scene_rays
 from renderformer_v2.model.surface_kinds import ALL, BENDING, OCCLUDING, REFLECTING, SEEN, SOLID, Kind, token_kinds
 from tests.model.samples import flat, floor_scene
 
@@ -87,3 +88,30 @@ def test_appended_scenes_keep_their_geometry_and_its_tokens():
     assert len(joined.geometry) == 3 + 4 and joined.geometry.token.tolist() == [0, 1, 2, 3, 3, 3, 3]
     with pytest.raises(ValueError, match="geometry.token reaches outside the 1 triangles"):
         replace(coarse, geometry=replace(coarse.geometry, token=np.ones(4, np.int32))).validate()
+
+
+def moved_triangles(scene: RenderScene, rows, by) -> RenderScene:
+    triangles = scene.triangles.copy()
+    triangles[rows] += np.float32(by)
+    return replace(scene, triangles=triangles)
+
+
+def test_trees_of_what_was_not_edited_are_used_again():
+    rng, cache = np.random.default_rng(0), TreeCache()
+    corners = rng.uniform(-1, 1, (400, 1, 3)) + rng.normal(0, 0.1, (400, 3, 3))
+    first = flat(corners.astype(np.float32), (0.5, 0.5, 0.5))
+    versions = [first, moved_triangles(first, slice(20, 60), (0.1, 0, 0)), moved_triangles(first, slice(20, 60), 0.2),
+                moved_triangles(first, slice(30, 400), 0.3)]
+    origin, direction = rng.uniform(-1, 1, (2, 500, 3)).astype(np.float32)
+    trees = []
+    for scene in versions:
+        cached, fresh = scene_rays(replace(scene), cache), scene_rays(scene)
+        assert_array_equal(cached.among(ALL).closest(origin, direction).triangle,
+                           fresh.among(ALL).closest(origin, direction).triangle)
+        assert_array_equal(cached.among(ALL).blocked(origin, direction, 0.5),
+                           fresh.among(ALL).blocked(origin, direction, 0.5))
+        trees.append([rays for _, rays in cached.trees.of(Kind.OPAQUE)])
+    assert [len(each) for each in trees] == [1, 2, 2, 1]
+    assert trees[1][0] is trees[2][0] and trees[1][1] is not trees[2][1]
+    unchanged = scene_rays(replace(versions[3]), cache)
+    assert [rays for _, rays in unchanged.trees.of(Kind.OPAQUE)] == trees[3]

@@ -9,40 +9,52 @@ from ..data.blocks import World
 from ..data.mesh import TriangleMesh
 from ..data.report import Remark, Report
 from .meshes import read_mesh
+from .strands import Strands
 
 
 @dataclass
-class _Mesh:
+class _Entry:
     owner: int  # session_uid of the object that it was read from
-    triangles: TriangleMesh
+    value: TriangleMesh | Strands
     remarks: list[Remark]
 
 
 class MeshCache:
-    """Evaluated meshes by their objects."""
+    """Evaluated meshes, hair and points by their objects."""
 
     def __init__(self) -> None:
-        self._entries: dict[tuple, _Mesh] = {}
+        self._entries: dict[tuple, _Entry] = {}
         self._used: set[tuple] = set()
 
     def of(self, obj, requested: set[str], report) -> TriangleMesh:
         """The mesh of an evaluated object, read unless it is in the cache; arguments as of read_mesh."""
         mesh, owner = obj.data, obj.original.session_uid
         key = owner, mesh.as_pointer(), len(mesh.vertices), len(mesh.loops), obj.name, *sorted(requested)
+        if mesh.is_editmode:  # the lengths above are 0 then
+            self._entries.pop(key, None)
+        return self._get(key, owner, lambda own: _read(obj, own, requested), report)
+
+    def strands_of(self, obj, pointer: int, read: Callable[[Report], Strands], report) -> Strands:
+        """Hair or points of an evaluated object, known by a pointer, which `read` gives unless they are in the cache.
+        """
+        owner = obj.original.session_uid
+        return self._get((owner, pointer, obj.name), owner, read, report)
+
+    def _get(self, key: tuple, owner: int, read: Callable[[Report], TriangleMesh | Strands], report):
         self._used.add(key)
-        if key not in self._entries or mesh.is_editmode:  # the lengths above are 0 then
+        if key not in self._entries:
             own = Report()
-            self._entries[key] = _Mesh(owner, _read(obj, own, requested), own.entries)
+            self._entries[key] = _Entry(owner, read(own), own.entries)
         report.add(self._entries[key].remarks)
-        return self._entries[key].triangles
+        return self._entries[key].value
 
     def drop(self, owners: set[int]) -> None:
-        """Forget the meshes of objects with these session_uids, which have changed."""
-        self._entries = {key: mesh for key, mesh in self._entries.items() if mesh.owner not in owners}
+        """Forget what belongs to objects with these session_uids, which have changed."""
+        self._entries = {key: entry for key, entry in self._entries.items() if entry.owner not in owners}
 
     def drop_unused(self) -> None:
-        """Forget meshes that were not used since the last call."""
-        self._entries = {key: mesh for key, mesh in self._entries.items() if key in self._used}
+        """Forget what was not used since the last call."""
+        self._entries = {key: entry for key, entry in self._entries.items() if key in self._used}
         self._used = set()
 
     def __len__(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -77,7 +78,7 @@ class _Walk:
                 self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data)))
         elif obj.type in STRANDS:
             if obj.type == "POINTCLOUD" or self.layer.use_strand:
-                self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data),
+                self._add_strands(obj, obj.data.as_pointer(), partial(STRANDS[obj.type], obj),
                                   self._copy_instance(instance))
         elif obj.type in DRAWINGS:
             self.report.approximated(obj.name, "it is drawn over the picture: it neither lights the scene nor "
@@ -99,8 +100,8 @@ class _Walk:
     def _add_mesh(self, obj, instance: Instance, mirrored: bool) -> None:
         for system in obj.particle_systems if self.layer.use_strand else ():
             if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-                self._add_strands(obj, system.as_pointer(), lambda s=system: strands.read_particles(obj, s), instance,
-                                  system.settings.material - 1)
+                read = partial(strands.read_particles, obj, system, self.depsgraph.mode == "RENDER")
+                self._add_strands(obj, system.as_pointer(), read, instance, system.settings.material - 1)
         slots, source, is_dark = self._slots(obj), obj.data.as_pointer(), obj.original in self.dark
         key = source, mirrored, obj.visible_camera, is_dark, *slots
         if key not in self._surfaces:
@@ -109,14 +110,13 @@ class _Walk:
         self.copied.objects.append((self._surfaces[key], instance))
 
     def _add_strands(self, obj, pointer: int, read, instance: Instance, slot: int = 0) -> None:
-        """Hair or points, which `read` returns as a mesh, with the material of a slot."""
+        """Hair or points, known by a pointer, which `read` returns as Strands, with the material of a slot."""
         slots, is_dark = self._slots(obj), obj.original in self.dark
         key = pointer, None, obj.visible_camera, is_dark, *slots
         if key not in self._surfaces:
-            self.report.approximated(obj.name, "its hair or points are replaced by fewer and larger ones: their "
-                                               "shadows and reflections are coarse where Cycles does not trace them")
-            self._surfaces[key] = CopiedMesh(pointer, read(), slots, False, obj.visible_camera, is_dark,
-                                             strands_slot=min(slot, len(slots) - 1))
+            hair = self.cache.meshes.strands_of(obj, pointer, read, self.report)
+            self._surfaces[key] = CopiedMesh(pointer, hair.tokens, slots, False, obj.visible_camera, is_dark,
+                                             strands_slot=min(slot, len(slots) - 1), real=hair.real)
         self.copied.objects.append((self._surfaces[key], instance))
 
     def _slots(self, obj) -> list:

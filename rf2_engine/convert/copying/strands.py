@@ -1,84 +1,150 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hair and point clouds as a few triangles: a sample of them, enlarged to cover the same area (sampling.py).
+"""Hair and point clouds as triangles: all of them for rays, a few enlarged ones as tokens (meshes/sampling.py).
 
 They are chosen by their index, so the same ones are kept when they move.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
+from ....model.geometry import quartered, unit
 from ..data import mesh as meshes
 from ..data.mesh import TriangleMesh
 from ..meshes.sampling import keep_sample
 
-TRIANGLES = 1024  # of one object
-KNOTS = 5         # points along a strand
-STRANDS = TRIANGLES // (2 * (KNOTS - 1))
+TOKENS = 1024     # triangles of one object that become tokens
+REAL = 1_000_000  # ... that rays meet
+KNOTS = 5         # points along a strand of tokens
+REAL_KNOTS = 9    # ... that rays meet, at most
 OCTAHEDRON = np.float32([(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)])
 SIDES = np.array([(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)])
+FINER = 2         # times that the sides of an octahedron are quartered, at most
 GOLDEN = 2.399963  # radians, which spread any number of turns
 
 
-def read_curves(curves) -> TriangleMesh:
-    """Ribbons along a `bpy.types.Curves`, in its own frame."""
+class Strands(NamedTuple):
+    """Hair or points of an object, in its own frame."""
+
+    tokens: TriangleMesh  # a sample of them that covers the same area
+    real: TriangleMesh    # what rays meet
+
+
+def read_curves(obj, report) -> Strands:
+    """Strands along the `bpy.types.Curves` of an object."""
+    curves = obj.data
     position, first, size = _points(curves), *(_read(curves.curves, name, 1, np.int32)[:, 0]
                                                for name in ("first_point_index", "points_length"))
+    radius = _radius(curves, 0.005)
     first, size = first[size > 1], size[size > 1]
-    chosen, growth = keep_sample(np.ones(len(first)), STRANDS)
-    first, size, growth = first[chosen, None], size[chosen, None], growth[chosen, None]
-    along = np.linspace(0, 1, KNOTS) * (size - 1)
-    low = np.minimum(along.astype(int), size - 2)
-    part = (along - low)[..., None]
-    knots, radius = (values[first + low] * (1 - part) + values[first + low + 1] * part
-                     for values in (position, _radius(curves, 0.005)))
-    return _ribbons(knots, radius[..., 0] * growth ** 2)
+
+    def knots_of(rows: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        begin, length = first[rows, None], size[rows, None]
+        along = np.linspace(0, 1, count) * (length - 1)
+        low = np.minimum(along.astype(int), length - 2)
+        part = (along - low)[..., None]
+        knots, width = (values[begin + low] * (1 - part) + values[begin + low + 1] * part
+                        for values in (position, radius))
+        return knots, width[..., 0]
+
+    return _strands(obj, len(first), int(size.max(initial=2)), knots_of, report)
 
 
-def read_particles(obj, system) -> TriangleMesh:
-    """Ribbons along the hair of an evaluated particle system of an object, in its frame."""
-    settings, steps = system.settings, 2 ** system.settings.render_step
+def read_particles(obj, system, is_render: bool, report) -> Strands:
+    """The hair of a particle system of an object, evaluated for a render or for a viewport."""
+    settings = system.settings
+    steps = 2 ** (settings.render_step if is_render else settings.display_step)
     count = len(system.child_particles) or len(system.particles)
     parents = len(system.particles) if len(system.child_particles) else 0
-    some, growth = keep_sample(np.ones(count), STRANDS)
-    chosen = np.flatnonzero(some)
-    at = np.linspace(0, steps, KNOTS).astype(int).tolist()
-    knots = np.array([[system.co_hair(obj, particle_no=parents + i, step=step) for step in at]
-                      for i in chosen.tolist()], np.float64).reshape(-1, KNOTS, 3)
     to_object = np.linalg.pinv(np.array(obj.matrix_world, np.float64))
-    radius = np.linspace(settings.root_radius, settings.tip_radius, KNOTS) * settings.radius_scale / 2
-    grown = np.ptp(knots, axis=1).any(axis=1)
-    return _ribbons((knots @ to_object[:3, :3].T + to_object[:3, 3])[grown],
-                    radius * growth[chosen[grown], None] ** 2)
+
+    def knots_of(rows: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        at = np.linspace(0, steps, count).astype(int).tolist()
+        knots = np.array([[system.co_hair(obj, particle_no=parents + i, step=step) for step in at]
+                          for i in rows.tolist()], np.float64).reshape(-1, count, 3)
+        radius = _particle_radius(settings, np.array(at) / steps)
+        return knots @ to_object[:3, :3].T + to_object[:3, 3], np.tile(radius, (len(rows), 1))
+
+    return _strands(obj, count, steps + 1, knots_of, report)
 
 
-def read_point_cloud(cloud) -> TriangleMesh:
-    """Octahedra that replace the balls of a `bpy.types.PointCloud`, in its own frame."""
-    position, radius = _points(cloud), _radius(cloud, 0.05)[:, 0].astype(np.float64)
-    chosen, growth = keep_sample(np.nan_to_num(radius, posinf=0, neginf=0) ** 2, TRIANGLES // len(SIDES))
-    size = (radius * growth)[chosen] * np.sqrt(np.pi / np.sqrt(3))  # an octahedron as large as the ball
-    corners = position[chosen, None, None] + OCTAHEDRON[SIDES] * size[:, None, None, None]
-    normals = np.broadcast_to(OCTAHEDRON[SIDES], corners.shape)
-    return _mesh(corners.reshape(-1, 3, 3), normals.reshape(-1, 3, 3))
+def _particle_radius(settings, along: np.ndarray) -> np.ndarray:
+    """Radius of hair at fractions of its length from root to tip, as Cycles shapes it."""
+    toward_root = (1 - along) ** (1 + settings.shape if settings.shape < 0 else 1 / max(1 - settings.shape, 1e-5))
+    width = settings.tip_radius + (settings.root_radius - settings.tip_radius) * toward_root
+    return np.where(settings.use_close_tip & (along == 1), 0, width) * settings.radius_scale / 2
 
 
-def _ribbons(knots: np.ndarray, radius: np.ndarray) -> TriangleMesh:
-    """Flat strands along (s, KNOTS, 3) knots, turned at random, as wide as tubes of (s, KNOTS) radii on average."""
+def read_point_cloud(obj, report) -> Strands:
+    """Balls of the `bpy.types.PointCloud` of an object: octahedra, with quartered sides where there is room."""
+    position, radius = _points(obj.data), _radius(obj.data, 0.05)[:, 0].astype(np.float64)
+    area = np.nan_to_num(radius, posinf=0, neginf=0) ** 2
+    finer = next((n for n in range(FINER, 0, -1) if len(SIDES) * 4 ** n * len(area) <= REAL), 0)
+
+    def balls(most: int, finer: int) -> TriangleMesh:
+        is_kept, growth = keep_sample(area, most)
+        ball = OCTAHEDRON[SIDES]
+        for _ in range(finer):
+            ball = unit(quartered(ball))
+        size = (radius * growth)[is_kept] * np.sqrt(4 * np.pi / meshes.areas(ball).sum())  # as large as the ball
+        corners = position[is_kept, None, None] + ball * size[:, None, None, None]
+        return _mesh(corners, np.broadcast_to(unit(ball), corners.shape))
+
+    few, many = TOKENS // len(SIDES), REAL // len(SIDES)
+    _report(obj, "points", len(area), few, many, report)
+    return Strands(balls(few, 0), balls(many, finer))
+
+
+def _strands(obj, count: int, longest: int, knots_of: Callable[[np.ndarray, int], tuple[np.ndarray, np.ndarray]],
+             report) -> Strands:
+    """knots_of: positions (s, k, 3) and radii (s, k) of k knots of the strands with indices (s,).
+
+    longest: most points of a strand.
+    """
+    def ribbons(most: int, knots: int, is_crossed: bool) -> TriangleMesh:
+        is_kept, growth = keep_sample(np.ones(count), most)
+        place, radius = knots_of(np.flatnonzero(is_kept), knots)
+        return _ribbons(place, radius * growth[is_kept, None] ** 2, is_crossed)
+
+    knots = min(longest, REAL_KNOTS)
+    few, many = TOKENS // (2 * (KNOTS - 1)), REAL // (4 * (knots - 1))
+    _report(obj, "strands", count, few, many, report)
+    return Strands(ribbons(few, KNOTS, False), ribbons(many, knots, True))
+
+
+def _report(obj, what: str, count: int, few: int, many: int, report) -> None:
+    if count > few:
+        report.approximated(obj.name, f"the network sees {few} of its {count:,} {what}, enlarged; rays meet "
+                                      f"{f'{many:,}' if count > many else 'all'}")
+
+
+def _ribbons(knots: np.ndarray, radius: np.ndarray, is_crossed: bool) -> TriangleMesh:
+    """Of (s, k, 3) knots and (s, k) radii: each turned otherwise, and as wide as a tube looks on average.
+
+    Crossed, two for each strand, which look nearly as wide from all sides.
+    """
     tangent = np.gradient(knots, axis=1)
     turn = np.arange(len(knots)) * GOLDEN
     other = np.stack([np.cos(turn), np.sin(turn), 0.3 + 0 * turn], axis=-1)[:, None]
     side = meshes.unit_or(np.cross(tangent, other), np.float32([1, 0, 0]))
     front = meshes.unit_or(np.cross(side, tangent), np.float32([0, 0, 1]))
+    if is_crossed:  # by Cauchy's formula: the perimeter of the square around a cross is that of the tube
+        knots, radius = np.concatenate([knots] * 2), np.concatenate([radius] * 2) / np.sqrt(2)
+        side, front = np.concatenate([side, front]), np.concatenate([front, -side])
     half = side * (radius * np.pi / 2)[..., None]
     left, right = knots - half, knots + half
     a, b, c, d = left[:, :-1], right[:, :-1], right[:, 1:], left[:, 1:]
     corners = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)], axis=2)
     below, above = front[:, :-1], front[:, 1:]
     normals = np.stack([np.stack([below, below, above], axis=2), np.stack([below, above, above], axis=2)], axis=2)
-    return _mesh(corners.reshape(-1, 3, 3), normals.reshape(-1, 3, 3))
+    return _mesh(corners, normals)
 
 
 def _mesh(corners: np.ndarray, normals: np.ndarray) -> TriangleMesh:
-    corners, normals = corners.astype(np.float32), normals.astype(np.float32)
+    """Of corners and their normals (..., 3, 3), without what has no area."""
+    corners, normals = (x.reshape(-1, 3, 3).astype(np.float32) for x in (corners, normals))
     usable = np.isfinite(corners).all(axis=(1, 2))
     usable[usable] = meshes.has_area(corners[usable])
     space = np.float32([(0, 0, 0), (1, 1, 1)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ....model.scene_rays import TreeCache
 from .report import Remark, Report
 
 
@@ -11,6 +12,7 @@ class ConversionCache:
     """Results by their inputs, with the remarks that were made. What a conversion did not use is forgotten."""
 
     def __init__(self) -> None:
+        self.trees = TreeCache()
         self._entries: dict[tuple, tuple[object, list[Remark]]] = {}
         self._used: dict[tuple, tuple[object, list[Remark]]] = {}
 

@@ -22,6 +22,7 @@ class CopiedMesh:
     is_dark: bool                 # by light linking it lights nothing that is visible
     is_diced: bool = False
     strands_slot: int | None = None  # of hair or points: the only material's; None: a mesh
+    real: TriangleMesh | None = None  # of hair or points, of which `mesh` is a sample: what rays meet
 
 
 @dataclass

@@ -48,7 +48,9 @@ class Simplification:
         for i, (part, target, matrix) in enumerate(zip(self.parts, self.targets, self.nearest, strict=True)):
             if target >= len(part.mesh):
                 continue
-            area, count, part.real = part.mesh.area, len(part.mesh), part.mesh
+            area, count = part.mesh.area, len(part.mesh)
+            if part.real is None:
+                part.real = part.mesh
             lens = None if self.apparent is None else ApparentSpace(matrix, self.apparent)
             with progress.part(i / len(self.parts), (i + 1) / len(self.parts),
                                f"Simplifying meshes, {i + 1} of {len(self.parts)}"):
