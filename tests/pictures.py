@@ -3,7 +3,8 @@
 
 Not the pictures of F12: Cycles' passes differ in their last bits from run to run, even on one thread. What is ours is
 the same again, the converted scene and the model's picture of it, but only on one kind of processor: another one
-rounds differently, and where a random ray just misses something there, a pixel can change by a percent.
+rounds differently, and where a random ray just misses something there, a pixel can change by percents, or a room that
+is lit through a gap.
 """
 from __future__ import annotations
 
@@ -38,9 +39,9 @@ STEP = 2        # of the rows and columns of a picture that its copy has
 LIGHT = "network alone", "with traced light"
 
 
-WITHIN = 0.03   # of a pixel and the mean one, by which it may be off its copy on processors of another kind
-PIXELS = 0.999  # share of the pixels that have to be
-MEAN = 0.01     # of the mean pixel, by which pixels may be off on average
+WITHIN = 0.1    # of a pixel and the mean one, by which it may be off its copy on processors of another kind
+PIXELS = 0.985  # share of the pixels that have to be
+MEAN = 0.03     # of the mean pixel, by which pixels may be off on average
 
 
 @dataclass
