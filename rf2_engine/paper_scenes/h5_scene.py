@@ -46,7 +46,8 @@ def export_h5(scene: bpy.types.Scene, weights: str | None, path: Path, report: R
         raise CheckpointError("H5 scenes hold latents of the published weights: choose those in Render Properties > "
                               "RenderFormer-V2 > Weights, or give their folder with --weights")
     settings = scene.renderformer_v2
-    options = ConversionOptions(settings.token_budget, settings.max_edge, settings.as_is, settings.paper_lamps)
+    options = ConversionOptions(settings.token_budget, settings.max_edge, settings.as_is, settings.paper_lamps,
+                                keeps_lobes=True)
 
     def convert_scene(engine, depsgraph):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None, report)
