@@ -25,7 +25,7 @@ from ..scene import ENVIRONMENT_SHAPE, RenderScene, constant_tile
 from .image_encoder import ImageEncoder
 from .latent_store import LatentStore
 from .processed_scene import ProcessedScene
-from .v1_textures import raw_tiles
+from .v1_textures import BRDF, V1, fill_tiles
 
 CHUNK = 64       # tiles whose texels go through the mappers at once
 PREPARATION = 1  # to be raised when tiles or environments are prepared in another way: what is stored is old then
@@ -61,15 +61,20 @@ class SceneEncoder:
 
         Raises SceneError for latents of another encoder.
         """
+        self.require_known(scene)
         texture = torch.from_numpy(self.encoded(scene).texture)
-        if texture.shape[1] != 5 * self.images.channels:
-            raise SceneError(f"the scene's texture latents have {texture.shape[1]} channels, "
-                             f"the network reads {5 * self.images.channels}")
         return NetworkInputs(
             triangles=torch.from_numpy(scene.triangles), normals=torch.from_numpy(scene.normals), texture=texture,
             texture_index=torch.from_numpy(scene.texture_index).long(),
             light=encode_light(torch.from_numpy(scene.light_strength)),
             environment=self._environment(scene.environment), volumes=volume_inputs(scene.volumes))
+
+    def require_known(self, scene: ProcessedScene) -> None:
+        """Raises SceneError for latents of another encoder."""
+        channels = scene.texture.shape[1]
+        if not scene.is_raw and channels != 5 * self.images.channels:
+            raise SceneError(f"the scene's texture latents have {channels} channels, "
+                             f"the network reads {5 * self.images.channels}")
 
     def encoded(self, scene: ProcessedScene) -> ProcessedScene:
         """The scene with an encoded texture, if it was raw."""
@@ -77,8 +82,7 @@ class SceneEncoder:
             return scene
 
         def raw(rows: list[int]) -> torch.Tensor:
-            tiles = scene.texture[rows]
-            return raw_tiles(tiles, self._diffuse_specular) if scene.is_v1 else torch.from_numpy(tiles)
+            return self._raw_of_v1(scene.texture[rows]) if scene.is_v1 else torch.from_numpy(scene.texture[rows])
 
         kind = b"version 1" if scene.is_v1 else b"raw"
         texture = self._latents([digest(self._identity, kind, tile) for tile in scene.texture], raw)
@@ -112,6 +116,13 @@ class SceneEncoder:
                        *([lobes[i]] if lobes is not None and lobes[i].any() else ()))
                 for i, (tile, latent) in enumerate(zip(tiles, own_latents, strict=True))]
         return self._latents(keys, raw).numpy()
+
+    def _raw_of_v1(self, tiles: np.ndarray) -> torch.Tensor:
+        """(t, 13, q, q) tiles of version 1 -> (t, 16, q, q) raw ones (docs/scene-input.md 4.1), without height."""
+        whole = torch.from_numpy(fill_tiles(tiles.astype(np.float32)))
+        latent = self._diffuse_specular(whole[:, BRDF].movedim(1, -1)).movedim(-1, 1).to(whole)
+        return torch.cat([latent, 2 * whole[:, V1["normal"]] - 1, whole[:, V1["emission"]],
+                          torch.zeros_like(whole[:, :1])], 1)
 
     def _of_lobes(self, lobes: np.ndarray) -> torch.Tensor:
         """(t, 7, q, q) -> (t, 9, q, q) as the research code makes latents of diffuse and specular."""

@@ -19,6 +19,7 @@ import json
 import sys
 from pathlib import Path
 
+from renderformer_v2.model.compute.precision import CHOICES
 from tools.common.console import numbers
 
 from .points import (
@@ -78,7 +79,7 @@ def _parse_arguments() -> argparse.Namespace:
     parser.add_argument("--fixed-triangles", type=int, default=65536, help="of the plot against resolution")
     parser.add_argument("--presets", type=lambda text: tuple(text.split(",")), default=SUBJECTS)
     parser.add_argument("--cycles-samples", type=int, default=64, metavar="N")
-    parser.add_argument("--precision", choices=("auto", "fp32", "bf16", "fp16"), default="auto")
+    parser.add_argument("--precision", choices=CHOICES, default="auto")
     parser.add_argument("--threads", type=int, default=0, help="of all programs (default: all cores)")
     parser.add_argument("--quick", action="store_true", help="one small point of everything, to see that it works")
     arguments = parser.parse_args()
