@@ -36,7 +36,7 @@ class Renderers(NamedTuple):
 def evaluate_sample(path: Path, renderers: Renderers) -> Evaluation:
     """Mean metrics over the views of one sample, and of the pictures "beside" ours."""
     scene, views, guides, passes = load_with_paths(path)
-    references = [p["combined"][..., :3] + p["environment"] for p in passes]
+    references = read_references(passes)
 
     def encode(renderer: Renderer) -> tuple[EncodedScene, float]:
         begin = time.perf_counter()
@@ -66,6 +66,11 @@ def evaluate_sample(path: Path, renderers: Renderers) -> Evaluation:
         beside["cycles_equal"] = compute_scores(columns["equal"], references)
     scores["beside"] = beside
     return Evaluation(scores, [dict(zip(columns, row)) for row in zip(*columns.values())])
+
+
+def read_references(passes: list[dict[str, np.ndarray]]) -> list[np.ndarray]:
+    """Cycles' pictures (H, W, 3) on an opaque film, by the passes of each view."""
+    return [p["combined"][..., :3] + p["environment"] for p in passes]
 
 
 def _complete(surfaces: list[np.ndarray], guides: list[Guides]) -> list[np.ndarray]:
