@@ -71,6 +71,7 @@ def _parse_arguments() -> argparse.Namespace:
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
     parser.add_argument("--weights", type=_parse_weights,
                         help=f"{BUNDLED}, or a folder with weights (default: the file's)")
+    parser.add_argument("--triangles", type=count, help="Max Triangles (default: the file's)")
     parser.add_argument("--device", type=device_name, help="auto, cpu, cuda, cuda:1 or mps (default: the file's)")
     parser.add_argument("--precision", choices=CHOICES, help="of the network (default: the file's)")
     parser.add_argument("--threads", type=count, help="processor threads (default: the file's)")
@@ -116,7 +117,8 @@ def _run(arguments: argparse.Namespace) -> dict:
     configure(scene, arguments.engine, samples=arguments.samples, resolution=arguments.resolution,
               weights=arguments.weights, threads=arguments.threads, with_reference=arguments.beside_cycles,
               reference_samples=arguments.reference_samples, light=arguments.light,
-              unclamped=arguments.unclamped, device=arguments.device, precision=arguments.precision)
+              unclamped=arguments.unclamped, device=arguments.device, precision=arguments.precision,
+              triangles=arguments.triangles)
     if arguments.export_h5:
         from . import h5_scene
         return h5_scene.export(scene, arguments.weights, arguments.export_h5)
