@@ -2,8 +2,9 @@
 """The paper's ablation of sparse attention, in small: python -m tools.ablation --data DIR --held-out DIR --out DIR.
 
 Trains the bundled network with each row's attention from the same weights for the same --steps, on samples of
-tools.datagen, in Transformer Alone; then renders held-out samples and prints a table beside the paper's numbers, and
-writes it to OUT/ablation.md and .json. The same command goes on where it was stopped; more --steps continue all rows.
+tools.datagen, in Transformer Alone; then renders held-out samples, prints a table beside the paper's numbers, and
+writes it and its numbers (.json) into OUT. The same command goes on where it was stopped; more --steps continue all
+rows.
 """
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ from tools.common.markdown import write_table
 from tools.common.metrics import compare
 from tools.datagen.sample_files import load_with_paths, sample_paths
 from tools.evaluate.samples import read_references
-from tools.evaluate.scores import perceptual
+from tools.evaluate.scores import perceptual, perceptual_column
 from tools.extension import ROOT
 
 SINKLESS = {"sinks": False, "light_sinks": False, "summaries": False}
@@ -57,7 +58,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not paths:
         print(f"no samples in {options.held_out}: make some with python -m tools.datagen", file=sys.stderr)
         return 2
-    table = {}
+    table, text = {}, ""
     for name in options.rows:
         try:
             weights = train(name, options)
@@ -65,8 +66,8 @@ def main(arguments: list[str] | None = None) -> int:
         except (CheckpointError, RuntimeError) as error:
             print(f"{name}: {error}", file=sys.stderr)
             return 1
-        write(table, options.out / "ablation")
-    print((options.out / "ablation.md").read_text(), end="")
+        text = write(table, options.out / "ablation")
+    print(text, end="")
     return 0
 
 
@@ -107,16 +108,15 @@ def evaluate(weights: Path, paths: list[Path], steps: int) -> dict[str, float]:
     return scores
 
 
-def write(table: dict[str, dict[str, float]], path: Path) -> None:
-    """The rows so far as Markdown and JSON."""
-    distance = "lpips" if all("lpips" in scores for scores in table.values()) else "structure"
+def write(table: dict[str, dict[str, float]], path: Path) -> str:
+    """The rows so far, as Markdown, and as files."""
+    distance, title = perceptual_column(list(table.values()))
     columns = {"psnr": "{:.2f}", "ssim": "{:.4f}", distance: "{:.4f}", "hdr_flip": "{:.4f}"}
-    head = ["", "PSNR", "SSIM", "LPIPS" if distance == "lpips" else "structure (stand-in for LPIPS)", "HDR-FLIP",
-            "paper: PSNR", "SSIM", "LPIPS", "HDR-FLIP"]
+    head = ["", "PSNR", "SSIM", title, "HDR-FLIP", "paper: PSNR", "SSIM", "LPIPS", "HDR-FLIP"]
     rows = [[name, *(shown.format(scores[key]) for key, shown in columns.items()),
              *(shown.format(value) for shown, value in zip(columns.values(), ROWS[name][1]))]
             for name, scores in table.items()]
-    write_table(path, head, rows, table)
+    return write_table(path, head, rows, table)
 
 
 if __name__ == "__main__":

@@ -42,6 +42,13 @@ def perceptual(rendered: np.ndarray, reference: np.ndarray) -> dict[str, float]:
         return {"lpips" if _vgg() else "structure": float((_vgg() or structure_loss)(a, b))}
 
 
+def perceptual_column(scores: list[dict[str, float]]) -> tuple[str, str]:
+    """Key and title of what `perceptual` gave for all of several pictures."""
+    if all("lpips" in each for each in scores):
+        return "lpips", "LPIPS"
+    return "structure", "structure (for LPIPS)"
+
+
 @cache
 def _vgg():
     return load_lpips("vgg")

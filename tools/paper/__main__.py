@@ -9,7 +9,7 @@
     python -m tools.paper scenes FRAMES... -o DIR ...   # the authors' scenes: ours and Cycles
 
 --help after a name lists its options. Every command writes a table (.md) and its numbers (.json), some a picture, into
-DIR, and goes on where it was stopped. LPIPS needs its weights (docs/paper-tables.md); structure takes its place.
+DIR, and goes on where it was stopped. LPIPS needs its weights (docs/authors-code.md 4); structure takes its place.
 """
 from __future__ import annotations
 

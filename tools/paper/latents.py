@@ -44,10 +44,9 @@ def main(arguments: list[str]) -> None:
         latents = {name: mapper(torch.from_numpy(drawn[name])).numpy() for name, mapper in mappers.items()}
     places, shares = principal_components(np.concatenate(list(latents.values())))
     plot(drawn, dict(zip(latents, np.split(places[:, :2], len(latents)))), shares, options.output / "latents.png")
-    write_table(options.output / "latents", ["component", "share of the variance"],
-                [[str(i), f"{100 * share:.1f} %"] for i, share in enumerate(shares, 1)],
-                {"shares": shares.tolist(), "shaders": [SHADERS[name][0] for name in mappers]})
-    print((options.output / "latents.md").read_text(), end="")
+    print(write_table(options.output / "latents", ["component", "share of the variance"],
+                      [[str(i), f"{100 * share:.1f} %"] for i, share in enumerate(shares, 1)],
+                      {"shares": shares.tolist(), "shaders": [SHADERS[name][0] for name in mappers]}), end="")
 
 
 def draw_materials(kinds: str, count: int, random: np.random.Generator) -> np.ndarray:

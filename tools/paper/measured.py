@@ -49,9 +49,8 @@ def main(arguments: list[str]) -> None:
     sheet = to_bytes(linear_to_srgb(np.concatenate(rows, axis=1)))
     imsave(options.output / "measured.png", sheet, check_contrast=False)
     keys = [key for key in next(iter(table.values())) if key != "latent"]
-    write_table(options.output / "measured", ["material", *keys],
-                [[name, *(f"{scores[key]:.4f}" for key in keys)] for name, scores in table.items()], table)
-    print((options.output / "measured.md").read_text(), end="")
+    lines = [[name, *(f"{scores[key]:.4f}" for key in keys)] for name, scores in table.items()]
+    print(write_table(options.output / "measured", ["material", *keys], lines, table), end="")
 
 
 def read_sphere(path: Path) -> np.ndarray:

@@ -2,8 +2,6 @@
 """Seconds by triangles and by pixels, as tools.benchmark measures them, with the paper's curves."""
 from __future__ import annotations
 
-from pathlib import Path
-
 from tools.benchmark import __main__ as benchmark
 from tools.benchmark.report import collect_seconds, plot
 from tools.common.markdown import write_table
@@ -32,9 +30,9 @@ def main(arguments: list[str]) -> None:
         | dict(zip([(fixed, r) for r in RESOLUTIONS], by_pixels)) for name, (by_triangles, by_pixels) in PAPER.items()})
     ours = collect_seconds(rows)
     sizes = sorted({size for seconds in ours.values() for size in seconds})
-    write_table(Path(options.output, "runtime"), ["triangles, pixels", *ours],
-                [[f"{n}, {r}", *(f"{ours[name][n, r]:.2f} s" if (n, r) in ours[name] else "" for name in ours)]
-                 for n, r in sizes], {"measured": rows, "paper": PAPER, "failed": failed})
-    print(Path(options.output, "runtime.md").read_text(), end="")
+    lines = [[f"{n}, {r}", *(f"{ours[name][n, r]:.2f} s" if (n, r) in ours[name] else "" for name in ours)]
+             for n, r in sizes]
+    print(write_table(options.output / "runtime", ["triangles, pixels", *ours], lines,
+                      {"measured": rows, "paper": PAPER, "failed": failed}), end="")
     if failed:
         raise RuntimeError(f"{len(failed)} points could not be measured: {failed[0]['error']}")

@@ -54,11 +54,11 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--resolution", type=whole_number(1), help="pixels (default: the authors')")
     options = parser.parse_args(arguments)
     options.output.mkdir(parents=True, exist_ok=True)
-    table = {}
+    table, text = {}, ""
     for name, source in list_scenes(options.scenes).items():
         table[name] = measure(name, source, options)
-        write(table, options.output / "scenes")
-    print((options.output / "scenes.md").read_text(), end="")
+        text = write(table, options.output / "scenes")
+    print(text, end="")
 
 
 def list_scenes(paths: list[Path]) -> dict[str, Path]:
@@ -102,7 +102,8 @@ def measure(name: str, source: Path, options: argparse.Namespace) -> dict:
         "report": ran["report"], "tone_mapper": mapper}
 
 
-def write(table: dict[str, dict], path: Path) -> None:
+def write(table: dict[str, dict], path: Path) -> str:
+    """The rows so far, as Markdown, and as files."""
     columns = {key: shown for key, shown in COLUMNS.items() if any(key in scores for scores in table.values())}
     head = ["scene", "tokens", *columns, "paper: tokens", "PSNR", "SSIM", "LPIPS", "FLIP"]
     rows = []
@@ -110,4 +111,4 @@ def write(table: dict[str, dict], path: Path) -> None:
         paper = AUTHORS.get(name, OTHER)[2] or [""] * 5
         rows.append([name, str(scores["tokens"]), *(shown.format(scores[key]) if key in scores else ""
                                                     for key, shown in columns.items()), *map(str, paper)])
-    write_table(path, head, rows, table)
+    return write_table(path, head, rows, table)

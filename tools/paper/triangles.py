@@ -25,7 +25,7 @@ from tools.common.metrics import compare
 from tools.common.pictures import read_pass
 from tools.common.render_process import run_render, run_render_cached
 from tools.common.scene_file import LIGHTS
-from tools.evaluate.scores import perceptual
+from tools.evaluate.scores import perceptual, perceptual_column
 from tools.train.published import copy_bundle, write_config
 
 COUNTS = 4096, 8192, 16384, 32768, 65536, 131072
@@ -54,11 +54,11 @@ def main(arguments: list[str]) -> None:
     options.output.mkdir(parents=True, exist_ok=True)
     own = weights_folder(options.weights).absolute()
     variants = {"ours": own, "full attention": full_attention(own, options.output / "full_attention")}
-    table = {}
+    table, text = {}, ""
     for count in options.triangles:
         table[count] = {name: measure(options, count, name, weights) for name, weights in variants.items()}
-        write(table, options.output / "lpips-triangles")
-    print((options.output / "lpips-triangles.md").read_text(), end="")
+        text = write(table, options.output / "lpips-triangles")
+    print(text, end="")
 
 
 def measure(options: argparse.Namespace, count: int, name: str, weights: Path) -> dict[str, float]:
@@ -103,15 +103,19 @@ def full_attention(weights: Path, folder: Path) -> Path:
     return folder
 
 
-def write(table: dict[int, dict[str, dict[str, float]]], path: Path) -> None:
-    """The rows so far; columns that are not there are empty."""
-    names = [*next(iter(table.values())), "paper: RF-V2", "paper: RF-V1"]
-    head = ["triangles", *(f"{name}: {column.upper()}" for name in names for column in COLUMNS)]
+def write(table: dict[int, dict[str, dict[str, float]]], path: Path) -> str:
+    """The rows so far, as Markdown, and as files."""
+    distance, title = perceptual_column([scores for variants in table.values() for scores in variants.values()])
+    head = ["triangles"]
+    for name in next(iter(table.values())):
+        head += [f"{name}: PSNR", "SSIM", title, "FLIP"]
+    for name in ("RF-V2", "RF-V1"):
+        head += [f"paper, {name}: PSNR", "SSIM", "LPIPS", "FLIP"]
     rows = []
     for count, variants in table.items():
-        measured = [[shown.format(scores[key]) if key in scores else "" for key, shown in COLUMNS.items()]
+        measured = [[shown.format(scores[distance if key == "lpips" else key]) for key, shown in COLUMNS.items()]
                     for scores in variants.values()]
         papers = [[shown.format(value) for shown, value in zip(COLUMNS.values(), values)]
                   for values in PAPER.get(count, ())] or [[""] * len(COLUMNS)] * 2
         rows.append([str(count), *sum(measured + papers, [])])
-    write_table(path, head, rows, table)
+    return write_table(path, head, rows, table)
