@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Inference: encode a RenderScene once, then render any number of Views of it to scene-linear radiance.
 
-    encoded = Renderer().encode(scene)
-    radiance = encoded.view(view, guides)
+    pictures = Renderer().render(scene, [view])
+or, with first hits and traced light of Cycles,
+    radiance = Renderer().encode(scene).view(view, guides)
 
 A pipeline is one of the two ways from a normalised scene to a picture, guided/pipeline.py and published/pipeline.py:
     granularity                     the view's sides are multiples of it
@@ -14,7 +15,7 @@ and the guided one also gives `lobes`, the same by lobe, pictures `antialiased`,
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -28,6 +29,7 @@ from .compute.devices import choose_device, device_name
 from .compute.inference import Pieces, inference
 from .compute.precision import NAMES, choose_precision, find_failure
 from .errors import CheckpointError
+from .first_hits.camera_rays import SPREAD, cast_guides
 from .guided.pipeline import GuidedPipeline
 from .light.effort import FULL, Effort
 from .light_passes import Lobes
@@ -36,6 +38,7 @@ from .pipeline import LobePipeline
 from .progress import report
 from .published.bundle_files import AUTOMATIC, is_bundle
 from .published.pipeline import PublishedPipeline
+from .published.processed_scene import ProcessedScene
 from .scene import Guides, RenderScene, View
 from .weights.files import checkpoint_errors
 from .weights.presets import BUNDLED, weights_folder
@@ -89,6 +92,28 @@ class Renderer:
             self.remark = ("the memory of the card was too small for the usual pieces, so it worked in smaller ones: "
                            "lower Max Triangles or the resolution for more speed")
 
+    def render(self, scene: RenderScene | ProcessedScene, views: Sequence[View] = (), resolution: int = 512,
+               batch: int = 1) -> list[np.ndarray]:
+        """Pictures (H, W, 3) f32, radiance, scene-linear, row 0 on top.
+
+        Of a RenderScene those of `views`, with the lamps and the world that they see; first hits are found by our own
+        rays. Of a ProcessedScene, which published/h5.py reads, those of its own views, square, `batch` at once.
+        Raises CheckpointError for a ProcessedScene and weights that are not published, and when a picture is not
+        finite.
+        """
+        if isinstance(scene, ProcessedScene):
+            if not isinstance(self.pipeline, PublishedPipeline):
+                raise CheckpointError("H5 scenes hold latents of the published weights: give their folder")
+            return list(self.fitted(lambda: self.pipeline.render_processed(scene, resolution, batch)))
+        encoded = {}
+        pictures = []
+        for view in views:
+            variant = self.pipeline.variant(view.longer_side)
+            if variant not in encoded:
+                encoded = {variant: self.encode(scene, view.longer_side)}
+            pictures.append(encoded[variant].picture(view, cast_guides(scene, view, SPREAD)))
+        return pictures
+
     def prepare(self, scene: RenderScene) -> None:
         """What `encode` can keep of a scene in world units for later renders: published weights' textures."""
         normalized = Normalization.of(scene).scene(scene)
@@ -131,6 +156,17 @@ class EncodedScene:
         """
         image = self.renderer.pipeline.image
         return self._rendered(view, guides, lambda *inputs: {"image": image(*inputs, effort)})["image"]
+
+    def picture(self, view: View, guides: Guides) -> np.ndarray:
+        """(H, W, 3) f32 radiance on an opaque film: what `view` returns, and emitters and world that are seen directly.
+
+        Edges are smoothed if the network knows how. Raises as `view` does.
+        """
+        seen = guides.emission + guides.environment
+        if not isinstance(self.renderer.pipeline, LobePipeline):
+            return self.view(view, guides) + seen
+        lobes = self.lobes(view, guides, apart=False)
+        return self.antialiased({"picture": lobes.radiance + seen}, lobes, guides, view.wraps)["picture"]
 
     def lobes(self, view: View, guides: Guides, apart: bool = True) -> Lobes:
         """The same and what is traced light in it, `apart` with the light of each lobe: guided networks alone know it.

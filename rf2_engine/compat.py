@@ -72,3 +72,22 @@ def multiplies_premultiplied_files() -> bool:
 def first_voxel_begins() -> float:
     """Where on each axis of a grid Cycles begins to draw voxel 0, in voxels: the grid's own place of it until 4.5."""
     return 0.0 if bpy.app.version < (5, 0) else -0.5
+
+
+def set_video_format(render: bpy.types.RenderSettings) -> None:
+    """MP4 of H.264 without visible loss; Blender 5 wants the media type first."""
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "VIDEO"
+    render.image_settings.file_format = "FFMPEG"
+    render.ffmpeg.format, render.ffmpeg.codec, render.ffmpeg.constant_rate_factor = "MPEG4", "H264", "HIGH"
+
+
+def add_image_strip(scene: bpy.types.Scene, files: list[str]) -> tuple[int, int]:
+    """Show image files one after the other, from frame 1 on; returns the first one's width and height."""
+    editor = scene.sequence_editor
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    for i, file in enumerate(files):
+        strip = strips.new_image(name=file, filepath=file, channel=1, frame_start=1 + i)
+        strip.transform.filter = "NEAREST"
+    element = strips[0].elements[0]
+    return element.orig_width, element.orig_height

@@ -275,7 +275,8 @@ class FrameSettings:
 
     @property
     def conversion(self) -> ConversionOptions:
-        return ConversionOptions(self.token_budget, self.max_edge, self.as_is, self.paper_lamps)
+        return ConversionOptions(self.token_budget, self.max_edge, self.as_is, self.paper_lamps,
+                                 self.network is Network.PUBLISHED)
 
     @property
     def follows_specular_paths(self) -> bool:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scenes that the documentation names can be made."""
 import bpy
+import OpenEXR
 import pytest
 
-from examples import bounced, others
+from examples import bounced, from_python, others
 
 
 @pytest.mark.parametrize("build", bounced.ROOMS, ids=lambda build: build.__name__)
@@ -38,3 +39,12 @@ def test_a_scene_by_others_gets_a_camera_and_keeps_the_rest(tmp_path):
 def test_a_package_that_is_not_there_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match="environments/sandbox.blend"):
         others.prepare(tmp_path, "sandbox", tmp_path)
+
+
+def test_python_without_blender_makes_a_picture(tmp_path):
+    from_python.main(str(tmp_path / "picture.exr"))
+    with OpenEXR.File(str(tmp_path / "picture.exr")) as file:
+        picture = file.channels()["RGB"].pixels
+    assert picture.shape == (from_python.PIXELS, from_python.PIXELS, 3) and picture.max() == pytest.approx(12)
+    (left, right), floor = picture[48:96, [8, -8]].mean(axis=0), picture[-8:, 48:80].mean(axis=(0, 1))
+    assert left[0] > 2 * left[1] and right[1] > 2 * right[0] and 0.1 < floor.mean() < 2

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make a .blend file of a scene of the authors' code: a prepared frame's folder, or an H5 scene.
+"""Make a .blend file of a scene of the authors' code: a prepared frame's folder, an H5 scene, or a scene of version 1.
 
-    python -m tools.import_scene FRAME_DIR|SCENE.h5 -o SCENE.blend [--resolution N]
+    python -m tools.import_scene FRAME_DIR|SCENE.h5|SCENE.json -o SCENE.blend [--resolution N]
 
 Prints a line of JSON: the scene, its triangles, and what is missing or was approximated. An error is one line on stderr
 and exit status 1; wrong arguments are explained with exit status 2.
@@ -22,7 +22,7 @@ from .common.pictures import check_output
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.import_scene", description=__doc__.splitlines()[0])
-    parser.add_argument("scene", type=Path, help="folder of a prepared frame, or .h5 scene")
+    parser.add_argument("scene", type=Path, help="folder of a prepared frame, .h5 scene, or .json scene of version 1")
     parser.add_argument("-o", "--output", type=file_with(".blend"), required=True)
     parser.add_argument("--resolution", type=whole_number(64), default=512,
                         help="width and height of the picture in pixels (default: 512)")
@@ -43,11 +43,9 @@ def _import(arguments: argparse.Namespace) -> dict:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     extension.load().register()
     from renderformer_v2.rf2_engine.convert.data.report import Report
-    from renderformer_v2.rf2_engine.paper_scenes.frame_import import import_frame
-    from renderformer_v2.rf2_engine.paper_scenes.h5_scene import import_h5
+    from renderformer_v2.rf2_engine.paper_scenes.scene_import import import_scene
     report, empty = Report(), bpy.context.scene
-    run = import_frame if arguments.scene.is_dir() else import_h5
-    scene = run(arguments.scene, report, arguments.resolution)
+    scene = import_scene(arguments.scene, report, arguments.resolution)
     bpy.context.window.scene = scene
     bpy.data.scenes.remove(empty)
     bpy.ops.wm.save_as_mainfile(filepath=str(arguments.output), relative_remap=True)

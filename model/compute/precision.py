@@ -9,6 +9,7 @@ import torch
 from torch.nn import functional as F
 
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
+CHOICES = ("auto", *PRECISIONS)
 NAMES = {torch.float32: "Float32", torch.bfloat16: "BFloat16", torch.float16: "Float16"}  # as the settings call them
 TRIED = 64  # width of the tensors that `find_failure` tries: the least that fills matrix units
 

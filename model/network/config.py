@@ -81,6 +81,7 @@ class ModelConfig:
     # our own
     embed_norm_eps: float = 1e-6      # docs/network.md 3: the official CPU path uses 1.1920929e-7
     dense: bool = False               # stage 1 without the window (docs/network.md 7, the packed path)
+    sinks: bool = True                # registers and environment see and are seen by all; else none of the tokens are
     light_sinks: bool = True          # lights see and are seen by all; else they are sorted among the others
     summaries: bool = True            # a token for each run of sorted tokens
     guidance: Guidance | None = None  # None: the paper's network, key for key

@@ -99,6 +99,6 @@ def volume_inputs(volumes: Volumes | None) -> VolumeInputs | None:
     return VolumeInputs(**{f.name: torch.from_numpy(getattr(volumes, f.name)) for f in fields(Volumes)})
 
 
-def view_inputs(view: View) -> ViewInputs:
-    """Camera and rays of one normalised view."""
-    return ViewInputs(*(torch.from_numpy(x)[None] for x in view_rays(view)))
+def view_inputs(*views: View) -> ViewInputs:
+    """Cameras and rays of normalised views, all of one size."""
+    return ViewInputs(*(torch.from_numpy(np.stack(x)) for x in zip(*map(view_rays, views))))

@@ -72,7 +72,8 @@ class RenderFormer(SceneEmbedding):
             volumes.append(Tokens.at(self.volume_encoder(inputs.volumes), inputs.volumes.position))
         first = inputs.is_light if self.config.light_sinks else torch.zeros_like(inputs.is_light)
         block = self.config.summary_block_size if self.config.summaries else 0
-        return pack(fixed, triangles, first, volumes, block, self.transformer.summary_token_embed.float()[0])
+        tokens, sink = pack(fixed, triangles, first, volumes, block, self.transformer.summary_token_embed.float()[0])
+        return tokens, sink if self.config.sinks else 0
 
     def render_view(self, context: SceneContext, rays: ViewInputs) -> torch.Tensor:
         """Stage 2 and decoder for V views -> (V, C, H, W) float32, what `decode` returns.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The processed H5 scene file of the research code (docs/scene-input.md 8)."""
+"""The H5 scene file of the research code: processed, raw, or of its first version (docs/scene-input.md 8)."""
 from __future__ import annotations
 
 import json
@@ -15,9 +15,12 @@ from ..pictures import to_half
 from ..scene import Volumes
 from .h5_datasets import Datasets, load_h5py, open_datasets
 from .processed_scene import RAW_CHANNELS, ProcessedScene
+from .v1_textures import V1
 
 VOLUMES = {"density": "volume_density", "position": "volume_position", "rotation": "volume_rotation",
            "scale": "volume_scale", "scattering": "volume_scattering_scale", "absorption": "volume_absorption_scale"}
+RAW_VOLUMES = "volume_data"  # density of the cells in files that are not processed
+EMISSION = dict.fromkeys(RAW_CHANNELS, slice(12, 15)) | {len(V1): V1["emission"]}  # by the channels of raw tiles
 RIGID = 1e-3  # how far a camera's axes may be from unit length and right angles
 
 
@@ -58,7 +61,7 @@ def write_h5(path: str | Path, scene: ProcessedScene) -> None:
 
 
 def read_h5(path: str | Path) -> ProcessedScene:
-    """A processed scene, or a raw one whose texture is encoded when it is rendered.
+    """A processed scene, or a raw one or one of version 1, whose texture is encoded when it is rendered.
 
     Raises SceneError naming the dataset that is missing, damaged or wrong.
     """
@@ -67,15 +70,13 @@ def read_h5(path: str | Path) -> ProcessedScene:
 
 
 def _scene(data: Datasets) -> ProcessedScene:
-    if "volume_data" in data:
-        raise data.error("volume_data", "holds unprocessed volumes", "convert the file with the research code first")
     triangles = data.read("triangles", ("N", 3, 3))
     n = len(triangles)
     if not area_vectors(triangles.astype(np.float64)).any():
         raise data.error("triangles", f"has {n} rows, none with an area", "the corners of a triangle must differ")
     texture = _texture(data, n)
-    if "light_strength" not in data and texture.shape[1] in RAW_CHANNELS:
-        light_strength = texture[:, 12:15, 0, 0].astype(np.float32)
+    if "light_strength" not in data and texture.shape[1] in EMISSION:
+        light_strength = texture[:, EMISSION[texture.shape[1]], 0, 0].astype(np.float32)
     else:
         light_strength = data.read("light_strength", (n, 3))
     camera_to_world, fov = _cameras(data)
@@ -92,9 +93,9 @@ def _scene(data: Datasets) -> ProcessedScene:
 
 
 def _texture(data: Datasets, n: int) -> np.ndarray:
-    """(n, 80, q, q) latents, or (n, 15 or 16, q, q) raw tiles that the VAE can halve three times; f16 or f32."""
-    texture = data.read("texture", *((n, channels, "q", "q") for channels in (80, *RAW_CHANNELS)), half=True)
-    if texture.shape[1] in RAW_CHANNELS and texture.shape[-1] % 8:
+    """(n, 80, q, q) latents, or (n, 13 to 16, q, q) raw tiles that the VAE can halve three times; f16 or f32."""
+    texture = data.read("texture", *((n, channels, "q", "q") for channels in (80, *EMISSION)), half=True)
+    if texture.shape[1] in EMISSION and texture.shape[-1] % 8:
         raise data.error("texture", f"has raw tiles of side {texture.shape[-1]}", "store 32, or a multiple of 8")
     return texture
 
@@ -132,9 +133,12 @@ def _environment(data: Datasets) -> np.ndarray | None:
 
 def _volumes(data: Datasets) -> Volumes | None:
     """Cells; the all-zero row that stands for "a volume without an occupied cell" is dropped."""
-    if VOLUMES["density"] not in data:
+    if VOLUMES["density"] in data:
+        density = data.read(VOLUMES["density"], ("M", 64))
+    elif RAW_VOLUMES in data:
+        density = data.read(RAW_VOLUMES, ("M", 4, 4, 4), ("M", 64)).reshape(-1, 64)
+    else:
         return None
-    density = data.read(VOLUMES["density"], ("M", 64))
     fields = {name: density if name == "density" else data.read(key, (len(density), 3))
               for name, key in VOLUMES.items()}
     real = (fields["density"] != 0).any(axis=1) | (fields["scale"] != 0).any(axis=1)

@@ -36,7 +36,7 @@ INERT = {  # known, but without influence on the network; by the kind of their v
     "freeze_radiosity_transformer_if_initialized": "bool", "deepstack_dual_input_size": "int",
 }
 KEY_HEADS = {"num_kv_heads": "num_heads", "view_transformer_num_kv_heads": "view_transformer_n_heads"}
-OWN = {"embed_norm_eps", "dense", "light_sinks", "summaries", "guidance"}  # of ModelConfig, in no published file
+OWN = {"embed_norm_eps", "dense", "sinks", "light_sinks", "summaries", "guidance"}  # in no published file
 READ = {f.name for f in fields(ModelConfig)} - OWN
 
 

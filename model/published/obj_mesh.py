@@ -72,14 +72,14 @@ def _mesh(lists: dict[str, list], corners: np.ndarray, sizes: np.ndarray) -> Obj
                    normals if len(lists["vn"]) else None)
 
 
-def write_obj(path: Path, corners: np.ndarray, normals: np.ndarray, uv: np.ndarray | None) -> None:
+def write_obj(path: Path, corners: np.ndarray, normals: np.ndarray | None, uv: np.ndarray | None) -> None:
     """Triangles (n, 3, 3) with unit normals (n, 3, 3) and UVs (n, 3, 2), each with three vertices of its own.
 
     Raises OSError as the disk does.
     """
-    rows = [("v", corners.reshape(-1, 3)), ("vn", normals.reshape(-1, 3))]
-    rows += [] if uv is None else [("vt", uv.reshape(-1, 2))]
-    pattern = "{0}//{0}" if uv is None else "{0}/{0}/{0}"
+    columns = {"v": corners, "vt": uv, "vn": normals}
+    rows = [(kind, values.reshape(-1, values.shape[-1])) for kind, values in columns.items() if values is not None]
+    pattern = "/".join("" if values is None else "{0}" for values in columns.values()).rstrip("/")
     with open(path, "w", encoding="utf-8", newline="\n") as file:
         for kind, values in rows:
             line = f"{kind} " + " ".join(["%.9g"] * values.shape[1]) + "\n"

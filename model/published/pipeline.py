@@ -100,13 +100,14 @@ class PublishedPipeline(Pipeline):
                                                    "scale": float(normalization.scale),
                                                    "exposure": float(normalization.exposure)}})
 
-    def render_processed(self, scene: ProcessedScene, resolution: int = 512) -> np.ndarray:
+    def render_processed(self, scene: ProcessedScene, resolution: int = 512, batch: int = 1) -> np.ndarray:
         """(V, R, R, 3) f32 radiance of all views as the research code renders them: no normalisation, no guides.
 
-        Unlike there, values are not negative and R need not be a multiple of 64.
-        Raises SceneError for latents of another encoder.
+        batch: views that the network draws at once. Unlike there, values are not negative and R need not be a multiple
+        of 64. Raises SceneError for latents of another encoder, CheckpointError when a picture is not finite.
         """
-        views = [square_view(c2w, fov, resolution) for c2w, fov in zip(scene.camera_to_world, scene.fov)]
+        views = [pad_view(square_view(c2w, fov, resolution), self.granularity)
+                 for c2w, fov in zip(scene.camera_to_world, scene.fov)]
         with inference():
             with part(0.0, 0.3):
                 inputs = self.encoder.inputs(scene)
@@ -114,8 +115,12 @@ class PublishedPipeline(Pipeline):
                 network, context = self._stage1(inputs, self.variant(resolution))
             encoded = PublishedContext(inputs.is_light.numpy(), network, context)
             with part(0.6, 1.0):
-                images = [self._view(encoded, pad_view(view, self.granularity)) for view in steps(views)]
-        return np.stack([image[:, :resolution, :resolution].permute(1, 2, 0).cpu().numpy() for image in images])
+                images = torch.cat([self._views(encoded, views[i:i + batch])
+                                    for i in steps(range(0, len(views), batch))])
+        if not images.isfinite().all():
+            raise CheckpointError("the network's picture holds values that are not finite: move and scale the scene to "
+                                  f"about [-0.5, 0.5], or get the weights in {self.bundle.folder} again")
+        return images[..., :resolution, :resolution].movedim(1, -1).cpu().numpy()
 
     def load(self, variant: str) -> RenderFormer:
         """The network of one `variant`, on the CPU in float32. Raises CheckpointError."""
@@ -135,9 +140,13 @@ class PublishedPipeline(Pipeline):
         return network, network.encode_scene(inputs.to(self.device))
 
     def _view(self, encoded: PublishedContext, view: View) -> torch.Tensor:
+        return self._views(encoded, [view])[0]
+
+    def _views(self, encoded: PublishedContext, views: list[View]) -> torch.Tensor:
+        """(V, 3, H, W) radiance of views of one size."""
         with tensor_float_32(self.device):
-            log_image = encoded.network.render_view(encoded.context, view_inputs(view).to(self.device))
-        return to_radiance(log_image)[0].clamp(min=0)
+            log_image = encoded.network.render_view(encoded.context, view_inputs(*views).to(self.device))
+        return to_radiance(log_image).clamp(min=0)
 
 
 def displayed_pixels(guides: Guides, emitters: np.ndarray) -> np.ndarray:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 
 from ..errors import SceneError
 from ..weights.files import is_lfs_pointer
+from .entries import Entry, read_json_file
 
 CONFIG, MESHES = "scene_config.json", "split"
 VERSION = "2.0.0"
@@ -34,6 +34,7 @@ class FrameMaterial:
     latent: str | None = None                              # .npy of nine numbers, in the frame
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # radiance
     is_smooth: bool = True
+    diffuse_seed: int | None = None                        # of a random diffuse colour for each group of triangles
 
 
 @dataclass
@@ -78,6 +79,7 @@ class PreparedFrame:
     cameras: list[FrameCamera]
     environment: FrameEnvironment | None = None
     volumes: list[FrameVolume] = field(default_factory=list)
+    wall_holes: dict = field(default_factory=dict)  # as the file has them, by object
 
 
 def read_frame(folder: Path) -> PreparedFrame:
@@ -85,15 +87,11 @@ def read_frame(folder: Path) -> PreparedFrame:
 
     Raises SceneError naming the file, the entry in it, and what was expected.
     """
-    file = Path(folder) / CONFIG
     try:
-        content = json.loads(file.read_text(encoding="utf-8-sig"))
+        return read_json_file(Path(folder) / CONFIG, FrameEntry).frame()
     except FileNotFoundError as error:
         raise SceneError(f"{folder} is no prepared frame: there is no {CONFIG} in it. Choose the folder that holds "
                          "that file") from error
-    except (OSError, ValueError, RecursionError) as error:
-        raise SceneError(f"{file} cannot be read ({error}): copy or export it again") from error
-    return _Entry(content, str(file)).frame()
 
 
 def list_files(frame: PreparedFrame, folder: Path) -> list[str]:
@@ -145,7 +143,7 @@ def write_frame(frame: PreparedFrame, folder: Path) -> None:
                     for key, item in frame.objects.items()},
         "cameras": [{"position": list(camera.position), "look_at": list(camera.look_at), "up": list(camera.up),
                      "fov": camera.fov} for camera in frame.cameras],
-        "lighting": [], "env_map": environment, "volumes": volumes or None, "wall_holes": None}
+        "lighting": [], "env_map": environment, "volumes": volumes or None, "wall_holes": frame.wall_holes or None}
     (Path(folder) / CONFIG).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
@@ -159,14 +157,12 @@ def _material(material: FrameMaterial) -> dict:
     numbers = {key: material.numbers if kind == material.kind else None for kind, (key, _) in NUMBERS.items()}
     return {"material_type": material.kind, "texture_map_path": material.folder, "texture_map_aug_random_seed": None,
             "use_heightmap": material.has_height, **numbers, "measured_brdf_npy_path": material.latent,
-            "emissive": list(material.emission), "smooth_shading": material.is_smooth, "rand_tri_diffuse_seed": None}
+            "emissive": list(material.emission), "smooth_shading": material.is_smooth,
+            "rand_tri_diffuse_seed": material.diffuse_seed}
 
 
-class _Entry:
-    """One value of the file, and where it stands there."""
-
-    def __init__(self, value, where: str):
-        self.value, self.where = value, where
+class FrameEntry(Entry):
+    """One value of the description."""
 
     def frame(self) -> PreparedFrame:
         if self["lighting"].value:
@@ -174,10 +170,11 @@ class _Entry:
         environment, volumes = self["env_map"], self["volumes"]
         return PreparedFrame(
             self["scene_name"].text(default="RenderFormer Scene"),
-            {key: _Entry(value, f"{self.where}: {key}").object() for key, value in self["objects"].mapping().items()},
+            {key: entry.object() for key, entry in self["objects"].named()},
             [entry.camera() for entry in self["cameras"].items()],
             None if environment.value is None else environment.environment(),
-            [] if volumes.value is None else [entry.volume() for entry in volumes.items()])
+            [] if volumes.value is None else [entry.volume() for entry in volumes.items()],
+            {} if self["wall_holes"].value is None else self["wall_holes"].mapping())
 
     def object(self) -> FrameObject:
         if "transform" in self.mapping() and self["transform"].transform() != _IDENTITY:
@@ -197,12 +194,19 @@ class _Entry:
         else:
             raise self["material_type"].wrong(" or ".join((*NUMBERS, *MAPS, MEASURED)))
         material.kind, material.has_height = kind, self["use_heightmap"].flag() and kind in MAPS
-        if self["emissive"].value is not None:
-            material.emission = tuple(self["emissive"].numbers(3))
-            if min(material.emission) < 0:
-                raise self["emissive"].wrong("3 numbers that are not negative")
+        material.emission = self.emission()
         material.is_smooth = self["smooth_shading"].flag(True)
+        if self["rand_tri_diffuse_seed"].value is not None:
+            material.diffuse_seed = int(self["rand_tri_diffuse_seed"].numbers(1))
         return material
+
+    def emission(self) -> tuple[float, float, float]:
+        if self["emissive"].value is None:
+            return 0.0, 0.0, 0.0
+        emission = tuple(self["emissive"].numbers(3))
+        if min(emission) < 0:
+            raise self["emissive"].wrong("3 numbers that are not negative")
+        return emission
 
     def camera(self) -> FrameCamera:
         camera = FrameCamera(*(tuple(self[name].numbers(3)) for name in ("position", "look_at", "up")),
@@ -224,60 +228,6 @@ class _Entry:
         """Translation, rotation and scale."""
         return tuple(tuple(self[f"{what}_{axis}"].numbers(1, default) for axis in "xyz")
                      for what, default in (("translation", 0.0), ("rotation", 0.0), ("scale", 1.0)))
-
-    def __getitem__(self, key: str) -> _Entry:
-        return _Entry(self.mapping().get(key), f"{self.where}: {key}")
-
-    def mapping(self) -> dict:
-        if not isinstance(self.value, dict):
-            raise self.wrong("an object in braces")
-        return self.value
-
-    def items(self) -> list[_Entry]:
-        if not isinstance(self.value, list):
-            raise self.wrong("a list")
-        return [_Entry(value, f"{self.where}, item {i}") for i, value in enumerate(self.value)]
-
-    def text(self, default: str | None = None) -> str:
-        if self.value is None and default is not None:
-            return default
-        if not isinstance(self.value, str):
-            raise self.wrong("a text")
-        return self.value
-
-    def path(self) -> str:
-        """A place below the frame: nothing else of the disk is read."""
-        text = self.text()
-        parts = PureWindowsPath(text).parts
-        if not parts or PureWindowsPath(text).is_absolute() or PurePosixPath(text).is_absolute() or ".." in parts:
-            raise self.wrong("a path inside the frame's folder")
-        return "/".join(parts)
-
-    def flag(self, default: bool = False) -> bool:
-        if self.value is None:
-            return default
-        if not isinstance(self.value, bool):
-            raise self.wrong("true or false")
-        return self.value
-
-    def numbers(self, count: int, default: float | None = None):
-        """A number, or a list of `count` of them."""
-        if self.value is None and default is not None:
-            return default
-        values = self.value if count > 1 else [self.value]
-        if not isinstance(values, list) or len(values) != count or not all(map(_is_number, values)):
-            raise self.wrong("a number" if count == 1 else f"{count} numbers")
-        numbers = [float(value) for value in values]
-        return numbers if count > 1 else numbers[0]
-
-    def wrong(self, expected: str) -> SceneError:
-        actual = "nothing" if self.value is None else json.dumps(self.value)[:60]
-        return SceneError(f"{self.where}: expected {expected}, found {actual}")
-
-
-def _is_number(value) -> bool:
-    """Whether it is one that a float can hold."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 _IDENTITY = ((0.0,) * 3, (0.0,) * 3, (1.0,) * 3)

@@ -2,12 +2,13 @@
 """ProcessedScene: a scene for the published network, its textures being latents (docs/scene-input.md 0)."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..errors import SceneError
 from ..scene import View, Volumes
+from .v1_textures import V1
 
 RAW_CHANNELS = (16, 15)  # with and without height (docs/scene-input.md 4.1)
 
@@ -16,7 +17,8 @@ RAW_CHANNELS = (16, 15)  # with and without height (docs/scene-input.md 4.1)
 class ProcessedScene:
     """N triangles that share T textures, an environment, M volume cells, V square views; in network units and exposure.
 
-    A scene read from a file may have a raw texture, (T, 15 or 16, q, q) of docs/scene-input.md 4.1.
+    A scene read from a file may have a raw texture, (T, 15 or 16, q, q) of docs/scene-input.md 4.1, or (T, 13, q, q) of
+    version 1 (v1_textures.py).
     """
 
     triangles: np.ndarray       # (N, 3, 3) f32
@@ -34,7 +36,17 @@ class ProcessedScene:
     @property
     def is_raw(self) -> bool:
         """The texture is not encoded yet."""
-        return self.texture.shape[1] in RAW_CHANNELS
+        return self.is_v1 or self.texture.shape[1] in RAW_CHANNELS
+
+    @property
+    def is_v1(self) -> bool:
+        """The texture is of a scene of version 1."""
+        return self.texture.shape[1] == len(V1)
+
+    def first_view(self) -> ProcessedScene:
+        """The scene with the first of its views alone."""
+        return replace(self, camera_to_world=self.camera_to_world[:1], fov=self.fov[:1],
+                       image=None if self.image is None else self.image[:1])
 
 
 def square_fov(view: View) -> float:

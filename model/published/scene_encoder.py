@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -24,6 +25,7 @@ from ..scene import ENVIRONMENT_SHAPE, RenderScene, constant_tile
 from .image_encoder import ImageEncoder
 from .latent_store import LatentStore
 from .processed_scene import ProcessedScene
+from .v1_textures import BRDF, V1, fill_tiles
 
 CHUNK = 64       # tiles whose texels go through the mappers at once
 PREPARATION = 1  # to be raised when tiles or environments are prepared in another way: what is stored is old then
@@ -55,19 +57,36 @@ class SceneEncoder:
                               scene.environment, scene.volumes)
 
     def inputs(self, scene: ProcessedScene) -> NetworkInputs:
-        """Tensors on the CPU; a raw texture is encoded, and no environment is a black one (m = 0)."""
-        texture = torch.from_numpy(scene.texture)
-        if scene.is_raw:
-            texture = self._latents([digest(self._identity, b"raw", tile) for tile in scene.texture],
-                                    lambda rows: torch.from_numpy(scene.texture[rows]))
-        elif texture.shape[1] != 5 * self.images.channels:
-            raise SceneError(f"the scene's texture latents have {texture.shape[1]} channels, "
-                             f"the network reads {5 * self.images.channels}")
+        """Tensors on the CPU; a raw texture is encoded, and no environment is a black one (m = 0).
+
+        Raises SceneError for latents of another encoder.
+        """
+        self.require_known(scene)
+        texture = torch.from_numpy(self.encoded(scene).texture)
         return NetworkInputs(
             triangles=torch.from_numpy(scene.triangles), normals=torch.from_numpy(scene.normals), texture=texture,
             texture_index=torch.from_numpy(scene.texture_index).long(),
             light=encode_light(torch.from_numpy(scene.light_strength)),
             environment=self._environment(scene.environment), volumes=volume_inputs(scene.volumes))
+
+    def require_known(self, scene: ProcessedScene) -> None:
+        """Raises SceneError for latents of another encoder."""
+        channels = scene.texture.shape[1]
+        if not scene.is_raw and channels != 5 * self.images.channels:
+            raise SceneError(f"the scene's texture latents have {channels} channels, "
+                             f"the network reads {5 * self.images.channels}")
+
+    def encoded(self, scene: ProcessedScene) -> ProcessedScene:
+        """The scene with an encoded texture, if it was raw."""
+        if not scene.is_raw:
+            return scene
+
+        def raw(rows: list[int]) -> torch.Tensor:
+            return self._raw_of_v1(scene.texture[rows]) if scene.is_v1 else torch.from_numpy(scene.texture[rows])
+
+        kind = b"version 1" if scene.is_v1 else b"raw"
+        texture = self._latents([digest(self._identity, kind, tile) for tile in scene.texture], raw)
+        return replace(scene, texture=texture.numpy())
 
     def _environment(self, radiance: np.ndarray | None) -> EnvironmentInputs:
         if radiance is None:
@@ -98,10 +117,21 @@ class SceneEncoder:
                 for i, (tile, latent) in enumerate(zip(tiles, own_latents, strict=True))]
         return self._latents(keys, raw).numpy()
 
+    def _raw_of_v1(self, tiles: np.ndarray) -> torch.Tensor:
+        """(t, 13, q, q) tiles of version 1 -> (t, 16, q, q) raw ones (docs/scene-input.md 4.1), without height."""
+        whole = torch.from_numpy(fill_tiles(tiles.astype(np.float32)))
+        latent = self._diffuse_specular(whole[:, BRDF].movedim(1, -1)).movedim(-1, 1).to(whole)
+        return torch.cat([latent, 2 * whole[:, V1["normal"]] - 1, whole[:, V1["emission"]],
+                          torch.zeros_like(whole[:, :1])], 1)
+
     def _of_lobes(self, lobes: np.ndarray) -> torch.Tensor:
         """(t, 7, q, q) -> (t, 9, q, q) as the research code makes latents of diffuse and specular."""
-        parameters = torch.from_numpy(lobes).float().movedim(1, -1).to(self.images.device)
-        return self.appearance.diffuse_specular(parameters).movedim(-1, 1)
+        return self._diffuse_specular(torch.from_numpy(lobes).float().movedim(1, -1)).movedim(-1, 1)
+
+    def _diffuse_specular(self, parameters: torch.Tensor) -> torch.Tensor:
+        """(..., 7) -> (..., 9)."""
+        with torch.no_grad():
+            return self.appearance.diffuse_specular(parameters.to(self.images.device))
 
     def _latents(self, keys: list[bytes], raw: Callable[[list[int]], torch.Tensor]) -> torch.Tensor:
         """(T, 80, 4, 4) f16 of tiles by their keys; raw(rows): tiles as in docs/scene-input.md 4.1, each made once."""

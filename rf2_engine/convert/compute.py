@@ -57,7 +57,8 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     with progress.part(0.6, 0.7):
         match_tokens(collected.parts, report, cache)
     with progress.part(0.7, 0.9):
-        surfaces = assemble_surfaces(collected.parts, MaterialTiles(report, baker), report, hit_materials)
+        tiles = MaterialTiles(report, baker, options.keeps_lobes)
+        surfaces = assemble_surfaces(collected.parts, tiles, report, hit_materials)
     frame, lamps = Normalization.of(RenderScene(box=plan.framing.box)), plan.lamps
     if options.paper_lamps:
         lamps = [one_triangle(lamp, frame.center, frame.scale) for lamp in lamps]

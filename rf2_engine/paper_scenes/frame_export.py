@@ -14,6 +14,7 @@ import numpy as np
 from ...model.errors import SceneError
 from ...model.geometry import euler_angles
 from ...model.published.obj_mesh import write_obj
+from ...model.published.png_file import write_png
 from ...model.published.prepared_frame import (
     MESHES,
     FrameCamera,
@@ -39,7 +40,7 @@ from ..cycles.world import CyclesWorld
 from ..progress.status import Status
 from ..render_size import frame_size
 from .depsgraph import in_render
-from .files import write_density, write_panorama, write_png
+from .files import write_density, write_panorama
 from .material_maps import LAMP, DescribedMaterial, describe
 
 MOST_LAMP_TRIANGLES = 4096

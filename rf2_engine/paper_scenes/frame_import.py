@@ -42,6 +42,8 @@ def import_frame(folder: Path, report, resolution: int = RESOLUTION) -> bpy.type
         report.skipped(frame.name, f"{name} is not in {folder}: put it there and import again")
     for name in find_lfs_pointers(frame, folder):
         report.skipped(frame.name, f"{name} {lfs_remedy(folder)}, and import again")
+    for key in frame.wall_holes:
+        report.skipped(key, "its wall_holes: a hole must be in the mesh itself")
     meshes = {key: _read_mesh(folder / obj.mesh, report) for key, obj in frame.objects.items()}
     if not frame.cameras:
         raise SceneError(f"{folder} has no camera: add one to its scene_config.json")
@@ -88,6 +90,9 @@ def _read_mesh(file: Path, report) -> ObjMesh | None:
 def _add_object(scene, key: str, source: FrameObject, obj_mesh: ObjMesh, folder: Path, report) -> None:
     mesh = create_mesh(key, obj_mesh, source.material)
     mesh.materials.append(material_nodes.create_material(key, source.material, folder, report))
+    if source.material.diffuse_seed is not None:
+        report.approximated(key, "its rand_tri_diffuse_seed: it has its own colour everywhere, as the network of the "
+                                 "authors' code is told, not random ones")
     obj = bpy.data.objects.new(key, mesh)
     obj.visible_camera = not any(source.material.emission)  # no picture of the training shows a lamp
     scene.collection.objects.link(obj)

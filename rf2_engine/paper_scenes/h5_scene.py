@@ -3,6 +3,7 @@
 
 Export needs the latents of published weights. Textures in such a file are codes for the network, which no shader can be
 read back from: import brings geometry, lights, cameras and environment, and the homogeneous latents of raw files.
+Files of version 1 hold diffuse and specular colours, and become shaders of these.
 """
 from __future__ import annotations
 
@@ -19,6 +20,7 @@ from ...model.published.h5 import read_h5
 from ...model.published.obj_mesh import ObjMesh
 from ...model.published.prepared_frame import MEASURED, FrameEnvironment, FrameMaterial
 from ...model.published.processed_scene import ProcessedScene
+from ...model.published.v1_textures import BRDF, V1, fill_tiles
 from ...model.scene import RenderScene
 from ...model.weights.presets import BUNDLED
 from ..convert.camera.camera import convert_camera
@@ -46,7 +48,8 @@ def export_h5(scene: bpy.types.Scene, weights: str | None, path: Path, report: R
         raise CheckpointError("H5 scenes hold latents of the published weights: choose those in Render Properties > "
                               "RenderFormer-V2 > Weights, or give their folder with --weights")
     settings = scene.renderformer_v2
-    options = ConversionOptions(settings.token_budget, settings.max_edge, settings.as_is, settings.paper_lamps)
+    options = ConversionOptions(settings.token_budget, settings.max_edge, settings.as_is, settings.paper_lamps,
+                                keeps_lobes=True)
 
     def convert_scene(engine, depsgraph):
         view = convert_camera(depsgraph, engine.resolution_x, engine.resolution_y, None, report)
@@ -89,8 +92,8 @@ def import_h5(file: Path, report, resolution: int = frame_import.RESOLUTION) -> 
 
 
 def _add_surfaces(scene, scene_file: ProcessedScene, report) -> None:
-    """An object for each light and each latent, and one for all other triangles."""
-    rows = np.concatenate([scene_file.light_strength, _read_latents(scene_file, report)], axis=1)
+    """An object for each light and each latent or colour, and one for all other triangles."""
+    rows = np.concatenate([scene_file.light_strength, _read_appearance(scene_file, report)], axis=1)
     rows[scene_file.light_strength.any(axis=1), 3:] = 0
     unique_rows, index = np.unique(rows, axis=0, return_inverse=True)
     for i, values in enumerate(unique_rows):
@@ -98,6 +101,9 @@ def _add_surfaces(scene, scene_file: ProcessedScene, report) -> None:
         material = BARE
         if radiance.any():
             material = FrameMaterial("homo_diffuse_specular", LAMP, emission=tuple(radiance.tolist()))
+        elif scene_file.is_v1:
+            numbers = {name: latent[V1[name]].tolist() for name in ("diffuse", "specular")}
+            material = FrameMaterial("homo_diffuse_specular", numbers | {"roughness": float(latent[-1])})
         elif latent.any():
             material = FrameMaterial(MEASURED, latent="")
         name = "Light" if radiance.any() else "Surface"
@@ -105,7 +111,7 @@ def _add_surfaces(scene, scene_file: ProcessedScene, report) -> None:
         triangles = _merge_corners(scene_file.triangles[rows], scene_file.normals[rows])
         mesh = frame_import.create_mesh(name, triangles, material)
         shaded = material_nodes.create_material(name, material, Path(), report)
-        if latent.any() and not radiance.any():
+        if material.kind == MEASURED:
             set_latent(shaded, latent)
         mesh.materials.append(shaded)
         obj = bpy.data.objects.new(name, mesh)
@@ -113,18 +119,18 @@ def _add_surfaces(scene, scene_file: ProcessedScene, report) -> None:
         scene.collection.objects.link(obj)
 
 
-def _read_latents(scene_file: ProcessedScene, report) -> np.ndarray:
-    """The latents (N, 9) f32 of triangles, 0 where the file has none."""
-    none = np.zeros((len(scene_file.triangles), COUNT), np.float32)
+def _read_appearance(scene_file: ProcessedScene, report) -> np.ndarray:
+    """The latents (N, 9) f32 of triangles, 0 where the file has none, or parameters (N, 7) of version 1."""
     if not scene_file.is_raw:
         report.approximated("Materials", "the file holds encoded textures, from which no shader can be read back: "
                                          "surfaces are grey")
-        return none
-    tiles = scene_file.texture[scene_file.texture_index, :COUNT].astype(np.float32)
+        return np.zeros((len(scene_file.triangles), COUNT), np.float32)
+    tiles = scene_file.texture[scene_file.texture_index, BRDF if scene_file.is_v1 else slice(COUNT)].astype(np.float32)
+    tiles = fill_tiles(tiles) if scene_file.is_v1 else tiles
     constant = (tiles == tiles[..., :1, :1]).all(axis=(1, 2, 3))
     if not constant.all():
-        report.approximated("Materials", f"{np.count_nonzero(~constant)} triangles have textures of latents: their "
-                                         "mean is used")
+        report.approximated("Materials", f"{np.count_nonzero(~constant)} triangles have textures: their mean is "
+                                         "used")
     return np.clip(tiles.mean(axis=(2, 3)), -1, 1)
 
 

@@ -69,7 +69,7 @@ class _Values(dict):
 
     def __init__(self, material: Material, points, report: Report):
         lobes = two_lobes(material, points)
-        surface, height = MaterialTiles(report if lobes is None else Report()).evaluate(material, points)
+        surface, height = MaterialTiles(report, keeps_lobes=True).evaluate(material, points)
         super().__init__({key: getattr(surface, key) for key in (
             "base_color", "metallic", "roughness", "ior", "transmission", "normal", "emission")}, height=height)
         self.update(lobes or {})  # two lobes that the research code has as well

@@ -14,14 +14,13 @@ from ..registering import appended, classes, pairs
 from ..setup.packages import MissingPackages
 
 LABEL = "RenderFormer Scene (.json, .h5)"
-H5 = (".h5", ".hdf5")
 
 
 class RENDERFORMER_OT_import_scene(bpy.types.Operator, ImportHelper):
     bl_idname = "import_scene.renderformer_v2"
     bl_label = "Import RenderFormer Scene"
     bl_description = ("Make a new scene from a prepared frame of the authors' code (the scene_config.json in its "
-                      "folder), or from an H5 scene")
+                      "folder), from an H5 scene, or from the JSON file of a scene of the first RenderFormer")
     bl_options = {"UNDO"}
 
     filter_glob: StringProperty(default="*.json;*.h5;*.hdf5", options={"HIDDEN"})
@@ -30,13 +29,10 @@ class RENDERFORMER_OT_import_scene(bpy.types.Operator, ImportHelper):
                                         "2048")
 
     def execute(self, context):
-        from . import frame_import, h5_scene
-        report, file = Report(), Path(self.filepath)
+        from .scene_import import import_scene
+        report = Report()
         try:
-            if file.suffix.lower() in H5:
-                scene = h5_scene.import_h5(file, report, self.resolution)
-            else:
-                scene = frame_import.import_frame(file if file.is_dir() else file.parent, report, self.resolution)
+            scene = import_scene(Path(self.filepath), report, self.resolution)
         except (SceneError, OSError) as error:
             self.report({"ERROR"}, explain(error, "read"))
             return {"CANCELLED"}
@@ -58,6 +54,7 @@ class RENDERFORMER_OT_export_scene(bpy.types.Operator, ExportHelper):
 
     def execute(self, context):
         from . import frame_export, h5_scene
+        from .scene_import import H5
         report, target = Report(), Path(self.filepath)
         if target.suffix.lower() == ".json":  # the folder will contain it
             target = target.with_suffix("")

@@ -61,7 +61,7 @@ def test_a_blend_file_becomes_an_h5_scene_with_its_camera(tmp_path):
 
 
 @pytest.mark.parametrize("size, message", [
-    (np.nan, "scene.h5: triangles is not finite"), (3e38, "picture of .*scene.h5 holds values that are not finite")])
+    (np.nan, "scene.h5: triangles is not finite"), (3e38, "scene.h5: .*picture holds values that are not finite")])
 def test_what_is_not_finite_becomes_no_picture(tmp_path, monkeypatch, capfd, size, message):
     bundle = write_bundle(tmp_path / "renderformer-v2", tiny_published_config())
     scene = PublishedPipeline(bundle, "cpu", None).process(floor_scene(), [floor_view()[0]])

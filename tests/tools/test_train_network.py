@@ -14,6 +14,8 @@ import torch
 from torch.utils.data import DataLoader
 
 from tests.model.samples import floor_scene, floor_view
+from tests.tools.lpips_weights import write_weights
+from tools.common import lpips
 from tools.datagen import manifest
 from tools.datagen.sample_files import save_sample
 from tools.evaluate import __main__ as evaluate
@@ -152,28 +154,16 @@ def test_a_folder_that_is_just_being_filled_is_waited_for(tmp_path):
     assert next(stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 60.0)).image.shape == (1, 3, 64, 64)
 
 
-@pytest.mark.parametrize("backbone", losses.BACKBONES)
+@pytest.mark.parametrize("backbone", lpips.BACKBONES)
 def test_the_perceptual_network_is_on_the_device_of_the_pictures(tmp_path, monkeypatch, backbone):
-    """The `lpips` package is not among the requirements; this has its interface."""
     (tmp_path / "checkpoints").mkdir()
-    (tmp_path / "checkpoints" / losses.BACKBONES[backbone]).touch()
     monkeypatch.setattr(torch.hub, "get_dir", lambda: str(tmp_path))
-
-    class LPIPS(torch.nn.Conv2d):
-        def __init__(self, net):
-            assert net == backbone
-            super().__init__(3, 1, 3)
-
-        def forward(self, a, b, normalize):
-            return super().forward(a - b)
-
-    monkeypatch.setitem(sys.modules, "lpips", type(sys)("lpips"))
-    sys.modules["lpips"].LPIPS = LPIPS
+    write_weights(tmp_path / "checkpoints", backbone)
     device = torch.device("meta")
-    picture = torch.zeros(1, 3, 8, 8, device=device)
+    picture = torch.zeros(1, 3, 64, 64, device=device)
     assert losses.perceptual_term(device, backbone)(picture, picture).device == device
-    other, = losses.BACKBONES.keys() - {backbone}
-    assert losses.perceptual_term(device, other) is losses.structure_loss, "its weights are not here"
+    other, = lpips.BACKBONES.keys() - {backbone}
+    assert losses.perceptual_term(device, other) is losses.structure_loss
 
 
 def command(folder: Path, minutes: float) -> list[str]:

@@ -19,6 +19,7 @@ import json
 import sys
 from pathlib import Path
 
+from renderformer_v2.model.compute.precision import CHOICES
 from tools.common.console import numbers
 
 from .points import (
@@ -35,19 +36,31 @@ from .points import (
 )
 from .report import plot, summarize
 
+TABLE = "benchmark.csv"
+
 
 def main() -> int:
-    arguments = _parse_arguments()
+    arguments = parse_arguments()
     if arguments.device:
-        from .device import measure
+        from .device import measure as measure_device
         try:
-            print(json.dumps(measure(arguments.device, arguments.precision)))
+            print(json.dumps(measure_device(arguments.device, arguments.precision)))
         except ValueError as error:
             print(error, file=sys.stderr)
             return 1
         return 0
     arguments.output.mkdir(parents=True, exist_ok=True)
-    table = arguments.output / "benchmark.csv"
+    measured, failed = measure(arguments)
+    plot(measured, arguments.output / "benchmark.png")
+    print(json.dumps(summarize(measured) | {
+        "cycles_rule": CYCLES_RULE, "failed": failed, "weights": {"rf2_small": "bundled", "rf2_200m": "random, seed 0"},
+        "output": [str(arguments.output / TABLE), str(arguments.output / "benchmark.png")]}))
+    return 1 if failed else 0
+
+
+def measure(arguments: argparse.Namespace) -> tuple[list[dict], list[dict]]:
+    """The rows of all points, those that TABLE in an existing folder has included, and the points that failed."""
+    table = arguments.output / TABLE
     rows, failed, keys = read_table(table), [], []
     for point in list_points(arguments):
         key = point_key(point)
@@ -61,15 +74,10 @@ def main() -> int:
             failed.append({"point": point, "error": str(error)})
             continue
         append_row(table, rows[key])
-    measured = [rows[key] for key in keys if key in rows]
-    plot(measured, arguments.output / "benchmark.png")
-    print(json.dumps(summarize(measured) | {"cycles_rule": CYCLES_RULE, "failed": failed,
-                                            "weights": {"rf2_small": "bundled", "rf2_200m": "random, seed 0"},
-                                            "output": [str(table), str(arguments.output / "benchmark.png")]}))
-    return 1 if failed else 0
+    return [rows[key] for key in keys if key in rows], failed
 
 
-def _parse_arguments() -> argparse.Namespace:
+def parse_arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.benchmark", description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, metavar="DIR")
     parser.add_argument("--device", help="measure this device alone; needs no -o")
@@ -78,10 +86,10 @@ def _parse_arguments() -> argparse.Namespace:
     parser.add_argument("--fixed-triangles", type=int, default=65536, help="of the plot against resolution")
     parser.add_argument("--presets", type=lambda text: tuple(text.split(",")), default=SUBJECTS)
     parser.add_argument("--cycles-samples", type=int, default=64, metavar="N")
-    parser.add_argument("--precision", choices=("auto", "fp32", "bf16", "fp16"), default="auto")
+    parser.add_argument("--precision", choices=CHOICES, default="auto")
     parser.add_argument("--threads", type=int, default=0, help="of all programs (default: all cores)")
     parser.add_argument("--quick", action="store_true", help="one small point of everything, to see that it works")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(given)
     if not (arguments.output or arguments.device):
         parser.error("one of -o and --device is needed")
     if not set(arguments.presets) <= set(SUBJECTS):

@@ -54,25 +54,26 @@ def compute_stage1_ratio(rows: list[dict]) -> dict | None:
     return {name: stage1[131072][name] / stage1[65536][name] for name in ("stage1_seconds", "stage1_flops")}
 
 
-def plot(rows: list[dict], path: Path) -> None:
-    """Both plots side by side, as PNG."""
+def plot(rows: list[dict], path: Path, others: dict[str, dict[tuple[int, int], float]] | None = None) -> None:
+    """Both plots side by side, as PNG. others: of other machines, seconds by (triangles, resolution) by label."""
     import matplotlib
     matplotlib.use("Agg")
     from matplotlib import pyplot
-    seconds_by_subject = collect_seconds(rows)
+    seconds_by_subject = collect_seconds(rows) | (others or {})
     smallest = min((row["resolution"] for row in rows), default=0)
     larger = [row["triangles"] for row in rows if row["resolution"] > smallest]
     fixed = max(larger or [row["triangles"] for row in rows], default=0)
     figure, axes = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
     for subject, sizes in seconds_by_subject.items():
         by_triangles = sorted((n, s) for (n, r), s in sizes.items() if r == smallest)
-        _draw_line(axes[0], by_triangles, LABELS[subject])
-        _draw_line(axes[1], sorted((r, s) for (n, r), s in sizes.items() if n == fixed), LABELS[subject])
+        for axis, points in zip(axes, (by_triangles, sorted((r, s) for (n, r), s in sizes.items() if n == fixed))):
+            style = {"marker": "o"} if subject in LABELS else {"marker": ".", "linestyle": ":"}
+            axis.plot([x for x, _ in points], [y for _, y in points], label=LABELS.get(subject, subject), **style)
     axes[0].set(xlabel="triangles", title=f"{smallest} x {smallest} pixels")
     axes[1].set(xlabel="resolution (N x N)", title=f"{fixed} triangles")
     for axis in axes:
         axis.set(ylabel="seconds per frame", yscale="log", xscale="log")
-        ticks = sorted({float(x) for line in axis.lines for x in line.get_xdata()})
+        ticks = sorted({float(x) for line in axis.lines if line.get_marker() == "o" for x in line.get_xdata()})
         axis.set_xticks(ticks, [f"{x:.0f}" for x in ticks], rotation=45)
         axis.minorticks_off()
         axis.grid(True, alpha=0.3)
@@ -80,7 +81,3 @@ def plot(rows: list[dict], path: Path) -> None:
         axes[0].legend(fontsize="small")
     figure.savefig(path, dpi=120)
     pyplot.close(figure)
-
-
-def _draw_line(axis, points: list[tuple[int, float]], label: str) -> None:
-    axis.plot([x for x, _ in points], [y for _, y in points], marker="o", label=label)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -55,6 +56,13 @@ def whole_number(least: int) -> Callable[[str], int]:
 def numbers(text: str) -> tuple[int, ...]:
     """A `type` of argparse: "512,1024"."""
     return tuple(map(int, text.split(",")))
+
+
+def device_name(text: str) -> str:
+    """A `type` of argparse: "auto", "cpu", "mps", "cuda" or "cuda:1"."""
+    if not re.fullmatch(r"auto|cpu|mps|cuda(:\d+)?", text):
+        raise argparse.ArgumentTypeError(f"{text}: expected auto, cpu, cuda, cuda:1 or mps")
+    return text
 
 
 def file_with(*suffixes: str):

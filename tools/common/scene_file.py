@@ -27,12 +27,13 @@ def open_scene(path: Path):
 
 def configure(scene, engine: str, *, samples: int | None = None, resolution: tuple[int, int] | None = None,
               weights: str | None = None, threads: int | None = None, light: str | None = None,
-              with_reference: bool = False, reference_samples: int | None = None, unclamped: bool = False) -> None:
+              with_reference: bool = False, reference_samples: int | None = None, unclamped: bool = False,
+              device: str | None = None, precision: str | None = None, triangles: int | None = None) -> None:
     """Choose one of ENGINES and its settings; what is None stays as it is in the file.
 
     samples: of every pixel, by our engine or by Cycles. weights: BUNDLED, or a folder. light: one of
     LIGHTS. with_reference: beside Cycles, with `reference_samples`. unclamped: Cycles keeps light that has bounced
-    as it is.
+    as it is. device, precision: as model/renderer.py takes them, of the network. triangles: at most.
     """
     scene.render.engine = ENGINES[engine]
     if samples:
@@ -54,6 +55,13 @@ def configure(scene, engine: str, *, samples: int | None = None, resolution: tup
             scene.renderformer_v2.reference.samples = reference_samples
     if unclamped:
         scene.cycles.sample_clamp_indirect = 0
+    if triangles:
+        scene.renderformer_v2.token_budget = triangles
+    if device:
+        kind, _, card = device.partition(":")
+        scene.renderformer_v2.device, scene.renderformer_v2.card = kind, int(card) + 1 if card else 0
+    if precision:
+        scene.renderformer_v2.precision = precision
     if light:
         scene.renderformer_v2.light = light
 

@@ -2,14 +2,14 @@
 """python -m tools.evaluate SCENE_DIR -o REPORT_DIR: how close the engine is to Cycles.
 
 SCENE_DIR holds samples of `python -m tools.datagen` (the RenderScene that the engine makes, and Cycles references), or
-.blend files, which are rendered by both engines with the settings they hold. Prints one JSON object with PSNR, SSIM and
-FLIP per scene and their means; REPORT_DIR gets the same as report.json, and as report.html, a page with the pictures.
-Samples are also set beside what each ingredient alone gives: the traced light (traced_alone), with bounced light, which
-is what the network corrects (without_network), Network and Rays (network_and_rays), what that corrects (rays_alone),
-and Transformer Alone (transformer_alone); all scenes beside Cycles with few samples and OpenImageDenoise
-(cycles_equal): `tools.datagen --equal N` for samples, as many as take about the engine's time for .blend files, or as
---cycles says. References of .blend files are kept in REPORT_DIR/renders and not rendered again while file and
---reference are the same.
+.blend files, which are rendered by both engines with the settings they hold. Prints one JSON object with PSNR, SSIM,
+FLIP and HDR-FLIP per scene and their means; REPORT_DIR gets the same as report.json, and as report.html, a page with
+the pictures. Samples are also set beside what each ingredient alone gives: the traced light (traced_alone), with
+bounced light, which is what the network corrects (without_network), Network and Rays (network_and_rays), what that
+corrects (rays_alone), and Transformer Alone (transformer_alone); all scenes beside Cycles with few samples and
+OpenImageDenoise (cycles_equal): `tools.datagen --equal N` for samples, as many as take about the engine's time for
+.blend files, or as --cycles says. References of .blend files are kept in REPORT_DIR/renders and not rendered again
+while file and --reference are the same.
 """
 from __future__ import annotations
 

@@ -33,6 +33,7 @@ COLUMNS = {  # of the table: keys of a scene
     "psnr": ("PSNR", "dB", "{:.2f}"),
     "ssim": ("SSIM", "", "{:.4f}"),
     "flip": ("FLIP", "", "{:.4f}"),
+    "hdr_flip": ("HDR-FLIP", "", "{:.4f}"),
     "seconds": ("time", "s", "{:.2f}"),
     "cycles_seconds": ("Cycles reference", "s", "{:.2f}"),
     "triangles": ("triangles", "", "{:.0f}"),

@@ -11,7 +11,6 @@ import numpy as np
 import torch
 
 from renderformer_v2.model.compute.inference import inference
-from renderformer_v2.model.guided.pipeline import GuidedScene
 from renderformer_v2.model.light.estimate import estimate_light
 from renderformer_v2.model.light.surface_light import SurfaceLight
 from renderformer_v2.model.pipeline import LobePipeline
@@ -37,7 +36,7 @@ class Renderers(NamedTuple):
 def evaluate_sample(path: Path, renderers: Renderers) -> Evaluation:
     """Mean metrics over the views of one sample, and of the pictures "beside" ours."""
     scene, views, guides, passes = load_with_paths(path)
-    references = [p["combined"][..., :3] + p["environment"] for p in passes]
+    references = read_references(passes)
 
     def encode(renderer: Renderer) -> tuple[EncodedScene, float]:
         begin = time.perf_counter()
@@ -45,7 +44,7 @@ def evaluate_sample(path: Path, renderers: Renderers) -> Evaluation:
 
     def score(encoded: EncodedScene, encoding: float, guides: list[Guides], **more) -> tuple[dict, list[np.ndarray]]:
         begin = time.perf_counter()
-        pictures = [_render(encoded, view, guide) for view, guide in zip(views, guides, strict=True)]
+        pictures = [encoded.picture(view, guide) for view, guide in zip(views, guides, strict=True)]
         seconds = encoding + time.perf_counter() - begin
         return compute_scores(pictures, references, seconds=seconds, **more), pictures
 
@@ -69,18 +68,14 @@ def evaluate_sample(path: Path, renderers: Renderers) -> Evaluation:
     return Evaluation(scores, [dict(zip(columns, row)) for row in zip(*columns.values())])
 
 
+def read_references(passes: list[dict[str, np.ndarray]]) -> list[np.ndarray]:
+    """Cycles' pictures (H, W, 3) on an opaque film, by the passes of each view."""
+    return [p["combined"][..., :3] + p["environment"] for p in passes]
+
+
 def _complete(surfaces: list[np.ndarray], guides: list[Guides]) -> list[np.ndarray]:
     """Radiance of surfaces with the emitters and the world that are seen directly."""
     return [surface + guide.emission + guide.environment for surface, guide in zip(surfaces, guides, strict=True)]
-
-
-def _render(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:
-    """(H, W, 3) on an opaque film."""
-    if not isinstance(encoded.encoded, GuidedScene):
-        return encoded.view(view, guides) + guides.emission + guides.environment
-    lobes = encoded.lobes(view, guides, apart=False)
-    picture = {"picture": lobes.radiance + guides.emission + guides.environment}
-    return encoded.antialiased(picture, lobes, guides)["picture"]
 
 
 def without_network(encoded: EncodedScene, view: View, guides: Guides) -> np.ndarray:

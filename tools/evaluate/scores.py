@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+import torch
 
+from renderformer_v2.model.pictures import linear_to_srgb
+from tools.common.lpips import load_lpips
 from tools.common.metrics import compare
+from tools.train.losses import structure_loss
 
-METRICS = ("psnr", "ssim", "flip")
+METRICS = ("psnr", "ssim", "flip", "hdr_flip")
 
 
 @dataclass
@@ -27,6 +32,26 @@ def compute_scores(pictures: list[np.ndarray], references: list[np.ndarray], **m
     views = [compare(a, b) for a, b in zip(pictures, references, strict=True)]
     return {key: float(np.mean([v[key] for v in views])) for key in METRICS} | {
         key: round(value, 3) for key, value in more.items()}
+
+
+def perceptual(rendered: np.ndarray, reference: np.ndarray) -> dict[str, float]:
+    """Of two linear (H, W, 3) pictures, after sRGB encoding and clipping: "lpips" by VGG where its weights are on this
+    machine, else "structure", the stand-in of tools/train/losses.py."""
+    a, b = (torch.from_numpy(linear_to_srgb(x)).movedim(-1, 0)[None] for x in (rendered, reference))
+    with torch.inference_mode():
+        return {"lpips" if _vgg() else "structure": float((_vgg() or structure_loss)(a, b))}
+
+
+def perceptual_column(scores: list[dict[str, float]]) -> tuple[str, str]:
+    """Key and title of what `perceptual` gave for all of several pictures."""
+    if all("lpips" in each for each in scores):
+        return "lpips", "LPIPS"
+    return "structure", "structure (for LPIPS)"
+
+
+@cache
+def _vgg():
+    return load_lpips("vgg")
 
 
 def compute_means(scenes: list[dict]) -> dict:

@@ -2,12 +2,13 @@
 """Render a .blend file as F12 would, or an H5 scene; or write the H5 scene of a .blend file.
 
     python -m tools.render SCENE.blend -o OUT.exr [--engine cycles] [--samples N] [--resolution WxH]
-                           [--weights rf2_small|DIR] [--threads N] [--verbose]
+                           [--weights rf2_small|DIR] [--device D] [--precision P] [--threads N] [--verbose]
                            [--beside-cycles [--reference-samples N] [--sheet OUT.png]]
     python -m tools.render SCENE.blend --export-h5 SCENE.h5 --weights DIR
     python -m tools.render SCENE.h5 -o OUT.exr --weights DIR [--resolution RxR]
 
 The H5 scenes are those of the research code; DIR is then the published bundle. Several cameras make OUT_000.exr, ....
+`python -m tools.h5.render` renders folders and lists of them, and videos.
 --beside-cycles renders the Cycles reference into the same file, with PSNR, SSIM and FLIP under "comparison"; the sheet
 shows both, their difference and FLIP.
 Writes a multilayer EXR, or a PNG, by suffix (-o may be repeated) and prints one line of JSON: seconds by stage, tokens,
@@ -23,10 +24,18 @@ import time
 from pathlib import Path
 
 from renderformer_v2.model.compute import threads
+from renderformer_v2.model.compute.precision import CHOICES
 from renderformer_v2.model.errors import CheckpointError, SceneError
 from renderformer_v2.model.weights.presets import BUNDLED
 from tools import extension
-from tools.common.console import file_with, picture_size, reserve_stdout, to_one_line, whole_number
+from tools.common.console import (
+    device_name,
+    file_with,
+    picture_size,
+    reserve_stdout,
+    to_one_line,
+    whole_number,
+)
 from tools.common.pictures import check_output
 from tools.common.scene_file import ENGINES, FORMATS, LIGHTS, configure, open_scene, save_picture
 
@@ -62,6 +71,9 @@ def _parse_arguments() -> argparse.Namespace:
     parser.add_argument("--resolution", type=picture_size, help="WxH in pixels (default: the file's)")
     parser.add_argument("--weights", type=_parse_weights,
                         help=f"{BUNDLED}, or a folder with weights (default: the file's)")
+    parser.add_argument("--triangles", type=count, help="Max Triangles (default: the file's)")
+    parser.add_argument("--device", type=device_name, help="auto, cpu, cuda, cuda:1 or mps (default: the file's)")
+    parser.add_argument("--precision", choices=CHOICES, help="of the network (default: the file's)")
     parser.add_argument("--threads", type=count, help="processor threads (default: the file's)")
     parser.add_argument("--beside-cycles", action="store_true", help="a Cycles reference of the same scene, compared")
     parser.add_argument("--reference-samples", type=count, help="of that reference (default: the file's)")
@@ -98,13 +110,15 @@ def _run(arguments: argparse.Namespace) -> dict:
     if is_h5:
         from . import h5_scene
         with threads.team(arguments.threads or 0):
-            return h5_scene.render(arguments.scene, arguments.weights, arguments.output, arguments.resolution)
+            return h5_scene.render(arguments.scene, arguments.weights, arguments.output, arguments.resolution,
+                                   arguments.device or "auto", arguments.precision or "auto")
     extension.load().register()
     scene = open_scene(arguments.scene)
     configure(scene, arguments.engine, samples=arguments.samples, resolution=arguments.resolution,
               weights=arguments.weights, threads=arguments.threads, with_reference=arguments.beside_cycles,
               reference_samples=arguments.reference_samples, light=arguments.light,
-              unclamped=arguments.unclamped)
+              unclamped=arguments.unclamped, device=arguments.device, precision=arguments.precision,
+              triangles=arguments.triangles)
     if arguments.export_h5:
         from . import h5_scene
         return h5_scene.export(scene, arguments.weights, arguments.export_h5)

@@ -2,45 +2,38 @@
 """`tools.render` for H5 scenes of the research code: render one, or write one from the open .blend file."""
 from __future__ import annotations
 
-import functools
 import time
 from pathlib import Path
 
-import numpy as np
-
-from renderformer_v2.model.errors import CheckpointError
-from renderformer_v2.model.pictures import linear_to_srgb
+from renderformer_v2.model.errors import CheckpointError, SceneError
 from renderformer_v2.model.weights.presets import BUNDLED
-from tools.common.pictures import to_bytes, write_atomically
+from tools.h5.pictures import save_picture
 
 
-def render(path: Path, weights: str | None, outputs: list[Path], resolution: tuple[int, int] | None) -> dict:
+def render(path: Path, weights: str | None, outputs: list[Path], resolution: tuple[int, int] | None,
+           device: str = "auto", precision: str = "auto") -> dict:
     """Every view of the file as linear EXR or sRGB PNG in folders that exist; statistics as `tools.render` prints.
 
     Raises SceneError for the scene, CheckpointError for the weights or a picture that is not finite, ValueError for a
     resolution that is not square, OSError as the disk does.
     """
-    from renderformer_v2.model.compute.devices import choose_device
-    from renderformer_v2.model.compute.precision import choose_precision
     from renderformer_v2.model.published.h5 import read_h5
-    from renderformer_v2.model.published.pipeline import PublishedPipeline
+    from renderformer_v2.model.renderer import Renderer
 
     _require_bundle(weights)
     width, height = resolution or (512, 512)
     if width != height:
         raise ValueError(f"H5 scenes are rendered square, not {width}x{height}")
-    device = choose_device()
     begin = time.perf_counter()
-    pipeline = PublishedPipeline(weights, device, choose_precision("auto", device))
-    scene = read_h5(path)
-    images = pipeline.render_processed(scene, width)
-    if not np.isfinite(images).all():
-        raise CheckpointError(f"the network's picture of {path} holds values that are not finite: move and scale the "
-                              f"scene to about [-0.5, 0.5], or get the weights in {weights} again")
+    renderer, scene = Renderer(weights, device, precision), read_h5(path)
+    try:
+        images = renderer.render(scene, resolution=width)
+    except (SceneError, CheckpointError) as error:
+        raise type(error)(f"{path}: {error}") from error
     seconds = time.perf_counter() - begin
     paths = [_number(output, i, len(images)) for output in outputs for i in range(len(images))]
-    for path_of_one, image in zip(paths, list(images) * len(outputs), strict=True):
-        write_atomically(path_of_one, functools.partial(_save, image=image))
+    for path_of_one, image in zip(paths, images * len(outputs), strict=True):
+        save_picture(path_of_one, image)
     return {"scene": str(path), "seconds": {"total": round(seconds, 3)}, "triangles": len(scene.triangles),
             "size": (width, height), "weights": weights, "output": list(map(str, paths))}
 
@@ -65,14 +58,3 @@ def _require_bundle(weights: str | None) -> None:
 
 def _number(path: Path, index: int, count: int) -> Path:
     return path if count == 1 else path.with_name(f"{path.stem}_{index:03d}{path.suffix}")
-
-
-def _save(path: Path, image: np.ndarray) -> None:
-    if path.suffix.lower() == ".png":
-        from skimage.io import imsave
-        imsave(path, to_bytes(linear_to_srgb(image)), check_contrast=False)
-        return
-    import OpenEXR
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(image, np.float32)}) as file:
-        file.write(str(path))

@@ -2,23 +2,22 @@
 """The paper's loss, L1 of the log image plus a small perceptual term (paper, Loss Function); and for the guided network
 also the error as a screen shows it.
 
-The paper's perceptual term is LPIPS. Its backbone is used when its weights are on this machine (`lpips` and
-torchvision's cached weights); otherwise a stand-in without weights compares structure: SSIM and finite differences over
-an image pyramid. Both see the log image divided by log10(2), clamped to [0, 1].
+The paper's perceptual term is LPIPS. It is used when its weights are on this machine (tools/common/lpips.py); otherwise
+a stand-in without weights compares structure: SSIM and finite differences over an image pyramid. Both see the log image
+divided by log10(2), clamped to [0, 1].
 """
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
 from renderformer_v2.model.guided.exposure import display_encode
+from tools.common.lpips import load_lpips
 
 PERCEPTUAL_WEIGHT = 0.05
-BACKBONES = {"alex": "alexnet-owt-7be5be79.pth", "vgg": "vgg16-397923af.pth"}  # files of torchvision's cache
 SHOWN_WEIGHT = 0.25  # of the error on a screen, whose values are about as uniform as perception
 SQUARED_WEIGHT = 4.0  # of its square beside its amount: PSNR counts squares
 PSNR_WEIGHT = 0.02  # of each view's decibels: those of a picture that is nearly right count as much as others
@@ -82,12 +81,9 @@ def _difference(x: Tensor, axis: int) -> Tensor:
 
 
 def perceptual_term(device: torch.device, backbone: str = "alex"):
-    """LPIPS of one of BACKBONES on `device` when its weights are present on this machine, else `structure_loss`."""
-    if not (Path(torch.hub.get_dir()) / "checkpoints" / BACKBONES[backbone]).is_file():
+    """LPIPS by one of lpips.BACKBONES on `device` when its weights are on this machine, else `structure_loss`."""
+    network = load_lpips(backbone)
+    if network is None:
         return structure_loss
-    try:
-        import lpips
-    except ImportError:
-        return structure_loss
-    network = lpips.LPIPS(net=backbone).to(device).eval().requires_grad_(False)
-    return lambda a, b: network(a, b, normalize=True).mean()
+    network.to(device)
+    return lambda a, b: network(a, b).mean()

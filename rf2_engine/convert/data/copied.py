@@ -87,6 +87,7 @@ class ConversionOptions:
     max_edge: float    # longest edge, a fraction of the longest side of the scene's box; farther away it may be longer
     as_is: bool = False  # one unit of the world is one of the network's, around its origin; light keeps its strength
     paper_lamps: bool = False  # each lamp becomes one small triangle (lamps/one_triangle.py)
+    keeps_lobes: bool = False  # the network shows the two lobes of a Diffuse and a Glossy BSDF that are added
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from .node_call import NodeCall
 from .normal_map import bend_normal
 from .points import Points, surface_points
 from .surface import closure_at, is_emission
-from .two_lobes import two_lobes
+from .two_lobes import lobe_nodes, two_lobes
 from .volume import has_surface
 
 HEIGHT_UNIT = 0.025          # world units of displacement at height 1 (docs/scene-input.md 4.6)
@@ -50,8 +50,9 @@ EMITTER_TILE = constant_tile(base_color=(1, 1, 1), roughness=1, ior=1)
 class MaterialTiles:
     """Collects the tiles of one conversion; equal homogeneous materials share a tile."""
 
-    def __init__(self, report, baker=None):
-        self.report, self.baker = report, baker
+    def __init__(self, report, baker=None, keeps_lobes: bool = False):
+        """keeps_lobes: `two_lobes` will be shown, so that one surface in their place is no approximation."""
+        self.report, self.baker, self.keeps_lobes = report, baker, keeps_lobes
         self._chunks: list[np.ndarray] = []
         self._latents: list[np.ndarray] = []
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
@@ -159,6 +160,7 @@ class MaterialTiles:
         evaluator.material_index = material.pass_index
         output = graph.output_node(tree)
         output = None if output is None else NodeCall(evaluator, output)
+        evaluator.keeps_lobes = self.keeps_lobes and output is not None and lobe_nodes(output) is not None
         closure = Closure() if output is None else closure_at(output, "Surface")
         if evaluator.depends_on_ray and not is_seen:
             lighting = Evaluator(replace(points, camera_ray=False), tree.conventions, self.report, material.name,

@@ -36,7 +36,7 @@ def add(n: NodeCall):
 
 def _folded(n: NodeCall, first: Closure, second: Closure) -> Closure:
     """The sum of two closures; what of it one BSDF cannot show is reported."""
-    if np.any((first.color.any(axis=-1)) & second.color.any(axis=-1)):
+    if not n.evaluator.keeps_lobes and np.any(first.color.any(axis=-1) & second.color.any(axis=-1)):
         n.folded("two shaders are replaced by one in between")
     return first + second
 

@@ -98,8 +98,9 @@ def test_a_scene_of_lights_only_and_an_empty_scene_run(tiny_network, tiny_inputs
 
 
 @pytest.mark.parametrize("changes", [
-    {"dense": True}, {"light_sinks": False}, {"summaries": False}, {"summary_block_size": 7},
-    {"local_attention_window_size_half": 9}, {"dense": True, "light_sinks": False, "summaries": False}])
+    {"dense": True}, {"light_sinks": False}, {"summaries": False}, {"summary_block_size": 7}, {"sinks": False},
+    {"local_attention_window_size_half": 9}, {"local_attention_window_size_half": 0},
+    {"dense": True, "light_sinks": False, "summaries": False}])
 def test_ablations_have_the_same_weights_and_another_picture(tiny_network, tiny_inputs, rays, changes):
     other = RenderFormer(replace(tiny_network.config, **changes).validate()).requires_grad_(False).eval()
     other.load_state_dict(tiny_network.state_dict())
@@ -109,7 +110,10 @@ def test_ablations_have_the_same_weights_and_another_picture(tiny_network, tiny_
     lights = int(tiny_inputs.is_light.sum())
     others = len(tiny_inputs.light) - lights + len(tiny_inputs.volumes.density)
     assert len(context.tokens) == other.config.sequence_length(lights, others)
-    assert len(context.tokens) - context.sink == others + (0 if other.config.light_sinks else lights)
+    if other.config.sinks:
+        assert len(context.tokens) - context.sink == others + (0 if other.config.light_sinks else lights)
+    else:
+        assert context.sink == 0
     assert pictures[0].isfinite().all() and not torch.allclose(*pictures)
 
 

@@ -92,6 +92,22 @@ def test_raw_texture_brings_its_own_light(stored):
     np.testing.assert_array_equal(found.light_strength.any(axis=1), np.arange(N) == 2)
 
 
+def test_a_raw_file_has_the_same_volumes(stored):
+    expected = read_h5(stored).volumes
+    found = read_h5(edited(stored, volume_density=None, volume_data=expected.density.reshape(M, 4, 4, 4),
+                           volume_indices=np.zeros(M, np.int32), voxel_indices=np.zeros((M, 3), np.int32))).volumes
+    np.testing.assert_array_equal(found.density, expected.density)
+    np.testing.assert_array_equal(found.position, expected.position)
+
+
+def test_the_texture_of_version_1_brings_its_light_too(stored):
+    texture = np.zeros((N, 13, 32, 32), np.float16)
+    texture[3, 10:13] = 500
+    found = read_h5(edited(stored, texture=texture, light_strength=None, env_map=None, volume_density=None, mvp=None))
+    assert found.is_v1 and found.is_raw
+    np.testing.assert_array_equal(found.light_strength, np.where(np.arange(N)[:, None] == 3, 500, 0).repeat(3, axis=1))
+
+
 def test_row_of_zeros_is_no_volume(stored):
     zeros = {f"volume_{k}": np.zeros((1, 3)) for k in ("position", "rotation", "scale", "scattering_scale",
                                                        "absorption_scale")}
@@ -122,9 +138,10 @@ def camera(*diagonal) -> np.ndarray:
 @pytest.mark.parametrize("change, message", [
     ({"triangles": None}, "triangles is missing"), ({"triangles": np.ones((0, 3, 3))}, "triangles is empty"),
     ({"c2w": None}, "c2w is missing"), ({"light_strength": None}, "light_strength is missing"),
-    ({"volume_scale": None}, "volume_scale is missing"), ({"volume_data": np.ones((1, 4, 4, 4))}, "volume_data"),
+    ({"volume_scale": None}, "volume_scale is missing"),
+    ({"volume_density": None, "volume_data": np.ones((1, 8, 4, 8, 4, 8, 4))}, r"volume_data has shape .*\(M, 4, 4, 4"),
     ({"texture": np.ones((N, 80))}, "texture has shape"), ({"texture": np.ones((4, 80, 4, 4))}, r"expected \(5, 80"),
-    ({"texture": np.ones((N, 13, 32, 32))}, "texture has shape"), ({"texture": np.ones((N, 64, 4, 4))}, "texture has"),
+    ({"texture": np.ones((N, 12, 32, 32))}, "texture has shape"), ({"texture": np.ones((N, 64, 4, 4))}, "texture has"),
     ({"texture": np.ones((N, 80, 4, 8))}, "texture has shape"), ({"texture": np.ones((N, 16, 30, 30))}, "side 30"),
     ({"env_map": np.ones((3, 128, 256))}, "env_map has shape"), ({"fov": np.ones(V + 1)}, "fov has shape"),
     ({"triangles": np.ones(N)}, r"triangles has shape \(5,\), expected \(N, 3, 3\)"),

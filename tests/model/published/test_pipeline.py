@@ -308,3 +308,29 @@ def test_diffuse_and_specular_go_through_their_own_mapper(renderer):
     np.testing.assert_allclose(given.texture[given.texture_index[0]], expected.texture[expected.texture_index[0]],
                                atol=2e-3)
     assert np.array_equal(given.texture[given.texture_index[-1]], expected.texture[expected.texture_index[-1]])
+
+
+def test_a_texture_of_version_1_is_encoded_as_diffuse_and_specular(renderer):
+    pipeline, scene, (view, _) = renderer.pipeline, floor_scene(), floor_view()
+    lobes = np.float16([0.2, 0.4, 0.6, 0.3, 0.2, 0.1, 0.25])
+    expected = pipeline.process(replace(scene, two_lobes=np.tile(lobes[:, None, None], (1, 1, 32, 32))), [view])
+    tile = np.zeros((13, 32, 32), np.float16)
+    inside = np.add.outer(np.arange(32), np.arange(32)) <= 32
+    tile[:10, inside] = np.float16([*lobes, 0.5, 0.5, 1])[:, None]
+    version_1 = replace(expected, texture=np.repeat(tile[None], len(scene), 0), texture_index=np.arange(len(scene)))
+    found = pipeline.encoder.encoded(version_1)
+    np.testing.assert_allclose(found.texture[0], expected.texture[expected.texture_index[0]], atol=2e-3)
+
+
+def test_views_are_drawn_one_by_one_or_together(renderer):
+    view = floor_view()[0]
+    scene = renderer.pipeline.process(floor_scene(), [view, square_view(view.camera_to_world, 70, 64)])
+    alone, together = (renderer.render(scene, resolution=64, batch=batch) for batch in (1, 2))
+    np.testing.assert_allclose(alone, together, rtol=1e-3, atol=1e-4)
+    assert len(renderer.render(scene.first_view(), resolution=64)) == 1
+
+
+def test_a_picture_of_h5_needs_published_weights(renderer):
+    scene = renderer.pipeline.process(floor_scene(), [floor_view()[0]])
+    with pytest.raises(CheckpointError, match="published weights"):
+        Renderer().render(scene)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Prepared frames of the research code become Blender scenes, and Blender scenes become such frames."""
+import json
 import shutil
 
 import bpy
@@ -74,12 +75,12 @@ def write_smoke(file) -> None:
     openvdb.write(str(file), grids=[grid])
 
 
-def shown(imported, report=None):
-    """The RenderScene and the View of a scene, as its own settings have it."""
+def shown(imported, report=None, **options):
+    """The RenderScene and the View of a scene, as its own settings and other options of a conversion have it."""
     bpy.context.window.scene = imported
     depsgraph, ours = bpy.context.evaluated_depsgraph_get(), imported.renderformer_v2
     view = convert_camera(depsgraph, imported.render.resolution_x, imported.render.resolution_y, None)
-    return convert(depsgraph, view, ConversionOptions(ours.token_budget, ours.max_edge, ours.as_is),
+    return convert(depsgraph, view, ConversionOptions(ours.token_budget, ours.max_edge, ours.as_is, **options),
                    report or Report()), view
 
 
@@ -142,6 +143,27 @@ def test_diffuse_and_specular_of_a_frame_stay_apart_for_the_published_network(fr
     cloth = lobes_at(converted, at(4))
     assert np.ptp(cloth[0]) > 0.3 and np.ptp(cloth[6]) > 0.2 and not lobes_at(converted, at(1)).any()
     assert np.ptp(converted.two_lobes[converted.tile_index[converted.is_light]]) == 0
+
+
+@pytest.mark.parametrize("keeps_lobes", [False, True])
+def test_one_surface_in_place_of_two_lobes_is_reported_where_the_network_does_not_see_both(frame, report, keeps_lobes):
+    imported = import_frame(frame, report)
+    conversion = Report()
+    shown(imported, conversion, keeps_lobes=keeps_lobes)
+    replaced = {it.name for it in conversion.entries if "two shaders" in it.message}
+    assert replaced == (set() if keeps_lobes else {"floor", "cloth"})
+
+
+def test_what_a_frame_wants_beyond_its_meshes_is_reported(frame, report):
+    content = json.loads((frame / "scene_config.json").read_text())
+    content["wall_holes"] = {"floor": [{"center": [0.1, 0.2, 0.3]}]}
+    content["objects"]["metal"]["material"]["rand_tri_diffuse_seed"] = 7
+    (frame / "scene_config.json").write_text(json.dumps(content))
+    import_frame(frame, report)
+    remarks = {(it.kind, it.name): it.message for it in report.entries}
+    assert "wall_holes" in remarks["skipped", "floor"]
+    assert "rand_tri_diffuse_seed" in remarks["approximated", "metal"]
+    assert read_frame(frame).wall_holes == content["wall_holes"]
 
 
 def test_a_measured_material_is_its_latent(frame, report):
