@@ -48,6 +48,9 @@ METALLIC, ROUGHNESS, IOR, TRANSMISSION, HEIGHT = map(
 TWO_LOBES = Channels(1, diffuse=(3, COLOR), specular=(3, COLOR), roughness=1)  # as the published diffspec mapper reads
 
 ENVIRONMENT_SHAPE = (256, 512, 3)
+BOUNCES = 4, 4, 12, 12     # Blender's defaults: diffuse, glossy, transmission, all
+ANY = 255                  # bounces: no limit
+ALL_GROUPS = 2 ** 64 - 1   # of surfaces
 CELLS, VOXELS = 8, 4  # of a volume's box along each axis, and of a cell
 
 
@@ -178,6 +181,9 @@ class Geometry:
         return len(self.triangles)
 
 
+SELDOM = {"light_bounces": np.uint8(ANY), "lit_groups": np.uint64(ALL_GROUPS), "group": np.uint8(0)}
+
+
 @dataclass
 class RenderScene:
     """A scene for the network: N triangles, T material tiles, one environment, M volume cells.
@@ -198,8 +204,21 @@ class RenderScene:
         *ENVIRONMENT_SHAPE, behaves={COLOR: -1, RADIANCE: -1, PANORAMA: 1}, default="none")
     volumes: Volumes | None = None
     seen: np.ndarray | None = array("N", dtype=bool, default="none")  # by cameras, lamps are not; None = all
+    # Rays that do not meet a triangle, a set of surface_kinds.Ray, of cameras too; None = all meet all
+    hidden: np.ndarray | None = array("N", dtype=np.uint8, default="none")
+    # Most bounces of the light of a triangle that shines, and the groups of surfaces that it lights, bits; None = ANY,
+    # ALL_GROUPS. A lamp's or emitter's light goes on rays from which it is not `hidden`
+    light_bounces: np.ndarray | None = array("N", dtype=np.uint8, default="none")
+    lit_groups: np.ndarray | None = array("N", dtype=np.uint64, default="none")
+    group: np.ndarray | None = array("N", dtype=np.uint8, default="none")  # of surfaces; None = 0
+    # Row of `tiles` that a camera sees where that differs from what light meets; None = the same
+    camera_tile: np.ndarray | None = array("N", dtype=np.int32, default="none")
     # Lowest and highest corner of the box that becomes the network's, what a camera looks at; None = all but lights
     box: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
+    # Rays that do not see the environment's light, a set of surface_kinds.Ray; None = all do
+    environment_hidden: np.ndarray | None = array(1, dtype=np.uint8, default="none")
+    # Most diffuse, glossy, transmission and all bounces of light; None = BOUNCES
+    bounces: np.ndarray | None = array(4, dtype=np.int32, default="none")
     # Factor on all radiance for the network; None = by how much light there is
     exposure: np.ndarray | None = array(1, default="none")
     # Nine-number appearance of the published network in place of a tile's parameters; 0 where there is none
@@ -226,6 +245,27 @@ class RenderScene:
     def is_seen(self) -> np.ndarray:
         """(N,) bool: triangles that a camera sees."""
         return np.ones(len(self), bool) if self.seen is None else self.seen
+
+    @property
+    def hidden_from(self) -> np.ndarray:
+        """(N,) u8, as `hidden`."""
+        return np.zeros(len(self), np.uint8) if self.hidden is None else self.hidden
+
+    @property
+    def most_bounces(self) -> dict[str, int]:
+        """Of light: "diffuse", "glossy", "transmission" and "all"."""
+        return dict(zip(("diffuse", "glossy", "transmission", "all"),
+                        BOUNCES if self.bounces is None else self.bounces.tolist(), strict=True))
+
+    @property
+    def seen_tile(self) -> np.ndarray:
+        """(N,) i32 row of `tiles` that a camera sees."""
+        return self.tile_index if self.camera_tile is None else self.camera_tile
+
+    def seldom(self, name: str) -> np.ndarray:
+        """(N,) an array of SELDOM, with its default where there is none."""
+        values = getattr(self, name)
+        return np.full(len(self), SELDOM[name]) if values is None else values
 
     @property
     def tile_latents(self) -> np.ndarray:
@@ -258,10 +298,12 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        absent = [name for name in ("latents", "two_lobes")
+        absent = [name for name in ("latents", "two_lobes", "hidden", "camera_tile", *SELDOM)
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
             scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen,
+                                  camera_tile=scene.seen_tile + np.int32(tiles), hidden=scene.hidden_from,
+                                  **{name: scene.seldom(name) for name in SELDOM},
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))

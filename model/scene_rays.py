@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays against the real surfaces of a scene, in any frame; all callers share a tree for each kind of surface."""
+"""Rays against the real surfaces of a scene, in any frame; all callers share a tree for each kind of surface.
+
+Surfaces that some rays do not meet have trees of their own.
+"""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -10,7 +13,7 @@ import numpy as np
 from .progress import part
 from .rays import Hits, Rays
 from .scene import RenderScene
-from .surface_kinds import Kind, is_kind, token_kinds
+from .surface_kinds import Kind, Ray, is_kind, token_kinds
 
 NAME = "scene_rays"  # under which a scene keeps its own
 MOST_EDITED = 0.3    # of the triangles of a kind, that have a tree of their own
@@ -26,9 +29,9 @@ class TreeCache:
     """
 
     def __init__(self) -> None:
-        self._versions: dict[Kind, tuple[np.ndarray, np.ndarray, list[Tree]]] = {}
+        self._versions: dict[tuple, tuple[np.ndarray, np.ndarray, list[Tree]]] = {}
 
-    def of(self, kind: Kind, triangles: np.ndarray) -> list[Tree]:
+    def of(self, kind: tuple, triangles: np.ndarray) -> list[Tree]:
         """Trees of the triangles (K, 3, 3) of one kind, by their rows."""
         before, was_edited, trees = self._versions.get(kind, (triangles[:0], np.zeros(0, bool), []))
         if before.shape == triangles.shape:
@@ -50,20 +53,32 @@ class KindTrees:
         self._scene, self._cache = scene, cache or TreeCache()
         # Subtracted from all points: the precision of rays depends on it.
         self.center = np.zeros(3, np.float32) if scene.box is None else scene.box.mean(axis=0)
-        self._trees: dict[Kind, list[Tree]] = {}
+        self._trees: dict[tuple[Kind, int], list[Tree]] = {}
 
     @cached_property
     def kinds(self) -> np.ndarray:
         """(G,) i32, the Kind of each triangle of the geometry."""
         return token_kinds(self._scene)[self._scene.surfaces.token]
 
-    def of(self, kind: Kind) -> list[Tree]:
-        """Trees of the triangles of one kind, by their rows in the geometry, -1 behind these for no hit."""
-        if kind not in self._trees:
-            rows = np.flatnonzero(is_kind(self.kinds, kind))
-            trees = self._cache.of(kind, self._scene.surfaces.triangles[rows] - self.center)
-            self._trees[kind] = [(np.append(rows[own], -1).astype(np.int32), rays) for own, rays in trees if len(own)]
-        return self._trees[kind]
+    @cached_property
+    def hidden(self) -> np.ndarray:
+        """(G,) u8, the kinds of rays that do not meet it."""
+        return self._scene.hidden_from[self._scene.surfaces.token]
+
+    @cached_property
+    def hidings(self) -> list[int]:
+        """All that `hidden` holds."""
+        return np.unique(self._scene.hidden_from).tolist() or [0]
+
+    def of(self, kind: Kind, hiding: int) -> list[Tree]:
+        """Trees of the triangles of one kind that are hidden from such rays, by their rows in the geometry, -1 behind
+        these for no hit."""
+        if (kind, hiding) not in self._trees:
+            rows = np.flatnonzero(is_kind(self.kinds, kind) & (self.hidden == hiding))
+            trees = self._cache.of((kind, hiding), self._scene.surfaces.triangles[rows] - self.center)
+            self._trees[kind, hiding] = [(np.append(rows[own], -1).astype(np.int32), rays)
+                                         for own, rays in trees if len(own)]
+        return self._trees[kind, hiding]
 
 
 @dataclass(frozen=True)
@@ -78,13 +93,14 @@ class SceneRays:
         """The same trees for a frame in which points are (x - center) scale of those of this one."""
         return replace(self, offset=(self.offset - center) * np.float32(scale), factor=self.factor / scale)
 
-    def rows(self, kinds: Kind) -> np.ndarray:
-        """(K,) rows of the triangles that are of these kinds."""
-        return np.flatnonzero(is_kind(self.trees.kinds, kinds))
+    def rows(self, kinds: Kind, ray: Ray) -> np.ndarray:
+        """(K,) rows of the triangles that are of these kinds, and that one of these rays meets."""
+        return np.flatnonzero(is_kind(self.trees.kinds, kinds) & ~_is_hidden(self.trees.hidden, ray))
 
-    def among(self, kinds: Kind) -> RaysAmong:
-        """Rays that meet some kinds of surfaces alone."""
-        return RaysAmong(self, [tree for kind in kinds for tree in self.trees.of(kind)])
+    def among(self, kinds: Kind, ray: Ray) -> RaysAmong:
+        """Rays that meet some kinds of surfaces alone, of those that are not hidden from them."""
+        return RaysAmong(self, [tree for kind in kinds for hiding in self.trees.hidings if not _is_hidden(hiding, ray)
+                                for tree in self.trees.of(kind, hiding)])
 
 
 @dataclass(frozen=True)
@@ -136,6 +152,10 @@ def scene_rays(scene: RenderScene, cache: TreeCache | None = None) -> SceneRays:
 def share_rays(scene: RenderScene, moved: RenderScene, center: np.ndarray, scale: float) -> None:
     """Let a scene whose points are (x - center) scale of those of another use its trees."""
     vars(moved)[NAME] = scene_rays(scene).moved(center, scale)
+
+
+def _is_hidden(hiding: np.ndarray | int, ray: Ray) -> np.ndarray | bool:
+    return (hiding & int(ray)) == int(ray)
 
 
 def _nearer(one: Hits, other: Hits) -> Hits:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kinds of surfaces: which of them block light, let it pass, bend it, shine, or are seen by cameras."""
+"""Kinds of surfaces: which of them block light, let it pass, bend it, shine, or are seen by cameras; kinds of rays."""
 from __future__ import annotations
 
 from enum import IntFlag, auto
@@ -11,6 +11,20 @@ from .scene import BASE_COLOR, IOR, METALLIC, TRANSMISSION, RenderScene
 BLACK = 1e-3         # base colour up to which a surface that no camera sees is the back of a lamp
 TRANSPARENT = 0.5    # transmission from which on light passes
 STRAIGHT = 1.05      # ior up to which light passes without a bend
+
+
+class Ray(IntFlag):
+    """What a ray is for, as Blender's Ray Visibility and its Light Path node tell them apart."""
+
+    CAMERA = auto()
+    DIFFUSE = auto()
+    GLOSSY = auto()
+    TRANSMISSION = auto()
+    SHADOW = auto()
+    SCATTER = auto()  # in a volume
+
+
+BOUNCED = Ray.DIFFUSE | Ray.GLOSSY | Ray.TRANSMISSION
 
 
 class Kind(IntFlag):

@@ -15,7 +15,7 @@ from ..rays import Hits
 from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
-from ..surface_kinds import SEEN
+from ..surface_kinds import SEEN, Ray
 from .at_pixels import Materials
 from .from_rays import AccumulatedGuides, lobe_colors
 
@@ -42,7 +42,7 @@ class CameraRays:
 
     def __init__(self, scene: RenderScene, view: View):
         self._scene, self._view, self._eye = scene, view, view.camera_to_world[:3, 3]
-        self._rays = scene_rays(scene).among(SEEN)
+        self._rays = scene_rays(scene).among(SEEN, Ray.CAMERA)
 
     def closest(self, direction: np.ndarray) -> Hits:
         """The first hits along directions (P, 3), with triangles by their row in the geometry."""

@@ -15,7 +15,7 @@ from ..rays import Hits
 from ..scene import Guides, RenderScene, View
 from ..scene_rays import scene_rays
 from ..shading import on_tokens, shading_normals
-from ..surface_kinds import ALL, SEEN
+from ..surface_kinds import ALL, SEEN, Ray
 from . import denoise_media
 from .camera_rays import FINDING, CameraRays
 from .denoise_media import Behind
@@ -169,7 +169,7 @@ def _first_surfaces(scene: RenderScene, view: View, target: np.ndarray, hit: np.
     result, remaining = FirstSurfaces.empty(target.copy()), np.arange(len(target))
     with part(0.0, 0.5, FINDING):
         for kinds in (ALL, SEEN):
-            hits = scene_rays(scene).among(kinds).closest(eye, rays[remaining])
+            hits = scene_rays(scene).among(kinds, Ray.CAMERA).closest(eye, rays[remaining])
             away = np.linalg.norm(hits.distance[:, None] * rays[remaining] + eye - target[remaining], axis=1)
             away /= np.linalg.norm(target[remaining] - eye, axis=1)
             unseen_light = scene.is_light[scene.surfaces.token[hits.triangle]] & ~emits[remaining]

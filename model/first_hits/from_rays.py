@@ -118,7 +118,7 @@ class AccumulatedGuides:
         if not len(scene):
             return np.full(len(triangle), -1, np.int32)
         token = scene.surfaces.token[triangle.clip(0)]
-        material_id = np.where(scene.is_light, UNLIKE, scene.tile_index)[token]
+        material_id = np.where(scene.is_light, UNLIKE, scene.seen_tile)[token]
         if group is not None:
             material_id = np.where(group >= 0, len(scene.tiles) + group, material_id)
         return np.where(triangle >= 0, material_id, -1)
@@ -148,7 +148,7 @@ class AccumulatedGuides:
     def _of_tokens(self) -> np.ndarray:
         """(H, W, 7) f16 of the tiles."""
         x, y = texels(self._guides.hit_barycentric)
-        tile = self._scene.tile_index[self._guides.hit_triangle.clip(0)]
+        tile = self._scene.seen_tile[self._guides.hit_triangle.clip(0)]
         return self._scene.tiles[tile, PARAMETERS, y, x]
 
 
@@ -167,7 +167,7 @@ def _is_even(colors: np.ndarray, material_id: np.ndarray, shape: tuple[int, int]
 def lobe_colors(scene: RenderScene, row: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(3, P, 3) diffuse, glossy and transmission colour of tokens (P,) at normal incidence; emitters reflect none."""
     x, y = texels(weights)
-    return colors_of_texels(scene.tiles[scene.tile_index[row], :, y, x].astype(np.float32)) * ~scene.is_light[row, None]
+    return colors_of_texels(scene.tiles[scene.seen_tile[row], :, y, x].astype(np.float32)) * ~scene.is_light[row, None]
 
 
 def colors_of_texels(texel: np.ndarray) -> np.ndarray:

@@ -46,6 +46,7 @@ class HitSurfaces:
     roughness: Tensor      # (h, W), perceptual
     f0: Tensor             # (h, W), of the glossy lobe, relative to its reflectance at grazing angles
     diffuse_ratio: Tensor  # (h, W), diffuse over glossy albedo
+    group: np.ndarray | None = None  # (h, W) u8, of surfaces, where lights tell some apart
 
     @classmethod
     def of(cls, scene: RenderScene, view: View, guides: Guides, first_row: int, device: torch.device) -> HitSurfaces:
@@ -60,7 +61,8 @@ class HitSurfaces:
         f0 = _relative_f0(*map(to_tensor, hit_reflectances(scene, guides)), -(normal * rays).sum(-1), roughness)
         return cls(origin, rays, to_tensor(guides.position), normal, to_tensor(guides.alpha)[..., None].clamp(0, 1),
                    diffuse, glossy, transmission, roughness, f0,
-                   diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6))
+                   diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
+                   None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
     @property
     def is_covered(self) -> Tensor:
@@ -110,4 +112,4 @@ def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarr
     if not len(scene.triangles):
         return np.zeros((*hit.shape, len(range(TILE_CHANNELS)[channels])), np.float32)
     x, y = texels(guides.hit_barycentric)
-    return scene.tiles[scene.tile_index[np.maximum(hit, 0)], channels, y, x].astype(np.float32)
+    return scene.tiles[scene.seen_tile[np.maximum(hit, 0)], channels, y, x].astype(np.float32)

@@ -78,7 +78,8 @@ class _Collection:
             mesh, material = surface.mesh, surface.slots[surface.strands_slot]
             emits, textured = self._probe(material, surface.source, mesh, instance) if len(mesh) else (False, False)
             parts = [Part(instance.name, mesh, [material], emits, surface.is_shown, is_textured=textured,
-                          flux_gain=_gain(surface), real=surface.real)] if len(mesh) else []
+                          flux_gain=_gain(surface), real=surface.real, hidden=surface.hidden,
+                          lit_groups=surface.lit_groups)] if len(mesh) else []
             self._parts[surface,] = parts, []
             self.collected.parts += parts
         for part in self._parts[surface,][0]:
@@ -98,7 +99,8 @@ class _Collection:
                     part = replace(part, slot=slot[chosen])
                 parts.append(Part(name, part.mirrored() if surface.mirrored else part, surface.slots, kind,
                                   surface.is_shown, is_textured=bool(textured[slot[chosen]].any()),
-                                  flux_gain=_gain(surface)))
+                                  flux_gain=_gain(surface), hidden=surface.hidden,
+                          lit_groups=surface.lit_groups))
         return parts
 
     def _probe(self, material: Material | None, source: int, mesh: TriangleMesh,

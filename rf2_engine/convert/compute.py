@@ -9,7 +9,7 @@ import numpy as np
 
 from ...model import progress, rays
 from ...model.normalize import HALF_EXTENT, Normalization
-from ...model.scene import RenderScene, View
+from ...model.scene import BOUNCES, RenderScene, View
 from ...model.scene_rays import scene_rays
 from .collect import collect
 from .data.cache import ConversionCache
@@ -66,6 +66,9 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     with progress.part(0.9, 1.0, "Converting volumes"):
         scene.volumes = medium.cells(collected.media, report)
     scene.environment, scene.box = plan.environment, plan.framing.box
+    if copied.world is not None and copied.world.hidden:
+        scene.environment_hidden = np.uint8([copied.world.hidden])
+    scene.bounces = None if copied.bounces == BOUNCES else np.int32(copied.bounces)
     scene.exposure = np.ones(1, np.float32) if options.as_is else None
     scene.validate()
     if hit_materials is not None:

@@ -24,7 +24,7 @@ from ..convert.data.copied import Sun
 from ..convert.lamps.placed_lamp import rotation
 from ..convert.lamps.suns import split_suns
 from ..convert.media.grids import shares
-from ..convert.shading.input_nodes import LIGHTING_RAY
+from ..convert.shading.input_nodes import tell_path
 from ..progress.status import Status
 from ..registering import handlers
 from . import background as background_cycles
@@ -161,7 +161,7 @@ def _isolate(world: bpy.types.World, with_discs: bool, override) -> bool:
             elif kind == "ShaderNodeLightPath":
                 if not hasattr(link.to_socket, "default_value"):
                     return False
-                answer, old = LIGHTING_RAY.get(link.from_socket.name, 0.0), link.to_socket.default_value
+                answer, old = tell_path(link.from_socket.name), link.to_socket.default_value
                 value = answer if isinstance(old, (int, float)) else [answer] * 3 + [1.0] * (len(old) - 3)
                 override(owner, {f"{path}.to_socket.default_value": value, f"{path}.is_muted": True})
         for node in tree.nodes if not with_discs else ():

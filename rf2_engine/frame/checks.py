@@ -41,8 +41,8 @@ def report_ignored_settings(depsgraph: bpy.types.Depsgraph, light_passes: frozen
     """light_passes: keys of those that the weights can give."""
     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     cycles = scene.cycles
-    if min(cycles.max_bounces, cycles.diffuse_bounces) < USUAL_BOUNCES:
-        report.approximated(scene.name, "the bounces set in Light Paths are ignored")
+    if not light_passes and min(cycles.max_bounces, cycles.diffuse_bounces) < USUAL_BOUNCES:
+        report.approximated(scene.name, "the bounces set in Light Paths are ignored by the published weights")
     if cycles.use_fast_gi:
         report.approximated(scene.name, "Fast GI Approximation is ignored")
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
@@ -50,7 +50,7 @@ def report_ignored_settings(depsgraph: bpy.types.Depsgraph, light_passes: frozen
     if absent := passes.absent(scene, layer, light_passes):
         report.skipped(layer.name, f"these passes of Cycles are not available: {', '.join(absent)}")
     for obj in depsgraph.objects:
-        if obj.type == "LIGHT" and obj.data.cycles.max_bounces < USUAL_BOUNCES:
-            report.approximated(obj.name, "its Max Bounces is ignored")
+        if not light_passes and obj.type == "LIGHT" and obj.data.cycles.max_bounces < USUAL_BOUNCES:
+            report.approximated(obj.name, "its Max Bounces is ignored by the published weights")
         elif obj.type == "MESH" and compat.is_diced(obj, scene):
             report.approximated(obj.name, "the network gets a coarser mesh than Adaptive Subdivision makes")

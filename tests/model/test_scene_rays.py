@@ -9,7 +9,18 @@ from numpy.testing import assert_array_equal
 from renderformer_v2.model.normalize import Normalization
 from renderformer_v2.model.scene import IOR, TRANSMISSION, Geometry, RenderScene
 from renderformer_v2.model.scene_rays import TreeCache, scene_rays
-from renderformer_v2.model.surface_kinds import ALL, BENDING, OCCLUDING, REFLECTING, SEEN, SOLID, Kind, token_kinds
+from renderformer_v2.model.surface_kinds import (
+    ALL,
+    BENDING,
+    BOUNCED,
+    OCCLUDING,
+    REFLECTING,
+    SEEN,
+    SOLID,
+    Kind,
+    Ray,
+    token_kinds,
+)
 from tests.model.samples import flat, floor_scene
 
 SQUARE = np.float32([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
@@ -38,7 +49,7 @@ def layers() -> RenderScene:
     (ALL, 7), (SEEN, 4), (SOLID, 7), (BENDING, 2), (OCCLUDING & ~Kind.UNSEEN, 2), (Kind.LAMP, 5), (Kind.BACK, 6),
     (REFLECTING & ~Kind.UNSEEN, 3), (Kind.OPAQUE | Kind.EMITTER, 4)])
 def test_rays_meet_the_first_surface_of_the_kinds_that_they_ask_for(kinds, height):
-    rays = scene_rays(layers()).among(kinds)
+    rays = scene_rays(layers()).among(kinds, Ray.CAMERA)
     hits = rays.closest(np.float32([(0.3, 0.1, 10)]), DOWN)
     assert 10 - hits.distance[0] == pytest.approx(height) and hits.triangle[0] // 2 == height - 1
     assert rays.blocked(np.float32([(0.3, 0.1, 10)]), DOWN, 10.1 - height).all()
@@ -50,8 +61,18 @@ def test_every_surface_is_of_one_kind():
         "OPAQUE", "GLASS", "CUTOUT", "EMITTER", "LAMP", "BACK", "UNSEEN"]
 
 
+def test_rays_pass_the_surfaces_that_are_hidden_from_them():
+    upper = replace(at_height(2), hidden=np.full(2, Ray.SHADOW | Ray.DIFFUSE, np.uint8))
+    rays = scene_rays(at_height(1).appended(upper))
+    above = np.float32([(0.3, 0.1, 3)])
+    distances = [rays.among(SOLID, ray).closest(above, DOWN).distance[0]
+                 for ray in (Ray.CAMERA, Ray.GLOSSY, Ray.SHADOW, Ray.DIFFUSE, BOUNCED)]
+    assert distances == pytest.approx([1, 1, 2, 2, 1])
+    assert len(rays.rows(SOLID, Ray.DIFFUSE)) == 2 and len(rays.rows(SOLID, BOUNCED)) == 4
+
+
 def test_without_surfaces_nothing_is_met():
-    rays = scene_rays(RenderScene()).among(ALL)
+    rays = scene_rays(RenderScene()).among(ALL, Ray.CAMERA)
     assert rays.closest(np.zeros((2, 3)), np.ones((2, 3))).triangle.tolist() == [-1, -1]
     assert not rays.blocked(np.zeros((2, 3)), np.ones((2, 3))).any()
 
@@ -64,10 +85,10 @@ def test_a_normalised_scene_uses_the_same_trees_in_its_own_units():
     assert before.trees is after.trees
     eye = np.float32([(0.3, 0.1, 103)])
     for rays, origin, distance in ((before, eye, 3.0), (after, frame.points(eye), 0.03)):
-        hits = rays.among(ALL).closest(origin, DOWN)
+        hits = rays.among(ALL, Ray.CAMERA).closest(origin, DOWN)
         assert hits.distance[0] == pytest.approx(distance, rel=1e-4) and hits.triangle[0] >= 0
-        assert rays.among(ALL).blocked(origin, DOWN, 1.01 * distance).all()
-        assert not rays.among(ALL).blocked(origin, DOWN, 0.99 * distance).any()
+        assert rays.among(ALL, Ray.CAMERA).blocked(origin, DOWN, 1.01 * distance).all()
+        assert not rays.among(ALL, Ray.CAMERA).blocked(origin, DOWN, 0.99 * distance).any()
 
 
 def test_rays_meet_the_geometry_and_not_the_tokens():
@@ -75,7 +96,8 @@ def test_rays_meet_the_geometry_and_not_the_tokens():
     bumpy = scene.surfaces.triangles[:-1].copy()
     bumpy[..., 2] += 0.25
     geometry = Geometry(bumpy, scene.normals[:-1], np.arange(len(bumpy), dtype=np.int32))
-    hits = scene_rays(replace(scene, geometry=geometry)).among(ALL).closest(np.float32([(0.3, 0.1, 1)]), DOWN)
+    rays = scene_rays(replace(scene, geometry=geometry)).among(ALL, Ray.CAMERA)
+    hits = rays.closest(np.float32([(0.3, 0.1, 1)]), DOWN)
     assert hits.distance[0] == pytest.approx(0.75)
 
 
@@ -106,10 +128,10 @@ def test_trees_of_what_was_not_edited_are_used_again():
     trees = []
     for scene in versions:
         cached, fresh = scene_rays(replace(scene), cache), scene_rays(scene)
-        assert_array_equal(cached.among(ALL).closest(origin, direction).triangle,
-                           fresh.among(ALL).closest(origin, direction).triangle)
-        assert_array_equal(cached.among(ALL).blocked(origin, direction, 0.5),
-                           fresh.among(ALL).blocked(origin, direction, 0.5))
+        assert_array_equal(cached.among(ALL, Ray.CAMERA).closest(origin, direction).triangle,
+                           fresh.among(ALL, Ray.CAMERA).closest(origin, direction).triangle)
+        assert_array_equal(cached.among(ALL, Ray.CAMERA).blocked(origin, direction, 0.5),
+                           fresh.among(ALL, Ray.CAMERA).blocked(origin, direction, 0.5))
         trees.append([rays for _, rays in cached.trees.of(Kind.OPAQUE)])
     assert [len(each) for each in trees] == [1, 2, 2, 1]
     assert trees[1][0] is trees[2][0] and trees[1][1] is not trees[2][1]

@@ -12,7 +12,7 @@ from torch.nn import functional as F
 from ...progress import part
 from ...scene import RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import BENDING, SOLID, Kind
+from ...surface_kinds import BENDING, SOLID, Kind, Ray
 from ..direct.direct_light import DirectLight
 from ..direct.environment_light import EnvironmentLight
 from ..edge_stopping import dot
@@ -39,6 +39,8 @@ class Gathered:
     sky: Tensor        # (P, R) share of the sky's radiance that arrives where nothing is hit
     through: Tensor    # (P, 3) mean radiance of media, and of the sky behind glass
     distance: Tensor   # (P, R), network units to what is hit; infinite where nothing is
+    # (M,) number among all P R rays of those that see glass, and (M, 3) the sky's radiance through it; None without any
+    behind_glass: tuple[Tensor, Tensor] | None = None
 
     def merged(self, weight: Tensor) -> Gathered:
         """Every K consecutive points as one; weight: (P / K, K), whose means are 1."""
@@ -54,6 +56,14 @@ class Gathered:
         """
         share = self.share if weight is None else self.share * weight
         return weighted_rows(F.pad(leaving, (0, 0, 0, 1)), self.side, share) / self.side.shape[1]
+
+    def sky_behind_glass(self, weight: Tensor) -> Tensor:
+        """(P, 3) mean radiance of the sky behind glass; weight as above."""
+        light = torch.zeros_like(self.through)
+        if self.behind_glass is None:
+            return light
+        ray, radiance = self.behind_glass
+        return light.index_add_(0, ray // weight.shape[1], weight.flatten()[ray, None] * radiance) / weight.shape[1]
 
     def sky_visibility(self, environment: EnvironmentLight | None, weight: Tensor | None = None) -> Tensor:
         """(P, 3) share of the environment's light that arrives, RGB; weight as above."""
@@ -78,21 +88,23 @@ class GatherScene:
         self.fog, self.in_scattering, self.environment = direct.fog, direct.in_scattering, direct.environment
         self.panes = None
         with part(0.0, 0.5):
-            self.surfaces = TensorRays(rays.among(SOLID | Kind.EMITTER))
-        if len(rays.rows(BENDING)):
+            self.surfaces = {ray: TensorRays(rays.among(SOLID | Kind.EMITTER, ray))
+                             for ray in (Ray.DIFFUSE, Ray.GLOSSY)}
+        if len(rays.rows(BENDING, Ray.DIFFUSE)):
             with part(0.5, 1.0):
-                self.panes = Panes(scene, self.environment, device)
+                self.panes = Panes(scene, direct.sky_seen_by(Ray.TRANSMISSION), device)
 
     def aim(self, importance: Tensor) -> None:
         """Aim rays at patches of such importance (sides,) from now on."""
         self.bright = BrightPatches(self.corners, self._is_solid, self.patch[:-1], importance)
 
     def gather(self, position: Tensor, normal: Tensor, direction: Tensor, aimed: int = 0, start: Tensor | None = None,
-               with_media: bool = True) -> Gathered:
+               with_media: bool = True, ray: Ray = Ray.DIFFUSE) -> Gathered:
         """Trace rays from points (P, 3) with unit normals (P, 3) along unit vectors (P, R, 3).
 
         Directions with a density of the cosine may be joined by `aimed` more towards bright patches, which `start`
-        (P, 2) spreads. with_media: whether in-scattered light along the rays is added.
+        (P, 2) spreads. with_media: whether in-scattered light along the rays is added. ray: DIFFUSE or
+        GLOSSY.
         """
         rays, target = direction.shape[1], None
         position = position + LIFT * normal
@@ -102,10 +114,10 @@ class GatherScene:
         total, direction = direction.shape[1], direction.reshape(-1, 3)
         origin = position[:, None].expand(-1, total, -1).reshape(-1, 3)
         with part(0.0, 0.7):
-            hits = self.surfaces.nearest(origin, direction)
+            hits = self.surfaces[ray].nearest(origin, direction)
         distance, piece = hits.distance, self._locator.find(hits.triangle, hits.weights)
         side = self._sides(piece, direction)
-        share, sky = torch.ones_like(distance), distance.isinf()
+        share, sky, behind_glass = torch.ones_like(distance), distance.isinf(), None
         through = torch.zeros_like(position)
         if self.fog is not None:
             end = origin + distance.clamp(max=FOG_REACH)[:, None] * direction
@@ -114,10 +126,11 @@ class GatherScene:
                 through += self._scattered(*(x.view(-1, total, 3)[:, :rays] for x in (origin, end)))
         if self.panes is not None:
             with part(0.7, 1.0):
-                ray, light, transmittance = self.panes.sky_through(origin, direction, distance)
-            sky[ray] = False
-            share[ray] *= transmittance
-            through.index_add_(0, ray // total, light * (ray % total < rays)[:, None] / rays)
+                row, light, transmittance = self.panes.sky_through(origin, direction, distance)
+            sky[row] = False
+            share[row] *= transmittance
+            through.index_add_(0, row // total, light * (row % total < rays)[:, None] / rays)
+            behind_glass = (row, light) if total == rays else None
         sky = (sky * share).view(-1, total)[:, :rays]
         if target is not None:
             density = self.bright.density_by_angle(piece, direction, distance).view(-1, total)
@@ -126,7 +139,7 @@ class GatherScene:
             balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
-                        through, distance.view(-1, total)[:, :rays])
+                        through, distance.view(-1, total)[:, :rays], behind_glass)
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.

@@ -6,16 +6,38 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ...geometry import area_vectors, unit
 from ...progress import part
-from ...scene import BASE_COLOR, METALLIC, TRANSMISSION, RenderScene, tint_of_glass
+from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...scene_rays import scene_rays
-from ...surface_kinds import BENDING
+from ...surface_kinds import BENDING, Ray
 from ..direct.environment_light import BLUR, EnvironmentLight
 from ..edge_stopping import dot
 from ..tensor_rays import TensorRays
 
 SURFACES = 2          # of glass that dim a ray
-TRANSMITTANCE = 0.88  # of a surface of glass, as blurred as for photons, besides its colour
+ENTERING, LEAVING, THROUGH_BACK = range(3)
+# Share of light from everywhere that passes white glass, by roughness and IOR, as blurred as Cycles has it behind a
+# diffuse bounce (Filter Glossy 1; measured there): into it through its front, out of it through its back, and through a
+# solid pane. An IOR of 1 is stored as the first of these (rf2_engine/convert/shading/closure.py).
+ROUGHNESSES = 0.2, 0.4, 0.6, 0.8, 1.0
+IORS = 1.06, 1.07, 1.1, 1.2, 1.33, 1.45, 1.7, 2.0, 2.5
+INTO, OUT, THROUGH = np.float32([
+    [[0.985, 0.931, 0.931, 0.926, 0.914, 0.900, 0.869, 0.830, 0.766],
+     [0.985, 0.943, 0.942, 0.937, 0.925, 0.911, 0.881, 0.843, 0.779],
+     [0.985, 0.976, 0.974, 0.967, 0.955, 0.942, 0.913, 0.878, 0.817],
+     [0.985, 0.998, 0.996, 0.989, 0.979, 0.969, 0.945, 0.915, 0.863],
+     [0.985, 1.000, 0.997, 0.994, 0.986, 0.978, 0.960, 0.935, 0.894]],
+    [[0.985, 0.828, 0.785, 0.664, 0.535, 0.447, 0.319, 0.225, 0.140],
+     [0.985, 0.862, 0.820, 0.697, 0.562, 0.470, 0.335, 0.236, 0.146],
+     [0.985, 0.932, 0.899, 0.786, 0.648, 0.548, 0.396, 0.280, 0.173],
+     [0.985, 0.973, 0.954, 0.868, 0.756, 0.659, 0.496, 0.357, 0.219],
+     [0.985, 0.989, 0.977, 0.923, 0.847, 0.770, 0.608, 0.450, 0.288]],
+    [[0.970, 0.800, 0.771, 0.701, 0.604, 0.535, 0.419, 0.318, 0.194],
+     [0.970, 0.835, 0.807, 0.733, 0.650, 0.581, 0.454, 0.347, 0.214],
+     [0.970, 0.927, 0.906, 0.851, 0.784, 0.715, 0.581, 0.463, 0.306],
+     [0.970, 0.978, 0.960, 0.895, 0.875, 0.827, 0.627, 0.509, 0.392],
+     [0.970, 0.986, 0.967, 0.928, 0.881, 0.787, 0.654, 0.571, 0.488]]])
 GAP = 1e-4            # network units behind a pane where a ray goes on
 
 
@@ -24,11 +46,13 @@ class Panes:
 
     def __init__(self, scene: RenderScene, environment: EnvironmentLight | None, device: torch.device):
         rays = scene_rays(scene)
-        self.environment, self.surfaces = environment, TensorRays(rays.among(BENDING))
-        points = torch.from_numpy(scene.surfaces.triangles[rays.rows(BENDING)]).to(device).flatten(0, 1)
+        self.environment, self.surfaces = environment, TensorRays(rays.among(BENDING, Ray.DIFFUSE))
+        points = torch.from_numpy(scene.surfaces.triangles[rays.rows(BENDING, Ray.DIFFUSE)]).to(device).flatten(0, 1)
         self.center = (points.amin(0) + points.amax(0)) / 2  # of a sphere around all glass
         self.radius = (points - self.center).norm(dim=-1).max()
-        self._tint, self._token = (torch.from_numpy(x).to(device) for x in (token_tints(scene), scene.surfaces.token))
+        self._tint, self._token, self._normal, self._transmittance = (torch.from_numpy(x).to(device) for x in (
+            token_tints(scene), scene.surfaces.token, unit(area_vectors(scene.surfaces.triangles)).astype(np.float32),
+            token_transmittances(scene)))
 
     def sky_through(self, origin: Tensor, direction: Tensor, distance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Which of N rays hit glass within their distances (N,), as rows (M,), and what they see behind it.
@@ -50,9 +74,15 @@ class Panes:
                 row, along, to_sky = torch.arange(len(hit), device=hit.device), direction, distance.isinf()
                 ray = ray[hit]
                 transmittance = torch.ones_like(along)
+                is_inside = torch.zeros_like(to_sky)
             else:
                 row = row[hit]
-            transmittance[row] *= TRANSMITTANCE * self._tint[self._token[pane]]
+            cosine, token = dot(self._normal[pane].T, direction.T), self._token[pane]
+            leaves = cosine > 0
+            case = torch.where(leaves, torch.where(is_inside[row], THROUGH_BACK, LEAVING), ENTERING)
+            passes = self._transmittance[token, case] ** (1 + (1 - cosine.abs()).square())  # less at grazing angles
+            transmittance[row] *= passes[:, None] * self._tint[token]
+            is_inside[row] = ~leaves
         light = torch.zeros_like(along)
         if self.environment is not None:
             sky = self.environment.filtered(along, torch.full_like(along[:, 0], BLUR))
@@ -65,6 +95,25 @@ class Panes:
         along = dot(to_center.T, direction.T)
         aside2 = dot(to_center.T, to_center.T) - along.square()
         return (aside2 <= self.radius ** 2) & (along >= -self.radius) & (along - self.radius < distance)
+
+
+def token_transmittances(scene: RenderScene) -> np.ndarray:
+    """(N, 3) f32 share of light that passes glass of each token triangle, besides its tint.
+
+    Where it is entered, left without having been entered, and left after that.
+    """
+    means = scene.tiles[:, (IOR, ROUGHNESS)].mean(axis=(2, 3), dtype=np.float32)
+    into, out, through = (_interpolated(table, *means.T) for table in (INTO, OUT, THROUGH))
+    return np.stack([into, out, through / into], axis=1)[scene.tile_index]
+
+
+def _interpolated(table: np.ndarray, ior: np.ndarray, roughness: np.ndarray) -> np.ndarray:
+    """(T,) of a table by ROUGHNESSES and IORS."""
+    by_ior = np.stack([np.interp(ior, IORS, row) for row in table], axis=1)
+    at = np.interp(roughness, ROUGHNESSES, range(len(ROUGHNESSES)))
+    low = at.astype(int).clip(max=len(ROUGHNESSES) - 2)
+    share, row = at - low, np.arange(len(at))
+    return np.float32((1 - share) * by_ior[row, low] + share * by_ior[row, low + 1])
 
 
 def token_tints(scene: RenderScene) -> np.ndarray:

@@ -18,7 +18,7 @@ from ...geometry import area_vectors, surfaces
 from ...material.reflectance import blurred, layer_reflectance, normal_reflectance
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import BENDING, REFLECTING, SOLID, is_kind
+from ...surface_kinds import BENDING, BOUNCED, REFLECTING, SOLID, is_kind
 from ..direct.emitter_light import NearEmitters
 from ..sampling import R2, hashed_starts, triangle_weights
 from .grouping import group_elements, group_patches
@@ -46,6 +46,7 @@ class Patches:
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
     solid: Tensor    # (T,) bool, stops light
+    group: np.ndarray  # (S,) u8, of surfaces (RenderScene.group)
     weight: Tensor   # (S,) f32, area, weighted by how near the scene's middle and the emitters are
     locator: PieceLocator  # of the T triangles
 
@@ -78,7 +79,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     """At most `share` of PATCHES patches of a normalised scene; with `openness` none is on both sides of a wall."""
     most = round(share * PATCHES)
     kinds = scene_rays(scene).trees.kinds
-    subdivision = Subdivision(scene.surfaces.triangles, scene_rays(scene).rows(REFLECTING))
+    subdivision = Subdivision(scene.surfaces.triangles, scene_rays(scene).rows(REFLECTING, BOUNCED))
     _split(subdivision, emitters, most)
     if openness:
         openness.cut(subdivision, round(CUT * most))
@@ -91,11 +92,15 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     center, token = corners[largest].mean(axis=1), token[largest]
     solid, glass = (is_kind(kinds[source], some) for some in (SOLID, BENDING))
     is_open = openness.kinds(corners[largest]) if openness else np.zeros(len(center), np.int64)
+    group = scene.seldom("group")[token]
+    apart = is_open + (is_open.max(initial=0) + 1) * group  # no patch is of two groups
     center, vector, material, patch = _merge(*map(torch.from_numpy, (
-        center, vector, material[token], glass[largest], is_open, surfaces(scene.triangles)[token])), emitters, most)
+        center, vector, material[token], glass[largest], apart, surfaces(scene.triangles)[token])), emitters, most)
+    group_of_patch = np.zeros(len(center), np.uint8)
+    group_of_patch[patch.numpy()] = group
     weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
     return Patches(center, vector, *material.split([9, 2], 1), patch[torch.from_numpy(element)],
-                   torch.from_numpy(corners), torch.from_numpy(solid), weight,
+                   torch.from_numpy(corners), torch.from_numpy(solid), group_of_patch, weight,
                    subdivision.locator())
 
 

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from ...progress import part
-from ...scene import RenderScene
+from ...scene import ANY, RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import BENDING
+from ...surface_kinds import BENDING, Ray
 from ..caustics.photon_map import PhotonMap
 from ..caustics.photons import Photons, trace_photons
 from ..direct.direct_light import DirectLight
@@ -28,8 +28,8 @@ from .final_gather import LIFT, Gathered, GatherScene
 from .openness import Openness
 from .patches import PATCHES, STEEP, make_patches
 
-BOUNCES = 3       # between patches, before the last one at the point: together as many as Cycles' diffuse ones
-GLOSSY_BOUNCES = 2  # besides: more add next to nothing
+# At most: more add next to nothing. The last diffuse one is that at the point.
+DIFFUSE_BOUNCES, GLOSSY_BOUNCES = 12, 2
 PATCH_RAYS = 64   # from each side of a patch
 PATCH_AIMED = 32  # rays more towards bright patches
 POINTS = 4        # of a patch, at which emitters light it and from which its rays start
@@ -39,6 +39,7 @@ RAYS = 24         # from a point
 AIMED = 12        # rays more towards bright patches
 GLOSSY_RAYS = 16  # from a point, within its glossy lobe
 PHOTONS = 1 << 16  # from emitters to glass
+THROUGH_GLASS = 3  # bounces that light has after a surface, and both sides of glass
 
 
 class GlossyLight(NamedTuple):
@@ -69,27 +70,51 @@ class Radiosity:
         f0, roughness = patches.layer.repeat(2, 1).to(direct.device).repeat_interleave(count, 0).unbind(1)
         area = patches.vector.norm(dim=-1).to(direct.device)
         size = patches.weight.repeat(2).to(direct.device)
+        self._most = _Bounces.of(scene)
+        group = torch.from_numpy(patches.group).repeat(2).repeat_interleave(count)
         with part(0.2, 0.4):
-            visibility = direct.visibility(x, n, hashed_starts(x, 2), effort.of(SKY_RAYS) // count)
+            lights = self._light_by_bounces(direct, x, n, f0, roughness, group, effort.of(SKY_RAYS) // count)
         with part(0.4, 0.5):
-            self.caustics, caustic_light = self._trace_caustics(scene, direct, area, effort.of(PHOTONS))
-        with part(0.5, 0.6):
-            white, slanting = (light.view(-1, count, 3) for light in direct.diffuse_and_layer(
-                x + LIFT * n, n, visibility, f0, roughness))
-            first = (diffuse + STEEP * metal)[:, None] * white + layer[:, None] * slanting
-        self.gather_scene.aim(importance_by_power(first.mean(1), size))
+            self.caustics, caustic_light = self._trace_caustics(
+                scene, direct.reaching(bounces=lambda bounces: bounces >= THROUGH_GLASS), area, effort.of(PHOTONS))
+        firsts = {most: (diffuse + STEEP * metal)[:, None] * white.view(-1, count, 3)
+                  + layer[:, None] * slanting.view(-1, count, 3) for most, (white, slanting) in lights.items()}
+        self.gather_scene.aim(importance_by_power(sum(firsts.values()).mean(1), size))
         with part(0.6, 1.0):
             start = hashed_starts(x, 2)
             gathered = self.gather_scene.gather(x, n, cosine_directions(n, effort.of(PATCH_RAYS) // count, start),
                                                 effort.of(PATCH_AIMED) // count, start)
             weight = self.gather_scene.reliability(gathered, count)
             gathered = gathered.merged(weight)
-        first, glossy = (weight[..., None] * first).mean(1), metal + layer
+        glossy = metal + layer
         through = (diffuse + glossy) * (gathered.through + caustic_light)
-        glossily, diffusely = _bounce(gathered, first + through, diffuse, glossy)
-        self.bounced_before = through + diffusely  # (sides, 3) what of it has bounced diffusely, or come through glass
-        self.leaving = first + self.bounced_before + glossily  # (sides, 3) radiance that leaves all sides of patches
+        # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass
+        self.leaving = self.bounced_before = torch.zeros_like(through)
+        for most, first in firsts.items():
+            first = (weight[..., None] * first).mean(1)
+            before = through if most == ANY else torch.zeros_like(through)
+            glossily, diffusely = _bounce(gathered, first + before, diffuse, glossy, self._most.at_most(most))
+            bounced_before = before + diffusely
+            self.bounced_before = self.bounced_before + bounced_before
+            self.leaving = self.leaving + (first + bounced_before + glossily)
         self.gather_scene.aim(importance_by_arrival(self.leaving, size, gathered.side, gathered.share))
+
+    def _light_by_bounces(self, direct: DirectLight, x: Tensor, n: Tensor, f0: Tensor, roughness: Tensor, group: Tensor,
+                          sky_rays: int) -> dict[int, tuple[Tensor, Tensor]]:
+        """DirectLight.diffuse_and_layer at points (P, 3) of groups (P,), by the most bounces that light has."""
+        lights = {}
+        for most in sorted(direct.bounces):
+            if not most:
+                continue  # it is seen where it falls, and bounces nowhere
+            white, slanting = torch.zeros_like(x), torch.zeros_like(x)
+            for some in group.unique().tolist():
+                light = direct.reaching(some, lambda bounces, most=most: bounces == most)
+                rows = slice(None) if (group == some).all() else (group == some).nonzero()[:, 0].to(x.device)
+                visibility = light.visibility(x[rows], n[rows], hashed_starts(x[rows], 2), sky_rays)
+                white[rows], slanting[rows] = light.diffuse_and_layer(
+                    x[rows] + LIFT * n[rows], n[rows], visibility, f0[rows], roughness[rows])
+            lights[most] = white, slanting
+        return lights
 
     def _trace_caustics(self, scene: RenderScene, direct: DirectLight, area: Tensor,
                         count: int) -> tuple[PhotonMap, Tensor]:
@@ -98,7 +123,7 @@ class Radiosity:
         And the radiance (sides, 3) that white diffuse patches of an `area` (S,) send on by them.
         """
         flux = area.new_zeros(2 * len(area) + 1, 3)
-        if not len(scene_rays(scene).rows(BENDING)) or not len(direct.emitters):
+        if not len(scene_rays(scene).rows(BENDING, Ray.DIFFUSE)) or not len(direct.emitters):
             return PhotonMap.empty(area), flux[:-1]
         photons = Photons(*(torch.from_numpy(x).to(area.device) for x in trace_photons(scene, direct, count)))
         side = self.gather_scene.hit_sides(photons.triangle, photons.weights, photons.direction)
@@ -121,6 +146,8 @@ class Radiosity:
         gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
                                             effort.of_probe(AIMED), start)
         light = gathered.through + self.caustics.radiance(position, normal) + gathered.radiance(self.leaving)
+        if not self._most.diffusely:
+            light = torch.zeros_like(light)
         return (light, gathered.sky_visibility(self.gather_scene.environment)) if with_sky else (light,)
 
     def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor,
@@ -135,31 +162,60 @@ class Radiosity:
         """
         direction, weight, cosine, density = ggx_directions(normal, outgoing, roughness, effort.of_probe(GLOSSY_RAYS),
                                                             r2_starts(number))
-        gathered = self.gather_scene.gather(position, normal, direction, with_media=False)
+        gathered = self.gather_scene.gather(position, normal, direction, with_media=False, ray=Ray.GLOSSY)
         weight = weight * schlick(f0[:, None], cosine)
         weight = weight / weight.mean(1, keepdim=True).clamp_min(1e-6)
-        complete, bounced, missed = gathered.radiance(self.leaving, weight), None, None
+        if not self._most.glossily:
+            weight = torch.zeros_like(weight)
+        complete = gathered.radiance(self.leaving, weight) + gathered.sky_behind_glass(weight)
+        bounced = missed = None
         if traced:
             diffuse = diffuse_ratio[:, None] * (direction @ normal[..., None])[..., 0].clamp_min(0) / math.pi
             share = diffuse / (diffuse + weight * density).clamp_min(1e-6)
             bounced = gathered.radiance(self.bounced_before, weight)
-            missed = gathered.radiance(self.leaving - self.bounced_before, weight * share)
+            missed = (gathered.radiance(self.leaving - self.bounced_before, weight * share)
+                      + gathered.sky_behind_glass(weight * share))
+            if not self._most.diffusely:  # what is traced is all there is
+                bounced, missed = torch.zeros_like(bounced), torch.zeros_like(missed)
         sky = gathered.sky_visibility(self.gather_scene.environment, weight) if with_sky else None
         return GlossyLight(complete, bounced, missed, sky)
 
 
-def _bounce(gathered: Gathered, light: Tensor, diffuse: Tensor, glossy: Tensor) -> tuple[Tensor, Tensor]:
-    """What becomes of `light` (sides, 3) that leaves the patches, by as many bounces as Cycles allows: (sides, 3) each.
+class _Bounces(NamedTuple):
+    """How often light bounces."""
+
+    diffusely: bool  # from patches to a point, whether at all
+    glossily: bool
+    diffuse: int     # between patches before, at most: Cycles counts the last one too
+    glossy: int
+    all: int
+
+    @classmethod
+    def of(cls, scene: RenderScene) -> _Bounces:
+        most = scene.most_bounces
+        diffuse, glossy, both = min(most["diffuse"], DIFFUSE_BOUNCES), most["glossy"], most["all"]
+        return cls(min(diffuse, both) > 0, min(glossy, both) > 0, max(diffuse - 1, 0), min(glossy, GLOSSY_BOUNCES),
+                   max(both - 1, 0))
+
+    def at_most(self, bounces: int) -> _Bounces:
+        """Those of light that has no more than 1 or more."""
+        return self._replace(all=min(self.all, bounces - 1))
+
+
+def _bounce(gathered: Gathered, light: Tensor, diffuse: Tensor, glossy: Tensor,
+            most: _Bounces) -> tuple[Tensor, Tensor]:
+    """What becomes of `light` (sides, 3) that leaves the patches, by as many bounces as are allowed: (sides, 3) each.
 
     Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others.
     """
     after = {(0, 0): light}  # by number of diffuse and of glossy bounces
-    for count in range(1, BOUNCES + GLOSSY_BOUNCES + 1):
-        pairs = [(d, count - d) for d in range(count + 1) if d <= BOUNCES and count - d <= GLOSSY_BOUNCES]
+    for count in range(1, min(most.diffuse + most.glossy, most.all) + 1):
+        pairs = [(d, count - d) for d in range(count + 1) if d <= most.diffuse and count - d <= most.glossy]
         before = [pair for pair in after if sum(pair) == count - 1]
         arriving = dict(zip(before, gathered.radiance(torch.cat([after[pair] for pair in before], 1)).split(3, 1)))
         for d, g in pairs:
             after[d, g] = sum(albedo * arriving[pair] for albedo, pair in ((diffuse, (d - 1, g)), (glossy, (d, g - 1)))
                               if pair in arriving)
-    return (sum(after[0, g] for g in range(1, GLOSSY_BOUNCES + 1)),
-            sum(bounced for (d, _), bounced in after.items() if d))
+    none = torch.zeros_like(light)
+    return (sum((bounced for (d, g), bounced in after.items() if g and not d), none),
+            sum((bounced for (d, _), bounced in after.items() if d), none))

@@ -17,7 +17,7 @@ from ...material.reflectance import blurred, fresnel, unmasked, visible_facets
 from ...scene import BASE_COLOR, IOR, METALLIC, ROUGHNESS, TRANSMISSION, RenderScene, tint_of_glass
 from ...scene_rays import RaysAmong, scene_rays
 from ...shading import surface
-from ...surface_kinds import BENDING, SOLID, Kind
+from ...surface_kinds import BENDING, SOLID, Kind, Ray
 from ..direct.direct_light import DirectLight
 from ..direct.emitter_light import END_GAP
 from ..sampling import R2, triangle_weights
@@ -42,7 +42,8 @@ def trace_photons(scene: RenderScene, direct: DirectLight, count: int) -> Photon
     """Send `count` photons from emitters at the glass of a normalised scene; returns those that it has bent."""
     chance = np.random.default_rng(0).random((count, SURFACES + 1, 3), np.float32)  # each photon has its own
     rays, corners = scene_rays(scene), scene.surfaces.triangles
-    glass, panes, walls, landed = rays.rows(BENDING), rays.among(BENDING), rays.among(SOLID | Kind.EMITTER), []
+    glass, panes, landed = rays.rows(BENDING, Ray.DIFFUSE), rays.among(BENDING, Ray.DIFFUSE), []
+    walls = rays.among(SOLID | Kind.EMITTER, Ray.TRANSMISSION)
     number, row, at, ray, flux = _emit(corners[glass], direct, panes, chance[:, 0, :2])
     row, shines = glass[row], np.append(scene.is_light[scene.surfaces.token], True)
     is_milky = (scene.tiles[:, TRANSMISSION].mean(axis=(1, 2)) <= CLEAR)[scene.tile_index][scene.surfaces.token]

@@ -2,17 +2,20 @@
 """Direct light: what arrives at surfaces from everything that shines, unshadowed in closed form, visibility by rays."""
 from __future__ import annotations
 
+import copy
 import math
+from collections.abc import Callable
 from functools import cached_property
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from ...progress import part
-from ...scene import RenderScene
+from ...scene import ANY, RenderScene
 from ...scene_rays import scene_rays
-from ...surface_kinds import OCCLUDING, Kind
+from ...surface_kinds import OCCLUDING, Kind, Ray
 from ..chunks import in_chunks
 from ..media.in_scattering import InScattering
 from ..media.transmittance import fog_of
@@ -59,16 +62,40 @@ class DirectLight:
         environment = scene.environment
         self.environment = None if environment is None else EnvironmentLight(
             torch.as_tensor(environment, dtype=torch.float32, device=device))
+        hidden = 0 if scene.environment_hidden is None else int(scene.environment_hidden[0])
+        self._seen_sky = {ray: None if hidden & ray else self.environment for ray in Ray}
         self.fog = fog_of(scene.volumes, device)
         rays = scene_rays(scene)
         with part(0.0, 0.5):
-            self.occluders = TensorRays(rays.among(OCCLUDING))  # without emitters: a lamp does not shade itself
+            # Without emitters: a lamp does not shade itself.
+            self.occluders = TensorRays(rays.among(OCCLUDING, Ray.SHADOW))
         self.emitters = EmitterLight(scene, self.occluders, self.fog, device)
         self.device = self.emitters.radiance.device
         with part(0.5, 1.0):
             self.sky = None
             if self.environment is not None:
-                self.sky = SkyVisibility(TensorRays(rays.among(OCCLUDING | Kind.EMITTER)), self.environment, self.fog)
+                occluders = TensorRays(rays.among(OCCLUDING | Kind.EMITTER, Ray.SHADOW))
+                self.sky = SkyVisibility(occluders, self.environment, self.fog)
+
+    @property
+    def bounces(self) -> set[int]:
+        """Most bounces that the light of some emitter, or of the sky, has."""
+        return self.emitters.bounces | {ANY}
+
+    def reaching(self, group: int | None = None,
+                 bounces: Callable[[np.ndarray], np.ndarray] | None = None) -> DirectLight:
+        """The light alone that falls on a group of surfaces, and whose most bounces (K,) are chosen, (K,) bool."""
+        emitters = self.emitters.reaching(group, bounces)
+        has_sky = bounces is None or bool(bounces(np.array([ANY]))[0])
+        if emitters is self.emitters and has_sky:
+            return self
+        some = copy.copy(self)
+        some.emitters, some._seen_sky = emitters, self._seen_sky if has_sky else dict.fromkeys(Ray)
+        return some
+
+    def sky_seen_by(self, ray: Ray) -> EnvironmentLight | None:
+        """The environment, if such rays see it."""
+        return self._seen_sky[ray]
 
     @cached_property
     def in_scattering(self) -> InScattering | None:
@@ -100,11 +127,12 @@ class DirectLight:
 
     def sky_radiance_in_air(self, position: Tensor) -> Tensor:
         """(P, 3) radiance of the sky that arrives in the air at points (P, 3), as the mean over all directions."""
-        if self.sky is None:
+        environment = self.sky_seen_by(Ray.SCATTER)
+        if environment is None:
             return torch.zeros_like(position)
         start, axes = hashed_starts(position, 2), torch.eye(3, device=position.device)
         sides = (n.expand_as(position) for n in torch.cat([axes, -axes]))
-        light = sum(self.environment.irradiance(n) * self.sky(position, n, start, AIR_RAYS) for n in sides)
+        light = sum(environment.irradiance(n) * self.sky(position, n, start, AIR_RAYS) for n in sides)
         return light / (6 * math.pi)  # irradiances from six sides are 1.5 times the light of the sphere
 
     def emitter_radiance_in_air(self, position: Tensor) -> Tensor:
@@ -125,9 +153,9 @@ class DirectLight:
 
     def _diffuse(self, x: Tensor, n: Tensor, sky: Tensor, emitters: Tensor, *layer: Tensor) -> tuple[Tensor, ...]:
         radiance = [light * emitters for light in self.emitters.diffuse(x, n, *layer)]
-        if self.environment is not None:
-            of_sky = self.environment.irradiance(n) * sky / math.pi
-            radiance = [light + of_sky for light in radiance]
+        for i, ray in enumerate((Ray.DIFFUSE, Ray.GLOSSY)[:len(radiance)]):
+            if (environment := self.sky_seen_by(ray)) is not None:
+                radiance[i] = radiance[i] + environment.irradiance(n) * sky / math.pi
         return tuple(radiance)
 
     def sample_emitters(self, position: Tensor, normal: Tensor, start: Tensor) -> tuple[Tensor, Tensor]:
@@ -153,9 +181,11 @@ class DirectLight:
         diffuse, glossy = self.emitters.lobes(x, n, v, roughness, f0, *footprint)
         diffuse, glossy = diffuse * visible.emitters, glossy * visible.glossy_emitters
         transmitted = torch.zeros_like(diffuse)
-        if self.environment is not None:
+        if (environment := self.sky_seen_by(Ray.DIFFUSE)) is not None:
+            diffuse = diffuse + environment.irradiance(n) * visible.sky / math.pi
+        if (environment := self.sky_seen_by(Ray.GLOSSY)) is not None:
             mirrored = 2 * (n * v).sum(-1, keepdim=True) * n - v
-            diffuse = diffuse + self.environment.irradiance(n) * visible.sky / math.pi
-            glossy = glossy + self.environment.filtered(mirrored, roughness) * visible.glossy_sky
-            transmitted = self.environment.filtered(-v, roughness) * visible.sky_behind
+            glossy = glossy + environment.filtered(mirrored, roughness) * visible.glossy_sky
+        if (environment := self.sky_seen_by(Ray.TRANSMISSION)) is not None:
+            transmitted = environment.filtered(-v, roughness) * visible.sky_behind
         return diffuse * has_normal, glossy * has_normal, transmitted * has_normal

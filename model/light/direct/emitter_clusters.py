@@ -22,6 +22,7 @@ class Emitters:
     radiance: np.ndarray     # (P + S, 3) f32
     beam_axis: np.ndarray    # (P + S, 3) f32
     beam_cosine: np.ndarray  # (P + S, 2) f32
+    kind: np.ndarray         # (P + S,) i32, the same for light that goes to the same surfaces
 
     def __len__(self) -> int:
         return len(self.radiance)
@@ -33,13 +34,17 @@ class Emitters:
 
     @classmethod
     def of(cls, polygons: list[tuple], spheres: list[tuple]) -> Emitters:
-        """polygons: (corners (K, 3), light), spheres: (center, radius, light), light: (8,) radiance, axis, cosines."""
-        light = np.array([p[-1] for p in polygons] + [s[-1] for s in spheres], np.float32).reshape(-1, 8)
+        """polygons: (corners (K, 3), light), spheres: (center, radius, light).
+
+        light: (9,) radiance, axis, cosines, kind.
+        """
+        light = np.array([p[-1] for p in polygons] + [s[-1] for s in spheres], np.float32).reshape(-1, 9)
         return cls(
             corners=padded([p[0] for p in polygons]),
             centers=np.array([s[0] for s in spheres], np.float32).reshape(-1, 3),
             radii=np.array([s[1] for s in spheres], np.float32),
-            radiance=light[:, :3], beam_axis=light[:, 3:6], beam_cosine=light[:, 6:])
+            radiance=light[:, :3], beam_axis=light[:, 3:6], beam_cosine=light[:, 6:8],
+            kind=light[:, 8].astype(np.int32))
 
 
 def merged(emitters: Emitters, most: int, center: np.ndarray, radius: float) -> Emitters:
@@ -50,7 +55,8 @@ def merged(emitters: Emitters, most: int, center: np.ndarray, radius: float) -> 
     vectors, count = outline_vectors(emitters.corners.astype(np.float64)), len(emitters.corners)
     size = np.concatenate([np.linalg.norm(vectors, axis=1), 2 * np.pi * emitters.radii.astype(np.float64) ** 2])
     power = np.maximum(size * emitters.radiance.mean(axis=1), 1e-30)
-    kinds = [rows for rows in np.split(np.arange(len(emitters)), [count]) if len(rows)]
+    kinds = [rows[emitters.kind[rows] == kind] for rows in np.split(np.arange(len(emitters)), [count])
+             for kind in np.unique(emitters.kind[rows])]
     polygons, spheres = [], []
     for rows in split_clusters(_features(emitters, vectors, center, radius), power, kinds, most):
         if rows[0] >= count:
@@ -103,8 +109,9 @@ def _one_sphere(emitters: Emitters, rows: np.ndarray, power: np.ndarray) -> tupl
 
 
 def _light(emitters: Emitters, rows: np.ndarray, power: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-    """(8,) radiance and the mean beam; no beam if those of `rows` diverge."""
+    """(9,) radiance and the mean beam; no beam if those of `rows`, which are of one kind, diverge."""
     axis = np.average(emitters.beam_axis[rows], axis=0, weights=power)
     length = np.linalg.norm(axis)
     axis = axis / length if length > 0.5 else 0 * axis
-    return np.concatenate([radiance, axis, np.average(emitters.beam_cosine[rows], axis=0, weights=power)])
+    return np.concatenate([radiance, axis, np.average(emitters.beam_cosine[rows], axis=0, weights=power),
+                           emitters.kind[rows[:1]]])

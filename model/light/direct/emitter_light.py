@@ -7,6 +7,8 @@ of points. All lengths are in network units, radiance is in the units of the sce
 """
 from __future__ import annotations
 
+import copy
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,11 +17,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ...scene import RenderScene
+from ...surface_kinds import Ray
 from ..fresnel import gain
 from ..media.transmittance import Fog
 from ..sampling import R2, disk_points, local_basis, triangle_weights
 from ..tensor_rays import TensorRays
-from .emitters import DISTANT, gather_emitters
+from .emitters import DISTANT, Limits, gather_emitters
 from .environment_light import LIFT
 from .footprints import mirrored_turn2, points_within
 from .form_factors import beam, cosines, polygon_directions, sphere_directions, sphere_form_factor
@@ -56,6 +59,43 @@ class EmitterLight:
             to_tensor, (emitters.radiance, emitters.beam_axis, emitters.beam_cosine))
         self.occluders, self.fog = occluders, fog
         self._fan = to_tensor(fans(emitters.corners))
+        self._limits = Limits(*(values[emitters.kind] for values in Limits.of(scene)[0]))
+        self._divide()
+
+    def _divide(self) -> None:
+        """The radiance (E, 3) that goes to lobes, into the air, and through glass."""
+        def seen_by(ray: Ray) -> Tensor:
+            is_seen = (self._limits.hidden & np.uint64(ray)) == 0
+            return self._only(is_seen)
+
+        self._to_diffuse, self._to_glossy, self._to_air, self._through_glass = map(
+            seen_by, (Ray.DIFFUSE, Ray.GLOSSY, Ray.SCATTER, Ray.TRANSMISSION))
+
+    def _only(self, chosen: np.ndarray) -> Tensor:
+        """(E, 3) radiance, of the emitters that are not chosen (E,) none."""
+        if chosen.all():
+            return self.radiance
+        return self.radiance * torch.as_tensor(chosen).to(self.radiance)[:, None]
+
+    @property
+    def bounces(self) -> set[int]:
+        """Most bounces that the light of some emitter has."""
+        return set(self._limits.bounces.tolist())
+
+    def reaching(self, group: int | None = None,
+                 bounces: Callable[[np.ndarray], np.ndarray] | None = None) -> EmitterLight:
+        """The same places, and the light alone that falls on a group of surfaces, and whose most bounces are chosen."""
+        reaches = np.ones(len(self), bool)
+        if group is not None:
+            reaches &= (self._limits.groups >> np.uint64(group)) & np.uint64(1) > 0
+        if bounces is not None:
+            reaches &= bounces(self._limits.bounces)
+        if reaches.all():
+            return self
+        some = copy.copy(self)
+        some.radiance = self._only(reaches)
+        some._divide()
+        return some
 
     def __len__(self) -> int:
         return len(self.radiance)
@@ -82,7 +122,8 @@ class EmitterLight:
         is_lit = lobes[0] > 0
         visible = sum(self._trace_shadows(x + LIFT * n, is_lit, direction, on_emitter)
                       for on_emitter in start.unbind(1)) / start.shape[1]
-        return tuple(((lobe * visible) @ self.radiance) / (lobe @ self.radiance).clamp_min(1e-12) for lobe in lobes)
+        return tuple(((lobe * visible) @ radiance) / (lobe @ radiance).clamp_min(1e-12)
+                     for lobe, radiance in zip(lobes, (self._to_diffuse, self._to_glossy)))
 
     def _trace_shadows(self, x: Tensor, is_lit: Tensor, direction: Tensor, start: Tensor) -> Tensor:
         """(P, E) share of each emitter's light that arrives at points (P, 3) by one ray, where `is_lit` (P, E).
@@ -124,7 +165,7 @@ class EmitterLight:
     def mean_radiance(self, x: Tensor, start: Tensor) -> Tensor:
         """(P, 3) radiance that arrives in the air at points x (P, 3), the mean over all directions; start: (P, 2)."""
         direction, sine2, in_beam = self._directions(x)
-        return (sine2 / 4 * in_beam * self._trace_shadows(x, in_beam > 0, direction, start)) @ self.radiance
+        return (sine2 / 4 * in_beam * self._trace_shadows(x, in_beam > 0, direction, start)) @ self._to_air
 
     def diffuse(self, x: Tensor, n: Tensor, *layer: Tensor) -> tuple[Tensor, ...]:
         """Unshadowed radiance (P, 3) leaving a white diffuse surface at points x (P, 3) with unit normals n (P, 3).
@@ -133,10 +174,10 @@ class EmitterLight:
         it would reflect of light from everywhere, so that its mean albedo can be multiplied with it.
         """
         direction, form_factor = self._form_factors(x, n)
-        radiance = [form_factor @ self.radiance]
+        radiance = [form_factor @ self._to_diffuse]
         if layer:
             f0, roughness = layer
-            radiance.append((form_factor * gain(f0, cosines(direction, n), roughness)) @ self.radiance)
+            radiance.append((form_factor * gain(f0, cosines(direction, n), roughness)) @ self._to_glossy)
         return tuple(radiance)
 
     def lobes(self, x: Tensor, n: Tensor, *gloss: Tensor) -> tuple[Tensor, Tensor]:
@@ -150,7 +191,7 @@ class EmitterLight:
         cosine = cosines(direction, n)
         diffuse = sphere_form_factor(cosine, sine2) * in_beam
         glossy = self._glossy(x, n, direction, sine2, *gloss) * in_beam
-        return diffuse @ self.radiance, glossy @ self.radiance
+        return diffuse @ self._to_diffuse, glossy @ self._to_glossy
 
     def _glossy(self, x: Tensor, n: Tensor, direction: Tensor, sine2: Tensor, v: Tensor, roughness: Tensor,
                 f0: Tensor, footprint: Tensor | None = None) -> Tensor:
@@ -217,12 +258,13 @@ class EmitterLight:
         """
         direction, form_factor = self._form_factors(x, n)
         form_factor = form_factor + self._form_factors(x, -n)[1]
-        power = (form_factor * self.radiance.mean(1)).cumsum(1)
+        radiance = self._through_glass
+        power = (form_factor * radiance.mean(1)).cumsum(1)
         threshold = power[:, -1:] * start.sum(1, keepdim=True).frac()
         emitter = torch.searchsorted(power, threshold, right=True)[:, 0].clamp(max=form_factor.shape[1] - 1)
         point = torch.arange(len(x), device=x.device)
         on_emitter = self._points_on(emitter, direction[:, point, emitter].T, start)
-        color = self.radiance[emitter] / self.radiance[emitter].mean(1, keepdim=True).clamp_min(1e-20)
+        color = radiance[emitter] / radiance[emitter].mean(1, keepdim=True).clamp_min(1e-20)
         return on_emitter - x * ~self.is_distant[emitter, None], color * power[:, -1:]
 
     def _form_factors(self, x: Tensor, n: Tensor) -> tuple[Tensor, Tensor]:

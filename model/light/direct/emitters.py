@@ -2,6 +2,8 @@
 """Gather light triangles into a few emitters whose unshadowed light has a closed form."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ...geometry import area_vectors, surfaces
@@ -17,6 +19,22 @@ CLOSED = 0.3        # |vector area| / area below which a surface radiates like a
 FLAT = 1.5          # silhouette over that of a sphere of equal area from which on it radiates like a sheet; 2 at most
 
 
+class Limits(NamedTuple):
+    """Of the light of K kinds of emitters."""
+
+    hidden: np.ndarray   # (K,) u8, rays that do not see them
+    bounces: np.ndarray  # (K,) u8, most of its bounces
+    groups: np.ndarray   # (K,) u64, of surfaces that it falls on
+
+    @classmethod
+    def of(cls, scene: RenderScene) -> tuple[Limits, np.ndarray]:
+        """And the kind (L,) of each triangle that shines."""
+        each = cls(scene.hidden_from, scene.seldom("light_bounces"), scene.seldom("lit_groups"))
+        table = np.stack([values[scene.is_light].astype(np.uint64) for values in each], axis=1)
+        rows, kind = np.unique(table, axis=0, return_inverse=True)
+        return cls(*rows.T), kind.reshape(-1)
+
+
 def gather_emitters(scene: RenderScene) -> Emitters:
     """Touching light triangles of equal radiance and beam as one: flat convex ones a polygon, lamps spheres, fine
     meshes a few lumps.
@@ -25,7 +43,8 @@ def gather_emitters(scene: RenderScene) -> Emitters:
     """
     rows = np.flatnonzero(scene.is_light)
     corners = scene.triangles[rows]
-    light = np.concatenate([scene.emission[rows], scene.beam_axis[rows], scene.beam_cosine[rows]], axis=1)
+    kind = Limits.of(scene)[1][:, None]
+    light = np.concatenate([scene.emission[rows], scene.beam_axis[rows], scene.beam_cosine[rows], kind], axis=1)
     emitters = _gathered(corners, light)
     if len(emitters) > MAX_EMITTERS:
         center, radius = _bounding_sphere(scene)
@@ -35,7 +54,7 @@ def gather_emitters(scene: RenderScene) -> Emitters:
 
 
 def _gathered(corners: np.ndarray, light: np.ndarray) -> Emitters:
-    """Emitters of (N, 3, 3) triangles; light: (N, 8) radiance, beam axis and cosines."""
+    """Emitters of (N, 3, 3) triangles; light: (N, 9) radiance, beam axis, cosines, kind."""
     polygons, spheres = [], []
     for part in _components(corners, light):
         shape, own = corners[part], light[part[0]]
@@ -51,7 +70,7 @@ def _gathered(corners: np.ndarray, light: np.ndarray) -> Emitters:
             spheres.append((*_sphere(shape, vectors), own))
         else:
             front, gain = sheet
-            polygons += [(piece, own * ([gain] * 3 + [1] * 5)) for piece in _pieces(front)]
+            polygons += [(piece, own * ([gain] * 3 + [1] * 6)) for piece in _pieces(front)]
     return Emitters.of(polygons, spheres)
 
 

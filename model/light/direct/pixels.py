@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -20,8 +21,20 @@ SHADOW_RAYS, EMITTER_RAYS = 16, 6  # of a pixel, and of these to one emitter at 
 PENUMBRA = 0.3                     # difference of visibility that is no noise of one penumbra
 
 
-def direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, guides: Guides, sky: Tensor,
-                 glossy_sky: Tensor, effort: Effort) -> list[Tensor]:
+def direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, *rest) -> list[Tensor]:
+    """As `_direct_light`, on each group of surfaces that of the lights which light it."""
+    if surfaces.group is None:
+        return _direct_light(direct, probes, surfaces, *rest)
+    lobes = [torch.zeros_like(surfaces.position) for _ in range(3)]
+    for group in np.unique(surfaces.group).tolist():
+        is_of_group = torch.from_numpy(surfaces.group == group).to(direct.device)[..., None]
+        for whole, some in zip(lobes, _direct_light(direct.reaching(group), probes, surfaces, *rest), strict=True):
+            whole += some * is_of_group
+    return lobes
+
+
+def _direct_light(direct: DirectLight, probes: Probes, surfaces: HitSurfaces, guides: Guides, sky: Tensor,
+                  glossy_sky: Tensor, effort: Effort) -> list[Tensor]:
     """Radiance (h, W, 3) that a white diffuse, glossy and transmissive lobe send to the viewer.
 
     sky, glossy_sky: (h, W, 3) visibility of the sky, as gather rays have found it. Where refractions were followed, the

@@ -16,9 +16,11 @@ from ...progress import part
 from ...scene import IOR, Guides, RenderScene, View
 from ...scene_rays import scene_rays
 from ...shading import surface
-from ...surface_kinds import ALL, BENDING
+from ...surface_kinds import ALL, BENDING, Ray
 from .paths import Metal, PathEnds, follow_paths
 
+RAYS = {"reflected": Ray.GLOSSY, "refracted": Ray.TRANSMISSION}
+BOUNCES = {"reflected": "glossy", "refracted": "transmission"}
 LEAST_COLOR = {"reflected": 0.08, "refracted": 0.05}  # of a lobe from which on paths are followed: above plastic's
 PATHS = 1 << 18  # of a lobe, at most
 CHUNK = 1 << 14  # paths that are followed at a time
@@ -34,18 +36,19 @@ def add_path_ends(guides: Guides, scene: RenderScene, view: View) -> Guides:
     pixels = {lobe: (color.max(-1) > LEAST_COLOR[lobe]) & (guides.hit_triangle >= 0) for lobe, color in colors.items()}
     if not any(mask.any() for mask in pixels.values()):
         return guides
-    rays = scene_rays(scene)
-    everything, solid = rays.among(ALL), rays.among(ALL & ~BENDING).closest if len(rays.rows(BENDING)) else None
+    rays, most = scene_rays(scene), scene.most_bounces
     fields = {}
     for lobe, mask in pixels.items():
-        if not mask.any():
+        if not mask.any() or not min(most[BOUNCES[lobe]], most["all"]):
             continue
+        everything = rays.among(ALL, RAYS[lobe])
+        solid = rays.among(ALL & ~BENDING, RAYS[lobe]).closest if len(rays.rows(BENDING, RAYS[lobe])) else None
         step = max(math.ceil(math.sqrt(mask.sum() / PATHS)), 1)
         rows, columns = (step * index for index in np.nonzero(mask[::step, ::step]))
 
-        def follow(rows: np.ndarray, columns: np.ndarray, lobe: str = lobe) -> PathEnds:
+        def follow(rows: np.ndarray, columns: np.ndarray, lobe=lobe, cast=everything.closest, solid=solid) -> PathEnds:
             start = _first_segments(lobe, guides, scene, view, rows, columns)
-            return follow_paths(scene, everything.closest, *start, solid, with_lamps=lobe != "reflected")
+            return follow_paths(scene, cast, *start, solid, with_lamps=lobe != "reflected")
 
         chunks = [(rows[first:first + CHUNK], columns[first:first + CHUNK]) for first in range(0, len(rows), CHUNK)]
         with part(0.0, 1.0, "Tracing mirrors and glass"):

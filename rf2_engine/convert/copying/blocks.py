@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ....model.surface_kinds import Ray
 from ... import compat
 from ...material_settings import latent_of
 from ..data.blocks import Conventions, Lamp, Material, Tree, World
@@ -13,7 +14,7 @@ from .images import Images
 from .trees import VALUES, Trees, plain
 
 REC709 = "Linear Rec.709"
-VISIBILITY = {"diffuse": "Diffuse", "glossy": "Glossy", "transmission": "Transmission", "scatter": "Volume Scatter"}
+VISIBILITY = {"diffuse": Ray.DIFFUSE, "glossy": Ray.GLOSSY, "transmission": Ray.TRANSMISSION, "scatter": Ray.SCATTER}
 
 
 class Blocks:
@@ -61,7 +62,7 @@ def _lamp(block, tree: Tree | None) -> Lamp:
 def _world(block, tree: Tree | None) -> World:
     nodes = block.node_tree.nodes if tree else ()
     return World(block.name, tree, tuple(block.color),
-                 [label for key, label in VISIBILITY.items() if not getattr(block.cycles_visibility, key)],
+                 sum(ray for key, ray in VISIBILITY.items() if not getattr(block.cycles_visibility, key)),
                  [node.image.size[0] for node in nodes if getattr(node, "image", None)],
                  any(node.bl_idname == "ShaderNodeGroup" for node in nodes))
 

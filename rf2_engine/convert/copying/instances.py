@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from ....model import progress
+from ....model.scene import ALL_GROUPS, ANY
+from ....model.surface_kinds import BOUNCED, Ray
 from ... import compat
-from ..data.copied import CopiedMesh, CopiedScene, Grid, Instance, LampInstance, Particle
+from ..data.copied import CopiedMesh, CopiedScene, Grid, Instance, LampInstance, Particle, Reach
 from ..data.mesh import TriangleMesh
 from ..data.report import AS_GOOD_AS_INFINITE
 from ..shading.noise.hashing import LARGEST, jenkins
@@ -18,13 +21,14 @@ from .attributes import MESH, RequestedAttributes
 from .blocks import Blocks
 from .cache import CopyCache
 from .meshes import material_slots
-from .visibility import find_dark_emitters, gas_domain, is_shown
+from .visibility import gas_domain, hidden_rays, is_shown, read_light_linking
 from .volumes import gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
 WITHOUT_SURFACE = {"CURVE", "SURFACE", "FONT", "META", "EMPTY", "CAMERA", "ARMATURE", "LATTICE", "LIGHT_PROBE",
                    "SPEAKER"}
 STRANDS = {"CURVES": strands.read_curves, "POINTCLOUD": strands.read_point_cloud}
+SEEING_LAMPS = BOUNCED | Ray.SCATTER  # cameras do not, and shadows are not of lamps
 DRAWINGS = {"GREASEPENCIL", "GPENCIL"}
 
 
@@ -41,7 +45,7 @@ class _Walk:
         self.copied, self.depsgraph, self.blocks, self.report = copied, depsgraph, blocks, report
         self.cache, self.hides = cache, hides
         self.layer = depsgraph.view_layer_eval
-        self.dark = find_dark_emitters(depsgraph, report)
+        self.linking = read_light_linking(depsgraph, report)
         self.requested = RequestedAttributes(depsgraph)
         self._read: dict[tuple, TriangleMesh] = {}
         self._grids: dict[tuple, dict[str, Grid]] = {}
@@ -72,14 +76,17 @@ class _Walk:
             volume = gridded(obj, self._slots(obj)[0], self._copy_instance(instance), self._grids, self.report)
             self.copied.objects += [volume] if volume else []
         elif obj.type == "MESH":
-            self._add_mesh(obj, self._copy_instance(instance), instance.matrix_world.is_negative)
+            self._add_mesh(obj, self._copy_instance(instance), instance.matrix_world.is_negative,
+                           hidden_rays(instance))
         elif obj.type == "LIGHT":
-            if obj.original not in self.dark:
-                self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data)))
+            if obj.original not in self.linking.dark:
+                reach = Reach(hidden_rays(instance) & SEEING_LAMPS, min(obj.data.cycles.max_bounces, ANY),
+                              self._lit_groups(obj))
+                self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data), reach))
         elif obj.type in STRANDS:
             if obj.type == "POINTCLOUD" or self.layer.use_strand:
                 self._add_strands(obj, obj.data.as_pointer(), partial(STRANDS[obj.type], obj),
-                                  self._copy_instance(instance))
+                                  self._copy_instance(instance), hidden_rays(instance))
         elif obj.type in DRAWINGS:
             self.report.approximated(obj.name, "it is drawn over the picture: it neither lights the scene nor "
                                                "receives light")
@@ -87,7 +94,11 @@ class _Walk:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
     def _copy_instance(self, instance) -> Instance:
-        return read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.requested)
+        read = read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.requested)
+        return replace(read, group=self.linking.group.get(instance.object.original, 0))
+
+    def _lit_groups(self, obj) -> int:
+        return self.linking.lit.get(obj.original, ALL_GROUPS)
 
     def _is_shown(self, instance) -> bool:
         """Evaluated once for all instances of an object by another."""
@@ -97,25 +108,27 @@ class _Walk:
             self._shown[key] = is_shown(instance, self.layer, self.report)
         return self._shown[key]
 
-    def _add_mesh(self, obj, instance: Instance, mirrored: bool) -> None:
+    def _add_mesh(self, obj, instance: Instance, mirrored: bool, hidden: int) -> None:
         for system in obj.particle_systems if self.layer.use_strand else ():
             if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
                 read = partial(strands.read_particles, obj, system, self.depsgraph.mode == "RENDER")
-                self._add_strands(obj, system.as_pointer(), read, instance, system.settings.material - 1)
-        slots, source, is_dark = self._slots(obj), obj.data.as_pointer(), obj.original in self.dark
-        key = source, mirrored, obj.visible_camera, is_dark, *slots
+                self._add_strands(obj, system.as_pointer(), read, instance, hidden,
+                                  system.settings.material - 1)
+        slots, source, is_dark = self._slots(obj), obj.data.as_pointer(), obj.original in self.linking.dark
+        key = source, mirrored, hidden, is_dark, self._lit_groups(obj), *slots
         if key not in self._surfaces:
-            self._surfaces[key] = CopiedMesh(source, self._mesh(obj, slots), slots, mirrored, obj.visible_camera,
-                                             is_dark, compat.is_diced(obj, self.depsgraph.scene_eval))
+            self._surfaces[key] = CopiedMesh(source, self._mesh(obj, slots), slots, mirrored, hidden,
+                                             is_dark, compat.is_diced(obj, self.depsgraph.scene_eval),
+                                             self._lit_groups(obj))
         self.copied.objects.append((self._surfaces[key], instance))
 
-    def _add_strands(self, obj, pointer: int, read, instance: Instance, slot: int = 0) -> None:
+    def _add_strands(self, obj, pointer: int, read, instance: Instance, hidden: int, slot: int = 0) -> None:
         """Hair or points, known by a pointer, which `read` returns as Strands, with the material of a slot."""
-        slots, is_dark = self._slots(obj), obj.original in self.dark
-        key = pointer, None, obj.visible_camera, is_dark, *slots
+        slots, is_dark = self._slots(obj), obj.original in self.linking.dark
+        key = pointer, None, hidden, is_dark, *slots
         if key not in self._surfaces:
             hair = self.cache.meshes.strands_of(obj, pointer, read, self.report)
-            self._surfaces[key] = CopiedMesh(pointer, hair.tokens, slots, False, obj.visible_camera, is_dark,
+            self._surfaces[key] = CopiedMesh(pointer, hair.tokens, slots, False, hidden, is_dark,
                                              strands_slot=min(slot, len(slots) - 1), real=hair.real)
         self.copied.objects.append((self._surfaces[key], instance))
 

@@ -32,6 +32,9 @@ def copy(depsgraph, report, cycles_world=None, baker=None, cache=None, hides=Non
     with progress.part(0.1, 0.9):
         blocks = Blocks(frame, depsgraph, cache.images)
         add_instances(copied, depsgraph, blocks, report, cache, hides or hidden_in_renders(depsgraph).__contains__)
+    if (cycles := getattr(depsgraph.scene_eval, "cycles", None)) is not None:
+        copied.bounces = (cycles.diffuse_bounces, cycles.glossy_bounces, cycles.transmission_bounces,
+                          cycles.max_bounces)
     if (camera := depsgraph.scene_eval.camera) is not None and camera.type == "CAMERA":
         copied.clip_start = clip_start(depsgraph)
     if baker is not None and any(map(needs_baking, blocks.materials)):

@@ -2,7 +2,13 @@
 """What rays of Cycles meet: visibility, holdouts, shadow catchers, gas domains, light linking."""
 from __future__ import annotations
 
-RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow")
+from dataclasses import dataclass, field
+
+from ....model.surface_kinds import Ray
+
+RAYS = {"visible_camera": Ray.CAMERA, "visible_diffuse": Ray.DIFFUSE, "visible_glossy": Ray.GLOSSY,
+        "visible_transmission": Ray.TRANSMISSION, "visible_volume_scatter": Ray.SCATTER, "visible_shadow": Ray.SHADOW}
+MOST_GROUPS = 64  # bits of RenderScene.lit_groups
 RECEIVERS = {"MESH", "VOLUME"}  # curves, text and metaballs are instanced as meshes
 
 
@@ -11,17 +17,25 @@ def is_shown(instance, layer, report) -> bool:
     obj = instance.object
     if not (layer.use_volumes if gas_domain(obj) or obj.type == "VOLUME" else layer.use_solid or obj.type == "LIGHT"):
         return False
-    host = instance.parent if instance.is_instance and instance.parent else obj  # an instancer hides what it instances
-    rays = [getattr(obj, ray) and getattr(host, ray) for ray in RAYS]
-    if not any(rays) and not (obj.visible_camera and host.visible_camera):
+    host = _host(instance)
+    if hidden_rays(instance) == sum(RAYS.values()):
         return False
-    if not all(rays):
-        report.approximated(obj.name, "Ray Visibility other than Camera is ignored")
     if obj.type == "LIGHT":
         return True
     if host.holdout_get(view_layer=layer):  # its own, or that of a collection
         report.approximated(obj.name, "a holdout lights the scene like any object")
     return True
+
+
+def hidden_rays(instance) -> int:
+    """The rays that do not meet an instance, a set of Ray."""
+    objects = instance.object, _host(instance)
+    return sum(ray for name, ray in RAYS.items() if not all(getattr(obj, name) for obj in objects))
+
+
+def _host(instance):
+    """What an instancer hides, its instances are too."""
+    return instance.parent if instance.is_instance and instance.parent else instance.object
 
 
 def hidden_in_renders(depsgraph) -> set:
@@ -69,24 +83,39 @@ def gas_domain(obj):
                  and modifier.domain_settings.domain_type == "GAS"), None)
 
 
-def find_dark_emitters(depsgraph, report) -> set:
-    """Original objects that shine on nothing that is shown; what else linking loses is reported."""
+@dataclass
+class LightLinking:
+    """By original object."""
+
+    dark: set = field(default_factory=set)               # those that shine on nothing that is shown
+    group: dict[object, int] = field(default_factory=dict)  # of the surfaces that all lights treat alike
+    lit: dict[object, int] = field(default_factory=dict)    # groups that a linked light lights, bits
+
+
+def read_light_linking(depsgraph, report) -> LightLinking:
+    """What is linked; what of it is lost is reported."""
     linked = [obj for obj in depsgraph.objects if obj.light_linking.receiver_collection]
     for obj in depsgraph.objects:
         if obj.light_linking.blocker_collection:
             report.approximated(obj.name, "shadow linking is ignored: everything casts shadows in its light")
+    linking = LightLinking()
     if not linked:
-        return set()
-    visible = {instance.object.original for instance in depsgraph.object_instances
-               if instance.object.type in RECEIVERS and instance.show_self}
-    dark = set()
-    for obj in linked:
-        receivers = _receivers(obj.light_linking.receiver_collection, visible - {obj.original})
-        if not receivers:
-            dark.add(obj.original)
-        elif receivers != visible - {obj.original}:
-            report.approximated(obj.name, "light linking is ignored: it lights everything")
-    return dark
+        return linking
+    visible = list(dict.fromkeys(instance.object.original for instance in depsgraph.object_instances
+                                 if instance.object.type in RECEIVERS and instance.show_self))
+    receivers = [_receivers(obj.light_linking.receiver_collection, set(visible)) for obj in linked]
+    groups: dict[tuple, int] = {}
+    for obj in visible:
+        lights = tuple(obj in lit for lit in receivers)
+        linking.group[obj] = groups.setdefault(lights, min(len(groups), MOST_GROUPS - 1))
+    if len(groups) > MOST_GROUPS:
+        report.approximated("Light Linking", f"{len(groups)} groups of objects are lit by different lights: those "
+                                             f"after the first {MOST_GROUPS - 1} are lit as one")
+    for i, (obj, lit) in enumerate(zip(linked, receivers, strict=True)):
+        linking.lit[obj.original] = sum({1 << number for lights, number in groups.items() if lights[i]})
+        if not lit - {obj.original}:
+            linking.dark.add(obj.original)
+    return linking
 
 
 def _receivers(collection, visible: set) -> set:

@@ -27,7 +27,7 @@ class World:
     name: str
     node_tree: Tree | None
     color: tuple
-    hidden_from: list[str]  # rays that do not meet it
+    hidden: int             # rays that do not see it, a set of Ray
     widths: list[int]       # of all images in its own tree
     has_groups: bool
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ....model.scene import ALL_GROUPS
 from .copied import Instance, LampInstance
 from .medium import Medium
 from .mesh import TriangleMesh
@@ -24,6 +25,8 @@ class Part:
     is_textured: bool = False                                  # materials vary across triangles
     flux_gain: float = 1.0                                     # for emitting area lost to simplification; 0: dark
     real: TriangleMesh | None = None                           # the mesh before it was simplified, if it was
+    hidden: int = 0                                            # rays that do not meet it, a set of Ray
+    lit_groups: int = ALL_GROUPS                               # of surfaces, bits, if it shines
     token: np.ndarray | None = None                            # (n,) i32 triangle of `mesh` for each one of `real`
 
     @property

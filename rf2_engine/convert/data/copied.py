@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from ....model.scene import ALL_GROUPS, ANY, BOUNCES
+from ....model.surface_kinds import Ray
 from .blocks import Lamp, Material, World
 from .mesh import TriangleMesh
+
+
+class Reach(NamedTuple):
+    """Where the light of a lamp, or of the world, goes (RenderScene: hidden, light_bounces, lit_groups)."""
+
+    hidden: int = 0           # rays that do not see it, a set of Ray
+    bounces: int = ANY
+    groups: int = ALL_GROUPS  # of surfaces, bits
 
 
 @dataclass(eq=False)
@@ -18,11 +29,17 @@ class CopiedMesh:
     mesh: TriangleMesh
     slots: list[Material | None]
     mirrored: bool
-    is_shown: bool                # to the camera
+    hidden: int                   # rays that do not meet it, a set of Ray
     is_dark: bool                 # by light linking it lights nothing that is visible
     is_diced: bool = False
+    lit_groups: int = ALL_GROUPS  # of surfaces, bits, if it shines
     strands_slot: int | None = None  # of hair or points: the only material's; None: a mesh
     real: TriangleMesh | None = None  # of hair or points, of which `mesh` is a sample: what rays meet
+
+    @property
+    def is_shown(self) -> bool:
+        """To the camera."""
+        return not self.hidden & Ray.CAMERA
 
 
 @dataclass
@@ -59,6 +76,7 @@ class LampInstance:
     name: str           # of the object
     matrix: np.ndarray  # (4, 4) f64, object to world
     light: Lamp
+    reach: Reach = Reach()
 
 
 @dataclass(frozen=True)
@@ -68,6 +86,7 @@ class Sun:
     toward: np.ndarray      # (3,) unit, world
     irradiance: np.ndarray  # (3,) of a surface that faces it
     angle: float            # radians, its diameter
+    reach: Reach = Reach()
 
 
 @dataclass
@@ -77,6 +96,7 @@ class CopiedScene:
     objects: list[tuple[CopiedMesh, Instance] | CopiedVolume] = field(default_factory=list)  # in their order
     lamps: list[LampInstance] = field(default_factory=list)
     clip_start: float = 0.0  # of the camera, world units along its axis
+    bounces: tuple[int, ...] = BOUNCES
 
 
 @dataclass(frozen=True)
@@ -120,3 +140,4 @@ class Instance:
     view_layer_properties: dict = field(default_factory=dict)
     # (4, 4) each, of the instances that this one's tokens stand for; none: of this one alone
     real_matrices: tuple[np.ndarray, ...] = ()
+    group: int = 0  # of surfaces, as lights are linked to

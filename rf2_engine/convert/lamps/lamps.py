@@ -13,6 +13,7 @@ from ....model.scene import RenderScene
 from ..data.copied import LampInstance, Sun
 from ..data.mesh import within_reach
 from .lamp_triangles import COARSE, FINE, convert_light, convert_sun, convert_sun_lamp
+from .shapes import reach_of, reaching
 from .suns import merge_suns
 
 SUNS_SHARE = 0.25        # of the triangles, where there are too many
@@ -26,10 +27,10 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
     budget: most triangles of all together; center (3,) and radius: bounding sphere of the scene, world units; clear
     (3,): the share of sunlight that reaches it.
     """
-    sun_lamps = [convert_sun_lamp(lamp.matrix, lamp.light, lamp.name, report, center, radius)
+    sun_lamps = [(convert_sun_lamp(lamp.matrix, lamp.light, lamp.name, report, center, radius), lamp.reach)
                  for lamp in lamps if _is_sun(lamp)]
-    suns = suns + [replace(sun, irradiance=sun.irradiance * clear)
-                   for sun in sun_lamps if sun is not None and clear.any()]
+    suns = suns + [replace(sun, irradiance=sun.irradiance * clear, reach=reach)
+                   for sun, reach in sun_lamps if sun is not None and clear.any()]
     lamps = [lamp for lamp in lamps if not _is_sun(lamp)]
     for detail in FINE, COARSE:
         distant = _sun_disks(suns, center, radius, detail, report)
@@ -37,7 +38,7 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
         for i, lamp in enumerate(lamps):
             progress.report(i / len(lamps))
             shape = convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail)
-            near.append(_within_numbers(shape, lamp.name, report))
+            near.append(reaching(_within_numbers(shape, lamp.name, report), lamp.reach))
         near = [shape for shape in near if shape.is_light.any()]
         if sum(map(len, near)) + sum(map(len, distant)) <= budget:
             return near + distant
@@ -59,7 +60,8 @@ def _is_sun(lamp: LampInstance) -> bool:
 
 
 def _sun_disks(suns: list[Sun], center: np.ndarray, radius: float, detail, report) -> list[RenderScene]:
-    return [_within_numbers(convert_sun(sun, center, radius, detail), "Sun", report) for sun in suns]
+    return [reaching(_within_numbers(convert_sun(sun, center, radius, detail), "Sun", report), sun.reach)
+            for sun in suns]
 
 
 def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
@@ -78,6 +80,8 @@ def _merge_lamps(shapes: list[RenderScene], most: int, center: np.ndarray, radiu
     # Outside of the scene only directions differ.
     offset = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), radius)
     features = np.concatenate([offset, FACING * facing, COLOR * flux / flux.sum(axis=1, keepdims=True)], axis=1)
+    kind = np.unique(np.stack([kind.astype(np.uint64), *np.array([reach_of(shape) for shape in shapes], np.uint64).T]),
+                     axis=1, return_inverse=True)[1].reshape(-1)
     kinds = [np.flatnonzero(kind == k) for k in np.unique(kind)]
     return [_merge_group(shapes, rows, flux, np.average(positions[rows], axis=0, weights=power[rows]), positions)
             for rows in split_clusters(features, power, kinds, most)]

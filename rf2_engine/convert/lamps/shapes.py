@@ -5,12 +5,14 @@ All return (n, 3, 3) f64, counter-clockwise from the front, in the frame of the 
 """
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from ....model.geometry import area_vectors
 from ....model.scene import RenderScene, constant_tile
+from ..data.copied import Reach
 
 SHADE_MAX_ANGLE = np.radians(80)
 TILES = np.stack([constant_tile((1, 1, 1), roughness=1, ior=1), constant_tile((0, 0, 0), roughness=1, ior=1)])
@@ -103,3 +105,18 @@ def shining(triangles: np.ndarray, radiance, axis=(0, 0, 0), cosines=(0, 0), til
 
 
 DARK = black(np.zeros((0, 3, 3)))
+
+
+def reaching(shape: RenderScene, reach: Reach) -> RenderScene:
+    """A lamp's triangles, from which light goes there."""
+    if reach == Reach():
+        return shape
+    return replace(shape, **{name: np.full(len(shape), value, dtype) for name, value, dtype in (
+        ("hidden", reach.hidden, np.uint8), ("light_bounces", reach.bounces, np.uint8),
+        ("lit_groups", reach.groups, np.uint64))})
+
+
+def reach_of(shape: RenderScene) -> Reach:
+    """Of the triangles of one lamp."""
+    return Reach(*(int(values[0]) for values in (
+        shape.hidden_from, shape.seldom("light_bounces"), shape.seldom("lit_groups"))))

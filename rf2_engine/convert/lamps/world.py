@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ....model import progress
 from ....model.geometry import latlong_directions
 from ....model.scene import ENVIRONMENT_SHAPE
 from ..data.blocks import World
-from ..data.copied import Sun
+from ..data.copied import Reach, Sun
 from ..data.report import Report
 from ..shading import graph, sky
 from ..shading.evaluate import Evaluator
@@ -42,9 +43,6 @@ def convert_world_light(world: World | None, drawn: tuple | None, report,
     """
     if world is None:
         return None, []
-    if world.hidden_from:
-        report.approximated(world.name, "it lights everything, although ray visibility is off for: "
-                                        f"{', '.join(world.hidden_from)}")
     if drawn:
         environment, suns = drawn
     else:
@@ -55,7 +53,7 @@ def convert_world_light(world: World | None, drawn: tuple | None, report,
         what = f"{len(suns)} small bright areas become sun lights" if len(suns) > 1 else \
             "a small bright area becomes a sun light"
         report.approximated(world.name, f"{what}, at least {math.degrees(SUN_ANGLE):g} degrees wide")
-    return environment, suns
+    return environment, [replace(sun, reach=Reach(world.hidden)) for sun in suns]
 
 
 def _is_exact(world: World) -> bool:

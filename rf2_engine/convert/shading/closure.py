@@ -11,9 +11,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ....model.pictures import LUMINANCE
+from ....model.surface_kinds import TRANSPARENT
 from .normal_map import UP
 
 IOR_RANGE = (1.0, 2.5)  # the mappers' training range
+GLASS_IOR = np.float32(1.06)  # least of glass: what lets light straight through, as Cycles' shadow rays pass, has less
 TINY = 1e-4
 ONE, ZERO = np.ones(1, np.float32), np.zeros(1, np.float32)
 WHITE, BLACK = np.ones(3, np.float32), np.zeros(3, np.float32)
@@ -86,9 +88,11 @@ def parameters(closure: Closure) -> SurfaceParameters:
     def mean(total, weight, default):
         return np.where(weight > 0, total / np.where(weight > 0, weight, 1), default).astype(np.float32)
 
+    ior, transmission = mean(closure.ior, closure.weight, 1.0), mean(closure.transmission, closure.lobe, 0.0)
+    is_glass = (transmission > TRANSPARENT) & (closure.clear < TRANSPARENT)
     return SurfaceParameters(
         base_color=np.clip(closure.color, 0, 1).astype(np.float32),
         metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),
-        ior=mean(closure.ior, closure.weight, 1.0), transmission=mean(closure.transmission, closure.lobe, 0.0),
+        ior=np.where(is_glass, ior.clip(GLASS_IOR), ior) if is_glass.any() else ior, transmission=transmission,
         normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
         clear=closure.clear)

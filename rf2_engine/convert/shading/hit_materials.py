@@ -10,6 +10,7 @@ import numpy as np
 from ....model.compute.threads import spread
 from ....model.first_hits.at_pixels import Appearance
 from ....model.scene import PARAMETERS, Geometry, constant_tile
+from ....model.surface_kinds import Ray
 from ..data.blocks import Material
 from ..data.collected import Part
 from ..data.copied import Instance
@@ -118,8 +119,8 @@ def _evaluated(group: _Group, on_mesh: np.ndarray, weights: np.ndarray, normal: 
         right, below = np.moveaxis(find_steps()[:, :, None, None], 1, 0)
         grid = np.concatenate([grid, grid + right], axis=2)
         grid = np.concatenate([grid, grid + below], axis=1)
-    points = surface_points(group.mesh, group.instance, on_mesh, grid, first_alone=not bends)
-    surface, _ = MaterialTiles(Report()).evaluate(group.material, points, is_seen=True)
+    points = surface_points(group.mesh, group.instance, on_mesh, grid, first_alone=not bends, ray=Ray.CAMERA)
+    surface, _ = MaterialTiles(Report()).evaluate(group.material, points)
     texel = np.empty((len(on_mesh), len(DEFAULT)), np.float32)
     for channels, values in bsdf_parameters(surface):
         texel[:, channels] = _first(values) if isinstance(channels, slice) else _first(values)[..., 0]

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....model.surface_kinds import Ray
 from ..data.arrays import join
 from .node_call import NodeCall
 from .noise.hashing import LARGEST, jenkins
 
-LIGHTING_RAY = dict.fromkeys(("Is Diffuse Ray", "Is Reflection Ray", "Ray Depth", "Diffuse Depth", "Ray Length"), 1.0)
+BOUNCED = "Ray Depth", "Ray Length"  # one bounce away from the camera
+PATHS = {  # outputs of Light Path that are 1
+    Ray.CAMERA: ("Is Camera Ray",),
+    Ray.DIFFUSE: ("Is Diffuse Ray", "Is Reflection Ray", "Diffuse Depth", *BOUNCED),
+    Ray.GLOSSY: ("Is Glossy Ray", "Is Reflection Ray", "Glossy Depth", *BOUNCED),
+    Ray.TRANSMISSION: ("Is Transmission Ray", "Transmission Depth", *BOUNCED),
+    Ray.SHADOW: ("Is Shadow Ray", *BOUNCED),
+    Ray.SCATTER: ("Is Volume Scatter Ray", *BOUNCED),
+}
 
 
 def rgb(n: NodeCall):
@@ -20,11 +29,13 @@ def value(n: NodeCall):
 
 
 def light_path(n: NodeCall):
-    """For BSDFs the ray is one of the camera, for emission one that lights the scene."""
     n.evaluator.depends_on_ray = True
-    if n.points.camera_ray:
-        return np.array([n.output.name == "Is Camera Ray"], np.float32)
-    return np.array([LIGHTING_RAY.get(n.output.name, 0.0)], np.float32)
+    return np.array([tell_path(n.output.name, n.points.ray)], np.float32)
+
+
+def tell_path(output: str, ray: Ray = Ray.DIFFUSE) -> float:
+    """What an output of Light Path says to such a ray."""
+    return float(output in PATHS[ray])
 
 
 def fresnel(n: NodeCall):

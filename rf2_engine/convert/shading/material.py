@@ -2,7 +2,7 @@
 """Blender materials to material tiles and emission (docs/scene-input.md 3, 4)."""
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from ....model.scene import (
     TWO_LOBES,
     constant_tile,
 )
+from ....model.surface_kinds import Ray
 from ..data.blocks import Material
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh, face_normals
@@ -30,7 +31,7 @@ from .evaluate import Evaluator
 from .node_call import NodeCall
 from .normal_map import bend_normal
 from .points import Points, surface_points
-from .surface import closure_at, is_emission
+from .surface import closure_at
 from .two_lobes import lobe_nodes, two_lobes
 from .volume import has_surface
 
@@ -61,6 +62,7 @@ class MaterialTiles:
         self._differs_by_instance: set[Material] = set()  # those whose tiles differ by instance
         self._differs_by_scale: set[Material] = set()  # those whose tiles differ by size
         self._varying: set[Material] = set()  # those that are not the same all over some triangle
+        self._differs_by_ray: set[Material] = set()  # those that rays may see differently
 
     @property
     def tiles(self) -> np.ndarray:
@@ -83,12 +85,12 @@ class MaterialTiles:
         return np.concatenate([np.zeros((chunk, *side), np.float16) if isinstance(chunk, int) else chunk
                                for chunk in self._lobes])
 
-    def triangle_tiles(self, material: Material | None, mesh: TriangleMesh,
-                       instance: Instance | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Tiles and emission of n triangles with one material.
+    def triangle_tiles(self, material: Material | None, mesh: TriangleMesh, instance: Instance | None = None,
+                       ray: Ray = Ray.DIFFUSE, clear: float = CLEAR) -> tuple[np.ndarray, np.ndarray]:
+        """Tiles and emission of n triangles with one material, as a ray of this kind meets them.
 
-        Returns tile index (n,) i32, -1 where the surface is almost invisible (CLEAR), and radiance (n, 3) f32. A
-        homogeneous material has one tile, one with textures a tile per triangle. `sharing` says afterwards which
+        Returns tile index (n,) i32, -1 where more than `clear` of the light goes straight through, and radiance (n, 3)
+        f32. A homogeneous material has one tile, one with textures a tile per triangle. `sharing` says afterwards which
         other instances have the same tiles.
         """
         n = len(mesh)
@@ -96,14 +98,14 @@ class MaterialTiles:
         if n == 0:
             return np.zeros(0, np.int32), emission
         if material is None:
-            return np.full(n, self._constant_index(constant_tile()), np.int32), emission
+            return np.full(n, self.constant_index(constant_tile()), np.int32), emission
         index, nothing, reflects = np.empty(n, np.int32), np.zeros(n, bool), False
         chunk = BAKED_CHUNK if self.baker else CHUNK
         for start in range(0, n, chunk):
             part = slice(start, min(start + chunk, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
-                points = surface_points(mesh.take(part), instance or Instance())
+                points = surface_points(mesh.take(part), instance or Instance(), ray=ray)
                 surface, height = self.evaluate(material, points)
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
@@ -112,22 +114,22 @@ class MaterialTiles:
             if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
                 tiles = np.repeat(tiles, len(own), axis=0)
             reflects |= surface.base_color.any()
-            nothing[part] = mean_over_triangle(surface.clear)[..., 0] > CLEAR
+            nothing[part] = mean_over_triangle(surface.clear)[..., 0] > clear
             if not is_homogeneous(surface):
                 self._varying.add(material)
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
-                index[:] = self._constant_index(tiles[0], material.latent, own)
+                index[:] = self.constant_index(tiles[0], material.latent, own)
                 emission[:], nothing[:] = emission[start], nothing[start]
                 break
             if len(tiles) == 1:
-                index[part] = self._constant_index(tiles[0], material.latent, own)
+                index[part] = self.constant_index(tiles[0], material.latent, own)
             else:
                 index[part] = np.arange(self._count, self._count + len(tiles))
                 self._append(tiles, material.latent, own)
         emission[emission.max(axis=1) < DARK_FRACTION * emission.max()] = 0
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
-            index[emitters] = self._constant_index(EMITTER_TILE)
+            index[emitters] = self.constant_index(EMITTER_TILE)
             if reflects:
                 self.report.approximated(material.name, "where it emits light, it reflects like a white diffuse "
                                                         "surface")
@@ -138,20 +140,20 @@ class MaterialTiles:
         """(n,) share of light that goes straight, or through glass of at most the roughness `smooth`, at triangles."""
         if material is None:
             return np.zeros(len(mesh))
-        surface, _ = self.evaluate(material, surface_points(mesh, instance))
+        surface, _ = self.evaluate(material, surface_points(mesh, instance, ray=Ray.CAMERA))
         through = surface.clear + (1 - surface.clear) * surface.transmission * (surface.roughness <= smooth)
         return np.broadcast_to(mean_over_triangle(through)[..., 0], len(mesh))
 
     def varies(self, material: Material | None) -> bool:
-        """Whether it was not the same all over some triangle."""
-        return material in self._varying
+        """Whether it was not the same all over some triangle, or not the same for all rays."""
+        return material in self._varying or self.differs_by_ray(material)
 
-    def evaluate(self, material: Material, points: Points, is_seen: bool = False
-                 ) -> tuple[SurfaceParameters, np.ndarray]:
-        """The surface and its height, in the units of a tile, at these points.
+    def differs_by_ray(self, material: Material | None) -> bool:
+        """Whether what a ray meets may depend on what it is for."""
+        return material in self._differs_by_ray
 
-        Emission is that which lights the scene, or with `is_seen` that which the camera sees.
-        """
+    def evaluate(self, material: Material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
+        """The surface and its height, in the units of a tile, at these points."""
         tree = material.node_tree
         if tree is None:
             color = np.array(material.diffuse_color[:3], np.float32)
@@ -162,16 +164,11 @@ class MaterialTiles:
         output = None if output is None else NodeCall(evaluator, output)
         evaluator.keeps_lobes = self.keeps_lobes and output is not None and lobe_nodes(output) is not None
         closure = Closure() if output is None else closure_at(output, "Surface")
-        if evaluator.depends_on_ray and not is_seen:
-            lighting = Evaluator(replace(points, camera_ray=False), tree.conventions, self.report, material.name,
-                                 self.baker)
-            lighting.material_index = material.pass_index
-            closure.emission = closure_at(NodeCall(lighting, output.node), "Surface").emission
-            evaluator.depends_on_instance |= lighting.depends_on_instance
+        if evaluator.depends_on_ray:
+            self._differs_by_ray.add(material)
         if (closure.emission < 0).any():
             self.report.approximated(material.name, "negative light is ignored")
-        if (not closure.weight.any() and not closure.emission.any() and has_surface(material)
-                and not (output is not None and is_emission(output.source("Surface")))):
+        if not evaluator.has_shader and has_surface(material):
             self.report.approximated(material.name, "no surface shader is connected to the Material Output, so it is "
                                                     "black")
         displacement, surface = _displacement(material, output), parameters(closure)
@@ -193,8 +190,9 @@ class MaterialTiles:
             return tuple(np.round(linear.T @ linear, SCALE_DIGITS).ravel())
         return None
 
-    def _constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
-                        lobes: np.ndarray | None = None) -> int:
+    def constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
+                       lobes: np.ndarray | None = None) -> int:
+        """The row of a tile (11, 32, 32) f16, one for all that are equal."""
         key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes()
         if key not in self._constant:
             self._constant[key] = self._count

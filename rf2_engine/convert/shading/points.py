@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ....model.scene import barycentric_grid
+from ....model.surface_kinds import Ray
 from ..data.arrays import unit
 from ..data.copied import Instance
 from ..data.mesh import TriangleMesh, face_normals
@@ -34,7 +35,7 @@ class Points:
     direction: np.ndarray | None = None                          # (..., 3) f32, unit, away from the scene
     lamp: LampPoints | None = None
     is_displaced: bool = False                                   # displacement is in the corners already
-    camera_ray: bool = False                                     # what Light Path "Is Camera Ray" answers
+    ray: Ray = Ray.DIFFUSE                                       # of which Light Path tells
     weights: np.ndarray | None = None                            # (m, r, c, 3) f32 of corners; None: texels of tiles
     first_alone: bool = False                                    # the other points only give the first one's footprint
 
@@ -120,11 +121,11 @@ class UvLayers(Layers):
 
 
 def surface_points(mesh: TriangleMesh, instance: Instance, rows=slice(None), weights: np.ndarray | None = None,
-                   first_alone: bool = False) -> Points:
-    """Points on some triangles of a mesh, as the camera sees them: the texels of their tiles without `weights`."""
+                   first_alone: bool = False, ray: Ray = Ray.DIFFUSE) -> Points:
+    """Points on some triangles of a mesh, as a ray meets them: the texels of their tiles without `weights`."""
     return Points(UvLayers(mesh.uv, rows, weights), mesh.active_uv, Layers(mesh.attributes, rows, weights),
                   mesh.active_color, mesh.corners[rows], mesh.texture_space, mesh.normals[rows], instance,
-                  is_displaced=mesh.is_displaced, camera_ray=True, weights=weights, first_alone=first_alone)
+                  is_displaced=mesh.is_displaced, ray=ray, weights=weights, first_alone=first_alone)
 
 
 def interpolate(corners: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:

@@ -17,7 +17,9 @@ def closure_at(n: NodeCall, key) -> Closure:
     shader = n.source(key)
     if shader is None:
         return Closure()
-    return n.evaluator.evaluate_once(shader, SHADERS.get(shader.kind, unknown), Closure())
+    function = SHADERS.get(shader.kind, unknown)
+    n.evaluator.has_shader |= function not in (mix, add)
+    return n.evaluator.evaluate_once(shader, function, Closure())
 
 
 def unknown(n: NodeCall):
@@ -154,10 +156,6 @@ def eevee_only(n: NodeCall):
 
 def emission(n: NodeCall):
     return Closure(emission=n["Color"] * n["Strength"])
-
-
-def is_emission(shader: NodeCall | None) -> bool:
-    return shader is not None and SHADERS.get(shader.kind) is emission
 
 
 def holdout(n: NodeCall):

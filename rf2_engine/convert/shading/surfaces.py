@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ....model import progress
-from ....model.scene import Geometry, RenderScene
+from ....model.scene import ALL_GROUPS, Geometry, RenderScene
 from ..data import mesh as meshes
 from ..data.collected import Part
 from ..data.copied import Instance
 from .hit_materials import HitMaterials
+from .looks import Looks, find_looks
 from .material import MaterialTiles
+
+LIT = "group", "lit_groups"
 
 
 def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
@@ -19,7 +22,7 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
 
     hit_materials: records the mesh and instance of all rows of the geometry.
     """
-    rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
+    rows: dict[str, list[np.ndarray]] = {name: [] for name in ("triangles", "normals", *Looks._fields, *LIT)}
     geometry: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "token": []}
     count = 0
     for i, part in enumerate(parts):
@@ -40,6 +43,11 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
     for name, values in rows.items():
         if values:
             setattr(scene, name, np.concatenate(values))
+    for name, usual in (("hidden", 0), ("group", 0), ("lit_groups", ALL_GROUPS)):
+        if not rows[name] or (getattr(scene, name) == usual).all():
+            setattr(scene, name, None)
+    if not rows["camera_tile"] or (scene.camera_tile == scene.tile_index).all():
+        scene.camera_tile = None
     scene.beam_axis, scene.beam_cosine = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
     if any(part.real or any(instance.real_matrices for instance in part.instances) for part in parts):
         scene.geometry = Geometry(**{name: np.concatenate(values) for name, values in geometry.items()})
@@ -55,8 +63,8 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
               report) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Fields of a RenderScene for the triangles of one instance, and which of these show; shared: as in `_materials`.
     """
-    tile_index, emission = _materials(part, instance, materials, shared)
-    is_opaque = tile_index >= 0
+    looks = _materials(part, instance, materials, shared)
+    is_opaque = looks.tile_index >= 0
     if not is_opaque.all():
         report.approximated(part.name, f"{np.count_nonzero(~is_opaque)} of its {len(is_opaque)} triangles are left "
                                        "out, because they are almost fully transparent")
@@ -66,7 +74,8 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
         report.refused(part.name, "it is too large or too far away: reset its transform")
     elif not solid.any():
         report.skipped(part.name, "its scale is 0")
-    return ({"triangles": corners, "normals": normals, "emission": emission, "tile_index": tile_index},
+    lit = np.full(len(corners), instance.group, np.uint8), np.full(len(corners), part.lit_groups, np.uint64)
+    return ({"triangles": corners, "normals": normals} | looks._asdict() | dict(zip(LIT, lit)),
             near & solid & is_opaque)
 
 
@@ -99,20 +108,22 @@ def _real_surfaces(part: Part, instance: Instance, tokens: dict[str, np.ndarray]
     return surfaces
 
 
-def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared: dict) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) i32 tile and (n, 3) f32 radiance of the triangles of an instance of a part.
+def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared: dict) -> Looks:
+    """Those of the triangles of an instance of a part.
 
     shared: by material slot and MaterialTiles.sharing what instances have in common, filled here.
     """
     mesh = part.mesh
-    tile_index, emission = np.zeros(len(mesh), np.int32), np.zeros((len(mesh), 3), np.float32)
+    looks = Looks.empty(len(mesh))
     slots = np.unique(mesh.slot)
     for i, slot in enumerate(slots):
         rows, material = np.flatnonzero(mesh.slot == slot), part.materials[slot]
         shaded = shared.get((slot, materials.sharing(material, instance)))
         with progress.part(i / len(slots), (i + 1) / len(slots)):
             if shaded is None:
-                shaded = materials.triangle_tiles(material, mesh.take(rows), instance)
+                shaded = find_looks(materials, material, mesh.take(rows), instance)
                 shared[slot, materials.sharing(material, instance)] = shaded
-            tile_index[rows], emission[rows] = shaded
-    return tile_index, emission * np.float32(part.flux_gain)
+            for whole, values in zip(looks, shaded, strict=True):
+                whole[rows] = values
+    return looks._replace(emission=looks.emission * np.float32(part.flux_gain),
+                          hidden=looks.hidden | np.uint8(part.hidden))

@@ -8,7 +8,7 @@ from renderformer_v2.model.light.probes import SMOOTH, Probes
 from renderformer_v2.model.light.separation import Separation
 from renderformer_v2.model.light.tensor_rays import TensorRays
 from renderformer_v2.model.scene_rays import scene_rays
-from renderformer_v2.model.surface_kinds import OCCLUDING
+from renderformer_v2.model.surface_kinds import OCCLUDING, Ray
 from tests.model.samples import flat
 
 SIZE = 16
@@ -24,7 +24,7 @@ def floor(wall: np.ndarray, bump: float = 0.0) -> tuple[torch.Tensor, torch.Tens
     position = torch.stack([x, y, -bump * (x * x + y * y)], -1)
     normal = torch.nn.functional.normalize(torch.stack([2 * bump * x, 2 * bump * y, torch.ones_like(x)], -1), dim=-1)
     covered = torch.ones(SIZE, SIZE, 1, dtype=torch.bool)
-    rays = TensorRays(scene_rays(flat(wall, (0.5, 0.5, 0.5))).among(OCCLUDING))
+    rays = TensorRays(scene_rays(flat(wall, (0.5, 0.5, 0.5))).among(OCCLUDING, Ray.SHADOW))
     planes = (tensor.permute(2, 0, 1) for tensor in (position, normal))
     return position, normal, covered, Separation(*planes, covered[..., 0], rays)
 

@@ -38,13 +38,10 @@ def dice(scene):
 
 
 @pytest.mark.parametrize("change, name, words", [
-    (lambda scene: setattr(scene.cycles, "diffuse_bounces", 0), "Scene", "Light Paths"),
-    (lambda scene: setattr(scene.cycles, "max_bounces", 1), "Scene", "Light Paths"),
     (lambda scene: setattr(scene.cycles, "use_fast_gi", True), "Scene", "Fast GI"),
     (simplify, "Scene", "culling"),
     (lambda scene: scene.view_layers[0].lightgroups.add(name="Key"), "ViewLayer", "Combined_Key"),
     (lambda scene: setattr(scene.view_layers[0].cycles, "use_pass_shadow_catcher", True), "ViewLayer", "Catcher"),
-    (lambda scene: setattr(scene.objects["Sun"].data.cycles, "max_bounces", 0), "Sun", "Max Bounces"),
     (dice, "Cube", "Adaptive Subdivision"),
 ])
 def test_a_setting_without_effect_is_said(scene, lines, change, name, words):

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Surfaces that rays see differently: what bounced light, cameras, mirrors and shadow rays meet of a material."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ....model.scene import constant_tile
+from ....model.surface_kinds import TRANSPARENT, Ray
+from ..data.blocks import Material
+from ..data.copied import Instance
+from ..data.mesh import TriangleMesh
+from ..data.report import Report
+from .material import CLEAR, MaterialTiles
+
+# What cameras or shadow rays alone meet is none to bounced light, and so to the network.
+WINDOW = constant_tile(base_color=(1, 1, 1), roughness=0, ior=1, transmission=1)
+OTHER_RAYS = {Ray.GLOSSY: CLEAR, Ray.TRANSMISSION: CLEAR, Ray.SCATTER: CLEAR, Ray.SHADOW: TRANSPARENT}  # clear from
+MIRRORED = Ray.GLOSSY, Ray.TRANSMISSION
+
+
+class Looks(NamedTuple):
+    """Fields of a RenderScene for n triangles; tile_index is -1 where no ray meets them."""
+
+    tile_index: np.ndarray
+    emission: np.ndarray
+    camera_tile: np.ndarray
+    hidden: np.ndarray
+
+    @classmethod
+    def empty(cls, count: int) -> Looks:
+        index = np.zeros(count, np.int32)
+        return cls(index, np.zeros((count, 3), np.float32), index.copy(), np.zeros(count, np.uint8))
+
+
+def find_looks(materials: MaterialTiles, material: Material | None, mesh: TriangleMesh, instance: Instance) -> Looks:
+    """What rays meet of triangles with one material: light that has bounced sees them as diffuse rays do."""
+    index, emission = materials.triangle_tiles(material, mesh, instance)
+    looks = Looks.empty(len(mesh))._replace(tile_index=index, emission=emission, camera_tile=index)
+    if not materials.differs_by_ray(material):
+        return looks
+    tiles = {Ray.DIFFUSE: index, Ray.CAMERA: materials.triangle_tiles(material, mesh, instance, Ray.CAMERA)[0]}
+    for ray, clear in OTHER_RAYS.items():
+        unkept = MaterialTiles(Report(), materials.baker)
+        tiles[ray] = unkept.triangle_tiles(material, mesh, instance, ray, clear)[0]
+    hidden = sum(np.where(tile < 0, np.uint8(ray), np.uint8(0)) for ray, tile in tiles.items())
+    for ray in MIRRORED:
+        if ((index < 0) & (tiles[ray] >= 0)).any():
+            index = np.where(index < 0, materials.triangle_tiles(material, mesh, instance, ray)[0], index)
+    is_met = np.any([tile >= 0 for tile in tiles.values()], axis=0)
+    index = np.where((index < 0) & is_met, materials.constant_index(WINDOW), index).astype(np.int32)
+    camera_tile = np.where(tiles[Ray.CAMERA] < 0, index, tiles[Ray.CAMERA]).astype(np.int32)
+    return Looks(index, emission, camera_tile, hidden)

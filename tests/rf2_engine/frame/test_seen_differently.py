@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Surfaces that cameras, mirrors, shadow rays and bounced light see differently, beside Cycles."""
+import pytest
+
+from tests.rf2_engine.rooms import assert_alike, beside_cycles, by_ray, lamp, panel, remarks, room
+
+RED, GREEN = ("BsdfDiffuse", {"Color": (0.9, 0.1, 0.1, 1)}), ("Emission", {"Color": (0.1, 0.5, 0.1, 1)})
+BLUE, CLEAR = ("BsdfDiffuse", {"Color": (0.05, 0.1, 0.9, 1)}), ("BsdfTransparent", {})
+MIRROR, GLASS = ("BsdfGlossy", {"Color": (0.9, 0.9, 0.9, 1), "Roughness": 0.05}), ("BsdfGlass", {"Roughness": 0.0})
+LOOKS = {  # rays, what the others meet, what these meet
+    "light for the camera alone, as unlit materials of glTF": (["Is Camera Ray"], CLEAR, GREEN),
+    "light for the camera, matte for others": (["Is Camera Ray"], RED, GREEN),
+    "a mirror for the camera, matte for others": (["Is Camera Ray"], RED, MIRROR),
+    "nothing for the camera": (["Is Camera Ray"], RED, CLEAR),
+    "another colour for diffuse rays": (["Is Diffuse Ray"], RED, BLUE),
+    "nothing for diffuse rays": (["Is Diffuse Ray"], RED, CLEAR),
+    "nothing for shadow rays": (["Is Shadow Ray"], RED, CLEAR),
+    "glass without shadows": (["Is Shadow Ray", "Is Diffuse Ray"], GLASS, CLEAR),
+}
+FLAGS = ["visible_camera", "visible_diffuse", "visible_glossy", "visible_shadow"]
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_light_meets_what_it_meets_in_cycles(scene, tmp_path, look):
+    room(scene)
+    panel(scene, by_ray("Trick", *LOOKS[look]))
+    lamp(scene)
+    ours, cycles = beside_cycles(scene, tmp_path)
+    assert_alike(ours, cycles)
+    assert "no surface shader" not in remarks()
+
+
+@pytest.mark.parametrize("flag", FLAGS)
+def test_rays_pass_what_is_hidden_from_them(scene, tmp_path, flag):
+    room(scene)
+    hidden = panel(scene, None)
+    setattr(hidden, flag, False)
+    lamp(scene)
+    ours, cycles = beside_cycles(scene, tmp_path)
+    assert_alike(ours, cycles)
