@@ -86,6 +86,9 @@ def _exposure(scene: RenderScene, center: np.ndarray, scale: float) -> float:
     if scene.environment is not None:
         rows = np.sin(np.pi * (np.arange(scene.environment.shape[0]) + 0.5) / scene.environment.shape[0])
         irradiance += np.pi * np.average(scene.environment.mean(axis=(1, 2)), weights=rows)
+    if scene.fire is not None:
+        distance = np.linalg.norm(scene.fire.position - center, axis=1).clip(NEAREST_LIGHT / scale)
+        irradiance += (scene.fire.radiance.mean(axis=1) * (scene.fire.size / distance) ** 2).sum()
     return CENTRAL_IRRADIANCE / max(abs(float(irradiance)), DARK)  # what a network draws without light is divided away
 
 

@@ -181,6 +181,22 @@ class Geometry:
         return len(self.triangles)
 
 
+@dataclass
+class Fire:
+    """Light that media send out, F cubes."""
+
+    position: np.ndarray = array("F", 3, behaves=POINT)      # middle
+    radiance: np.ndarray = array("F", 3, behaves=RADIANCE)   # of a ray along an edge
+    size: np.ndarray = array("F", behaves=LENGTH)            # of an edge
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @classmethod
+    def concatenate(cls, parts: list[Fire]) -> Fire:
+        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
+
+
 SELDOM = {"light_bounces": np.uint8(ANY), "lit_groups": np.uint64(ALL_GROUPS), "group": np.uint8(0)}
 
 
@@ -203,6 +219,7 @@ class RenderScene:
     environment: np.ndarray | None = array(  # radiance, rotation and strength applied
         *ENVIRONMENT_SHAPE, behaves={COLOR: -1, RADIANCE: -1, PANORAMA: 1}, default="none")
     volumes: Volumes | None = None
+    fire: Fire | None = None  # the network is not told of it
     seen: np.ndarray | None = array("N", dtype=bool, default="none")  # by cameras, lamps are not; None = all
     # Rays that do not meet a triangle, a set of surface_kinds.Ray, of cameras too; None = all meet all
     hidden: np.ndarray | None = array("N", dtype=np.uint8, default="none")
@@ -287,6 +304,8 @@ class RenderScene:
         check_arrays(self)
         if self.volumes is not None:
             check_arrays(self.volumes, "volumes.")
+        if self.fire is not None:
+            check_arrays(self.fire, "fire.")
         if self.geometry is not None:
             check_arrays(self.geometry, "geometry.")
             token = self.geometry.token

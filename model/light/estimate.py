@@ -85,7 +85,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     probes = make_probes(surfaces.position, surfaces.normal, surfaces.is_covered, separation=separation)
     outgoing = partial(outgoing_radiance, radiosity, direct if with_direct else None, effort)
     with part(0.02, 0.3):
-        bounced, sky = diffuse_bounces(radiosity, probes, filters, effort, with_direct)
+        bounced, sky, fire = diffuse_bounces(radiosity, probes, filters, effort, with_direct)
     with part(0.3, 0.4):
         gloss = glossy_bounces(radiosity, probes, surfaces, filters, effort, is_traced, with_direct)
     with part(0.4, 0.5):
@@ -113,7 +113,7 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
             mirrored["complete"] = (mirrored["complete"] + tensors_on(direct.device)(guides.reflected_light)
                                     + mirrored_highlights(guides, surfaces, direct))
         glow = _glow(direct, surfaces)
-        complete = surface_light(bounced, gloss.complete, "complete")
+        complete = surface_light(bounced if fire is None else bounced + fire, gloss.complete, "complete")
         if not is_traced:
             return complete
     beside = surface_light(gloss.remove_missed(bounced, surfaces.diffuse_ratio), gloss.bounced, "bounced",

@@ -26,6 +26,7 @@ from .lamps.lamps import convert_lamps
 from .lamps.one_triangle import one_triangle
 from .lamps.world import convert_world_light
 from .media import medium
+from .media.fire import fire_of
 from .media.fog import add_fog, dim_by_fog
 from .shading.hit_materials import HitMaterials
 from .shading.material import MaterialTiles
@@ -64,7 +65,7 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
         lamps = [one_triangle(lamp, frame.center, frame.scale) for lamp in lamps]
     scene = surfaces.appended(*lamps)
     with progress.part(0.9, 1.0, "Converting volumes"):
-        scene.volumes = medium.cells(collected.media, report)
+        scene.volumes, scene.fire = medium.cells(collected.media, report), fire_of(collected.media)
     scene.environment, scene.box = plan.environment, plan.framing.box
     if copied.world is not None and copied.world.hidden:
         scene.environment_hidden = np.uint8([copied.world.hidden])

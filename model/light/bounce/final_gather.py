@@ -39,7 +39,9 @@ class Gathered:
     sky: Tensor        # (P, R) share of the sky's radiance that arrives where nothing is hit
     through: Tensor    # (P, 3) mean radiance of media, and of the sky behind glass
     distance: Tensor   # (P, R), network units to what is hit; infinite where nothing is
-    # (M,) number among all P R rays of those that see glass, and (M, 3) the sky's radiance through it; None without any
+    fire: Tensor | None = None  # (P, 3) mean radiance of fire, which is not in `through`; None without any
+    # (M,) number among all P R rays of those that see glass, and (M, 3) the sky's radiance through it; None without any,
+    # and where rays were aimed
     behind_glass: tuple[Tensor, Tensor] | None = None
 
     def merged(self, weight: Tensor) -> Gathered:
@@ -85,7 +87,9 @@ class GatherScene:
         self.bright = None
         self.corners, self._is_solid = patches.corners.to(device), patches.solid.to(device)
         self._locator = patches.locator.to(device)
-        self.fog, self.in_scattering, self.environment = direct.fog, direct.in_scattering, direct.environment
+        self.fog, self.environment = direct.fog, direct.environment
+        self.in_scattering = direct.in_scattering
+        self._fire = None if scene.fire is None else direct.in_scattering.fire(self.fog)
         self.panes = None
         with part(0.0, 0.5):
             self.surfaces = {ray: TensorRays(rays.among(SOLID | Kind.EMITTER, ray))
@@ -93,6 +97,10 @@ class GatherScene:
         if len(rays.rows(BENDING, Ray.DIFFUSE)):
             with part(0.5, 1.0):
                 self.panes = Panes(scene, direct.sky_seen_by(Ray.TRANSMISSION), device)
+
+    @property
+    def has_fire(self) -> bool:
+        return self._fire is not None
 
     def aim(self, importance: Tensor) -> None:
         """Aim rays at patches of such importance (sides,) from now on."""
@@ -117,13 +125,15 @@ class GatherScene:
             hits = self.surfaces[ray].nearest(origin, direction)
         distance, piece = hits.distance, self._locator.find(hits.triangle, hits.weights)
         side = self._sides(piece, direction)
-        share, sky, behind_glass = torch.ones_like(distance), distance.isinf(), None
+        share, sky, fire, behind_glass = torch.ones_like(distance), distance.isinf(), None, None
         through = torch.zeros_like(position)
         if self.fog is not None:
             end = origin + distance.clamp(max=FOG_REACH)[:, None] * direction
             share = self.fog.transmittance(origin, end)
             if with_media:
-                through += self._scattered(*(x.view(-1, total, 3)[:, :rays] for x in (origin, end)))
+                rows = [x.view(-1, total, 3)[:, :rays] for x in (origin, end)]
+                through += self._scattered(*rows)
+                fire = self._fire and self._fire(*(x.flatten(0, 1) for x in rows), FOG_STEPS).view_as(rows[0]).mean(1)
         if self.panes is not None:
             with part(0.7, 1.0):
                 row, light, transmittance = self.panes.sky_through(origin, direction, distance)
@@ -139,7 +149,7 @@ class GatherScene:
             balanced[:, rays:] *= piece.view(-1, total)[:, rays:] == target
             share = share * balanced.flatten()
         return Gathered(direction.view(-1, total, 3)[:, :rays], side.view(-1, total), share.view(-1, total), sky,
-                        through, distance.view(-1, total)[:, :rays], behind_glass)
+                        through, distance.view(-1, total)[:, :rays], fire, behind_glass)
 
     def hit_sides(self, triangle: Tensor, weights: Tensor, direction: Tensor) -> Tensor:
         """(N,) sides, as Gathered has them, of the patches that rays (N, 3) hit.

@@ -19,13 +19,18 @@ LEAST_RATIO = 1e-3  # diffuse over glossy albedo, below which the diffuse lobe i
 
 
 def diffuse_bounces(radiosity: Radiosity, probes: Probes, filters: Iterable[int], effort: Effort,
-                    with_sky: bool) -> tuple[Tensor, Tensor | None]:
-    """(h, W, 3) radiance of a white diffuse lobe, and the visibility of the sky (h, W, 3) by the same rays."""
+                    with_sky: bool) -> tuple[Tensor, Tensor | None, Tensor | None]:
+    """(h, W, 3) radiance of a white diffuse lobe, and, `with_sky`, the visibility of the sky and the light of fire.
+
+    Both are (h, W, 3), and None if there is none.
+    """
     def compute(x: Tensor, n: Tensor, number: Tensor) -> dict[str, Tensor]:
-        return dict(zip(("light", "sky"), radiosity.indirect_and_sky(x, n, number, effort, with_sky)))
+        light = dict(zip(("light", "sky"), radiosity.indirect_and_sky(x, n, number, effort, with_sky)))
+        fire = radiosity.fire(x, n, number, effort) if with_sky else None
+        return light if fire is None else light | {"fire": fire}
 
     pictures = probes.interpolate(compute, filters=filters)
-    return pictures["light"], pictures.get("sky")
+    return pictures["light"], pictures.get("sky"), pictures.get("fire")
 
 
 @dataclass
@@ -72,4 +77,5 @@ def outgoing_radiance(radiosity: Radiosity, direct: DirectLight | None, effort: 
         if direct is None:
             return {"bounced": bounced}
         arriving = direct.diffuse(x, n, direct.visibility(x, n, sky_rays=effort.of(SKY_RAYS)))
-        return {"bounced": bounced, "complete": bounced + arriving}
+        fire = radiosity.fire(x, n, number, effort)
+        return {"bounced": bounced, "complete": bounced + (arriving if fire is None else arriving + fire)}

@@ -85,6 +85,7 @@ class Radiosity:
             gathered = self.gather_scene.gather(x, n, cosine_directions(n, effort.of(PATCH_RAYS) // count, start),
                                                 effort.of(PATCH_AIMED) // count, start)
             weight = self.gather_scene.reliability(gathered, count)
+            fire = None if gathered.fire is None else (weight[..., None] * gathered.fire.view(-1, count, 3)).mean(1)
             gathered = gathered.merged(weight)
         glossy = metal + layer
         through = (diffuse + glossy) * (gathered.through + caustic_light)
@@ -92,6 +93,8 @@ class Radiosity:
         self.leaving = self.bounced_before = torch.zeros_like(through)
         for most, first in firsts.items():
             first = (weight[..., None] * first).mean(1)
+            if fire is not None and most == ANY:
+                first = first + (diffuse + glossy) * fire
             before = through if most == ANY else torch.zeros_like(through)
             glossily, diffusely = _bounce(gathered, first + before, diffuse, glossy, self._most.at_most(most))
             bounced_before = before + diffusely
@@ -149,6 +152,13 @@ class Radiosity:
         if not self._most.diffusely:
             light = torch.zeros_like(light)
         return (light, gathered.sky_visibility(self.gather_scene.environment)) if with_sky else (light,)
+
+    def fire(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> Tensor | None:
+        """(P, 3) light of fire, as of `indirect`; None without fire. Traced light contains it."""
+        if not self.gather_scene.has_fire:
+            return None
+        directions = cosine_directions(normal, effort.of_probe(RAYS), r2_starts(number))
+        return self.gather_scene.gather(position, normal, directions).fire
 
     def glossy(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor,
                diffuse_ratio: Tensor, number: Tensor, effort: Effort = FULL, traced: bool = False,

@@ -64,7 +64,7 @@ class DirectLight:
             torch.as_tensor(environment, dtype=torch.float32, device=device))
         hidden = 0 if scene.environment_hidden is None else int(scene.environment_hidden[0])
         self._seen_sky = {ray: None if hidden & ray else self.environment for ray in Ray}
-        self.fog = fog_of(scene.volumes, device)
+        self.fog = fog_of(scene, device)
         rays = scene_rays(scene)
         with part(0.0, 0.5):
             # Without emitters: a lamp does not shade itself.

@@ -2,6 +2,7 @@
 """Light of emitters and sky that media scatter once to the camera and to surfaces, as Cycles does by default."""
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 import torch
@@ -31,6 +32,15 @@ class InScattering:
         cells = torch.cat([light * fog.scattering, fog.density[:, None]], dim=1)[:-1]
         self.low, self.extent = fog.low, fog.cell * SIDE
         self.cells = cells.T.reshape(1, 4, SIDE, SIDE, SIDE)  # RGB per unit of length, extinction
+
+    def fire(self, fog: Fog) -> InScattering | None:
+        """What the cells send out by themselves instead; None if that is nothing."""
+        if fog.emission is None:
+            return None
+        fire = copy.copy(self)
+        emission = fog.emission[:-1].T.reshape(1, 3, SIDE, SIDE, SIDE)
+        fire.cells = torch.cat([emission, self.cells[:, 3:]], dim=1)
+        return fire
 
     def __call__(self, origin: Tensor, end: Tensor, steps: int = STEPS) -> Tensor:
         """(P, 3) radiance that arrives at points (P, 3) from the media before the points `end` (P, 3)."""

@@ -7,30 +7,39 @@ import torch
 from torch import Tensor
 
 from ...geometry import rotation_matrix
-from ...scene import CELLS, VOXELS, Volumes
+from ...scene import CELLS, VOXELS, Fire, RenderScene, Volumes
 
 SIDE = 32          # cells along the grid
 STEPS = 6          # samples of the extinction along a ray
+NO_VOXELS = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros((0, 3), np.float32)
 REACH = 2.0        # network units from the centre, along each axis, within which media count
 
 
 class Fog:
-    """Grey extinction and scattering of `Volumes` per network unit (docs/scene-input.md 5).
+    """Grey extinction, scattering and emission of media per network unit (docs/scene-input.md 5).
 
-    density, scattering: (SIDE^3 + 1,), (SIDE^3 + 1, 3), x slowest; the last is that of all places outside.
+    density, scattering, emission: (SIDE^3 + 1,), (SIDE^3 + 1, 3) twice, x slowest; the last is that of all places
+    outside. emission: None without fire.
     """
 
-    def __init__(self, volumes: Volumes, device: torch.device | str = "cpu"):
-        points, *coefficients = (torch.as_tensor(x, dtype=torch.float32, device=device) for x in _voxels(volumes))
+    def __init__(self, volumes: Volumes | None, device: torch.device | str = "cpu", fire: Fire | None = None):
+        voxels = NO_VOXELS if volumes is None else _voxels(volumes)
+        if fire is not None:
+            none = np.zeros_like(fire.radiance)
+            voxels = [np.concatenate(both) for both in zip(
+                (*voxels, np.zeros_like(voxels[2])),
+                (fire.position, none[:, 0], none, fire.radiance * fire.size[:, None] ** 2), strict=True)]
+        points, *coefficients = (torch.as_tensor(x, dtype=torch.float32, device=device) for x in voxels)
         near = (points.abs() < REACH).all(1)
         points = points[near]
         corners = points if len(points) else points.new_zeros(1, 3)
         margin = 1e-3
         self.low = corners.amin(0) - margin
         self.cell = (corners.amax(0) + margin - self.low) / SIDE
-        self.density, self.scattering = (
+        self.density, self.scattering, *emission = (
             x.new_zeros(SIDE ** 3 + 1, *x.shape[1:]).index_add(0, self._index(points), x[near] / self.cell.prod())
             for x in coefficients)
+        self.emission = emission[0] if emission else None
 
     def transmittance(self, begin: Tensor, end: Tensor) -> Tensor:
         """(...) share of the light that gets from points (..., 3) to points (..., 3)."""
@@ -53,9 +62,10 @@ class Fog:
         return ((x * SIDE + y) * SIDE + z).masked_fill(outside, SIDE ** 3)
 
 
-def fog_of(volumes: Volumes | None, device: torch.device | str = "cpu") -> Fog | None:
+def fog_of(scene: RenderScene, device: torch.device | str = "cpu") -> Fog | None:
     """The fog of a scene; None where it has no media."""
-    return Fog(volumes, device) if volumes is not None and len(volumes) else None
+    volumes = scene.volumes if scene.volumes is not None and len(scene.volumes) else None
+    return None if volumes is None and scene.fire is None else Fog(volumes, device, scene.fire)
 
 
 def _voxels(volumes: Volumes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -37,6 +37,7 @@ class Medium:
     scattering: np.ndarray  # (3,) f64, coefficient per world unit at density 1
     absorption: np.ndarray  # (3,) f64
     density: Callable[[int], np.ndarray]  # r -> (r, r, r) density of the box's voxels, [x, y, z] along the box axes
+    emission: Callable[[int], np.ndarray] | None = None  # r -> (r, r, r, 3) radiance per world unit of length
     finest: int = CELLS     # cells per axis that show all there is to see
     _voxels: np.ndarray | None = field(default=None, repr=False)
 

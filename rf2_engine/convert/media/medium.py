@@ -54,9 +54,9 @@ def cells(media: list[Medium], report) -> Volumes | None:
         if len(parts[i]) > room:
             report.skipped(medium.name, f"the scene has more than {MAX_CELLS} volume cells")
             parts[i] = _occupied(medium, 0, clear)
-        elif len(parts[i]) == 0:
+        elif len(parts[i]) == 0 and (medium.emission is None or not medium.emission(1).any()):
             report.skipped(medium.name, "the volume is empty")
-        elif per_axis[i] < medium.finest:
+        elif len(parts[i]) and per_axis[i] < medium.finest:
             report.approximated(medium.name, f"rendered with {per_axis[i]} cells per axis instead of {medium.finest}")
         room -= len(parts[i])
     return Volumes.concatenate(parts) if any(map(len, parts)) else None

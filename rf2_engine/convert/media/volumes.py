@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from ....model.scene import CELLS
 from ..data.copied import CopiedVolume, Grid, Instance
 from ..data.medium import Box, Medium, box_around, voxel_centres
-from ..shading.volume import volume_coefficients, volume_points
+from ..shading.volume import volume_coefficients, volume_emission, volume_points
 from .grids import in_box
 from .inside import fill_voxels
 
@@ -19,16 +20,24 @@ SAME_TINT = 0.05  # most difference in colour that is not worth a remark
 DEFAULT_GRID, DEFAULT_COEFFICIENT = "density", 0.5
 
 
-def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: Callable | None = None) -> Medium:
-    """coefficients: world positions (r, r, r, 3) of all voxels of the box -> scattering and absorption, (3,) or
-    (r, r, r, 3), per world unit; filling: r -> (r, r, r) share of each voxel that is filled, None = all of it.
+def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: Callable | None = None,
+                  emission: Callable | None = None) -> Medium:
+    """A box that is not the same everywhere, or is.
 
+    coefficients: world positions (r, r, r, 3) of all voxels of the box -> scattering and absorption, (3,) or
+    (r, r, r, 3), per world unit; filling: r -> (r, r, r) share of each voxel that is filled, None = all of it;
+    emission: of the same positions, radiance per world unit, (3,) or (r, r, r, 3).
     Tokens of a box know one colour, so its colour is the mean one, and its extinction that of all colours together.
     """
     full = filling or (lambda resolution: np.ones((resolution,) * 3, np.float32))
+
+    def glow(resolution: int) -> np.ndarray:
+        return full(resolution)[..., None] * emission(voxel_centres(box, resolution))
+
+    glows = None if emission is None else glow
     scattering, absorption = coefficients(voxel_centres(box, CELLS))
     if scattering.ndim == absorption.ndim == 1:
-        return Medium(name, box, scattering, absorption, full, EVEN if filling is None else CELLS)
+        return Medium(name, box, scattering, absorption, full, glows, EVEN if filling is None else CELLS)
     scattering, absorption = (np.broadcast_to(c, (CELLS, CELLS, CELLS, 3)) for c in (scattering, absorption))
     both = scattering + absorption
     extinction = both.mean(axis=-1)
@@ -42,15 +51,17 @@ def shaded_medium(name: str, box: Box, coefficients: Callable, report, filling: 
         both = coefficients(voxel_centres(box, resolution))
         return full(resolution) * sum(np.float32(c).mean(axis=-1) for c in both)
 
-    return Medium(name, box, scattering.sum(axis=(0, 1, 2)) / total, absorption.sum(axis=(0, 1, 2)) / total, density)
+    return Medium(name, box, scattering.sum(axis=(0, 1, 2)) / total, absorption.sum(axis=(0, 1, 2)) / total, density,
+                  glows)
 
 
-def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report) -> Medium:
+def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficients, report,
+                emission=None) -> Medium:
     """The medium that one or more grids of an object fill, along the axes of the first.
 
     matrix: (4, 4) object to world; coefficients: scattering and absorption per world unit, (3,) or (..., 3), at
     positions (..., 3) of the object, given a function of the name of a grid that returns its values (..., c) there, or
-    None.
+    None. emission: the same of radiance per world unit.
     """
     grids = {key: grid.moved(matrix) for key, grid in grids.items()}
     first = next(iter(grids.values())).to_space
@@ -58,12 +69,13 @@ def grid_medium(name: str, matrix: np.ndarray, grids: dict[str, Grid], coefficie
     box = box_around(first, (np.concatenate(corners) - first[:3, 3]) @ np.linalg.pinv(first[:3, :3]).T)
     to_object = np.linalg.pinv(matrix)
 
-    def at(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def at(function: Callable, points: np.ndarray):
         def values(name: str) -> np.ndarray | None:
             return in_box(grids[name], box, len(points)) if name in grids else None
-        return coefficients(points @ to_object[:3, :3].T + to_object[:3, 3], values)
+        return function(points @ to_object[:3, :3].T + to_object[:3, 3], values)
 
-    return shaded_medium(name, box, at, report)
+    return shaded_medium(name, box, partial(at, coefficients), report,
+                         emission=None if emission is None else partial(at, emission))
 
 
 def gridded(volume: CopiedVolume, report) -> Medium:
@@ -78,8 +90,13 @@ def gridded(volume: CopiedVolume, report) -> Medium:
             return [unit * c for c in volume_coefficients(volume.material, report, points)]
         return [unit * DEFAULT_COEFFICIENT * values(DEFAULT_GRID) * np.ones(3)] * 2
 
+    def emission(inside, values):
+        return unit * volume_emission(volume.material, report,
+                                      volume_points(inside, texture_space, volume.instance, values))
+
     if volume.grids is not None:
-        return grid_medium(volume.name, volume.instance.matrix, volume.grids, coefficients, report)
+        return grid_medium(volume.name, volume.instance.matrix, volume.grids, coefficients, report,
+                           emission if volume.material else None)
     report.approximated(volume.name, "its grid cannot be read without the Python module openvdb: shown as a uniform "
                                      "box")
     return shaded_medium(volume.name, box_around(volume.instance.matrix, volume.box), lambda points: coefficients(
@@ -113,4 +130,8 @@ class MeshVolume:
                 self._coefficients[where] = result
             return result
 
-        return shaded_medium(self.name, box, coefficients, self.report, lambda n: fill_voxels(local, n))
+        def emission(positions: np.ndarray) -> np.ndarray:
+            inside = positions @ to_object[:3, :3].T + to_object[:3, 3]
+            return volume_emission(self.material, self.report, volume_points(inside, self.texture_space, instance))
+
+        return shaded_medium(self.name, box, coefficients, self.report, lambda n: fill_voxels(local, n), emission)

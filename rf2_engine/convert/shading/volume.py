@@ -13,8 +13,10 @@ from . import graph
 from .evaluate import Evaluator
 from .node_call import NodeCall
 from .points import Points
+from .spectrum import blackbody_color
 
 NONE = np.zeros(3, np.float32)
+STEFAN_BOLTZMANN = 5.670373e-14 / np.pi  # as Cycles has it, in its units
 
 
 def has_surface(material) -> bool:
@@ -78,12 +80,23 @@ def volume_coefficients(material, report, points: VolumePoints | None = None,
     return np.maximum(scattering, 0), np.maximum(absorption, 0)
 
 
+def volume_emission(material, report, points: VolumePoints | None = None) -> np.ndarray:
+    """Radiance per world unit of length that a Volume shader sends out, (3,), or (n, ..., 3) as above."""
+    output = _volume_output(material)
+    if output is None:
+        return NONE
+    evaluator = Evaluator(points or VolumePoints(), material.node_tree.conventions, report, material.name)
+    emission = np.float32(emission_at(NodeCall(evaluator, output), "Volume"))
+    return np.maximum(report.finite(material.name, "its volume", emission), 0)
+
+
 def find_grid_names(material) -> list[str]:
     """Names of the grids that the Volume shader of a material reads."""
     names = {}
     points = volume_points(np.zeros((1, 3)), np.float32([(0, 0, 0), (1, 1, 1)]), Instance(),
                            lambda name: names.setdefault(name))
     volume_coefficients(material, Report(), points)
+    volume_emission(material, Report(), points)
     return [name for name in names if name]
 
 
@@ -119,7 +132,7 @@ def add(n: NodeCall):
 
 
 def principled(n: NodeCall):
-    _report_losses(n, "Emission Strength", "Blackbody Intensity")
+    _report_losses(n)
     color, density = n["Color"], n["Density"]
     for name in ("Density Attribute", "Color Attribute"):
         grid = n.points.grids and n.points.grids(graph.find_input(n.node, name).default_value)
@@ -140,20 +153,62 @@ def absorption(n: NodeCall):
 
 
 def coefficients(n: NodeCall):
-    _report_losses(n, "Emission Coefficients")
+    _report_losses(n)
     return n["Scatter Coefficients"], n["Absorption Coefficients"]
 
 
-def _report_losses(n: NodeCall, *glow: str) -> None:
-    """glow: the inputs that make the volume shine."""
+def emission_at(n: NodeCall, key) -> np.ndarray:
+    """Emission that a shader brings to an input of `n`; 0 when nothing is linked."""
+    shader = n.source(key)
+    if shader is None or shader.kind not in EMISSION:
+        return NONE
+    return n.evaluator.evaluate_once(shader, EMISSION[shader.kind], NONE)
+
+
+def mixed_emission(n: NodeCall):
+    factor = np.clip(n[0], 0, 1)
+    return (1 - factor) * emission_at(n, 1) + factor * emission_at(n, 2)
+
+
+def added_emission(n: NodeCall):
+    return emission_at(n, 0) + emission_at(n, 1)
+
+
+def principled_emission(n: NodeCall):
+    """Glow, and a black body's light: of its temperature to the fourth as much as Blackbody Intensity says."""
+    intensity, kelvin = n["Blackbody Intensity"], n["Temperature"]
+    grid = n.points.grids and n.points.grids(graph.find_input(n.node, "Temperature Attribute").default_value)
+    if grid is not None:
+        kelvin = kelvin * grid[..., :1]
+    kelvin = np.maximum(kelvin, 0)
+    strength = STEFAN_BOLTZMANN * ((1 - intensity) + intensity * kelvin ** 4) * (intensity > 0)
+    return n["Emission Color"] * n["Emission Strength"] + (
+        n.conventions.from_rec709(blackbody_color(kelvin)) * n["Blackbody Tint"] * strength)
+
+
+def coefficient_emission(n: NodeCall):
+    return n["Emission Coefficients"]
+
+
+def glow(n: NodeCall):
+    return n["Color"] * n["Strength"]
+
+
+def glow_alone(n: NodeCall):
+    return NONE, NONE
+
+
+def _report_losses(n: NodeCall) -> None:
     if np.any(np.abs(n.get("Anisotropy")) > 0):
         n.approximated("anisotropic scattering is shown as isotropic")
-    if any(np.any(n[name] > 0) for name in glow):
-        n.approximated("emission of a volume is ignored")
 
 
 SHADERS = {
     "ShaderNodeMixShader": mix, "ShaderNodeAddShader": add, "ShaderNodeVolumePrincipled": principled,
     "ShaderNodeVolumeScatter": scatter, "ShaderNodeVolumeAbsorption": absorption,
-    "ShaderNodeVolumeCoefficients": coefficients,
+    "ShaderNodeVolumeCoefficients": coefficients, "ShaderNodeEmission": glow_alone,
+}
+EMISSION = {
+    "ShaderNodeMixShader": mixed_emission, "ShaderNodeAddShader": added_emission, "ShaderNodeEmission": glow,
+    "ShaderNodeVolumePrincipled": principled_emission, "ShaderNodeVolumeCoefficients": coefficient_emission,
 }

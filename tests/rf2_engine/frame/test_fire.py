@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Volumes that shine light a room as in Cycles, also after a bounce."""
+import pytest
+
+from tests.rf2_engine.f12 import cube, material
+from tests.rf2_engine.rooms import assert_alike, beside_cycles, remarks, room
+
+VOLUMES = {
+    "glowing smoke": ("VolumePrincipled", {"Density": 0.3, "Emission Strength": 8, "Emission Color": (1, 0.4, 0.1, 1)}),
+    "a black body": ("VolumePrincipled", {"Density": 1, "Blackbody Intensity": 1, "Temperature": 1500}),
+    "light alone": ("Emission", {"Strength": 4, "Color": (0.2, 0.6, 1, 1)}),
+}
+
+
+@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+@pytest.mark.parametrize("volume", VOLUMES)
+def test_fire_lights_a_room(scene, tmp_path, volume, light):
+    room(scene)
+    kind, inputs = VOLUMES[volume]
+    fire = material("Fire")
+    tree = fire.node_tree
+    tree.nodes.clear()
+    shader, output = (tree.nodes.new(f"ShaderNode{name}") for name in (kind, "OutputMaterial"))
+    for name, value in inputs.items():
+        shader.inputs[name].default_value = value
+    tree.links.new(shader.outputs[0], output.inputs["Volume"])
+    cube(scene, "Fire", (-1, 0, 0.8), fire).scale = (0.5,) * 3
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0
+    scene.renderformer_v2.light = light
+    ours, cycles = beside_cycles(scene, tmp_path)
+    assert_alike(ours, cycles, *((0.12, 0.004) if light == "TRACED" else (0.25, 0.02)))
+    assert "emission" not in remarks() and "empty" not in remarks()
