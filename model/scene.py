@@ -51,6 +51,7 @@ ENVIRONMENT_SHAPE = (256, 512, 3)
 BOUNCES = 4, 4, 12, 12     # Blender's defaults: diffuse, glossy, transmission, all
 ANY = 255                  # bounces: no limit
 ALL_GROUPS = 2 ** 64 - 1   # of surfaces
+HALF_SPACE = 0.0, 1e-3     # cosines of a beam that is everything in front of a flat light
 CELLS, VOXELS = 8, 4  # of a volume's box along each axis, and of a cell
 
 
@@ -230,6 +231,7 @@ class RenderScene:
     group: np.ndarray | None = array("N", dtype=np.uint8, default="none")  # of surfaces; None = 0
     # Row of `tiles` that a camera sees where that differs from what light meets; None = the same
     camera_tile: np.ndarray | None = array("N", dtype=np.int32, default="none")
+    back_tile: np.ndarray | None = array("N", dtype=np.int32, default="none")  # of its back; None = the same
     # Lowest and highest corner of the box that becomes the network's, what a camera looks at; None = all but lights
     box: np.ndarray | None = array(2, 3, behaves=POINT, default="none")
     # Rays that do not see the environment's light, a set of surface_kinds.Ray; None = all do
@@ -279,6 +281,11 @@ class RenderScene:
         """(N,) i32 row of `tiles` that a camera sees."""
         return self.tile_index if self.camera_tile is None else self.camera_tile
 
+    @property
+    def tile_behind(self) -> np.ndarray:
+        """(N,) i32 row of `tiles` of the backs of triangles."""
+        return self.tile_index if self.back_tile is None else self.back_tile
+
     def seldom(self, name: str) -> np.ndarray:
         """(N,) an array of SELDOM, with its default where there is none."""
         values = getattr(self, name)
@@ -317,11 +324,12 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        absent = [name for name in ("latents", "two_lobes", "hidden", "camera_tile", *SELDOM)
+        absent = [name for name in ("latents", "two_lobes", "hidden", "camera_tile", "back_tile", *SELDOM)
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
             scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen,
-                                  camera_tile=scene.seen_tile + np.int32(tiles), hidden=scene.hidden_from,
+                                  camera_tile=scene.seen_tile + np.int32(tiles),
+                                  back_tile=scene.tile_behind + np.int32(tiles), hidden=scene.hidden_from,
                                   **{name: scene.seldom(name) for name in SELDOM},
                                   latents=scene.tile_latents, two_lobes=scene.tile_lobes))
             surfaces = scene.surfaces

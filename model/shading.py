@@ -19,9 +19,11 @@ def surface(scene: RenderScene, triangle: np.ndarray, point: np.ndarray,
     weights = barycentric(corners, point).clip(0, 1).astype(np.float32)
     on_token = weights if scene.geometry is None else _nearest_weights(scene.triangles[token], point)
     x, y = texels(on_token[:, :2])
-    texel = scene.tiles[scene.tile_index[token], :, y, x].astype(np.float32)
-    normal = shading_normals(scene, triangle, weights, direction)
-    return normal, dot(area_vectors(corners), direction) > 0, texel
+    is_behind = dot(area_vectors(corners), direction) > 0
+    tile = scene.tile_index[token] if scene.back_tile is None else np.where(
+        is_behind, scene.back_tile[token], scene.tile_index[token])
+    texel = scene.tiles[tile, :, y, x].astype(np.float32)
+    return shading_normals(scene, triangle, weights, direction), is_behind, texel
 
 
 def shading_normals(scene: RenderScene, triangle: np.ndarray, weights: np.ndarray, ray: np.ndarray) -> np.ndarray:

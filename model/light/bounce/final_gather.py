@@ -40,7 +40,7 @@ class Gathered:
     through: Tensor    # (P, 3) mean radiance of media, and of the sky behind glass
     distance: Tensor   # (P, R), network units to what is hit; infinite where nothing is
     fire: Tensor | None = None  # (P, 3) mean radiance of fire, which is not in `through`; None without any
-    # (M,) number among all P R rays of those that see glass, and (M, 3) the sky's radiance through it; None without any,
+    # (M,) number among all P R rays of those that see glass, and (M, 3) the sky's radiance through it; None without any
     # and where rays were aimed
     behind_glass: tuple[Tensor, Tensor] | None = None
 

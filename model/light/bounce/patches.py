@@ -43,6 +43,8 @@ class Patches:
     vector: Tensor   # (S, 3) f32, area vectors
     albedo: Tensor   # (S, 9) f32, RGB of the diffuse lobe, of metal, and of the layer of a dielectric
     layer: Tensor    # (S, 2) f32, f0 and perceptual roughness of that layer
+    back_albedo: Tensor  # (S, 9) f32, the same of their backs
+    back_layer: Tensor   # (S, 2) f32
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
     solid: Tensor    # (T,) bool, stops light
@@ -86,7 +88,8 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     corners, source = subdivision.pieces()
     token = scene.surfaces.token[source]
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
-    material = np.concatenate([_albedo(means), _layer(means)], axis=1)[scene.tile_index]
+    material = np.concatenate([_albedo(means), _layer(means)], axis=1)
+    material = np.concatenate([material[scene.tile_index], material[scene.tile_behind]], axis=1)
     element, largest = group_elements(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
     vector = _sums(area_vectors(corners), element)
     center, token = corners[largest].mean(axis=1), token[largest]
@@ -99,7 +102,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     group_of_patch = np.zeros(len(center), np.uint8)
     group_of_patch[patch.numpy()] = group
     weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
-    return Patches(center, vector, *material.split([9, 2], 1), patch[torch.from_numpy(element)],
+    return Patches(center, vector, *material.split([9, 2, 9, 2], 1), patch[torch.from_numpy(element)],
                    torch.from_numpy(corners), torch.from_numpy(solid), group_of_patch, weight,
                    subdivision.locator())
 

@@ -66,8 +66,10 @@ class Radiosity:
         # All fronts, then all backs, here and below; the points of a patch follow each other.
         points, normals = patches.points(count)
         x, n = (torch.cat(sides).flatten(0, 1).to(direct.device) for sides in ((points, points), (normals, -normals)))
-        diffuse, metal, layer = patches.albedo.repeat(2, 1).to(direct.device).split(3, dim=1)
-        f0, roughness = patches.layer.repeat(2, 1).to(direct.device).repeat_interleave(count, 0).unbind(1)
+        albedo, of_layer = (torch.cat(sides).to(direct.device) for sides in (
+            (patches.albedo, patches.back_albedo), (patches.layer, patches.back_layer)))
+        diffuse, metal, layer = albedo.split(3, dim=1)
+        f0, roughness = of_layer.repeat_interleave(count, 0).unbind(1)
         area = patches.vector.norm(dim=-1).to(direct.device)
         size = patches.weight.repeat(2).to(direct.device)
         self._most = _Bounces.of(scene)

@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-EDGE = 1e-3                         # least width, in cosines, of a beam's border
-HALF_SPACE = (0.0, EDGE)            # everything in front of a flat lamp
+from ....model.scene import HALF_SPACE
+
+EDGE = HALF_SPACE[1]                # least width, in cosines, of a beam's border
 MOST = 4
 WIDTHS = np.radians([8, 14, 22, 32, 45, 60, 75, 90, 120, 150])   # from the axis to the border
 SOFTNESS = 0.1, 0.5, 1.0, 1.5                                    # of the border, over the way to the axis

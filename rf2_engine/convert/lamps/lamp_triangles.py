@@ -10,10 +10,10 @@ import math
 import numpy as np
 
 from ....model.geometry import area_vectors
-from ....model.scene import RenderScene
+from ....model.scene import HALF_SPACE, RenderScene
 from ..data.copied import Sun
 from . import shapes
-from .beams import HALF_SPACE, Cone, find_spot_beam, fit_spread_beam
+from .beams import Cone, find_spot_beam, fit_spread_beam
 from .lamp_power import ball_power, compute_lamp_light, normalized
 from .placed_lamp import Detail, PlacedLamp, beams, find_half_angle, rotation
 from .shapes import DARK, black, shining

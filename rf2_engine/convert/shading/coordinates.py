@@ -10,7 +10,6 @@ from . import lamp_nodes
 from .node_call import DependsOnView, NodeCall, Unknown
 
 WORLD_COORDINATES = ("Generated", "Object", "Normal", "Reflection", "UV")
-FRONT = {"Backfacing": "both sides of a face get the material of the front"}
 MIDDLE = {"Pointiness": "Pointiness is the same everywhere, as on a flat surface",
           "Random Per Island": "all islands of a mesh get the same number"}
 
@@ -62,9 +61,9 @@ def geometry(n: NodeCall):
     name, points = n.output.name, n.points
     if points.direction is not None and name in ("Position", "Normal", "True Normal", "Incoming"):
         return points.direction if name == "Position" else -points.direction
-    if name in FRONT:
-        n.approximated(FRONT[name])
-        return np.zeros(1, np.float32)
+    if name == "Backfacing":
+        n.evaluator.depends_on_side = True
+        return np.array([n.points.is_behind], np.float32)
     if name in MIDDLE:
         n.left_to_cycles(MIDDLE[name])
         return np.full(1, 0.5, np.float32)

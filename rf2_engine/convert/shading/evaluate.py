@@ -28,6 +28,7 @@ class Evaluator:
         self.material_index = 0
         self.keeps_lobes = False       # whether the network is told of both lobes of the surface (two_lobes.py)
         self.depends_on_ray = False    # whether a Light Path was evaluated
+        self.depends_on_side = False   # whether it asks which side of a face it is
         self.has_shader = False        # whether any shader was
         self.depends_on_instance = False  # whether the result holds for one instance alone
         self.depends_on_scale = False  # whether it holds for instances of one size alone

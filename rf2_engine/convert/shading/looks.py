@@ -27,17 +27,23 @@ class Looks(NamedTuple):
     emission: np.ndarray
     camera_tile: np.ndarray
     hidden: np.ndarray
+    back_tile: np.ndarray
+    shining_side: np.ndarray  # 1 the front alone, -1 the back alone, 0 both
 
     @classmethod
     def empty(cls, count: int) -> Looks:
         index = np.zeros(count, np.int32)
-        return cls(index, np.zeros((count, 3), np.float32), index.copy(), np.zeros(count, np.uint8))
+        return cls(index, np.zeros((count, 3), np.float32), index.copy(), np.zeros(count, np.uint8), index.copy(),
+                   index.copy())
 
 
 def find_looks(materials: MaterialTiles, material: Material | None, mesh: TriangleMesh, instance: Instance) -> Looks:
     """What rays meet of triangles with one material: light that has bounced sees them as diffuse rays do."""
     index, emission = materials.triangle_tiles(material, mesh, instance)
-    looks = Looks.empty(len(mesh))._replace(tile_index=index, emission=emission, camera_tile=index)
+    looks = Looks.empty(len(mesh))._replace(tile_index=index, emission=emission, camera_tile=index, back_tile=index)
+    if materials.differs_by_side(material):
+        looks = _with_backs(looks, *materials.triangle_tiles(material, mesh, instance, is_behind=True))
+        index, emission = looks.tile_index, looks.emission
     if not materials.differs_by_ray(material):
         return looks
     tiles = {Ray.DIFFUSE: index, Ray.CAMERA: materials.triangle_tiles(material, mesh, instance, Ray.CAMERA)[0]}
@@ -51,4 +57,16 @@ def find_looks(materials: MaterialTiles, material: Material | None, mesh: Triang
     is_met = np.any([tile >= 0 for tile in tiles.values()], axis=0)
     index = np.where((index < 0) & is_met, materials.constant_index(WINDOW), index).astype(np.int32)
     camera_tile = np.where(tiles[Ray.CAMERA] < 0, index, tiles[Ray.CAMERA]).astype(np.int32)
-    return Looks(index, emission, camera_tile, hidden)
+    back_tile = np.where(looks.tile_index < 0, index, looks.back_tile)
+    return looks._replace(tile_index=index, camera_tile=camera_tile, hidden=hidden, back_tile=back_tile)
+
+
+def _with_backs(looks: Looks, back_tile: np.ndarray, behind: np.ndarray) -> Looks:
+    """And the tiles and the emission of the backs. What is clear on one side alone is as its other side."""
+    front, back = (np.where(one < 0, other, one) for one, other in (
+        (looks.tile_index, back_tile), (back_tile, looks.tile_index)))
+    shines, shines_behind = looks.emission.any(axis=1), behind.any(axis=1)
+    both = (shines & shines_behind)[:, None]
+    emission = np.where(both, (looks.emission + behind) / 2, looks.emission + behind)
+    side = shines.astype(np.int32) - shines_behind
+    return looks._replace(tile_index=front, camera_tile=front, back_tile=back, emission=emission, shining_side=side)

@@ -63,6 +63,7 @@ class MaterialTiles:
         self._differs_by_scale: set[Material] = set()  # those whose tiles differ by size
         self._varying: set[Material] = set()  # those that are not the same all over some triangle
         self._differs_by_ray: set[Material] = set()  # those that rays may see differently
+        self._differs_by_side: set[Material] = set()  # those whose backs are different
 
     @property
     def tiles(self) -> np.ndarray:
@@ -86,8 +87,9 @@ class MaterialTiles:
                                for chunk in self._lobes])
 
     def triangle_tiles(self, material: Material | None, mesh: TriangleMesh, instance: Instance | None = None,
-                       ray: Ray = Ray.DIFFUSE, clear: float = CLEAR) -> tuple[np.ndarray, np.ndarray]:
-        """Tiles and emission of n triangles with one material, as a ray of this kind meets them.
+                       ray: Ray = Ray.DIFFUSE, clear: float = CLEAR,
+                       is_behind: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Tiles and emission of n triangles with one material, as a ray of this kind meets them, or their backs.
 
         Returns tile index (n,) i32, -1 where more than `clear` of the light goes straight through, and radiance (n, 3)
         f32. A homogeneous material has one tile, one with textures a tile per triangle. `sharing` says afterwards which
@@ -105,7 +107,7 @@ class MaterialTiles:
             part = slice(start, min(start + chunk, n))
             with progress.part(start / n, part.stop / n):
                 progress.report()
-                points = surface_points(mesh.take(part), instance or Instance(), ray=ray)
+                points = surface_points(mesh.take(part), instance or Instance(), ray=ray, is_behind=is_behind)
                 surface, height = self.evaluate(material, points)
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
@@ -152,6 +154,10 @@ class MaterialTiles:
         """Whether what a ray meets may depend on what it is for."""
         return material in self._differs_by_ray
 
+    def differs_by_side(self, material: Material | None) -> bool:
+        """Whether the backs of faces may be different."""
+        return material in self._differs_by_side
+
     def evaluate(self, material: Material, points: Points) -> tuple[SurfaceParameters, np.ndarray]:
         """The surface and its height, in the units of a tile, at these points."""
         tree = material.node_tree
@@ -166,6 +172,8 @@ class MaterialTiles:
         closure = Closure() if output is None else closure_at(output, "Surface")
         if evaluator.depends_on_ray:
             self._differs_by_ray.add(material)
+        if evaluator.depends_on_side:
+            self._differs_by_side.add(material)
         if (closure.emission < 0).any():
             self.report.approximated(material.name, "negative light is ignored")
         if not evaluator.has_shader and has_surface(material):

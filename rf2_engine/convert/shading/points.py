@@ -36,6 +36,7 @@ class Points:
     lamp: LampPoints | None = None
     is_displaced: bool = False                                   # displacement is in the corners already
     ray: Ray = Ray.DIFFUSE                                       # of which Light Path tells
+    is_behind: bool = False                                      # whether it meets the backs of faces
     weights: np.ndarray | None = None                            # (m, r, c, 3) f32 of corners; None: texels of tiles
     first_alone: bool = False                                    # the other points only give the first one's footprint
 
@@ -121,11 +122,13 @@ class UvLayers(Layers):
 
 
 def surface_points(mesh: TriangleMesh, instance: Instance, rows=slice(None), weights: np.ndarray | None = None,
-                   first_alone: bool = False, ray: Ray = Ray.DIFFUSE) -> Points:
+                   first_alone: bool = False, ray: Ray = Ray.DIFFUSE,
+                   is_behind: bool = False) -> Points:
     """Points on some triangles of a mesh, as a ray meets them: the texels of their tiles without `weights`."""
     return Points(UvLayers(mesh.uv, rows, weights), mesh.active_uv, Layers(mesh.attributes, rows, weights),
                   mesh.active_color, mesh.corners[rows], mesh.texture_space, mesh.normals[rows], instance,
-                  is_displaced=mesh.is_displaced, ray=ray, weights=weights, first_alone=first_alone)
+                  is_displaced=mesh.is_displaced, ray=ray, is_behind=is_behind, weights=weights,
+                  first_alone=first_alone)
 
 
 def interpolate(corners: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ....model import progress
-from ....model.scene import ALL_GROUPS, Geometry, RenderScene
+from ....model.geometry import area_vectors, unit
+from ....model.scene import ALL_GROUPS, HALF_SPACE, Geometry, RenderScene
 from ..data import mesh as meshes
 from ..data.collected import Part
 from ..data.copied import Instance
@@ -40,6 +41,7 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
                             hit_materials.add(part, instance, materials, is_real)
                     count += np.count_nonzero(is_kept)
     scene = RenderScene(tiles=materials.tiles, latents=materials.latents, two_lobes=materials.two_lobes)
+    sides = rows.pop("shining_side")
     for name, values in rows.items():
         if values:
             setattr(scene, name, np.concatenate(values))
@@ -48,7 +50,13 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
             setattr(scene, name, None)
     if not rows["camera_tile"] or (scene.camera_tile == scene.tile_index).all():
         scene.camera_tile = None
+    if not rows["back_tile"] or (scene.back_tile == scene.tile_index).all():
+        scene.back_tile = None
     scene.beam_axis, scene.beam_cosine = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
+    side = np.concatenate([np.zeros(0, np.int32), *sides])
+    if side.any():
+        scene.beam_axis = (side[:, None] * unit(area_vectors(scene.triangles))).astype(np.float32)
+        scene.beam_cosine[side != 0] = HALF_SPACE
     if any(part.real or any(instance.real_matrices for instance in part.instances) for part in parts):
         scene.geometry = Geometry(**{name: np.concatenate(values) for name, values in geometry.items()})
     return scene
