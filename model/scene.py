@@ -245,6 +245,8 @@ class RenderScene:
     # Diffuse and specular reflectance of tiles that the parameters show as one surface in between; 0 for others
     two_lobes: np.ndarray | None = array("T", len(TWO_LOBES), TILE_SIZE, TILE_SIZE, dtype=np.float16,
                                          channels=TWO_LOBES, default="none")
+    # Share of a tile's diffuse light that goes to the other side; None = nothing
+    translucent: np.ndarray | None = array("T", default="none")
     geometry: Geometry | None = None  # None: the token triangles are the real ones
 
     def __len__(self) -> int:
@@ -297,6 +299,11 @@ class RenderScene:
         return np.zeros((len(self.tiles), 9), np.float32) if self.latents is None else self.latents
 
     @property
+    def tile_translucence(self) -> np.ndarray:
+        """(T,) f32, as `translucent`."""
+        return np.zeros(len(self.tiles), np.float32) if self.translucent is None else self.translucent
+
+    @property
     def tile_lobes(self) -> np.ndarray:
         """(T, 7, 32, 32) f16, 0 where a tile has none; without any a view that takes no memory."""
         if self.two_lobes is not None:
@@ -324,14 +331,16 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        absent = [name for name in ("latents", "two_lobes", "hidden", "camera_tile", "back_tile", *SELDOM)
+        optional = "latents", "two_lobes", "translucent", "hidden", "camera_tile", "back_tile", *SELDOM
+        absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
             scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen,
                                   camera_tile=scene.seen_tile + np.int32(tiles),
                                   back_tile=scene.tile_behind + np.int32(tiles), hidden=scene.hidden_from,
                                   **{name: scene.seldom(name) for name in SELDOM},
-                                  latents=scene.tile_latents, two_lobes=scene.tile_lobes))
+                                  latents=scene.tile_latents, two_lobes=scene.tile_lobes,
+                                  translucent=scene.tile_translucence))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
             tiles, count = tiles + len(scene.tiles), count + len(scene)

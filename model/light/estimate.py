@@ -89,8 +89,16 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     with part(0.3, 0.4):
         gloss = glossy_bounces(radiosity, probes, surfaces, filters, effort, is_traced, with_direct)
     with part(0.4, 0.5):
-        behind = probes.interpolate(lambda x, n, number: outgoing(x, -n, number), filters=filters,
-                                    where=surfaces.transmission.amax(-1, keepdim=True) > 0)
+        passes = surfaces.transmission.amax(-1, keepdim=True) > 0
+        if surfaces.translucent is not None:
+            passes |= surfaces.translucent > 0
+        behind = probes.interpolate(lambda x, n, number: outgoing(x, -n, number), filters=filters, where=passes)
+        with_chains = bounced
+        if surfaces.translucent is not None:
+            through = probes.interpolate(lambda x, n, number: radiosity.behind(x, -n, number, effort), filters=filters,
+                                         where=surfaces.translucent > 0)
+            with_chains, bounced = (torch.lerp(bounced, through[kind], surfaces.translucent)
+                                    for kind in ("all", "bounced" if is_traced else "all"))
     with part(0.5, 0.6):
         mirrored, has_end = path_end_light("reflected", guides, make_probes, outgoing, filters, direct.device)
     with part(0.6, 0.7):
@@ -109,11 +117,13 @@ def _estimate_band(light: SceneLight, view: View, guides: Guides, first_row: int
     if with_direct:
         with part(0.7, 1.0):
             lobes = direct_light(direct, probes, surfaces, guides, sky, gloss.sky, effort)
+        if surfaces.translucent is not None:
+            lobes[0] = torch.lerp(lobes[0], behind["complete"] - behind["bounced"], surfaces.translucent)
         if mirrored and guides.reflected_light is not None:
             mirrored["complete"] = (mirrored["complete"] + tensors_on(direct.device)(guides.reflected_light)
                                     + mirrored_highlights(guides, surfaces, direct))
         glow = _glow(direct, surfaces)
-        complete = surface_light(bounced if fire is None else bounced + fire, gloss.complete, "complete")
+        complete = surface_light(with_chains if fire is None else with_chains + fire, gloss.complete, "complete")
         if not is_traced:
             return complete
     beside = surface_light(gloss.remove_missed(bounced, surfaces.diffuse_ratio), gloss.bounced, "bounced",

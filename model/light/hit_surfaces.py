@@ -46,6 +46,7 @@ class HitSurfaces:
     roughness: Tensor      # (h, W), perceptual
     f0: Tensor             # (h, W), of the glossy lobe, relative to its reflectance at grazing angles
     diffuse_ratio: Tensor  # (h, W), diffuse over glossy albedo
+    translucent: Tensor | None = None  # (h, W, 1), share of diffuse light that comes from the other side, if any does
     group: np.ndarray | None = None  # (h, W) u8, of surfaces, where lights tell some apart
 
     @classmethod
@@ -62,6 +63,7 @@ class HitSurfaces:
         return cls(origin, rays, to_tensor(guides.position), normal, to_tensor(guides.alpha)[..., None].clamp(0, 1),
                    diffuse, glossy, transmission, roughness, f0,
                    diffuse.mean(-1) / glossy.mean(-1).clamp_min(1e-6),
+                   None if scene.translucent is None else to_tensor(_translucence(scene, guides))[..., None],
                    None if scene.group is None or not len(scene) else scene.group[guides.hit_triangle.clip(0)])
 
     @property
@@ -102,6 +104,11 @@ def hit_reflectances(scene: RenderScene, guides: Guides) -> tuple[np.ndarray, np
     f0 = np.where(is_known, f0, UNKNOWN_F0)
     metal = is_known * metallic * texel[..., BASE_COLOR].mean(-1)
     return metal, (1 - is_known * metallic) * (f0 / LEAST_LAYER).clip(max=1), f0
+
+
+def _translucence(scene: RenderScene, guides: Guides) -> np.ndarray:
+    """(H, W) of the tiles of the first hits."""
+    return scene.translucent[scene.seen_tile[guides.hit_triangle.clip(0)]] * (guides.hit_triangle >= 0)
 
 
 def _hit_texels(scene: RenderScene, guides: Guides, channels: slice) -> np.ndarray:

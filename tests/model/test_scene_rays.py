@@ -132,8 +132,8 @@ def test_trees_of_what_was_not_edited_are_used_again():
                            fresh.among(ALL, Ray.CAMERA).closest(origin, direction).triangle)
         assert_array_equal(cached.among(ALL, Ray.CAMERA).blocked(origin, direction, 0.5),
                            fresh.among(ALL, Ray.CAMERA).blocked(origin, direction, 0.5))
-        trees.append([rays for _, rays in cached.trees.of(Kind.OPAQUE)])
+        trees.append([rays for _, rays in cached.trees.of(Kind.OPAQUE, 0)])
     assert [len(each) for each in trees] == [1, 2, 2, 1]
     assert trees[1][0] is trees[2][0] and trees[1][1] is not trees[2][1]
     unchanged = scene_rays(replace(versions[3]), cache)
-    assert [rays for _, rays in unchanged.trees.of(Kind.OPAQUE)] == trees[3]
+    assert [rays for _, rays in unchanged.trees.of(Kind.OPAQUE, 0)] == trees[3]

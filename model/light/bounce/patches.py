@@ -45,6 +45,7 @@ class Patches:
     layer: Tensor    # (S, 2) f32, f0 and perceptual roughness of that layer
     back_albedo: Tensor  # (S, 9) f32, the same of their backs
     back_layer: Tensor   # (S, 2) f32
+    translucent: Tensor  # (S, 1) f32, share of the diffuse light that goes to the other side
     patch: Tensor    # (T,) i64, row of the patch that a triangle belongs to
     corners: Tensor  # (T, 3, 3) f32
     solid: Tensor    # (T,) bool, stops light
@@ -89,7 +90,8 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     token = scene.surfaces.token[source]
     means = scene.tiles.mean(axis=(2, 3), dtype=np.float32)
     material = np.concatenate([_albedo(means), _layer(means)], axis=1)
-    material = np.concatenate([material[scene.tile_index], material[scene.tile_behind]], axis=1)
+    material = np.concatenate([material[scene.tile_index], material[scene.tile_behind],
+                               scene.tile_translucence[scene.tile_index][:, None]], axis=1)
     element, largest = group_elements(corners, token, patch_density(scene.triangles.mean(axis=1), emitters))
     vector = _sums(area_vectors(corners), element)
     center, token = corners[largest].mean(axis=1), token[largest]
@@ -102,7 +104,7 @@ def make_patches(scene: RenderScene, emitters: NearEmitters, share: float = 1.0,
     group_of_patch = np.zeros(len(center), np.uint8)
     group_of_patch[patch.numpy()] = group
     weight = vector.norm(dim=-1) * torch.from_numpy(patch_density(center.numpy(), emitters)).float()
-    return Patches(center, vector, *material.split([9, 2, 9, 2], 1), patch[torch.from_numpy(element)],
+    return Patches(center, vector, *material.split([9, 2, 9, 2, 1], 1), patch[torch.from_numpy(element)],
                    torch.from_numpy(corners), torch.from_numpy(solid), group_of_patch, weight,
                    subdivision.locator())
 

@@ -8,6 +8,8 @@ glass is found by the same rays and by photons.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import torch
@@ -69,6 +71,7 @@ class Radiosity:
         albedo, of_layer = (torch.cat(sides).to(direct.device) for sides in (
             (patches.albedo, patches.back_albedo), (patches.layer, patches.back_layer)))
         diffuse, metal, layer = albedo.split(3, dim=1)
+        lit = partial(_through, patches.translucent.repeat(2, 1).to(direct.device))
         f0, roughness = of_layer.repeat_interleave(count, 0).unbind(1)
         area = patches.vector.norm(dim=-1).to(direct.device)
         size = patches.weight.repeat(2).to(direct.device)
@@ -79,8 +82,10 @@ class Radiosity:
         with part(0.4, 0.5):
             self.caustics, caustic_light = self._trace_caustics(
                 scene, direct.reaching(bounces=lambda bounces: bounces >= THROUGH_GLASS), area, effort.of(PHOTONS))
-        firsts = {most: (diffuse + STEEP * metal)[:, None] * white.view(-1, count, 3)
-                  + layer[:, None] * slanting.view(-1, count, 3) for most, (white, slanting) in lights.items()}
+        firsts = {}
+        for most, (white, slanting) in lights.items():
+            white, slanting = (light.view(-1, count, 3) for light in (white, slanting))
+            firsts[most] = (diffuse + STEEP * metal)[:, None] * lit(white) + layer[:, None] * slanting
         self.gather_scene.aim(importance_by_power(sum(firsts.values()).mean(1), size))
         with part(0.6, 1.0):
             start = hashed_starts(x, 2)
@@ -90,17 +95,19 @@ class Radiosity:
             fire = None if gathered.fire is None else (weight[..., None] * gathered.fire.view(-1, count, 3)).mean(1)
             gathered = gathered.merged(weight)
         glossy = metal + layer
-        through = (diffuse + glossy) * (gathered.through + caustic_light)
+        through = (diffuse + glossy) * lit(gathered.through + caustic_light)
         # (sides, 3) radiance that leaves all sides of patches, and what of it has bounced diffusely, or through glass
         self.leaving = self.bounced_before = torch.zeros_like(through)
         for most, first in firsts.items():
             first = (weight[..., None] * first).mean(1)
             if fire is not None and most == ANY:
-                first = first + (diffuse + glossy) * fire
+                first = first + (diffuse + glossy) * lit(fire)
             before = through if most == ANY else torch.zeros_like(through)
-            glossily, diffusely = _bounce(gathered, first + before, diffuse, glossy, self._most.at_most(most))
+            most = self._most.at_most(most)
+            glossily, diffusely = _bounce(gathered, first + before, diffuse, glossy, most, lit)
             bounced_before = before + diffusely
-            self.bounced_before = self.bounced_before + bounced_before
+            chains = _chains(gathered, first, diffuse * patches.translucent.repeat(2, 1).to(diffuse), most)
+            self.bounced_before = self.bounced_before + bounced_before - chains
             self.leaving = self.leaving + (first + bounced_before + glossily)
         self.gather_scene.aim(importance_by_arrival(self.leaving, size, gathered.side, gathered.share))
 
@@ -154,6 +161,15 @@ class Radiosity:
         if not self._most.diffusely:
             light = torch.zeros_like(light)
         return (light, gathered.sky_visibility(self.gather_scene.environment)) if with_sky else (light,)
+
+    def behind(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> dict[str, Tensor]:
+        """(P, 3) as of `indirect`: "all" light, and what of it has "bounced" before, which traced light has not."""
+        start = r2_starts(number)
+        gathered = self.gather_scene.gather(position, normal, cosine_directions(normal, effort.of_probe(RAYS), start),
+                                            effort.of_probe(AIMED), start)
+        other = gathered.through + self.caustics.radiance(position, normal)
+        return {kind: gathered.radiance(leaving) + other
+                for kind, leaving in (("all", self.leaving), ("bounced", self.bounced_before))}
 
     def fire(self, position: Tensor, normal: Tensor, number: Tensor, effort: Effort = FULL) -> Tensor | None:
         """(P, 3) light of fire, as of `indirect`; None without fire. Traced light contains it."""
@@ -214,11 +230,34 @@ class _Bounces(NamedTuple):
         return self._replace(all=min(self.all, bounces - 1))
 
 
+def _chains(gathered: Gathered, first: Tensor, through: Tensor, most: _Bounces) -> Tensor | float:
+    """(sides, 3) of the `first` light what has gone through translucent surfaces alone, of which traced light is too.
+
+    Cycles counts that as transmission. through: (sides, 3) albedo of what sends light to its other side.
+    """
+    chains = 0.0
+    if through.any():
+        for _ in range(min(most.diffuse, most.all)):
+            arriving = gathered.radiance(first)
+            first = through * arriving.roll(len(first) // 2, 0)
+            chains = chains + first
+    return chains
+
+
+def _through(translucent: Tensor, light: Tensor) -> Tensor:
+    """Of light (sides, ...) that arrives at fronts, then backs, with a share (sides, 1) of the other side's."""
+    if not translucent.any():
+        return light
+    share = translucent.view(-1, *(1,) * (light.ndim - 1))
+    return torch.lerp(light, light.roll(len(light) // 2, 0), share)
+
+
 def _bounce(gathered: Gathered, light: Tensor, diffuse: Tensor, glossy: Tensor,
-            most: _Bounces) -> tuple[Tensor, Tensor]:
+            most: _Bounces, lit: Callable[[Tensor], Tensor]) -> tuple[Tensor, Tensor]:
     """What becomes of `light` (sides, 3) that leaves the patches, by as many bounces as are allowed: (sides, 3) each.
 
-    Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others.
+    Separately by glossy bounces alone, which Cycles' traced light follows from mirrors, and by all others. lit: the
+    light that leaves a side by that which arrives at both, as `_through`.
     """
     after = {(0, 0): light}  # by number of diffuse and of glossy bounces
     for count in range(1, min(most.diffuse + most.glossy, most.all) + 1):
@@ -226,8 +265,8 @@ def _bounce(gathered: Gathered, light: Tensor, diffuse: Tensor, glossy: Tensor,
         before = [pair for pair in after if sum(pair) == count - 1]
         arriving = dict(zip(before, gathered.radiance(torch.cat([after[pair] for pair in before], 1)).split(3, 1)))
         for d, g in pairs:
-            after[d, g] = sum(albedo * arriving[pair] for albedo, pair in ((diffuse, (d - 1, g)), (glossy, (d, g - 1)))
-                              if pair in arriving)
+            after[d, g] = sum(([diffuse * lit(arriving[d - 1, g])] if (d - 1, g) in arriving else [])
+                              + ([glossy * arriving[d, g - 1]] if (d, g - 1) in arriving else []))
     none = torch.zeros_like(light)
     return (sum((bounced for (d, g), bounced in after.items() if g and not d), none),
             sum((bounced for (d, _), bounced in after.items() if d), none))

@@ -36,6 +36,7 @@ class Closure:
     normal: np.ndarray = None        # (..., 3)
     emission: np.ndarray = None      # (..., 3) radiance
     clear: np.ndarray = None         # (..., 1) share of the light that goes straight through
+    translucent: np.ndarray = None   # (..., 1) by luminance, of what sends its light to the other side
 
     def __post_init__(self):
         for f in fields(self):
@@ -61,6 +62,7 @@ class SurfaceParameters:
     normal: np.ndarray
     emission: np.ndarray
     clear: np.ndarray
+    translucent: np.ndarray
 
 
 def lobe(color, metallic=ZERO, roughness=ONE, ior=ONE, transmission=ZERO, normal=UP) -> Closure:
@@ -95,4 +97,4 @@ def parameters(closure: Closure) -> SurfaceParameters:
         metallic=mean(closure.metallic, closure.lobe, 0.0), roughness=mean(closure.roughness, closure.gloss, 1.0),
         ior=np.where(is_glass, ior.clip(GLASS_IOR), ior) if is_glass.any() else ior, transmission=transmission,
         normal=mean(closure.normal, closure.weight, UP), emission=np.maximum(closure.emission, 0).astype(np.float32),
-        clear=closure.clear)
+        clear=closure.clear, translucent=mean(closure.translucent, closure.lobe, 0.0))

@@ -56,6 +56,7 @@ class MaterialTiles:
         self.report, self.baker, self.keeps_lobes = report, baker, keeps_lobes
         self._chunks: list[np.ndarray] = []
         self._latents: list[np.ndarray] = []
+        self._translucent: list[np.ndarray] = []
         self._lobes: list[np.ndarray | int] = []  # of a chunk, or how many tiles it has without any
         self._count = 0
         self._constant: dict[tuple, int] = {}
@@ -76,6 +77,12 @@ class MaterialTiles:
         """(T, 9) f32 of these tiles, 0 where a material has none; None where none has one."""
         latents = np.concatenate([np.zeros((0, len(NO_LATENT)), np.float32), *self._latents])
         return latents if latents.any() else None
+
+    @property
+    def translucent(self) -> np.ndarray | None:
+        """(T,) f32 of these tiles (model/scene.py); None where all are 0."""
+        translucent = np.concatenate([np.zeros(0, np.float32), *self._translucent])
+        return translucent if translucent.any() else None
 
     @property
     def two_lobes(self) -> np.ndarray | None:
@@ -112,6 +119,7 @@ class MaterialTiles:
                 lobes = two_lobes(material, points)
             emission[part] = self.report.finite(material.name, "its emission", mean_over_triangle(surface.emission))
             tiles = self.report.finite(material.name, "its surface", tile_arrays(surface, height))
+            translucent = mean_over_triangle(surface.translucent)[..., 0]
             own = None if lobes is None else lobe_arrays(lobes, len(tiles))
             if own is not None and len(own) > len(tiles):  # only what the surface is made of in between is the same
                 tiles = np.repeat(tiles, len(own), axis=0)
@@ -120,14 +128,14 @@ class MaterialTiles:
             if not is_homogeneous(surface):
                 self._varying.add(material)
             if len(tiles) == 1 and part.stop - start > 1 and surface.emission.ndim == 1 and surface.clear.ndim == 1:
-                index[:] = self.constant_index(tiles[0], material.latent, own)
+                index[:] = self.constant_index(tiles[0], material.latent, own, translucent)
                 emission[:], nothing[:] = emission[start], nothing[start]
                 break
             if len(tiles) == 1:
-                index[part] = self.constant_index(tiles[0], material.latent, own)
+                index[part] = self.constant_index(tiles[0], material.latent, own, translucent.mean())
             else:
                 index[part] = np.arange(self._count, self._count + len(tiles))
-                self._append(tiles, material.latent, own)
+                self._append(tiles, material.latent, own, translucent)
         emission[emission.max(axis=1) < DARK_FRACTION * emission.max()] = 0
         emitters = emission.max(axis=1) >= EMITTER_RADIANCE
         if emitters.any():
@@ -199,15 +207,17 @@ class MaterialTiles:
         return None
 
     def constant_index(self, tile: np.ndarray, latent: tuple[float, ...] | None = None,
-                       lobes: np.ndarray | None = None) -> int:
+                       lobes: np.ndarray | None = None, translucent: np.ndarray | float = 0.0) -> int:
         """The row of a tile (11, 32, 32) f16, one for all that are equal."""
-        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes()
+        key = tile.tobytes(), latent, lobes if lobes is None else lobes.tobytes(), float(np.mean(translucent))
         if key not in self._constant:
             self._constant[key] = self._count
-            self._append(tile[None], latent, lobes)
+            self._append(tile[None], latent, lobes, np.mean(translucent))
         return self._constant[key]
 
-    def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None, lobes: np.ndarray | None) -> None:
+    def _append(self, tiles: np.ndarray, latent: tuple[float, ...] | None, lobes: np.ndarray | None,
+                translucent: np.ndarray) -> None:
+        self._translucent.append(np.broadcast_to(np.float32(translucent), len(tiles)))
         self._lobes.append(len(tiles) if lobes is None else lobes)
         self._chunks.append(tiles)
         self._latents.append(np.tile(np.float32(latent or NO_LATENT), (len(tiles), 1)))

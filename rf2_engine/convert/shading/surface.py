@@ -99,6 +99,12 @@ def scattering(n: NodeCall):
     return diffuse(n)
 
 
+def translucent(n: NodeCall):
+    closure = scattering(n)
+    closure.translucent = closure.lobe
+    return closure
+
+
 def sheen(n: NodeCall):
     """As bright as its mean over all directions."""
     n.folded(f"{n.node.bl_label} is shown as Diffuse")
@@ -165,7 +171,7 @@ def holdout(n: NodeCall):
 
 SHADERS = {
     "ShaderNodeMixShader": mix, "ShaderNodeAddShader": add,
-    "ShaderNodeBsdfPrincipled": principled, "ShaderNodeBsdfDiffuse": diffuse, "ShaderNodeBsdfTranslucent": scattering,
+    "ShaderNodeBsdfPrincipled": principled, "ShaderNodeBsdfDiffuse": diffuse, "ShaderNodeBsdfTranslucent": translucent,
     "ShaderNodeSubsurfaceScattering": scattering, "ShaderNodeBsdfSheen": sheen, "ShaderNodeBsdfToon": toon,
     "ShaderNodeBsdfHair": scattering, "ShaderNodeBsdfRayPortal": portal,
     "ShaderNodeBsdfVelvet": scattering, "ShaderNodeBsdfGlossy": glossy, "ShaderNodeBsdfAnisotropic": glossy,

@@ -2,7 +2,7 @@
 """One material for both sides of a face (Geometry > Backfacing) lights a room as in Cycles."""
 import pytest
 
-from tests.rf2_engine.f12 import material
+from tests.rf2_engine.f12 import cube, material
 from tests.rf2_engine.rooms import assert_alike, beside_cycles, lamp, panel, room
 
 
@@ -23,14 +23,36 @@ def by_side(front, back):
     return made
 
 
-RED, BLUE = (0.9, 0.05, 0.05), (0.05, 0.1, 0.9)
+RED, BLUE, BLACK = (0.9, 0.05, 0.05), (0.05, 0.1, 0.9), (0, 0, 0)  # what shines is no patch, and reflects nothing
 
 
 @pytest.mark.parametrize("front, back", [
-    ((RED, 0), (BLUE, 0)), ((BLUE, 0), (RED, 0)), ((RED, 5), (RED, 0)), ((RED, 0), (RED, 5))])
+    ((RED, 0), (BLUE, 0)), ((BLUE, 0), (RED, 0)), ((BLACK, 5), (BLACK, 0)), ((BLACK, 0), (BLACK, 5))])
 def test_each_side_reflects_and_shines_by_itself(scene, tmp_path, front, back):
     room(scene)
     panel(scene, by_side(front, back))
     lamp(scene, energy=60 if front[1] or back[1] else 150)
     ours, cycles = beside_cycles(scene, tmp_path)
     assert_alike(ours, cycles, rtol=0.1)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_translucent_things_light_the_other_side(scene, tmp_path, mixed):
+    """Sheets and closed boxes; Cycles counts that as transmission, so traced light has followed it."""
+    room(scene)
+    paper = material("Paper")
+    tree = paper.node_tree
+    tree.nodes.clear()
+    shader, output = (tree.nodes.new(f"ShaderNode{name}") for name in ("BsdfTranslucent", "OutputMaterial"))
+    shader.inputs["Color"].default_value = (0.2, 0.7, 0.9, 1)
+    if mixed:
+        mix, matte = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfDiffuse")
+        tree.links.new(shader.outputs[0], mix.inputs[1])
+        tree.links.new(matte.outputs[0], mix.inputs[2])
+        shader = mix
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    panel(scene, paper)
+    cube(scene, "Box", (-1, 0, 0.75), paper).scale = (0.5,) * 3
+    lamp(scene)
+    ours, cycles = beside_cycles(scene, tmp_path)
+    assert_alike(ours, cycles, rtol=0.12)
