@@ -71,7 +71,8 @@ class Radiosity:
         albedo, of_layer = (torch.cat(sides).to(direct.device) for sides in (
             (patches.albedo, patches.back_albedo), (patches.layer, patches.back_layer)))
         diffuse, metal, layer = albedo.split(3, dim=1)
-        lit = partial(_through, patches.translucent.repeat(2, 1).to(direct.device))
+        translucent = patches.translucent.repeat(2, 1).to(direct.device) if patches.translucent.any() else None
+        lit = partial(_through, translucent)
         f0, roughness = of_layer.repeat_interleave(count, 0).unbind(1)
         area = patches.vector.norm(dim=-1).to(direct.device)
         size = patches.weight.repeat(2).to(direct.device)
@@ -106,8 +107,9 @@ class Radiosity:
             most = self._most.at_most(most)
             glossily, diffusely = _bounce(gathered, first + before, diffuse, glossy, most, lit)
             bounced_before = before + diffusely
-            chains = _chains(gathered, first, diffuse * patches.translucent.repeat(2, 1).to(diffuse), most)
-            self.bounced_before = self.bounced_before + bounced_before - chains
+            self.bounced_before = self.bounced_before + bounced_before
+            if translucent is not None:
+                self.bounced_before = self.bounced_before - _chains(gathered, first, diffuse * translucent, most)
             self.leaving = self.leaving + (first + bounced_before + glossily)
         self.gather_scene.aim(importance_by_arrival(self.leaving, size, gathered.side, gathered.share))
 
@@ -230,23 +232,21 @@ class _Bounces(NamedTuple):
         return self._replace(all=min(self.all, bounces - 1))
 
 
-def _chains(gathered: Gathered, first: Tensor, through: Tensor, most: _Bounces) -> Tensor | float:
+def _chains(gathered: Gathered, first: Tensor, through: Tensor, most: _Bounces) -> Tensor:
     """(sides, 3) of the `first` light what has gone through translucent surfaces alone, of which traced light is too.
 
     Cycles counts that as transmission. through: (sides, 3) albedo of what sends light to its other side.
     """
-    chains = 0.0
-    if through.any():
-        for _ in range(min(most.diffuse, most.all)):
-            arriving = gathered.radiance(first)
-            first = through * arriving.roll(len(first) // 2, 0)
-            chains = chains + first
+    chains = torch.zeros_like(first)
+    for _ in range(min(most.diffuse, most.all)):
+        first = through * gathered.radiance(first).roll(len(first) // 2, 0)
+        chains = chains + first
     return chains
 
 
-def _through(translucent: Tensor, light: Tensor) -> Tensor:
+def _through(translucent: Tensor | None, light: Tensor) -> Tensor:
     """Of light (sides, ...) that arrives at fronts, then backs, with a share (sides, 1) of the other side's."""
-    if not translucent.any():
+    if translucent is None:
         return light
     share = translucent.view(-1, *(1,) * (light.ndim - 1))
     return torch.lerp(light, light.roll(len(light) // 2, 0), share)
