@@ -207,6 +207,9 @@ class RenderScene:
     # Diffuse and specular reflectance of tiles that the parameters show as one surface in between; 0 for others
     two_lobes: np.ndarray | None = array("T", len(TWO_LOBES), TILE_SIZE, TILE_SIZE, dtype=np.float16,
                                          channels=TWO_LOBES, default="none")
+    # Light group of what a triangle and the environment emit, counted from 1; 0 or None = none
+    light_group: np.ndarray | None = array("N", dtype=np.int32, default="none")
+    environment_group: np.ndarray | None = array(1, dtype=np.int32, default="none")
     geometry: Geometry | None = None  # None: the token triangles are the real ones
 
     def __len__(self) -> int:
@@ -221,6 +224,11 @@ class RenderScene:
     def is_light(self) -> np.ndarray:
         """(N,) bool."""
         return (self.emission > 0).any(axis=1)
+
+    @property
+    def light_groups(self) -> np.ndarray:
+        """(N,) i32 light group of each triangle, 0 = none."""
+        return np.zeros(len(self), np.int32) if self.light_group is None else self.light_group
 
     @property
     def is_seen(self) -> np.ndarray:
@@ -258,11 +266,12 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        absent = [name for name in ("latents", "two_lobes")
+        absent = [name for name in ("latents", "two_lobes", "light_group")
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
             scenes.append(replace(scene, tile_index=scene.tile_index + np.int32(tiles), seen=scene.is_seen,
-                                  latents=scene.tile_latents, two_lobes=scene.tile_lobes))
+                                  latents=scene.tile_latents, two_lobes=scene.tile_lobes,
+                                  light_group=scene.light_groups))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
             tiles, count = tiles + len(scene.tiles), count + len(scene)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,6 +41,7 @@ class _Walk:
         self.copied, self.depsgraph, self.blocks, self.report = copied, depsgraph, blocks, report
         self.cache, self.hides = cache, hides
         self.layer = depsgraph.view_layer_eval
+        self.light_groups = light_groups(self.layer)
         self.dark = find_dark_emitters(depsgraph, report)
         self.requested = RequestedAttributes(depsgraph)
         self._read: dict[tuple, TriangleMesh] = {}
@@ -74,7 +76,8 @@ class _Walk:
             self._add_mesh(obj, self._copy_instance(instance), instance.matrix_world.is_negative)
         elif obj.type == "LIGHT":
             if obj.original not in self.dark:
-                self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data)))
+                self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data),
+                                                        self.light_groups.get(obj.lightgroup, 0)))
         elif obj.type in STRANDS:
             if obj.type == "POINTCLOUD" or self.layer.use_strand:
                 self._add_strands(obj, obj.data.as_pointer(), lambda: STRANDS[obj.type](obj.data),
@@ -86,7 +89,9 @@ class _Walk:
             self.report.skipped(obj.name, f"a {obj.type.lower()} cannot be rendered")
 
     def _copy_instance(self, instance) -> Instance:
-        return read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.requested)
+        copied = read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.requested)
+        group = self.light_groups.get(instance.object.lightgroup, 0)
+        return replace(copied, light_group=group) if group else copied
 
     def _is_shown(self, instance) -> bool:
         """Evaluated once for all instances of an object by another."""
@@ -128,6 +133,11 @@ class _Walk:
         if key not in self._read:
             self._read[key] = self.cache.meshes.of(obj, self.requested.names[MESH], self.report)
         return self._read[key]
+
+
+def light_groups(layer) -> dict[str, int]:
+    """The number of each light group of a view layer, by name."""
+    return {group.name: number for number, group in enumerate(layer.lightgroups, 1)}
 
 
 def read_instance(instance, frame: float, requested: RequestedAttributes) -> Instance:

@@ -58,6 +58,7 @@ class LampInstance:
     name: str           # of the object
     matrix: np.ndarray  # (4, 4) f64, object to world
     light: Lamp
+    light_group: int = 0  # from 1; 0 = none
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class Sun:
     toward: np.ndarray      # (3,) unit, world
     irradiance: np.ndarray  # (3,) of a surface that faces it
     angle: float            # radians, its diameter
+    light_group: int = 0
 
 
 @dataclass
@@ -76,6 +78,7 @@ class CopiedScene:
     objects: list[tuple[CopiedMesh, Instance] | CopiedVolume] = field(default_factory=list)  # in their order
     lamps: list[LampInstance] = field(default_factory=list)
     clip_start: float = 0.0  # of the camera, world units along its axis
+    world_light_group: int = 0
 
 
 @dataclass(frozen=True)
@@ -116,5 +119,6 @@ class Instance:
     properties: dict = field(default_factory=dict)  # numbers and vectors that materials read, by name
     instancer_properties: dict = field(default_factory=dict)
     view_layer_properties: dict = field(default_factory=dict)
+    light_group: int = 0  # from 1; 0 = none
     # (4, 4) each, of the instances that this one's tokens stand for; none: of this one alone
     real_matrices: tuple[np.ndarray, ...] = ()

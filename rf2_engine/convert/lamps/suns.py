@@ -63,9 +63,11 @@ def merge_suns(suns: list[Sun], most: int) -> list[Sun]:
     light = np.array([sun.irradiance for sun in suns])
     power = light.mean(axis=1)
     merged = []
-    for rows in split_clusters(toward, power, [np.arange(len(suns))], most):
+    group = np.array([sun.light_group for sun in suns])
+    for rows in split_clusters(toward, power, [np.flatnonzero(group == number) for number in np.unique(group)], most):
         middle = _unit(power[rows] @ toward[rows])
-        merged.append(Sun(middle, (toward[rows] @ middle) @ light[rows], max(suns[i].angle for i in rows)))
+        merged.append(Sun(middle, (toward[rows] @ middle) @ light[rows], max(suns[i].angle for i in rows),
+                          suns[rows[0]].light_group))
     return merged
 
 

@@ -19,7 +19,8 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
 
     hit_materials: records the mesh and instance of all rows of the geometry.
     """
-    rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": []}
+    rows: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "emission": [], "tile_index": [],
+                                         "light_group": []}
     geometry: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "token": []}
     count = 0
     for i, part in enumerate(parts):
@@ -40,6 +41,8 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
     for name, values in rows.items():
         if values:
             setattr(scene, name, np.concatenate(values))
+    if scene.light_group is not None and not scene.light_group.any():
+        scene.light_group = None
     scene.beam_axis, scene.beam_cosine = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
     if any(part.real or any(instance.real_matrices for instance in part.instances) for part in parts):
         scene.geometry = Geometry(**{name: np.concatenate(values) for name, values in geometry.items()})
@@ -66,8 +69,8 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
         report.refused(part.name, "it is too large or too far away: reset its transform")
     elif not solid.any():
         report.skipped(part.name, "its scale is 0")
-    return ({"triangles": corners, "normals": normals, "emission": emission, "tile_index": tile_index},
-            near & solid & is_opaque)
+    return ({"triangles": corners, "normals": normals, "emission": emission, "tile_index": tile_index,
+             "light_group": np.full(len(corners), instance.light_group, np.int32)}, near & solid & is_opaque)
 
 
 def _is_usable(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
