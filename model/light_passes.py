@@ -29,12 +29,13 @@ class Lobes:
     # (3, H, W, 3) light of LOBES before their albedos; `direct` is no part of the picture where light was traced
     direct: np.ndarray | None = None
     indirect: np.ndarray | None = None
+    groups: np.ndarray | None = None    # (K, H, W, 3) estimated light of each light group, the ungrouped first
     latent: np.ndarray | None = None    # (H, W, C), from the network's decoder for the kernels of `antialiased`
 
     def scaled_to(self, radiance: np.ndarray) -> Lobes:
         """The same light in the same proportions, whose sum is another picture (H, W, 3)."""
         scale = radiance / np.maximum(self.radiance, FAINT ** 2)
-        return Lobes(radiance, **{name: light * scale for name in ("traced", "direct", "indirect")
+        return Lobes(radiance, **{name: light * scale for name in ("traced", "direct", "indirect", "groups")
                                   if (light := getattr(self, name)) is not None})
 
     def rows(self, rows: slice) -> Lobes:
@@ -54,6 +55,7 @@ class MeanLobes:
         light = {"estimated": lobes.radiance - (0 if lobes.traced is None else lobes.traced)}
         light |= {name: x * albedo for name, x in (("direct", lobes.direct), ("indirect", lobes.indirect))
                   if x is not None}
+        light |= {} if lobes.groups is None else {"groups": lobes.groups}
         self._count += 1
         self._sums = {name: x + self._sums.get(name, 0) for name, x in light.items()}
 
@@ -61,8 +63,9 @@ class MeanLobes:
         """With the albedos and the traced light of `guides`, which are those of the whole picture."""
         means = {name: x / self._count for name, x in self._sums.items()}
         albedo = _lobe_albedo(guides)
-        lobes = {name: x / np.maximum(albedo, FAINT) for name, x in means.items() if name != "estimated"}
-        return Lobes(means["estimated"] + (0 if guides.traced is None else guides.traced), guides.traced, **lobes)
+        lobes = {name: means[name] / np.maximum(albedo, FAINT) for name in ("direct", "indirect") if name in means}
+        return Lobes(means["estimated"] + (0 if guides.traced is None else guides.traced), guides.traced,
+                     groups=means.get("groups"), **lobes)
 
 
 def light_passes(guides: Guides, lobes: Lobes, sampled: dict[str, np.ndarray],

@@ -247,6 +247,9 @@ class RenderScene:
                                          channels=TWO_LOBES, default="none")
     # Share of a tile's diffuse light that goes to the other side; None = nothing
     translucent: np.ndarray | None = array("T", default="none")
+    # Light group of what a triangle and the environment emit, counted from 1; 0 or None = none
+    light_group: np.ndarray | None = array("N", dtype=np.int32, default="none")
+    environment_group: np.ndarray | None = array(1, dtype=np.int32, default="none")
     geometry: Geometry | None = None  # None: the token triangles are the real ones
 
     def __len__(self) -> int:
@@ -261,6 +264,11 @@ class RenderScene:
     def is_light(self) -> np.ndarray:
         """(N,) bool."""
         return (self.emission > 0).any(axis=1)
+
+    @property
+    def light_groups(self) -> np.ndarray:
+        """(N,) i32 light group of each triangle, 0 = none."""
+        return np.zeros(len(self), np.int32) if self.light_group is None else self.light_group
 
     @property
     def is_seen(self) -> np.ndarray:
@@ -331,7 +339,7 @@ class RenderScene:
     def appended(self, *others: RenderScene) -> RenderScene:
         """This scene with the triangles (and the tiles they use) of `others` behind its own."""
         scenes, tiles, count, geometries = [], 0, 0, []
-        optional = "latents", "two_lobes", "translucent", "hidden", "camera_tile", "back_tile", *SELDOM
+        optional = "latents", "two_lobes", "translucent", "hidden", "camera_tile", "back_tile", "light_group", *SELDOM
         absent = [name for name in optional
                   if all(getattr(scene, name) is None for scene in (self, *others))]
         for scene in (self, *others):
@@ -339,8 +347,8 @@ class RenderScene:
                                   camera_tile=scene.seen_tile + np.int32(tiles),
                                   back_tile=scene.tile_behind + np.int32(tiles), hidden=scene.hidden_from,
                                   **{name: scene.seldom(name) for name in SELDOM},
-                                  latents=scene.tile_latents, two_lobes=scene.tile_lobes,
-                                  translucent=scene.tile_translucence))
+                                  light_group=scene.light_groups, latents=scene.tile_latents,
+                                  two_lobes=scene.tile_lobes, translucent=scene.tile_translucence))
             surfaces = scene.surfaces
             geometries.append(replace(surfaces, token=surfaces.token + np.int32(count)))
             tiles, count = tiles + len(scene.tiles), count + len(scene)

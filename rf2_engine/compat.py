@@ -32,6 +32,27 @@ def compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     return scene.node_tree if scene.use_nodes else None
 
 
+def add_compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+    """A compositor for a scene that has none, with nothing but its output."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = bpy.data.node_groups.new("Compositor Nodes", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        scene.compositing_node_group = tree
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+    compositor_output(tree)
+    return tree
+
+
+def compositor_output(tree: bpy.types.NodeTree) -> bpy.types.Node:
+    """The node whose Image is the picture; it is added where there is none."""
+    is_group = "compositing_node_group" in bpy.types.Scene.bl_rna.properties
+    kind = "NodeGroupOutput" if is_group else "CompositorNodeComposite"
+    return next((node for node in tree.nodes if node.bl_idname == kind), None) or tree.nodes.new(kind)
+
+
 def has_openimagedenoise() -> bool:
     """False in builds of Blender that were made without it."""
     import _cycles

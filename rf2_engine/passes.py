@@ -21,7 +21,8 @@ class Pass(NamedTuple):
     name_5: str          # Blender's name from 5.0
     channels: str
     kind: str            # COLOR, VECTOR or VALUE: the type of the compositor's socket
-    source: str          # network | guide (first hits, always computed) | data (first hits) | lighting (the network's)
+    # network | guide (first hits, always computed) | data (first hits) | lighting (the network's) | catcher | group
+    source: str
     setting: str = ""    # path of the view layer's property that asks for it; empty: always there
     since: tuple = (4, 5, 0)
 
@@ -39,7 +40,7 @@ class Pass(NamedTuple):
             return lobe, light
         if self.key == "ambient_occlusion":
             return "Other", "AO"  # all of it would be cut at the usual width
-        return "Other" if self.key in ("emission", "environment") else "Data", self.name_5
+        return "Other" if self.key in ("emission", "environment", "shadow_catcher") else "Data", self.name_5
 
     def is_ticked(self, view_layer: bpy.types.ViewLayer) -> bool:
         """True if the view layer has it ticked; Cycles' own properties are there while Cycles is enabled."""
@@ -80,6 +81,8 @@ PASSES = tuple(p for p in (
     Pass("emission", "Emit", "Emission", "RGB", "COLOR", "guide", "use_pass_emit"),
     Pass("environment", "Env", "Environment", "RGB", "COLOR", "guide", "use_pass_environment"),
     Pass("ambient_occlusion", "AO", "Ambient Occlusion", "RGB", "COLOR", "data", "use_pass_ambient_occlusion"),
+    Pass("shadow_catcher", "Shadow Catcher", "Shadow Catcher", "RGB", "COLOR", "catcher",
+         "cycles.use_pass_shadow_catcher"),
     # of a pixel, as a share of the samples of the session; 1 without a noise threshold
     Pass("sample_count", "Debug Sample Count", "Debug Sample Count", "X", "VALUE", "data",
          "cycles.pass_debug_sample_count"),
@@ -87,7 +90,10 @@ PASSES = tuple(p for p in (
 
 LIGHTING = frozenset(p.key for p in PASSES if p.source == "lighting")
 
+OF_LIGHT = ("lighting", "catcher")  # sources of passes that depend on the weights and on Light
+
 SAMPLE_COUNT = next(p for p in PASSES if p.key == "sample_count")
+SHADOW_CATCHER = next(p for p in PASSES if p.key == "shadow_catcher")
 NOISY = Pass("noisy", "Noisy Image", "Noisy Image", "RGBA", "COLOR", "data", STORED)  # before the denoiser
 
 # What a reference beside our picture adds, under names that are the same in every Blender version.
@@ -107,16 +113,19 @@ def pass_key(blender_name: str) -> str:
 
 def ticked_passes(view_layer: bpy.types.ViewLayer, lighting: Collection[str],
                   scene: bpy.types.Scene | None = None) -> list[Pass]:
-    """The passes that were ticked for this view layer, of the light passes those whose keys are in `lighting`.
+    """The passes that were ticked for this view layer, of those OF_LIGHT the ones whose keys are in `lighting`.
 
-    `scene` is its own, which a view layer that Blender gives to update_render_passes does not know.
+    Those of light groups are among them if there are any light passes. `scene` is its own, which a view layer that
+    Blender gives to update_render_passes does not know.
     What we compute under the name of a shader AOV is among them, for Blender then marks the AOV as in conflict.
     """
     aov_names = {aov.name for aov in view_layer.aovs}
-    ticked = [p for p in PASSES if (p.source != "lighting" or p.key in lighting) and (
+    ticked = [p for p in PASSES if (p.source not in OF_LIGHT or p.key in lighting) and (
         p.is_ticked(view_layer) or p.source in ("guide", "lighting") and p.blender_name in aov_names)]
-    noisy = [NOISY] if _is_noisy_ticked(view_layer, scene or view_layer.id_data) else []
-    return ticked + noisy + [*_cryptomattes(view_layer), *_shader_aovs(view_layer)]
+    groups = light_groups(view_layer, lighting)
+    # Without it, and before them, Cycles denoises the first light group and calls that Combined.
+    noisy = [NOISY] if groups or _is_noisy_ticked(view_layer, scene or view_layer.id_data) else []
+    return ticked + noisy + [*_cryptomattes(view_layer), *_shader_aovs(view_layer), *groups]
 
 
 def _is_noisy_ticked(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
@@ -143,7 +152,7 @@ def absent(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, lighting: Co
 
 def is_light_requested(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> bool:
     """True if one of the light passes with these keys is ticked."""
-    return any(p.key in lighting for p in ticked_passes(view_layer, lighting))
+    return any(p.source == "lighting" for p in ticked_passes(view_layer, lighting))
 
 
 def needed_light(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> frozenset[str]:
@@ -177,6 +186,12 @@ def write(engine: bpy.types.RenderEngine, layer: str, passes: dict[str, np.ndarr
     engine.end_result(result)
 
 
+def light_groups(view_layer: bpy.types.ViewLayer, lighting: Collection[str]) -> list[Pass]:
+    """A pass for each light group of a view layer, in its order, if the weights can give light passes."""
+    groups = view_layer.lightgroups if lighting else ()
+    return [_pass_by_name(f"Combined_{group.name}", "RGB", "COLOR", "group") for group in groups]
+
+
 def _cryptomattes(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
     """Two ranks to a pass. Their channels are in lower case: OpenEXR then never compresses them with loss."""
     for kind in ("object", "material", "asset"):
@@ -191,5 +206,5 @@ def _shader_aovs(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
             yield _pass_by_name(aov.name, *(("X", "VALUE") if aov.type == "VALUE" else ("RGBA", "COLOR")))
 
 
-def _pass_by_name(name: str, channels: str, kind: str) -> Pass:
-    return Pass(pass_key(name), name, name, channels, kind, "data")
+def _pass_by_name(name: str, channels: str, kind: str, source: str = "data") -> Pass:
+    return Pass(pass_key(name), name, name, channels, kind, source)

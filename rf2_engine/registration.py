@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Register everything in order, and unregister it in reverse order."""
-from . import compare, engine, material_settings, panels, paper_scenes, reference_settings, settings
+from . import compare, engine, light_group_mixer, material_settings, panels, paper_scenes, reference_settings, settings
 from .cycles import world as world_session
 from .frame import preflight, shot
 from .preferences import package_operators, preferences, weights_operators
@@ -12,7 +12,7 @@ from .viewport import viewport
 
 MODULES = (running, shot, world_session, costs, last_render, frame_lines, status_line, preflight,
            reference_settings, settings, material_settings, preferences, engine, package_operators, weights_operators,
-           panels, viewport, compare, paper_scenes, command)
+           light_group_mixer, panels, viewport, compare, paper_scenes, command)
 _register_all, _unregister_all = modules(MODULES)
 
 

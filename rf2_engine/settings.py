@@ -327,14 +327,16 @@ def threads(scene: bpy.types.Scene) -> int:
 
 
 def light_passes(scene: bpy.types.Scene) -> frozenset[str]:
-    """Keys of the light passes that the chosen weights can give; light in volumes is apart only where it is traced."""
+    """Keys of the passes OF_LIGHT that the chosen weights can give; some there are only where light is traced."""
     try:
         network = _network(scene.renderformer_v2.weights())
     except CheckpointError:
         return frozenset()  # published weights that are not complete, or none at all
     if not network.has_lobes:
         return frozenset()
-    return passes.LIGHTING - (set() if scene.renderformer_v2.light == "TRACED" else {"volume_direct"})
+    if scene.renderformer_v2.light == "TRACED":
+        return passes.LIGHTING | {passes.SHADOW_CATCHER.key}
+    return passes.LIGHTING - {"volume_direct"}
 
 
 def is_published(settings: RenderFormerSettings) -> bool:
@@ -343,6 +345,11 @@ def is_published(settings: RenderFormerSettings) -> bool:
         return True
     has_folder = settings.weights_source == "FOLDER" and bool(settings.weights_folder)
     return has_folder and _network(settings.weights()) is Network.PUBLISHED
+
+
+def traces_light(settings: RenderFormerSettings) -> bool:
+    """Whether Cycles traces direct light."""
+    return settings.light == "TRACED" and not is_published(settings)
 
 
 def _light(choice: str, network: Network) -> Light:

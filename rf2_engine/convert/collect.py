@@ -52,7 +52,7 @@ class _Collection:
     def _add_mesh(self, surface: CopiedMesh, instance: Instance) -> None:
         mesh = self._mesh(surface, instance)
         probed = tuple(self._probe(material, surface.source, mesh, instance) for material in surface.slots)
-        key = surface, probed
+        key = surface, probed, instance.light_group
         if key not in self._parts:
             name = instance.name
             self._parts[key] = self._split(surface, mesh, probed, name), self._filled(surface, mesh, name)

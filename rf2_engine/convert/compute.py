@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,6 +70,8 @@ def compute(copied: CopiedScene, view: View | None, options: ConversionOptions, 
     if copied.world is not None and copied.world.hidden:
         scene.environment_hidden = np.uint8([copied.world.hidden])
     scene.bounces = None if copied.bounces == BOUNCES else np.int32(copied.bounces)
+    if copied.world_light_group:
+        scene.environment_group = np.array([copied.world_light_group], np.int32)
     scene.exposure = np.ones(1, np.float32) if options.as_is else None
     scene.validate()
     if hit_materials is not None:
@@ -125,6 +127,7 @@ def _plan(copied: CopiedScene, view: View | None, options: ConversionOptions, re
     eye = None if view is None else view.camera_to_world[:3, 3]
     clear = add_fog(collected, copied.world, framing.box, eye, report)
     environment, suns = dim_by_fog(environment, suns, clear)
+    suns = [replace(sun, light_group=copied.world_light_group) for sun in suns]
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     lamps = convert_lamps(collected.lamps, suns, options.token_budget // 2, center, radius, clear, report)
     budget = options.token_budget - sum(map(len, lamps))

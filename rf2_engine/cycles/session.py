@@ -7,7 +7,7 @@ overrides and Esc by itself. It frees the evaluated scene when it ends (unless P
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -95,7 +95,8 @@ def render_passes(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
 
 def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, *, sampling: Sampling, light: Light,
                  model: CameraModel = PINHOLE, denoise: bool = False, hazy: bool = False,
-                 threads: int = 0, report: Report | None = None) -> dict[str, Passes]:
+                 threads: int = 0, report: Report | None = None,
+                 groups: Sequence[pass_table.Pass] = ()) -> dict[str, Passes]:
     """Run one Cycles session for the view layer of `depsgraph` and return the passes of a final render, by view.
 
     `engine` is the RenderEngine inside whose `render` this is called; the camera of Light.ALL is the scene's, whatever
@@ -106,6 +107,8 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     seen directly, denoised where Blender can, "noise" (H, W, 3), what the denoiser took away, if the view layer wants
     the noisy picture, and the light passes (never denoised) of passes.needed_light; where shadow catchers catch
     also "combined", as with Light.ALL.
+    `groups`: passes of light groups that the result shall hold too: all light of the session, noisy, with emitters and
+    world seen directly, in a transparent film as well.
     With Light.ALL the scene's own bounces are used and the result also holds "combined" (denoised by OpenImageDenoise
     if `denoise`) and all light passes.
 
@@ -123,7 +126,11 @@ def render_views(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph,
     clean = light is Light.TRACED and compat.has_openimagedenoise()
     lobes = {Light.ALL: pass_table.LIGHTING, Light.NONE: (),
              Light.TRACED: pass_table.needed_light(view_layer, pass_table.LIGHTING)}[light]
-    layer_name, requested = view_layer.name, pass_table.session_passes(view_layer, lobes)
+    layer_name, requested = view_layer.name, [*pass_table.session_passes(view_layer, lobes), *groups]
+    if groups and pass_table.NOISY not in requested:
+        requested.append(pass_table.NOISY)
+    if model.catchers is Catchers.CATCH and pass_table.SHADOW_CATCHER.is_ticked(view_layer):
+        requested.append(pass_table.SHADOW_CATCHER)
     if not clean:
         requested = [p for p in requested if p != pass_table.NOISY]
     if light is Light.NONE:
@@ -189,9 +196,7 @@ def _set_camera(depsgraph: bpy.types.Depsgraph, model: CameraModel, override) ->
 
 
 def _set_catchers(depsgraph: bpy.types.Depsgraph, catchers: Catchers, override) -> None:
-    if catchers is Catchers.CATCH:  # Cycles leaves them out of Combined where they have a pass of their own
-        layer = bpy.utils.escape_identifier(depsgraph.view_layer_eval.name)
-        override(depsgraph.scene_eval, {f'view_layers["{layer}"].cycles.use_pass_shadow_catcher': False})
+    if catchers is Catchers.CATCH:
         return
     if catchers is Catchers.CUT:
         for host in catching_hosts(depsgraph):

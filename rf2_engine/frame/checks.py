@@ -29,7 +29,7 @@ def check(depsgraph: bpy.types.Depsgraph, settings: FrameSettings, report: Repor
         report.approximated(scene.name, "this Blender lacks OpenImageDenoise, so direct light is noisy: raise "
                                         "Samples, or set Light to Network and Rays")
     names = passes.session_passes(layer, passes.needed_light(layer, settings.light_passes))
-    names += passes.REFERENCE if settings.reference else ()
+    names += [*passes.light_groups(layer, settings.light_passes), *(passes.REFERENCE if settings.reference else ())]
     longest = max((p.blender_name for p in names), key=len)
     if (room := LONGEST_NAME - len(f".{longest}.X")) < len(layer.name.encode()):
         report.approximated(layer.name, "Blender shortens names in multilayer files: give the view layer a name of at "

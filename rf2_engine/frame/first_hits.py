@@ -22,6 +22,7 @@ from ..cycles import growing
 from ..cycles import session as cycles_session
 from ..cycles.run import Passes
 from ..cycles.session import PINHOLE, CameraModel, Catchers
+from ..passes import SHADOW_CATCHER
 from ..progress.stages import ALPHA, CATCHERS, FIRST_HITS, SAMPLE_HITS
 from ..sampling import Sampling
 from ..settings import Light
@@ -72,6 +73,7 @@ def render_first_hits(layer: Layer, scene: RenderScene, views: dict[str, View],
         rendered = _run_session(layer, scene, optics.camera_model(), optics.rays_of_picture(settings.sampling), views)
         for name, view_passes in rendered.items():
             passes[name] |= output.first_hit_passes(view_passes, settings.exposure)
+            passes[name] |= _shadow_catcher_pass(shadows[name], view_passes)
         if optics and optics.samples == 1 and not any(
                 view_passes["transmission_color"].any() for view_passes in rendered.values()):
             optics = Optics()
@@ -159,7 +161,7 @@ def _run_session(layer: Layer, scene: RenderScene, model: CameraModel, sampling:
                 time.perf_counter(), *(layer.border[::2] if layer.border else (0, 0)), tuple(shown), is_beside=False)))
         return cycles_session.render_views(layer.engine, layer.depsgraph, sampling=sampling, model=model,
                                            light=settings.light, hazy=bool(scene.volumes), threads=settings.threads,
-                                           report=layer.report)
+                                           report=layer.report, groups=layer.light_groups)
 
 
 def _render_opacity(layer: Layer, views: dict[str, View]) -> dict[str, np.ndarray | None]:
@@ -184,7 +186,15 @@ def _render_shadows(layer: Layer, views: Iterable[str]) -> dict[str, CaughtShado
         with layer.plan.enter(CATCHERS), layer.status.during_cycles("Shadow catchers {}"):
             sessions.append(_render_all_samples(layer, light, session_model))
     without, caught = sessions
-    return {name: CaughtShadows(passes["combined"], without[name]["alpha"][..., 0]) for name, passes in caught.items()}
+    return {name: CaughtShadows(passes["combined"], without[name]["alpha"][..., 0], passes.get(SHADOW_CATCHER.key))
+            for name, passes in caught.items()}
+
+
+def _shadow_catcher_pass(shadows: CaughtShadows | None, rendered: Passes) -> Passes:
+    """The pass, 1 where nothing catches; with another Light there is none in the render result to be filled."""
+    if shadows is not None and shadows.factor is not None:
+        return {SHADOW_CATCHER.key: shadows.factor}
+    return {SHADOW_CATCHER.key: np.broadcast_to(np.float32(1), rendered["emission"].shape)}
 
 
 def _render_all_samples(layer: Layer, light: Light, model: CameraModel) -> dict[str, Passes]:

@@ -39,6 +39,7 @@ class Layer:
     optics: Optics
     border: Border | None
     with_lobes: bool  # the light of each lobe is requested
+    light_groups: list[pass_table.Pass]
     plan: Plan
     status: Status
     report: Report
@@ -50,14 +51,15 @@ class Layer:
         scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
         settings = FrameSettings.read(scene, layer)
         with_lobes = pass_table.is_light_requested(layer, settings.light_passes)
+        groups = pass_table.light_groups(layer, settings.light_passes)
         checks.check(depsgraph, settings, report)
         optics = optics.possible(settings.light, depsgraph, report)
         width, height = engine.resolution_x, engine.resolution_y
         border = render_border(width, height, scene.render)
         status.views = view_names(engine)
-        plan = Plan(stage_work(width, height, border, settings, optics, with_lobes, count_views(scene)),
+        plan = Plan(stage_work(width, height, border, settings, optics, with_lobes, count_views(scene), len(groups)),
                     settings.setup, count_layers(scene))
-        return cls(engine, depsgraph, layer.name, settings, optics, border, with_lobes, plan, status, report)
+        return cls(engine, depsgraph, layer.name, settings, optics, border, with_lobes, groups, plan, status, report)
 
     def eyes(self) -> list[Eye]:
         """The eyes at the moment that is evaluated."""

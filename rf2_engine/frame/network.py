@@ -12,11 +12,12 @@ from ...model.light_passes import Lobes, MeanLobes
 from ...model.scene import Guides, RenderScene, View
 from ...model.weights.presets import BUNDLED
 from ..convert.fitting.framing import Framing
-from ..progress.stages import CONVERT, EDGES, ENCODE, LOAD, TEXTURES, VIEW
+from ..progress.stages import CONVERT, EDGES, ENCODE, GROUPS, LOAD, TEXTURES, VIEW
 from ..runtime import model_cache
 from . import shutter
 from .first_hits import FirstHits, render_sample_hits
 from .layer import Layer
+from .light_groups import GroupEstimates
 from .optics import Optics
 from .output import EMITTED
 
@@ -43,6 +44,7 @@ class LayerNetwork:
     def __init__(self, layer: Layer, scene: RenderScene, framing: Framing) -> None:
         """Weights other than the bundled ones are loaded now: wrong ones are found before Cycles works for nothing."""
         self._layer, self._scene, self._framing, self._renderer = layer, scene, framing, None
+        self._groups: GroupEstimates | None = None
         self._has_content = bool(len(scene) or scene.volumes)
         if self._has_content and layer.settings.weights != BUNDLED:
             self.load()
@@ -131,6 +133,11 @@ class LayerNetwork:
         with layer.plan.enter(VIEW):
             lobes = (encoded.lobes(view, guides, layer.with_lobes) if layer.settings.network.has_lobes
                      else Lobes(encoded.view(view, guides)))
+        if layer.light_groups:
+            with layer.plan.enter(GROUPS):
+                if self._groups is None or self._groups.scene is not self._scene:
+                    self._groups = GroupEstimates(self._renderer, self._scene, len(layer.light_groups), view)
+                lobes = replace(lobes, groups=self._groups.light(view, guides, layer.settings.follows_specular_paths))
         self._report_remark()
         return lobes
 

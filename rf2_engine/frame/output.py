@@ -25,6 +25,7 @@ class CaughtShadows(NamedTuple):
 
     picture: np.ndarray   # (H, W, 4) Combined of a session in which they catch, premultiplied
     coverage: np.ndarray  # (H, W) by everything else, as visible with them
+    factor: np.ndarray | None = None  # (H, W, 3) Shadow Catcher, where that pass is requested
 
 
 def composite(radiance: np.ndarray, guides: Guides, opacity: np.ndarray | None, shadows: CaughtShadows | None,

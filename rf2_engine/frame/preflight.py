@@ -140,13 +140,13 @@ def _inspect(depsgraph: bpy.types.Depsgraph, layer: str, report: Report, begin: 
     _report_differences(depsgraph, report)
     converting, count, loaded = time.perf_counter() - begin, count_layers(scene), model_cache.is_loaded()
     with_lobes = pass_table.is_light_requested(depsgraph.view_layer_eval, settings.light_passes)
-    views = count_views(scene)
-    remaining = stage_work(width, height, border, settings, optics, with_lobes, views) | {
+    views, groups = count_views(scene), len(pass_table.light_groups(depsgraph.view_layer_eval, settings.light_passes))
+    remaining = stage_work(width, height, border, settings, optics, with_lobes, views, groups) | {
         CONVERT: Work(1, optics.scenes - 1), ENCODE: Work(len(converted), optics.shutter_samples),
         TEXTURES: Work(len(converted), optics.shutter_samples * settings.network.encodes_textures)}
     seconds = costs.measured_seconds(remaining, settings.setup)
     unblurred = replace(optics, lens_samples=1, shutter_samples=1)
-    sharp_work = stage_work(width, height, border, settings, unblurred, with_lobes, views)
+    sharp_work = stage_work(width, height, border, settings, unblurred, with_lobes, views, groups)
     sharp = costs.measured_seconds(sharp_work, settings.setup)
     added = costs.measured_memory(settings.setup, loaded, views * view.width * view.height, len(converted))
     tokens = card.count_tokens(network_input(converted, view, settings, report), settings)

@@ -28,6 +28,7 @@ from ..setup import packages
 from . import card, output, reference
 from .first_hits import FirstHits, render_first_hits
 from .layer import Layer
+from .light_groups import group_passes
 from .network import LayerNetwork, Picture
 from .optics import Optics
 from .published_scene import network_input
@@ -139,6 +140,7 @@ def _render_passes(layer: Layer, views: dict[str, View], scene: RenderScene, fra
                     light = {name: _divide_light(layer, picture, hits[name], bool(scene.volumes))
                              for name, picture in pictures.items()}
     complete = {name: passes[name] | light[name] | _picture_passes(picture, hits[name], exposure)
+                | group_passes(layer.light_groups, picture.combined, picture.guides, picture.lobes, hits[name], scene)
                 for name, picture in pictures.items()}
     return Rendered(complete, max(picture.tokens for picture in pictures.values()), network.device)
 

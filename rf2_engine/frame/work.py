@@ -18,11 +18,12 @@ def count_layers(scene: bpy.types.Scene) -> int:
 
 
 def stage_work(width: int, height: int, border: Border | None, settings: FrameSettings, optics: Optics,
-               with_lobes: bool, views: int = 1) -> dict[Stage, Work]:
+               with_lobes: bool, views: int = 1, groups: int = 0) -> dict[Stage, Work]:
     """What the stages of one view layer have to do, in their units.
 
     width, height: of the frame in pixels; border: the part of it that is rendered. with_lobes: the light of each lobe
-    is requested. views: of stereoscopy; Cycles renders all of them at once, the network one after the other.
+    is requested. views: of stereoscopy; Cycles renders all of them at once, the network one after the other. groups:
+    light groups with a pass.
     """
     x0, x1, y0, y1 = border or (0, width, 0, height)
     pixels = (x1 - x0) * (y1 - y0)
@@ -41,6 +42,7 @@ def stage_work(width: int, height: int, border: Border | None, settings: FrameSe
             stages.TEXTURES: Work(settings.token_budget, encoded_scenes * settings.network.encodes_textures),
             stages.ENCODE: Work(settings.token_budget, encoded_scenes),
             stages.VIEW: Work(pixels, samples * views),
+            stages.GROUPS: Work(pixels * groups, samples * views if groups else 0),
             stages.EDGES: Work(pixels, has_smooth_edges * views),
             stages.DIVIDE: Work(pixels, with_lobes * views),
             stages.WRITE: Work(all_pixels),

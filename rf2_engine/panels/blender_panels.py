@@ -14,6 +14,7 @@ from bl_ui import properties_render
 
 from ..engine import RenderFormerEngine
 from ..registering import classes
+from ..settings import traces_light
 from .camera import draw_lens_samples
 from .panel import EnginePanel
 
@@ -87,6 +88,14 @@ def _has_light(context) -> object:
     return context.light
 
 
+def _has_world(context) -> object:
+    return context.world
+
+
+def _has_traced_world(context) -> object:
+    return context.world and traces_light(context.scene.renderformer_v2)
+
+
 def _has_beam(context) -> bool:
     return context.light and context.light.type in {"SPOT", "AREA"}
 
@@ -114,7 +123,13 @@ COPIED = (  # a panel, where it is shown, and what is different in ours; parents
     ("CYCLES_LIGHT_PT_nodes", _has_light, {"bl_options": {"DEFAULT_CLOSED"}}),
     ("CYCLES_OBJECT_PT_visibility", lambda context: context.object, {}),
     ("CYCLES_OBJECT_PT_visibility_ray_visibility", _can_be_visible, {}),
-    ("CYCLES_WORLD_PT_ray_visibility", lambda context: context.world, {}),
+    ("CYCLES_OBJECT_PT_lightgroup", lambda context: context.object, {"bl_parent_id": "OBJECT_PT_shading"}),
+    ("CYCLES_LIGHT_PT_settings", _has_light, {}),
+    ("CYCLES_WORLD_PT_ray_visibility", _has_world, {}),
+    ("CYCLES_WORLD_PT_settings", _has_world, {}),
+    ("CYCLES_WORLD_PT_settings_surface", _has_traced_world, {}),
+    ("CYCLES_WORLD_PT_settings_volume", _has_traced_world, {}),
+    ("CYCLES_WORLD_PT_settings_light_group", _has_world, {}),
 )
 
 

@@ -9,9 +9,10 @@ from ...model.published.bundle_files import check_weights
 from ..preferences import package_panel
 from ..registering import classes
 from ..runtime import model_cache
-from ..settings import is_published
+from ..settings import is_published, traces_light
 from ..setup import packages, published_weights
 from ..setup.display import draw_text
+from . import light_paths
 from .panel import EnginePanel
 from .presets import RENDERFORMER_PT_presets
 
@@ -99,7 +100,7 @@ class RENDERFORMER_PT_film(EnginePanel):
         layout, scene = self.split_layout(), context.scene
         layout.prop(scene.cycles, "film_exposure")
         layout.prop(scene.render, "film_transparent", text="Transparent")
-        is_traced = scene.renderformer_v2.light == "TRACED" and not is_published(scene.renderformer_v2)
+        is_traced = traces_light(scene.renderformer_v2)
         glass = layout.column()
         glass.active = scene.render.film_transparent and is_traced
         glass.prop(scene.cycles, "film_transparent_glass", text="Transparent Glass")
@@ -172,5 +173,5 @@ class RENDERFORMER_PT_viewport(EnginePanel):
 
 
 register, unregister = classes(
-    RENDERFORMER_PT_settings, RENDERFORMER_PT_sampling, RENDERFORMER_PT_film, RENDERFORMER_PT_depth_of_field,
-    RENDERFORMER_PT_motion_blur, RENDERFORMER_PT_performance, RENDERFORMER_PT_viewport)
+    RENDERFORMER_PT_settings, RENDERFORMER_PT_sampling, light_paths.RENDERFORMER_PT_light_paths, RENDERFORMER_PT_film,
+    RENDERFORMER_PT_depth_of_field, RENDERFORMER_PT_motion_blur, RENDERFORMER_PT_performance, RENDERFORMER_PT_viewport)

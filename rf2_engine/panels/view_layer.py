@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import bpy
-from bl_ui.properties_view_layer import ViewLayerAOVPanelHelper, ViewLayerCryptomattePanelHelper
+from bl_ui.properties_view_layer import (
+    ViewLayerAOVPanelHelper,
+    ViewLayerCryptomattePanelHelper,
+    ViewLayerLightgroupsPanelHelper,
+)
 
 from .. import passes
 from ..registering import classes
@@ -56,7 +60,7 @@ def available_passes(scene: bpy.types.Scene) -> dict[str, dict[str, str]]:
     """{heading: {path of the view layer's property: label}} of the passes that the scene's settings allow."""
     rows, lighting = {}, light_passes(scene)
     for p in passes.PASSES:
-        if p.setting and (p.source != "lighting" or p.key in lighting):
+        if p.setting and (p.source not in passes.OF_LIGHT or p.key in lighting):
             heading, label = p.heading
             rows.setdefault(heading, {}).setdefault(p.setting, label)
     rows["Data"]["use_pass_grease_pencil"] = "Grease Pencil"  # Blender itself renders it, with any engine
@@ -74,6 +78,14 @@ def _draw_passes(layout: bpy.types.UILayout, view_layer: bpy.types.ViewLayer, ro
             column.prop(settings, name, text=label)
 
 
+class RENDERFORMER_PT_passes_lightgroups(_PassesPanel, ViewLayerLightgroupsPanelHelper, bpy.types.Panel):
+    bl_parent_id = "RENDERFORMER_PT_passes"
+
+    def draw(self, context):
+        ViewLayerLightgroupsPanelHelper.draw(self, context)
+        self.layout.operator("renderformer_v2.add_light_group_mixer", icon="NODE_COMPOSITING")
+
+
 class RENDERFORMER_PT_override(EnginePanel):
     bl_label = "Override"
     bl_context = "view_layer"
@@ -88,4 +100,5 @@ class RENDERFORMER_PT_override(EnginePanel):
 
 register, unregister = classes(
     RENDERFORMER_PT_passes, RENDERFORMER_PT_passes_data, RENDERFORMER_PT_passes_light,
-    RENDERFORMER_PT_passes_cryptomatte, RENDERFORMER_PT_passes_aov, RENDERFORMER_PT_override)
+    RENDERFORMER_PT_passes_cryptomatte, RENDERFORMER_PT_passes_aov, RENDERFORMER_PT_passes_lightgroups,
+    RENDERFORMER_PT_override)

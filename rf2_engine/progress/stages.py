@@ -42,6 +42,7 @@ SAMPLE_HITS = Stage("Camera rays", "sample of a pixel", 2.5e-6, "blur")  # for a
 TEXTURES = Stage("Encoding textures", "triangle", 1e-3)  # for published weights
 ENCODE = Stage("Network", "triangle", 3e-4, "scene")
 VIEW = Stage("Network", "pixel", 2e-5, "view")
+GROUPS = Stage("Light groups", "pixel of a group", 1e-5)
 EDGES = Stage("Network", "pixel", 2e-6, "edges")
 DIVIDE = Stage("Dividing the light", "pixel", 2e-7)
 WRITE = Stage("Writing passes", "pixel", 2e-7)

@@ -46,6 +46,7 @@ class _Walk:
         self.cache, self.hides = cache, hides
         self.layer = depsgraph.view_layer_eval
         self.linking = read_light_linking(depsgraph, report)
+        self.light_groups = light_groups(self.layer)
         self.requested = RequestedAttributes(depsgraph)
         self._read: dict[tuple, TriangleMesh] = {}
         self._grids: dict[tuple, dict[str, Grid]] = {}
@@ -82,7 +83,8 @@ class _Walk:
             if obj.original not in self.linking.dark:
                 reach = Reach(hidden_rays(instance) & SEEING_LAMPS, min(obj.data.cycles.max_bounces, ANY),
                               self._lit_groups(obj))
-                self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data), reach))
+                self.copied.lamps.append(LampInstance(obj.name, matrix, self.blocks.of(obj.data), reach,
+                                                       self.light_groups.get(obj.lightgroup, 0)))
         elif obj.type in STRANDS:
             if obj.type == "POINTCLOUD" or self.layer.use_strand:
                 self._add_strands(obj, obj.data.as_pointer(), partial(STRANDS[obj.type], obj),
@@ -95,7 +97,8 @@ class _Walk:
 
     def _copy_instance(self, instance) -> Instance:
         read = read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.requested)
-        return replace(read, group=self.linking.group.get(instance.object.original, 0))
+        return replace(read, group=self.linking.group.get(instance.object.original, 0),
+                       light_group=self.light_groups.get(instance.object.lightgroup, 0))
 
     def _lit_groups(self, obj) -> int:
         return self.linking.lit.get(obj.original, ALL_GROUPS)
@@ -141,6 +144,11 @@ class _Walk:
         if key not in self._read:
             self._read[key] = self.cache.meshes.of(obj, self.requested.names[MESH], self.report)
         return self._read[key]
+
+
+def light_groups(layer) -> dict[str, int]:
+    """The number of each light group of a view layer, by name."""
+    return {group.name: number for number, group in enumerate(layer.lightgroups, 1)}
 
 
 def read_instance(instance, frame: float, requested: RequestedAttributes) -> Instance:

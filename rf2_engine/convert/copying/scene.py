@@ -10,7 +10,7 @@ from ..lamps.world import draw_world
 from ..shading.material import needs_baking
 from .blocks import REC709, Blocks
 from .cache import CopyCache
-from .instances import add_instances
+from .instances import add_instances, light_groups
 from .visibility import hidden_in_renders
 
 
@@ -29,6 +29,9 @@ def copy(depsgraph, report, cycles_world=None, baker=None, cache=None, hides=Non
         world_block = rendered_world(depsgraph)
         world = cache.world_of(world_block, frame, lambda: Blocks(frame, depsgraph, cache.images).of(world_block))
         copied = CopiedScene(world, draw_world(cycles_world, world))
+        if world_block is not None:
+            groups = light_groups(depsgraph.view_layer_eval)
+            copied.world_light_group = groups.get(world_block.lightgroup, 0)
     with progress.part(0.1, 0.9):
         blocks = Blocks(frame, depsgraph, cache.images)
         add_instances(copied, depsgraph, blocks, report, cache, hides or hidden_in_renders(depsgraph).__contains__)

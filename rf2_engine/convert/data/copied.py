@@ -77,6 +77,7 @@ class LampInstance:
     matrix: np.ndarray  # (4, 4) f64, object to world
     light: Lamp
     reach: Reach = Reach()
+    light_group: int = 0  # from 1; 0 = none
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,7 @@ class Sun:
     irradiance: np.ndarray  # (3,) of a surface that faces it
     angle: float            # radians, its diameter
     reach: Reach = Reach()
+    light_group: int = 0
 
 
 @dataclass
@@ -97,6 +99,7 @@ class CopiedScene:
     lamps: list[LampInstance] = field(default_factory=list)
     clip_start: float = 0.0  # of the camera, world units along its axis
     bounces: tuple[int, ...] = BOUNCES
+    world_light_group: int = 0
 
 
 @dataclass(frozen=True)
@@ -138,6 +141,7 @@ class Instance:
     properties: dict = field(default_factory=dict)  # numbers and vectors that materials read, by name
     instancer_properties: dict = field(default_factory=dict)
     view_layer_properties: dict = field(default_factory=dict)
+    light_group: int = 0  # from 1; 0 = none
     # (4, 4) each, of the instances that this one's tokens stand for; none: of this one alone
     real_matrices: tuple[np.ndarray, ...] = ()
     group: int = 0  # of surfaces, as lights are linked to

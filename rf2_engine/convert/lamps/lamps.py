@@ -27,10 +27,10 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
     budget: most triangles of all together; center (3,) and radius: bounding sphere of the scene, world units; clear
     (3,): the share of sunlight that reaches it.
     """
-    sun_lamps = [(convert_sun_lamp(lamp.matrix, lamp.light, lamp.name, report, center, radius), lamp.reach)
+    sun_lamps = [(convert_sun_lamp(lamp.matrix, lamp.light, lamp.name, report, center, radius), lamp)
                  for lamp in lamps if _is_sun(lamp)]
-    suns = suns + [replace(sun, irradiance=sun.irradiance * clear, reach=reach)
-                   for sun, reach in sun_lamps if sun is not None and clear.any()]
+    suns = suns + [replace(sun, irradiance=sun.irradiance * clear, reach=lamp.reach, light_group=lamp.light_group)
+                   for sun, lamp in sun_lamps if sun is not None and clear.any()]
     lamps = [lamp for lamp in lamps if not _is_sun(lamp)]
     for detail in FINE, COARSE:
         distant = _sun_disks(suns, center, radius, detail, report)
@@ -38,7 +38,8 @@ def convert_lamps(lamps: list[LampInstance], suns: list[Sun], budget: int, cente
         for i, lamp in enumerate(lamps):
             progress.report(i / len(lamps))
             shape = convert_light(lamp.matrix, lamp.light, lamp.name, report, center, radius, detail)
-            near.append(reaching(_within_numbers(shape, lamp.name, report), lamp.reach))
+            shape = reaching(_within_numbers(shape, lamp.name, report), lamp.reach)
+            near.append(_in_group(shape, lamp.light_group))
         near = [shape for shape in near if shape.is_light.any()]
         if sum(map(len, near)) + sum(map(len, distant)) <= budget:
             return near + distant
@@ -60,8 +61,12 @@ def _is_sun(lamp: LampInstance) -> bool:
 
 
 def _sun_disks(suns: list[Sun], center: np.ndarray, radius: float, detail, report) -> list[RenderScene]:
-    return [reaching(_within_numbers(convert_sun(sun, center, radius, detail), "Sun", report), sun.reach)
-            for sun in suns]
+    return [_in_group(reaching(_within_numbers(convert_sun(sun, center, radius, detail), "Sun", report), sun.reach),
+                      sun.light_group) for sun in suns]
+
+
+def _in_group(shape: RenderScene, group: int) -> RenderScene:
+    return replace(shape, light_group=np.full(len(shape), group, np.int32)) if group else shape
 
 
 def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
@@ -73,7 +78,7 @@ def _within_numbers(shape: RenderScene, name: str, report) -> RenderScene:
 
 
 def _merge_lamps(shapes: list[RenderScene], most: int, center: np.ndarray, radius: float) -> list[RenderScene]:
-    """At most so many lamps (or one of each kind) that give as much light of each colour."""
+    """At most so many lamps (or one of each kind and light group) that give as much light of each colour."""
     flux, positions, facing, kind = (np.array(rows) for rows in zip(*map(_summary, shapes), strict=True))
     power = flux.mean(axis=1)
     offset = positions - center
@@ -88,7 +93,7 @@ def _merge_lamps(shapes: list[RenderScene], most: int, center: np.ndarray, radiu
 
 
 def _summary(shape: RenderScene) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Flux (3,), middle (3,), direction (3,) (0 for all around) and kind of one lamp."""
+    """Flux (3,), middle (3,), direction (3,) (0 for all around) and kind of one lamp; those of a group are a kind."""
     emits, vectors = shape.is_light, area_vectors(shape.triangles[shape.is_light].astype(np.float64))
     areas, emission, axis = np.linalg.norm(vectors, axis=-1), shape.emission[emits], shape.beam_axis[emits]
     flat = np.linalg.norm(vectors.sum(axis=0)) > 0.5 * areas.sum()
@@ -97,7 +102,8 @@ def _summary(shape: RenderScene) -> tuple[np.ndarray, np.ndarray, np.ndarray, in
     flux = np.pi * (areas * share)[:, None] * emission
     weight = flux.mean(axis=1)
     middle = np.average(shape.triangles[emits].mean(axis=1), axis=0, weights=weight)
-    return flux.sum(axis=0), middle, np.average(axis, axis=0, weights=weight), 2 if flat else int(axis.any())
+    kind = 2 if flat else int(axis.any())
+    return flux.sum(axis=0), middle, np.average(axis, axis=0, weights=weight), kind + 3 * int(shape.light_groups[0])
 
 
 def _merge_group(shapes, rows, flux, middle, positions) -> RenderScene:

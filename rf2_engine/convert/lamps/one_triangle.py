@@ -40,6 +40,7 @@ def one_triangle(lamp: RenderScene, center: np.ndarray, scale: float) -> RenderS
     triangle = replace(
         lamp, triangles=corners[None].astype(np.float32), normals=np.tile(-back, (1, 3, 1)).astype(np.float32),
         emission=emission.astype(np.float32), beam_axis=np.zeros((1, 3), np.float32),
-        beam_cosine=np.zeros((1, 2), np.float32), tile_index=lamp.tile_index[emits][:1], seen=np.zeros(1, bool))
+        beam_cosine=np.zeros((1, 2), np.float32), tile_index=lamp.tile_index[emits][:1], seen=np.zeros(1, bool),
+        light_group=None if lamp.light_group is None else lamp.light_group[:1])
     target, irradiance = (central_irradiance(light, np.float32(center), scale).sum() for light in (lamp, triangle))
     return replace(triangle, emission=(triangle.emission * (target / max(irradiance, 1e-30))).astype(np.float32))

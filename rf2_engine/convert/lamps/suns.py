@@ -63,11 +63,12 @@ def merge_suns(suns: list[Sun], most: int) -> list[Sun]:
     light = np.array([sun.irradiance for sun in suns])
     power = light.mean(axis=1)
     merged = []
-    alike = [np.flatnonzero([sun.reach == reach for sun in suns]) for reach in dict.fromkeys(sun.reach for sun in suns)]
+    kinds = [(sun.reach, sun.light_group) for sun in suns]
+    alike = [np.flatnonzero([kind == own for kind in kinds]) for own in dict.fromkeys(kinds)]
     for rows in split_clusters(toward, power, alike, most):
         middle = _unit(power[rows] @ toward[rows])
         merged.append(Sun(middle, (toward[rows] @ middle) @ light[rows], max(suns[i].angle for i in rows),
-                          suns[rows[0]].reach))
+                          *kinds[rows[0]]))
     return merged
 
 

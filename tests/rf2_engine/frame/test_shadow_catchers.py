@@ -36,13 +36,10 @@ def test_shadows_are_those_of_cycles_and_objects_stay(product, tmp_path, film_tr
     if change:
         change(product)
     product.render.film_transparent = film_transparent
-    product.view_layers[0].cycles.use_pass_shadow_catcher = not film_transparent
     ours = press_f12(product, tmp_path)["ViewLayer.Combined"]
     assert bpy.data.objects["Floor"].is_shadow_catcher and not bpy.data.objects["Floor"].is_holdout
-    assert product.view_layers[0].cycles.use_pass_shadow_catcher != film_transparent
     remarks = last_render.last_frame[0].remarks
     assert [remark.name for remark in remarks if "shadow catcher" in remark.message] == ["Floor"]
-    product.view_layers[0].cycles.use_pass_shadow_catcher = False
     product.cycles.samples, product.cycles.diffuse_bounces = 32, 0  # direct light, as the report says
     cycles = with_cycles(product, tmp_path)["ViewLayer.Combined"]
     assert np.abs(ours - cycles)[..., 3].mean() < 0.015
@@ -55,6 +52,29 @@ def test_shadows_are_those_of_cycles_and_objects_stay(product, tmp_path, film_tr
     shadow = (ours[..., 3] if film_transparent else 1 - ours[..., :3].mean(axis=-1) / 0.25)[bare]
     assert shadow.max() > 0.5 and (shadow < 0.1).mean() > 0.3
     assert ours[18, 25, 3] == 1 and ours[18, 25, :3].min() > 0.05  # the cube
+
+
+@pytest.mark.parametrize("film_transparent", [True, False])
+def test_with_the_pass_shadows_are_in_it_and_not_in_the_picture(product, tmp_path, film_transparent):
+    product.view_layers[0].cycles.use_pass_shadow_catcher = True
+    product.render.film_transparent = film_transparent
+    ours = press_f12(product, tmp_path)
+    assert product.view_layers[0].cycles.use_pass_shadow_catcher
+    product.cycles.samples, product.cycles.diffuse_bounces = 32, 0
+    cycles = with_cycles(product, tmp_path)
+    shadow, expected = ours["ViewLayer.Shadow Catcher"], cycles["ViewLayer.Shadow Catcher"]
+    assert (expected < 0.5).mean() > 0.02
+    assert np.abs(shadow - expected).clip(0, 1).mean() < 0.03
+    product.render.film_transparent = True
+    bare = with_cycles(product, tmp_path)["ViewLayer.Combined"][..., 3] == 0
+    assert bare.mean() > 0.3
+    assert np.abs(ours["ViewLayer.Combined"] - cycles["ViewLayer.Combined"])[bare].mean() < 0.02
+
+
+def test_the_pass_is_one_where_nothing_catches(scene, tmp_path):
+    cube(scene)
+    scene.view_layers[0].cycles.use_pass_shadow_catcher = True
+    assert (press_f12(scene, tmp_path)["ViewLayer.Shadow Catcher"] == 1).all()
 
 
 def test_without_a_ray_to_a_light_they_are_shown_and_reported(product, tmp_path):

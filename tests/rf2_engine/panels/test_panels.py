@@ -48,6 +48,9 @@ def panels():
     ("RENDERFORMER_OBJECT_PT_visibility", {"hide_render", "is_shadow_catcher", "is_holdout"}),
     ("RENDERFORMER_OBJECT_PT_visibility_ray_visibility", {"visible_camera", "visible_diffuse", "visible_shadow"}),
     ("RENDERFORMER_WORLD_PT_ray_visibility", {"camera", "diffuse", "glossy"}),
+    ("RENDERFORMER_WORLD_PT_settings_surface", {"sampling_method", "max_bounces"}),
+    ("RENDERFORMER_PT_light_paths", {"max_bounces", "glossy_bounces", "transmission_bounces", "sample_clamp_direct",
+                                     "sample_clamp_indirect", "blur_glossy", "transparent_max_bounces"}),
 ])
 def test_what_acts_can_be_set(scene, panel, expected):
     assert expected <= drawn(scene, panels()[panel], object=cube(scene)).shown
@@ -70,8 +73,9 @@ def test_labels_are_in_blenders_column(scene, name):
 def test_passes_that_cannot_be_given_are_named(scene):
     light = panels()["RENDERFORMER_PT_passes_light"]
     assert not drawn(scene, light).texts
-    scene.view_layers[0].lightgroups.add(name="Key")
-    assert "Combined_Key" in " ".join(drawn(scene, light).texts)
+    scene.renderformer_v2.light = "NETWORK"
+    scene.view_layers[0].cycles.use_pass_shadow_catcher = True
+    assert "Shadow Catcher" in " ".join(drawn(scene, light).texts)
 
 
 def test_a_material_has_its_settings(scene):
@@ -84,9 +88,23 @@ def test_light_linking_and_the_shadow_terminator_have_their_place():
         assert "RENDERFORMER_V2" in getattr(bpy.types, name).COMPAT_ENGINES, name
 
 
+def test_light_groups_can_be_chosen_and_mixed(scene):
+    for name in ("RENDERFORMER_OBJECT_PT_lightgroup", "RENDERFORMER_WORLD_PT_settings_light_group",
+                 "RENDERFORMER_PT_passes_lightgroups"):
+        assert len(drawn(scene, panels()[name], object=cube(scene)).operators) >= 1, name
+
+
+def test_what_acts_on_traced_light_alone_says_so(scene):
+    scene.renderformer_v2.light = "NETWORK"
+    assert "only Transparent acts" in " ".join(drawn(scene, panels()["RENDERFORMER_PT_light_paths"]).texts)
+    context = types.SimpleNamespace(engine="RENDERFORMER_V2", world=scene.world, scene=scene)
+    assert not panels()["RENDERFORMER_WORLD_PT_settings_surface"].poll(context)
+
+
 def test_an_area_lamp_has_its_spread(scene):
     lamp = bpy.data.lights.new("Area", "AREA")
     assert {"energy", "shape", "size"} <= drawn(scene, panels()["RENDERFORMER_LIGHT_PT_light"], light=lamp).shown
+    assert {"is_portal", "use_shadow"} <= drawn(scene, panels()["RENDERFORMER_LIGHT_PT_settings"], light=lamp).shown
     assert "spread" in drawn(scene, panels()["RENDERFORMER_LIGHT_PT_beam_shape"], light=lamp).shown
     assert panels()["RENDERFORMER_LIGHT_PT_nodes"].bl_label == "Nodes"
 
