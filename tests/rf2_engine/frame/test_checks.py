@@ -37,11 +37,14 @@ def dice(scene):
         scene.cycles.feature_set, scene.objects["Cube"].cycles.use_adaptive_subdivision = "EXPERIMENTAL", True
 
 
+def catch_without_traced_light(scene):
+    scene.renderformer_v2.light, scene.view_layers[0].cycles.use_pass_shadow_catcher = "NETWORK", True
+
+
 @pytest.mark.parametrize("change, name, words", [
     (lambda scene: setattr(scene.cycles, "use_fast_gi", True), "Scene", "Fast GI"),
     (simplify, "Scene", "culling"),
-    (lambda scene: scene.view_layers[0].lightgroups.add(name="Key"), "ViewLayer", "Combined_Key"),
-    (lambda scene: setattr(scene.view_layers[0].cycles, "use_pass_shadow_catcher", True), "ViewLayer", "Catcher"),
+    (catch_without_traced_light, "ViewLayer", "Shadow Catcher"),
     (dice, "Cube", "Adaptive Subdivision"),
 ])
 def test_a_setting_without_effect_is_said(scene, lines, change, name, words):
