@@ -2,7 +2,8 @@
 """python -m tools.train.vae SAMPLES_DIR --bundle BUNDLE_DIR --work WORK_DIR: a small VAE for tiles and panoramas.
 
 Of the published bundle's class, for a bundle of one's own whose mappers are there already. It learns to draw again the
-tiles and panoramas of samples, and images of one colour. Continues from WORK_DIR when run again.
+tiles and panoramas of samples, and images of one colour; and a linear layer must tell the colours from the latents,
+without which these soon know no more than dark and bright. Continues from WORK_DIR when run again.
 """
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from renderformer_v2.model.environment import environment_images
 from renderformer_v2.model.network.inputs import material_tiles
@@ -30,7 +31,7 @@ from .run import report_errors
 
 SIZE = {"base_dim": 8, "dim_mult": [1, 2, 2, 2], "num_res_blocks": 1}
 LATENT_WEIGHT = 1e-3  # of the latents' square: they stay about as large as 1
-BATCH, RATE = 8, 3e-3
+BATCH, RATE = 8, 2e-3
 MOST_SAMPLES = 64
 TILES, CROPS = 16, 8  # of each of them, and of each panorama
 
@@ -66,14 +67,17 @@ def train(options: argparse.Namespace) -> None:
     torch.manual_seed(0)
     options.work.mkdir(parents=True, exist_ok=True)
     vae = vae_class()(**SIZE)
+    both = nn.ModuleDict({"vae": vae, "colors": nn.Conv2d(vae.config.z_dim, 3, 1)})
 
     def loss_of_batch(indices: Tensor) -> Tensor:
         flat = torch.rand(len(indices), 3, 1, 1) * 2 - 1
         batch = torch.cat([images[indices], flat.expand(-1, -1, TILE_SIZE, TILE_SIZE)])[:, :, None]
         latents = vae.encode(batch).latent_dist.mean
-        return (vae.decode(latents).sample - batch).abs().mean() + LATENT_WEIGHT * latents.square().mean()
+        colors = nn.functional.interpolate(batch[:, :, 0], latents.shape[-2:], mode="area")
+        return ((vae.decode(latents).sample - batch).abs().mean() + LATENT_WEIGHT * latents.square().mean()
+                + (both["colors"](latents[:, :, 0]) - colors).abs().mean())
 
-    fit(vae, loss_of_batch, len(images), options.work / "vae.safetensors", steps=options.steps, batch=BATCH // 2,
+    fit(both, loss_of_batch, len(images), options.work / "vae.safetensors", steps=options.steps, batch=BATCH // 2,
         rate=RATE)
     if ranks.is_first():
         vae.half().save_pretrained(options.bundle / "vae")

@@ -47,7 +47,7 @@ def main() -> int:
 def make_samples(options: argparse.Namespace) -> None:
     common = ["--views", 4, "--hints", 1, "--profile", "example", "--processes", 1, "--threads", options.threads]
     run("tools.datagen", options.work / "heldout", "--scenes", options.held_out, "--first-seed", HELD_OUT, "--samples",
-        256, *common)
+        64, *common)
     run("tools.datagen", options.work / "train", "--scenes", options.scenes, "--first-seed", 1, "--samples", 16, *common)
 
 

@@ -24,13 +24,13 @@ MATERIAL = BUNDLED_WEIGHTS / "material"  # the autoencoder, and the mapper that 
 
 
 def tiny_config() -> ModelConfig:
-    """The paper's architecture with 3.7 million parameters."""
-    width, feedforward, heads = 128, 384, 4
+    """The paper's architecture with 3 million parameters."""
+    width, feedforward, heads = 128, 448, 4
     return replace(
         rf2_200m(), latent_dim=width, num_layers=4, num_heads=heads, dim_feedforward=feedforward, num_register_tokens=8,
         vertex_pe_num_freqs=6, intra_rope_pe_num_freqs=10, vn_pe_num_freqs=2, envmap_ray_dir_map_patch_size=4,
         local_attention_window_size_half=1024, view_transformer_latent_dim=width,
-        view_transformer_ffn_hidden_dim=feedforward, view_transformer_n_heads=heads, vdir_num_freqs=4, dpt_features=32,
+        view_transformer_ffn_hidden_dim=feedforward, view_transformer_n_heads=heads, view_transformer_n_layers=4, vdir_num_freqs=4, dpt_features=32,
         dpt_out_channels=(32, 48, 64, 96))
 
 
