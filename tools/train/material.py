@@ -19,7 +19,6 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import torch
 from safetensors.torch import save_file
 from torch import Tensor, nn
@@ -35,8 +34,8 @@ from .state import TrainingState
 
 AUTOENCODER = {"image_size": 64, "widths": (32, 64, 128), "residual_blocks": 1, "groups": 8}
 FIRST = "metallic_transmission_mapper"
-SIZES = {"diffspec_mapper": {"hidden_dim": 128, "num_layers": 3}, "metallic_mapper": {"hidden_dim": 128, "num_layers": 3},
-         FIRST: {"hidden_dim": 256, "num_layers": 5}}
+SMALL = {"hidden_dim": 128, "num_layers": 3}
+SIZES = {"diffspec_mapper": SMALL, "metallic_mapper": SMALL, FIRST: {"hidden_dim": 256, "num_layers": 5}}
 SMOOTHNESS_WEIGHT, SMOOTHNESS_SIGMA = 2.0, 2 / 255
 LINEAR_WEIGHT = 0.05
 
@@ -124,8 +123,8 @@ def train_encoder(mapper: nn.Module, model: MaterialAutoencoder, parameters: Ten
     fit(model, loss_of_batch, len(images), work / "autoencoder.safetensors", steps=steps, batch=32, rate=1e-3)
 
 
-def train_other(name: str, mapper: Mapper, model: MaterialAutoencoder, parameters: Tensor, images: Tensor, work: Path,
-                steps: int) -> None:
+def train_other(name: str, mapper: Mapper, model: MaterialAutoencoder, parameters: Tensor, images: Tensor,
+                work: Path, steps: int) -> None:
     """A mapper alone: what it finds, the decoder shows as the spheres, and is near to what the encoder finds in them."""
     model.requires_grad_(False)
     latents = encode(model, images)

@@ -46,9 +46,10 @@ def main() -> int:
 
 def make_samples(options: argparse.Namespace) -> None:
     common = ["--views", 4, "--hints", 1, "--profile", "example", "--processes", 1, "--threads", options.threads]
-    run("tools.datagen", options.work / "heldout", "--scenes", options.held_out, "--first-seed", HELD_OUT, "--samples",
-        64, *common)
-    run("tools.datagen", options.work / "train", "--scenes", options.scenes, "--first-seed", 1, "--samples", 16, *common)
+    for folder, scenes, first, samples in (("heldout", options.held_out, HELD_OUT, 64),
+                                           ("train", options.scenes, 1, 16)):
+        run("tools.datagen", options.work / folder, "--scenes", scenes, "--first-seed", first, "--samples", samples,
+            *common)
 
 
 def choose_start(options: argparse.Namespace) -> Path:
@@ -91,7 +92,7 @@ def run(*command: object) -> None:
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.verify_path", description=__doc__)
     parser.add_argument("--work", type=Path, default=ROOT / "data" / "path", help="folder of samples and training")
-    parser.add_argument("--scenes", type=whole_number(1), default=500, help="to train on, four views each (default 500)")
+    parser.add_argument("--scenes", type=whole_number(1), default=500, help="to train on, four views each")
     parser.add_argument("--held-out", type=whole_number(1), default=8, help="scenes to measure with (default 8)")
     parser.add_argument("--minutes", type=float, default=240.0, help="of training (default 240)")
     parser.add_argument("--threads", type=whole_number(0), default=0, help="processor threads (default: all)")

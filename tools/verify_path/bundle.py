@@ -8,7 +8,6 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-import torch
 from safetensors.torch import load_file
 
 from renderformer_v2.model.network.config import ModelConfig
@@ -25,12 +24,11 @@ MATERIAL = BUNDLED_WEIGHTS / "material"  # the autoencoder, and the mapper that 
 
 def tiny_config() -> ModelConfig:
     """The paper's architecture with 3 million parameters."""
-    width, feedforward, heads = 128, 448, 4
     return replace(
-        rf2_200m(), latent_dim=width, num_layers=4, num_heads=heads, dim_feedforward=feedforward, num_register_tokens=8,
+        rf2_200m(), latent_dim=128, num_layers=4, num_heads=4, dim_feedforward=448, num_register_tokens=8,
         vertex_pe_num_freqs=6, intra_rope_pe_num_freqs=10, vn_pe_num_freqs=2, envmap_ray_dir_map_patch_size=4,
-        local_attention_window_size_half=1024, view_transformer_latent_dim=width,
-        view_transformer_ffn_hidden_dim=feedforward, view_transformer_n_heads=heads, view_transformer_n_layers=4, vdir_num_freqs=4, dpt_features=32,
+        local_attention_window_size_half=1024, view_transformer_latent_dim=128, view_transformer_ffn_hidden_dim=448,
+        view_transformer_n_heads=4, view_transformer_n_layers=4, vdir_num_freqs=4, dpt_features=32,
         dpt_out_channels=(32, 48, 64, 96))
 
 
@@ -47,5 +45,5 @@ def pack(trained: Path, bundle: Path) -> None:
         shutil.copytree(trained / name, bundle / name, dirs_exist_ok=True)
     config = load_transformer(trained / SMALL).config
     state = load_file(trained / SMALL / WEIGHTS)
-    write_published(bundle / SMALL, config, {name: tensor if name.endswith("rope_emb.freqs") else tensor.to(torch.float16)
-                                             for name, tensor in state.items()})
+    exact = {name: tensor for name, tensor in state.items() if name.endswith("rope_emb.freqs")}
+    write_published(bundle / SMALL, config, {name: tensor.half() for name, tensor in state.items()} | exact)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The example profile: examples/room.py seen from elsewhere, under other lamps, with its own things or boxes and spheres.
+"""The example profile: examples/room.py from elsewhere, under other lamps, with its own things or boxes and spheres.
 
 One narrow family of scenes, from which a network that is small enough for a repository learns in an hour to render
 (tools/verify_path).
 """
 from __future__ import annotations
 
-from math import radians
+from math import pi
 
 import bpy
 import numpy as np
@@ -51,8 +51,8 @@ def add_things(rng: np.random.Generator) -> None:
         half, place = rng.uniform(0.3, 0.55), free[i] + rng.uniform(-0.15, 0.15, 2)
         if rng.uniform() < 0.5:
             height = half * rng.uniform(0.8, 2.5)
-            bpy.ops.mesh.primitive_cube_add(size=1, location=(*place, height / 2), scale=(half * 1.3, half * 1.3, height),
-                                            rotation=(0, 0, rng.uniform(0, radians(90))))
+            bpy.ops.mesh.primitive_cube_add(size=1, location=(*place, height / 2), scale=(*2 * [half * 1.3], height),
+                                            rotation=(0, 0, rng.uniform(0, pi / 2)))
             add = room.put
         else:
             bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8, radius=half, location=(*place, half))

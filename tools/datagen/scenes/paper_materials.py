@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The five classes of materials of the paper profile (paper, "Training Data"; docs/scene-input.md 3.2).
 
-(a) diffuse and specular, which together reflect 0.9 to 1; (b) metallic and rough; (c, d) both with maps; (e) transparent,
-for closed meshes alone. Their roughness is log-uniform, their colours uniform.
+(a) diffuse and specular, which together reflect 0.9 to 1; (b) metallic and rough; (c, d) both with maps; (e)
+transparent, for closed meshes alone. Their roughness is log-uniform, their colours uniform.
 """
 from __future__ import annotations
 
