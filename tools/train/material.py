@@ -125,7 +125,7 @@ def train_encoder(mapper: nn.Module, model: MaterialAutoencoder, parameters: Ten
 
 def train_other(name: str, mapper: Mapper, model: MaterialAutoencoder, parameters: Tensor, images: Tensor,
                 work: Path, steps: int) -> None:
-    """A mapper alone: what it finds, the decoder shows as the spheres, and is near to what the encoder finds in them."""
+    """A mapper alone: the decoder shows what it finds as the spheres, and the encoder finds about the same in them."""
     model.requires_grad_(False)
     latents = encode(model, images)
 
