@@ -56,8 +56,11 @@ def look(name, place, target, lens=50, clip_end=1000):
 
 def build():
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
+    furnish(bpy.context.scene)
 
+
+def furnish(scene):
+    """Put everything into an empty scene."""
     plaster = material("Plaster", (0.78, 0.75, 0.70), 0.9)
     wall("Floor", material("Floor", (0.55, 0.50, 0.44), 0.35), (0, 0, 0), (0, 0, 0))
     wall("Ceiling", plaster, (0, 0, 4), (radians(180), 0, 0))

@@ -25,6 +25,7 @@ from tools.train import published
 from tools.train.config import TrainConfig
 from tools.train.errors import TrainingError
 from tools.train.losses import structure_loss
+from tools.train.new_bundle import new_transformer
 from tools.train.published_samples import build_sample, picture_size
 from tools.train.state import TrainingState
 
@@ -133,7 +134,7 @@ def test_no_channel_of_a_new_network_starts_dead():
     rays = view_inputs(square_view(ring.camera_to_world(), ring.FIELD_OF_VIEW, 64))
     for seed in range(10):
         torch.manual_seed(seed)
-        inputs, network = random_inputs(ring.LEAST, config), published.new_transformer(config)
+        inputs, network = random_inputs(ring.LEAST, config), new_transformer(config)
         with torch.no_grad():
             assert (network(inputs, rays).amax((0, 2, 3)) > 0).all(), seed
 

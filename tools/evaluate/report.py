@@ -27,6 +27,7 @@ BESIDE = {  # keys of a scene's "beside", in the order of the page
     "transformer_alone": "transformer alone",
     "traced_alone": "traced light alone",
     "cycles_equal": "Cycles, equal time",
+    "grey": "a grey picture",
 }
 CYCLES = "cycles_"  # and a number of samples: keys beside these
 COLUMNS = {  # of the table: keys of a scene

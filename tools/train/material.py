@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Trains the 9-D appearance latent: the mapper from BSDF parameters to it, and the autoencoder of sphere pictures.
+"""Trains the 9-D appearance latent: the mappers from BSDF parameters to it, and the autoencoder of sphere pictures.
 
     python -m tools.train.material SPHERES_DIR --work WORK_DIR -o model/weights/material
 
 SPHERES_DIR comes from `python -m tools.datagen.spheres`. Loss as in docs/scene-input.md 3.6: L1 in log10(1 + radiance)
 space plus a smoothness term. The published autoencoder came first and its mappers after it (how is unknown). With
 thousands of spheres in place of 220,000 that order gives grey pictures, because colour is the last thing an encoder
-learns. Here mapper and decoder come first, and the encoder learns to find the same latents in the pictures. Continues
-from WORK_DIR when run again.
+learns. Here the mapper for glass, whose materials are the most diverse, and the decoder come first; the encoder learns
+to find the same latents in the pictures, and the other mappers to find latents that the decoder shows as their spheres.
+Continues from WORK_DIR when run again.
 """
 from __future__ import annotations
 
@@ -18,24 +19,25 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import torch
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from renderformer_v2.model.material.autoencoder import MaterialAutoencoder
-from renderformer_v2.model.material.mappers import MetallicTransmissionMapper
+from renderformer_v2.model.material.mappers import MAPPERS, Mapper
+from renderformer_v2.model.weights.checkpoint import load_component
 
 from . import ranks
-from .errors import TrainingError
 from .run import report_errors, resume
+from .spheres import HELD_OUT, load_spheres
 from .state import TrainingState
 
 AUTOENCODER = {"image_size": 64, "widths": (32, 64, 128), "residual_blocks": 1, "groups": 8}
-MAPPER = {"hidden_dim": 256, "num_layers": 5}
+FIRST = "metallic_transmission_mapper"
+SMALL = {"hidden_dim": 128, "num_layers": 3}
+SIZES = {"diffspec_mapper": SMALL, "metallic_mapper": SMALL, FIRST: {"hidden_dim": 256, "num_layers": 5}}
 SMOOTHNESS_WEIGHT, SMOOTHNESS_SIGMA = 2.0, 2 / 255
 LINEAR_WEIGHT = 0.05
-HELD_OUT = 200
 
 
 class MapperAndDecoder(nn.Module):
@@ -47,35 +49,14 @@ class MapperAndDecoder(nn.Module):
     def __init__(self, mapper: nn.Module, model: MaterialAutoencoder):
         super().__init__()
         self.mapper, self.model, self.head = mapper, model, nn.Linear(9, 48)
-        for layer in mapper.layers:  # PyTorch's default lets five layers shrink the input to nothing
-            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
-            nn.init.zeros_(layer.bias)
 
 
-def load_spheres(folder: Path) -> tuple[Tensor, Tensor]:
-    """Parameters (n, 7) and pictures (n, 3, 64, 64) in log10(1 + radiance) space, clamped to the decoder's [0, 1].
-
-    Raises TrainingError when the folder has no more spheres than are held out, or one of its files cannot be read.
-    """
-    remedy = f"make more with python -m tools.datagen.spheres {folder}"
-    if not folder.is_dir():
-        raise TrainingError(f"there is no folder {folder}: check SPHERES_DIR, or {remedy}")
-    shards = [_load_shard(path) for path in sorted(folder.glob("spheres_*.npz"))]
-    count = sum(len(images) for _, images in shards)
-    if count <= HELD_OUT:
-        raise TrainingError(f"{folder} holds {count} spheres (spheres_*.npz) and {HELD_OUT} are held out: {remedy}")
-    parameters, images = (np.concatenate(arrays) for arrays in zip(*shards, strict=True))
-    images = images.astype(np.float32)
-    return torch.from_numpy(parameters), torch.from_numpy(np.log10(1 + images)).clamp(0, 1).permute(0, 3, 1, 2)
-
-
-def _load_shard(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    try:
-        with np.load(path) as shard:
-            return shard["parameters"], shard["images"]
-    except Exception as error:  # a damaged archive raises whatever the damage leads to
-        raise TrainingError(f"{path} cannot be read ({error}): delete it, and tools.datagen.spheres makes it "
-                            "again") from error
+def new_mapper(name: str) -> Mapper:
+    mapper = MAPPERS[name](**SIZES[name])
+    for layer in mapper.layers:  # PyTorch's default lets five layers shrink the input to nothing
+        nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+        nn.init.zeros_(layer.bias)
+    return mapper
 
 
 def fit(model: nn.Module, loss_of_batch, count: int, path: Path, *, steps: int, batch: int, rate: float) -> None:
@@ -142,6 +123,20 @@ def train_encoder(mapper: nn.Module, model: MaterialAutoencoder, parameters: Ten
     fit(model, loss_of_batch, len(images), work / "autoencoder.safetensors", steps=steps, batch=32, rate=1e-3)
 
 
+def train_other(name: str, mapper: Mapper, model: MaterialAutoencoder, parameters: Tensor, images: Tensor,
+                work: Path, steps: int) -> None:
+    """A mapper alone: the decoder shows what it finds as the spheres, and the encoder finds about the same in them."""
+    model.requires_grad_(False)
+    latents = encode(model, images)
+
+    def loss_of_batch(indices: Tensor) -> Tensor:
+        latent = mapper(parameters[indices])
+        return ((model.decode(latent) - images[indices]).abs().mean()
+                + 0.1 * (latent - latents[indices]).abs().mean())
+
+    fit(mapper, loss_of_batch, len(images), work / f"{name}.safetensors", steps=steps, batch=32, rate=3e-3)
+
+
 @torch.no_grad()
 def encode(model: MaterialAutoencoder, images: Tensor) -> Tensor:
     return torch.cat([model.encode(part) for part in images.split(64)])
@@ -170,17 +165,32 @@ def save(module: nn.Module, folder: Path, config: dict) -> None:
 
 def train(args: argparse.Namespace) -> None:
     """Raises TrainingError when there is too little to train with, or when training has gone wrong."""
-    parameters, images = load_spheres(args.spheres)
+    wanted = [name for name in MAPPERS if name != FIRST]
+    spheres = {name: load_spheres(args.spheres / name) for name in ([] if args.autoencoder else [FIRST]) + wanted}
     args.work.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(0)
-    model, mapper = MaterialAutoencoder(**AUTOENCODER), MetallicTransmissionMapper(**MAPPER)
-    train_mapper(mapper, model, parameters[HELD_OUT:], images[HELD_OUT:], args.work, args.mapper_steps)
-    train_encoder(mapper, model, parameters[HELD_OUT:], images[HELD_OUT:], args.work, args.encoder_steps)
-    if not ranks.is_first():
-        return
-    print(json.dumps(held_out_errors(mapper, model, parameters[:HELD_OUT], images[:HELD_OUT])))
-    save(mapper, args.out / "metallic_transmission_mapper", MAPPER)
-    save(model, args.out / "material_autoencoder", AUTOENCODER)
+    if args.autoencoder:
+        model = load_component(MaterialAutoencoder, args.autoencoder / "material_autoencoder")
+    else:
+        model, mapper = MaterialAutoencoder(**AUTOENCODER), new_mapper(FIRST)
+        seen = [tensor[HELD_OUT:] for tensor in spheres[FIRST]]
+        train_mapper(mapper, model, *seen, args.work, args.mapper_steps)
+        train_encoder(mapper, model, *seen, args.work, args.encoder_steps)
+        if ranks.is_first():
+            save(model, args.out / "material_autoencoder", AUTOENCODER)
+        finish(FIRST, mapper, model, spheres, args.out)
+    for name in wanted:
+        mapper = new_mapper(name)
+        train_other(name, mapper, model, *(tensor[HELD_OUT:] for tensor in spheres[name]), args.work, args.other_steps)
+        finish(name, mapper, model, spheres, args.out)
+
+
+def finish(name: str, mapper: Mapper, model: MaterialAutoencoder, spheres: dict[str, tuple[Tensor, Tensor]],
+           out: Path) -> None:
+    """Save a mapper and print how well it does on spheres that training has not seen."""
+    if ranks.is_first():
+        print(name, json.dumps(held_out_errors(mapper, model, *(tensor[:HELD_OUT] for tensor in spheres[name]))))
+        save(mapper, out / name, SIZES[name])
 
 
 def main() -> int:
@@ -188,8 +198,11 @@ def main() -> int:
     parser.add_argument("spheres", type=Path)
     parser.add_argument("--work", type=Path, required=True, help="folder for the state of a run")
     parser.add_argument("-o", "--out", type=Path, default=Path("model/weights/material"))
-    parser.add_argument("--mapper-steps", type=int, default=2000, help="of mapper and decoder")
+    parser.add_argument("--mapper-steps", type=int, default=2000, help=f"of {FIRST} and decoder")
     parser.add_argument("--encoder-steps", type=int, default=500)
+    parser.add_argument("--other-steps", type=int, default=600, help="of each of the other mappers")
+    parser.add_argument("--autoencoder", type=Path, metavar="DIR",
+                        help=f"train only the other mappers, for the material_autoencoder in DIR and its {FIRST}")
     args = parser.parse_args()
     args.device = "cpu"
     with ranks.join(args):

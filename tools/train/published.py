@@ -16,7 +16,6 @@ from pathlib import Path
 
 import torch
 from safetensors.torch import save_file
-from torch import nn
 
 from renderformer_v2.model.errors import CheckpointError
 from renderformer_v2.model.guided.network import new_network
@@ -32,13 +31,11 @@ from .config import Stage, TrainConfig, iterate_stages
 from .errors import TrainingError
 from .loader import shared_stream
 from .losses import log_radiance, paper_loss, perceptual_term
+from .new_bundle import WEIGHTS, new_transformer
 from .published_draw import Drawn
 from .published_samples import Encoded, PublishedSample, picture_size
 from .run import add_arguments, run, run_command
 from .state import TrainingState
-
-WEIGHTS = "model.safetensors"
-FIRST_BIAS = 0.1  # of the log image: a channel that starts below zero has a thousandth of the gradients
 
 
 def sample_loss(network: RenderFormer, sample: PublishedSample, perceptual) -> dict[str, torch.Tensor]:
@@ -103,13 +100,6 @@ def changed(network: RenderFormer, settings: dict, from_scratch: bool) -> Render
     except RuntimeError as error:
         raise TrainingError(f"the weights do not fit a network of {settings}: leave it out, or add --from-scratch"
                             ) from error
-
-
-def new_transformer(config: ModelConfig) -> RenderFormer:
-    """A network with new weights, whose first pictures are not black."""
-    network = new_network(config)
-    nn.init.constant_(network.view_transformer.out_dpt.scratch.output_conv2[-1].bias, FIRST_BIAS)
-    return network
 
 
 def write_config(folder: Path, config: ModelConfig) -> None:

@@ -1,24 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A published bundle in miniature, with a VAE of the real class beside its transformers."""
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import torch
-import yaml
 from safetensors.torch import save_file
 
 from renderformer_v2.model.material.mappers import MAPPERS
 from renderformer_v2.model.network.config import ModelConfig
-from renderformer_v2.model.published.model_config import FIXED, OWN
 from renderformer_v2.model.weights.presets import rf2_200m
 from tools.parity.cases import recipe_network, with_recipe_weights
-
-
-def published_mapping(config: ModelConfig) -> dict:
-    """`model_config` as a published config.yaml has it."""
-    own = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(config).items() if k not in OWN}
-    return own | {name: position for name, (position, _) in FIXED.items()} | {"use_flex_attention": True}
+from tools.train.new_bundle import write_published
 
 
 def tiny_published_config() -> ModelConfig:
@@ -40,10 +33,8 @@ def write_bundle(folder: Path, config: ModelConfig, transformers: tuple[str, ...
     config = replace(config, texture_channels=80, envmap_latent_channels=16)
     state = recipe_network(config).state_dict()
     for i, name in enumerate(transformers):
-        (folder / name).mkdir(parents=True)
-        (folder / name / "config.yaml").write_text(yaml.safe_dump({"model_config": published_mapping(config)}))
-        save_file({k: v.contiguous() * (1 if "freqs" in k else 0.9 ** i) for k, v in state.items()},
-                  folder / name / "model.safetensors")
+        write_published(folder / name, config,
+                          {k: v * (1 if "freqs" in k else 0.9 ** i) for k, v in state.items()})
     for name, mapper in MAPPERS.items():
         size = {"hidden_dim": 16, "num_layers": 3, "latent_dim": 9}
         (folder / name).mkdir()

@@ -13,8 +13,8 @@ from renderformer_v2.model.material.mappers import MAPPERS
 from renderformer_v2.model.published.bundle import Bundle
 from renderformer_v2.model.renderer import Renderer
 from renderformer_v2.model.weights.checkpoint import save_network
-from tests.model.published.bundles import published_mapping
 from tools.parity.cases import with_recipe_weights
+from tools.train.new_bundle import published_mapping
 
 
 @pytest.fixture

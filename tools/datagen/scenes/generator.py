@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import interiors, own_data, paper, wide
+from . import example_room, interiors, own_data, paper, wide
 from .cameras import Setup, build_cameras
 from .lights import build_lights
 from .materials import build_material
@@ -19,6 +19,7 @@ WORLDS = {"simple": (0.25, 0.35, 0.4), "full": (0.55, 0.15, 0.3)}  # hdri, const
 VOLUMES = {"simple": (1.0, 0.0, 0.0), "full": (0.7, 0.18, 0.12)}   # 0, 1, 2
 ATTEMPTS = 20
 PROFILES = {"wide": wide.build, "indirect": interiors.build}
+FOR_PUBLISHED = {"paper": paper.build, "example": example_room.build}  # with as many triangles as they are told
 
 
 def build_scene(seed: tuple[int, ...], profile: str, views: int, triangles: int | None = None) -> Setup:
@@ -30,8 +31,8 @@ def build_scene(seed: tuple[int, ...], profile: str, views: int, triangles: int 
     for attempt in range(ATTEMPTS):
         clear_file()
         rng = np.random.default_rng([*seed, attempt])
-        if profile == "paper":
-            setup = paper.build(rng, views, triangles or paper.TRIANGLES)
+        if profile in FOR_PUBLISHED:
+            setup = FOR_PUBLISHED[profile](rng, views, **({"triangles": triangles} if triangles else {}))
         elif profile in PROFILES:
             setup = PROFILES[profile](rng, views)
         else:

@@ -21,8 +21,6 @@ CLASSES = ("dielectric", "metallic", "textured_dielectric", "textured_metallic",
 CHANCES = {  # profile and use -> chance of each class
     ("full", "object"): (2 / 9, 2 / 9, 3 / 18, 3 / 18, 2 / 9),
     ("full", "room"): (0.45, 0.1, 0.3, 0.15, 0.0),  # rooms are never glass (docs/scene-input.md 3.3)
-    ("paper", "object"): (2 / 9, 2 / 9, 1 / 9, 1 / 9, 3 / 9),
-    ("paper", "room"): (1 / 3, 1 / 3, 1 / 6, 1 / 6, 0.0),
     ("simple", "object"): (0.6, 0.4, 0.0, 0.0, 0.0),
     ("simple", "room"): (0.85, 0.15, 0.0, 0.0, 0.0),
 }
