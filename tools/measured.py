@@ -3,7 +3,7 @@
 
 Draws the sphere of the BRDF as tools.datagen.spheres renders those of Principled BSDFs, and encodes it with the
 material autoencoder that the mappers of the weights belong to. LATENT.npy holds nine numbers for Material Properties >
-Appearance Latent; LATENT.png is the sphere beside what the autoencoder makes of it.
+Appearance Latent > Load Latent; LATENT.png is the sphere beside what the autoencoder makes of it.
 """
 from __future__ import annotations
 

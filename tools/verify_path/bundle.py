@@ -40,9 +40,13 @@ def begin(bundle: Path) -> None:
 
 
 def pack(trained: Path, bundle: Path) -> None:
-    """Copy a bundle whose weights become half precision, but for the frequencies of positions."""
+    """Copy a bundle whose weights become half precision, but for the frequencies of positions.
+
+    What is there is replaced: training links the files of the bundle that it began with, and may have begun with this.
+    """
+    shutil.rmtree(bundle, ignore_errors=True)
     for name in (*MAPPERS, "vae"):
-        shutil.copytree(trained / name, bundle / name, dirs_exist_ok=True)
+        shutil.copytree(trained / name, bundle / name)
     config = load_transformer(trained / SMALL).config
     state = load_file(trained / SMALL / WEIGHTS)
     exact = {name: tensor for name, tensor in state.items() if name.endswith("rope_emb.freqs")}
