@@ -50,7 +50,7 @@ class KindTrees:
     """Rays against the triangles of each kind in a scene, made when first needed."""
 
     def __init__(self, scene: RenderScene, cache: TreeCache | None = None):
-        self._scene, self._cache = scene, cache or TreeCache()
+        self._scene, self._cache = scene, cache
         # Subtracted from all points: the precision of rays depends on it.
         self.center = np.zeros(3, np.float32) if scene.box is None else scene.box.mean(axis=0)
         self._trees: dict[tuple[Kind, int], list[Tree]] = {}
@@ -75,7 +75,9 @@ class KindTrees:
         these for no hit."""
         if (kind, hiding) not in self._trees:
             rows = np.flatnonzero(is_kind(self.kinds, kind) & (self.hidden == hiding))
-            trees = self._cache.of((kind, hiding), self._scene.surfaces.triangles[rows] - self.center)
+            triangles = self._scene.surfaces.triangles[rows] - self.center
+            trees = ([(np.arange(len(rows)), Rays(triangles))] if self._cache is None
+                     else self._cache.of((kind, hiding), triangles))
             self._trees[kind, hiding] = [(np.append(rows[own], -1).astype(np.int32), rays)
                                          for own, rays in trees if len(own)]
         return self._trees[kind, hiding]
