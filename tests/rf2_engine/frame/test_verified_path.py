@@ -65,7 +65,7 @@ def render(scene, tmp_path) -> np.ndarray:
 
 def test_f12_shows_an_unseen_room(unseen, tmp_path):
     reference = unseen.renderformer_v2.reference
-    reference.use, reference.samples, reference.use_denoising = True, 128, True
+    reference.use, reference.samples, reference.use_denoising = True, 64, True
     found = press_f12(unseen, tmp_path)
     ours, cycles = (found[f"ViewLayer.{name}"][..., :3] for name in ("Combined", "Cycles Reference"))
     score, of_grey = (psnr(linear_to_srgb(x), linear_to_srgb(cycles)) for x in (ours, grey(cycles)))
