@@ -116,18 +116,18 @@ class Radiosity:
     def _light_by_bounces(self, direct: DirectLight, x: Tensor, n: Tensor, f0: Tensor, roughness: Tensor, group: Tensor,
                           sky_rays: int) -> dict[int, tuple[Tensor, Tensor]]:
         """DirectLight.diffuse_and_layer at points (P, 3) of groups (P,), by the most bounces that light has."""
-        lights = {}
-        for most in sorted(direct.bounces):
-            if not most:
-                continue  # it is seen where it falls, and bounces nowhere
-            white, slanting = torch.zeros_like(x), torch.zeros_like(x)
-            for some in group.unique().tolist():
-                light = direct.reaching(some, lambda bounces, most=most: bounces == most)
-                rows = slice(None) if (group == some).all() else (group == some).nonzero()[:, 0].to(x.device)
+        bounces = sorted(direct.bounces - {0})  # what bounces nowhere is seen where it falls
+        lights = {most: (torch.zeros_like(x), torch.zeros_like(x)) for most in bounces}
+        kinds = [(most, some) for most in bounces for some in group.unique().tolist()]
+        for i, (most, some) in enumerate(kinds):
+            light = direct.reaching(some, lambda bounces, most=most: bounces == most)
+            rows = slice(None) if (group == some).all() else (group == some).nonzero()[:, 0].to(x.device)
+            with part(i / len(kinds), (i + 0.5) / len(kinds)):
                 visibility = light.visibility(x[rows], n[rows], hashed_starts(x[rows], 2), sky_rays)
+            white, slanting = lights[most]
+            with part((i + 0.5) / len(kinds), (i + 1) / len(kinds)):
                 white[rows], slanting[rows] = light.diffuse_and_layer(
                     x[rows] + LIFT * n[rows], n[rows], visibility, f0[rows], roughness[rows])
-            lights[most] = white, slanting
         return lights
 
     def _trace_caustics(self, scene: RenderScene, direct: DirectLight, area: Tensor,
