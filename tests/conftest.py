@@ -10,6 +10,7 @@ import tempfile
 
 import tools  # noqa: F401  makes the package `renderformer_v2` importable
 
+sys.modules.setdefault("triton", None)  # its LLVM crashes beside that of a graphics driver, which compositing loads
 WORKER_MEMORY = 3 << 30  # bytes for one worker and the programs that its tests start
 
 _user = tempfile.TemporaryDirectory(prefix="renderformer-v2-tests-")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
+import sys
 from pathlib import Path
 
 import torch
@@ -103,8 +104,19 @@ class ImageEncoder:
 
 
 def vae_class() -> type[nn.Module]:
-    """diffusers' AutoencoderKLQwenImage; the import takes 3 s."""
-    from diffusers import AutoencoderKLQwenImage
+    """diffusers' AutoencoderKLQwenImage; the import takes 3 s.
+
+    It would load Triton, whose LLVM crashes in a Blender where a graphics driver has loaded another, and which is of no
+    use here.
+    """
+    hides = "bpy" in sys.modules and "triton" not in sys.modules
+    if hides:
+        sys.modules["triton"] = None
+    try:
+        from diffusers import AutoencoderKLQwenImage
+    finally:
+        if hides:
+            del sys.modules["triton"]
     return AutoencoderKLQwenImage
 
 
