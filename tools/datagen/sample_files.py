@@ -145,7 +145,7 @@ def load_sample(path: Path, tile_size: int = TILE_SIZE) -> tuple[RenderScene, li
     views = [View(view["camera_to_world"][i], view["focal"][i], view["principal"][i], int(view["width"][i]),
                   int(view["height"][i])) for i in range(count)]
     guides = [Guides(**{k: _unpack_guide(k, v[i]) for k, v in guide.items()}) for i in range(count)]
-    hints = float(arrays.get("hint_samples", HINT_SAMPLES))
+    hints = arrays["hint_samples"].item() if "hint_samples" in arrays else HINT_SAMPLES
     guides = [replace(g, samples=np.full_like(g.alpha, hints)) for g in guides]
     passes = [{k: v[i].astype(np.float32) for k, v in passes.items()} for i in range(count)]
     for g, p in zip(guides, passes, strict=True):
