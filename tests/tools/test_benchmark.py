@@ -76,6 +76,7 @@ def test_a_point_is_measured_once_and_both_outputs_are_written(tmp_path):
     assert len((tmp_path / "benchmark.csv").read_text().splitlines()) == 2
 
 
+@pytest.mark.slow
 def test_conversion_is_measured_for_every_budget(tmp_path):
     import bpy
     bpy.ops.wm.read_factory_settings()
@@ -117,6 +118,7 @@ def test_costs_of_frames_follow_from_start_first_and_later_ones():
     assert row.job_hours(10000, 100, 100) == pytest.approx(608 / 3600)
 
 
+@pytest.mark.slow
 def test_processes_side_by_side_are_measured(tmp_path):
     done = subprocess.run([sys.executable, "-m", "tools.benchmark.farm", "--processes", "1,2", "--frames", "2",
                            "--triangles", "512", "--resolution", "32"], cwd=ROOT, capture_output=True, text=True,

@@ -64,6 +64,7 @@ def test_a_sample_whose_reference_is_our_own_picture_is_perfect_and_a_darker_one
     assert same["psnr"] > 35 and darker["psnr"] < same["psnr"] - 5 and darker["flip"] > same["flip"]
 
 
+@pytest.mark.slow
 def test_blend_files_are_rendered_by_both_engines(tmp_path, cube):
     shutil.copy(cube, tmp_path)
     scene = evaluate(tmp_path, tmp_path / "report")["scenes"]["a cube"]
@@ -76,6 +77,7 @@ def test_blend_files_are_rendered_by_both_engines(tmp_path, cube):
     assert imread(tmp_path / "report" / page.pictures()[0]).shape == (40, 48, 3)
 
 
+@pytest.mark.slow
 def test_cycles_with_chosen_samples_is_beside_a_reference_that_is_not_clamped(tmp_path, cube):
     shutil.copy(cube, tmp_path)
     found = evaluate(tmp_path, tmp_path / "report", "--cycles", "1", "2", "--reference", "3")
@@ -85,6 +87,7 @@ def test_cycles_with_chosen_samples_is_beside_a_reference_that_is_not_clamped(tm
     assert "Cycles, 2 samples" in Page(tmp_path / "report").cells
 
 
+@pytest.mark.slow
 def test_a_reference_is_rendered_once_for_the_same_file_and_samples(tmp_path, cube):
     scene, output = Path(shutil.copy(cube, tmp_path)), tmp_path / "a cube.cycles.exr"
     options = "--engine", "cycles", "--samples"

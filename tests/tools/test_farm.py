@@ -92,6 +92,7 @@ def whole(folder):
     return found
 
 
+@pytest.mark.slow
 @needs_bash
 def test_two_sessions_side_by_side_make_the_pictures_of_one_process(folder, whole):
     sessions = [session(folder, "two", ["3-4"]), session(folder, "two", ["1-2"])]

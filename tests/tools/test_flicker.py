@@ -114,6 +114,7 @@ def rendered(done: subprocess.CompletedProcess) -> list[Path]:
     return [Path(file) for file, _ in lines]
 
 
+@pytest.mark.slow
 def test_an_orbit_is_rendered_once_by_both_engines_and_compared(room, tmp_path):
     arguments = room, "-o", tmp_path, "--frames", 3, "--degrees", 4, "--samples", 2, 1, "--resolution", "32x24"
     first = run(*arguments)

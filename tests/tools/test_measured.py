@@ -21,6 +21,7 @@ def lambertian(tmp_path):
     return tmp_path / "matt.binary"
 
 
+@pytest.mark.slow
 def test_a_matt_brdf_is_the_sphere_that_cycles_renders(lambertian, tmp_path):
     panorama = measured.studio_panorama()
     ours = sphere_picture(MeasuredBRDF.load(lambertian), panorama, spheres.SIZE)

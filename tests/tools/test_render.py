@@ -107,6 +107,7 @@ def test_a_scene_without_a_triangle_is_not_exported(scene, save, tmp_path, bundl
     assert not (tmp_path / "out.h5").exists()
 
 
+@pytest.mark.slow
 def test_a_sequence_needs_no_engine_and_keeps_no_scene_from_being_exported(scene, save, tmp_path, bundle):
     editor = scene.sequence_editor_create()
     strips = editor.strips if hasattr(editor, "strips") else editor.sequences
@@ -141,6 +142,7 @@ def test_a_picture_that_does_not_fit_the_disk_is_said_and_the_old_one_kept(scene
     assert output.read_bytes() == b"yesterday's" and list(output.parent.iterdir()) == [output]
 
 
+@pytest.mark.slow
 def test_several_view_layers_are_summed_and_told_apart(scene, save, tmp_path):
     scene.render.resolution_x = scene.render.resolution_y = 16
     scene.view_layers[0].name = "First"

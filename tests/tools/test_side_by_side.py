@@ -32,6 +32,7 @@ def test_pictures_stay_as_they_are_and_each_has_a_label(height, width):
     assert (sheet[:height, width:width + GAP] == 255).all()
 
 
+@pytest.mark.slow
 def test_four_renders_are_measured_and_written_as_one_picture(tmp_path):
     import bpy
     ring.build(ring.LEAST, 32)

@@ -64,6 +64,7 @@ def same(a: list[dict], b: list[dict], tolerance: float = 1e-5) -> None:
             assert one[name] == pytest.approx(other[name], abs=tolerance), (one, other)
 
 
+@pytest.mark.slow
 def test_two_processes_with_half_of_each_step_lose_what_one_does_and_go_on_as_another_number(tmp_path):
     for seed in range(1, 6):
         write(tmp_path / "data", seed)
@@ -79,6 +80,7 @@ def test_two_processes_with_half_of_each_step_lose_what_one_does_and_go_on_as_an
     same(run("two", 1, 23)[20:], run("one", 2, 23)[20:])
 
 
+@pytest.mark.slow
 def test_a_published_network_is_tuned_by_two_as_by_one(tmp_path):
     for seed in (1, 2, 4):
         write(tmp_path / "data", seed)
@@ -100,6 +102,7 @@ def test_small_parts_are_trained_by_two_as_by_one(tmp_path):
     assert (second["agreed"], second["means"], second["gathered"]) == (5.0, 0.5, [0, 1])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not any(map(shutil.which, ("g++", "clang++", "c++"))), reason="PyTorch needs a C++ compiler")
 def test_compiled_parts_train_as_others_do():
     program = [sys.executable, "-m", "tests.tools.compiled_program"]

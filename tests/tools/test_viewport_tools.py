@@ -39,6 +39,7 @@ def test_an_orbit_swings_there_and_back(cube, tmp_path):
     assert min(np.abs(frames[i] - frames[j]).mean() for i, j in ((0, 1), (0, 3), (1, 3))) > 0.005
 
 
+@pytest.mark.slow
 def test_the_benchmark_has_a_row_for_each_kind_of_change(cube):
     said = called("tools.benchmark.viewport", str(cube), "--size", "64x48", "--budgets", "256", "--rounds", "1")
     rows = list(csv.DictReader(said.splitlines()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -27,7 +28,7 @@ class Emitters:
     def __len__(self) -> int:
         return len(self.radiance)
 
-    @property
+    @cached_property
     def middles(self) -> np.ndarray:
         """(P, 3) of the polygons."""
         return rings(self.corners).mean(axis=1)

@@ -71,6 +71,7 @@ def assert_same(actual: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(actual, expected, rtol=1e-3, atol=1e-3 * expected.mean())
 
 
+@pytest.mark.slow
 def test_a_guided_network_paints_the_same_picture_on_a_gpu_that_refuses_float64(pictures, scene, seen, tmp_path):
     weights = write(tmp_path, busy_network())
 

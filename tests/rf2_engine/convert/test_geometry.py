@@ -64,6 +64,7 @@ def test_triangles_get_tokens_of_their_own_material(converted, add_material):
     np.testing.assert_array_equal(is_blue, scene.geometry.triangles.mean(axis=1)[:, 2] > 0)
 
 
+@pytest.mark.slow
 def test_instances_without_room_for_tokens_stay_in_the_way_of_rays(converted, add_material, report):
     """A forest of more trees than tokens: each casts its shadow."""
     source = ball(of=add_material("Leaf", (0.1, 0.6, 0.1)))

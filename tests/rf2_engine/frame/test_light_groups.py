@@ -81,6 +81,7 @@ def test_without_groups_the_picture_and_the_stages_are_the_same(grouped, tmp_pat
     assert not any("Combined_" in name for name in found)
 
 
+@pytest.mark.slow
 def test_the_mixer_recombines_the_picture_without_a_render(grouped, tmp_path):
     plain = combined(press_f12(grouped, tmp_path))
     assert bpy.ops.renderformer_v2.add_light_group_mixer() == {"FINISHED"}

@@ -152,6 +152,7 @@ def test_a_moving_camera_costs_no_second_scene(blurry, tmp_path, seen):
     assert len({view.camera_to_world.tobytes() for *_, view in seen["samples"][:SAMPLES]}) == SAMPLES
 
 
+@pytest.mark.slow
 def test_the_timeline_stays_where_it_is_while_other_moments_are_rendered(blurry, tmp_path, monkeypatch):
     moving(blurry, bpy.data.objects["Cube"], (-1, 0, 0), (0, 0, 0), (1, 0, 0))
     shown, evaluated = [], []

@@ -97,6 +97,7 @@ def test_the_sides_of_a_whole_turn_meet(room, tmp_path, monkeypatch, light):
     assert jump(color(press_f12(room, tmp_path))) > 1.3 * without_seam
 
 
+@pytest.mark.slow
 def test_a_border_and_motion_blur_are_those_of_cycles_and_there_is_no_depth_of_field(room, tmp_path, monkeypatch):
     seen = []
 

@@ -161,6 +161,7 @@ def test_a_frame_is_converted_the_same_alone_and_in_any_order(flight):
         assert given(flight, frame) == expected[frame]
 
 
+@pytest.mark.slow
 def test_a_frame_is_converted_the_same_in_an_animation_and_in_a_part_of_it(flight, tmp_path):
     frame = OTHERS[0]
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "flight.blend"))

@@ -177,6 +177,7 @@ def test_an_error_is_said_once_and_tried_again_after_a_change(corner, monkeypatc
     assert pictures(session)[-1].divisor == 1 and not session.error
 
 
+@pytest.mark.slow
 def test_a_view_far_from_the_one_before_is_fitted_anew(corner, counted):
     session, source = Session(), read()
     submit(session, corner, source, through_camera(corner, 128, 96))
@@ -245,6 +246,7 @@ def test_a_long_piece_of_work_is_dropped_once_and_then_finished(corner, monkeypa
     assert session.displayed is not None
 
 
+@pytest.mark.slow
 def test_another_view_layer_or_local_view_is_another_scene(corner):
     session, view = Session(), through_camera(corner, 32, 24)
     counts = []
