@@ -18,8 +18,8 @@ READY := $(VENV)/.ready-$(BPY)
 # PyTorch's Python anew, which takes seconds.
 PIP := -m pip install --quiet --disable-pip-version-check --compile
 OUT := examples/out
-# What needs no Blender is tested once with each Python.
-REST := $(if $(filter-out $(FIRST) $(OTHER),$(BPY)),--ignore tests/model --ignore-glob '*/tests/tools/test_train*')
+# What needs no Blender is tested once with each Python, and the tools with the first and the last Blender.
+REST := $(if $(filter-out $(FIRST) $(OTHER),$(BPY)),--ignore tests/model --ignore tests/tools)
 
 .PHONY: render test slow window lint extension clean
 .DELETE_ON_ERROR:

@@ -27,7 +27,18 @@ _install()
 
 
 @pytest.fixture
-def scene():
+def few_rays(monkeypatch):
+    """Estimates of light take a sixth of their rays: quick and noisy, for tests that are not about the quality.
+
+    A module whose tests are defines a fixture of this name that does nothing.
+    """
+    from bl_ext.user_default.renderformer_v2.model.light.effort import Effort
+    monkeypatch.setattr(Effort, "of", lambda self, count: max(round(self.rays * count / 6), 1))
+    monkeypatch.setattr(Effort, "of_picture", lambda self, pixels: self)
+
+
+@pytest.fixture
+def scene(few_rays):
     """An empty scene that renders with our engine: tiny, one guide sample, a grey world, a camera at (0, -5, 0)."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     addon_utils.enable(PACKAGE)

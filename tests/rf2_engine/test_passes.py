@@ -39,7 +39,7 @@ def test_first_hits_are_those_of_a_cycles_render(still_life, tmp_path, light):
         assert ours[name].mean() == pytest.approx(cycles[name].mean(), rel=0.02), name
 
 
-@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+@pytest.mark.parametrize("light", ["TRACED", pytest.param("NETWORK", marks=pytest.mark.slow)])
 def test_vectors_of_kept_scenes_leave_the_scene_as_it_was(still_life, tmp_path, light):
     """Cycles goes to the frames before and after for them, and evaluates the scene anew."""
     still_life.renderformer_v2.light, still_life.render.use_persistent_data = light, True

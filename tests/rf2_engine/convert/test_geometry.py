@@ -22,8 +22,8 @@ def ball(name="Ball", location=(0, 0, 0), of=None):
 
 def base_colors(scene) -> np.ndarray:
     """(G, 3) of the token of each triangle."""
-    tiles = scene.tiles[scene.tile_index[scene.geometry.token]]
-    return tiles[:, BASE_COLOR].mean(axis=(2, 3), dtype=np.float32)
+    colors = scene.tiles[:, BASE_COLOR].mean(axis=(2, 3), dtype=np.float32)
+    return colors[scene.tile_index[scene.geometry.token]]
 
 
 def test_a_simplified_mesh_keeps_its_real_surface_beside_its_tokens(converted):
@@ -64,7 +64,6 @@ def test_triangles_get_tokens_of_their_own_material(converted, add_material):
     np.testing.assert_array_equal(is_blue, scene.geometry.triangles.mean(axis=1)[:, 2] > 0)
 
 
-@pytest.mark.slow
 def test_instances_without_room_for_tokens_stay_in_the_way_of_rays(converted, add_material, report):
     """A forest of more trees than tokens: each casts its shadow."""
     source = ball(of=add_material("Leaf", (0.1, 0.6, 0.1)))

@@ -59,7 +59,7 @@ def _forget_groups():
     bpy.data.batch_remove(bpy.data.node_groups)
 
 
-@pytest.mark.parametrize("build, count", [(of_a_material, 25), (of_a_world, 1)])
+@pytest.mark.parametrize("build, count", [(of_a_material, 10), pytest.param(of_a_world, 1, marks=pytest.mark.slow)])
 def test_some_random_trees_convert(things, build, count):
     run_seeds(count, build(*things))
 

@@ -28,7 +28,7 @@ def seen(found):
     return {"alpha": found["ViewLayer.Combined"][..., 3:]} | {key: found[f"ViewLayer.{names[key]}"] for key in SEEN}
 
 
-@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+@pytest.mark.parametrize("light", ["TRACED", pytest.param("NETWORK", marks=pytest.mark.slow)])
 def test_coverage_is_nearer_to_that_of_many_samples(scene, tmp_path, light):
     scene.renderformer_v2.light = light
     ours, few = seen(press_f12(scene, tmp_path)), seen(with_cycles(scene, tmp_path))

@@ -34,7 +34,8 @@ def test_the_reference_is_there_for_the_compositor(lit, tmp_path, name):
     assert composited(found)[..., :3].max() > 0.1
 
 
-@pytest.mark.parametrize("of, name", [("Object", "Moving"), ("Material", "Shining"), ("Asset", "Moving")])
+@pytest.mark.parametrize("of, name", [("Object", "Moving"), *(
+    pytest.param(*of, marks=pytest.mark.slow) for of in (("Material", "Shining"), ("Asset", "Moving")))])
 def test_the_matte_of_an_object_is_that_of_cycles(pictured, tmp_path, of, name):
     layer = pictured.view_layers[0]
     setattr(layer, f"use_pass_cryptomatte_{of.lower()}", True)

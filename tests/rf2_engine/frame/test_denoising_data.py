@@ -11,9 +11,8 @@ from tests.rf2_engine.still_life import build, tick, tick_own
 PICTURES = "ViewLayer.Combined", "ViewLayer.Cycles Reference"
 
 
-@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
-@pytest.mark.parametrize("has_denoiser", [True, False])
-@pytest.mark.parametrize("use_denoising", [True, False])
+@pytest.mark.parametrize("light, has_denoiser, use_denoising", [
+    ("TRACED", True, True), ("TRACED", False, False), ("NETWORK", True, False), ("NETWORK", False, True)])
 def test_no_pass_changes_the_picture(scene, tmp_path, monkeypatch, light, has_denoiser, use_denoising):
     """`use_denoising`: of the scene, with which Cycles has a Noisy Image; the reference beside it is not denoised."""
     build(scene)

@@ -12,8 +12,11 @@ VOLUMES = {
 }
 
 
-@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
-@pytest.mark.parametrize("volume", VOLUMES)
+@pytest.mark.parametrize("volume, light", [
+    ("glowing smoke", "TRACED"), ("a black body", "NETWORK"), *(
+        pytest.param(*others, marks=pytest.mark.slow) for others in (
+            ("glowing smoke", "NETWORK"), ("a black body", "TRACED"),
+            ("light alone", "TRACED"), ("light alone", "NETWORK")))])
 def test_fire_lights_a_room(scene, tmp_path, volume, light):
     room(scene)
     kind, inputs = VOLUMES[volume]

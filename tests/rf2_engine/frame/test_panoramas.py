@@ -64,8 +64,9 @@ def color(passes):
     return passes["ViewLayer.Combined"][..., :3]
 
 
-@pytest.mark.parametrize("kind, least", [("PERSP", 36), ("EQUIRECTANGULAR", 31), ("MIRRORBALL", 31),
-                                         ("FISHEYE_EQUISOLID", 31), ("CENTRAL_CYLINDRICAL", 31)])
+@pytest.mark.parametrize("kind, least", [("PERSP", 36), ("EQUIRECTANGULAR", 31), *(
+    pytest.param(kind, 31, marks=pytest.mark.slow)
+    for kind in ("MIRRORBALL", "FISHEYE_EQUISOLID", "CENTRAL_CYLINDRICAL"))])
 def test_pictures_are_those_of_cycles(room, tmp_path, kind, least):
     """A panorama of this size has about as many edges in it as twice as wide a picture."""
     of_type(room, kind)
@@ -88,7 +89,7 @@ def jump(picture):
     return steps[0] / np.median(np.r_[steps[-8:], steps[1:9]])
 
 
-@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
+@pytest.mark.parametrize("light", ["TRACED", pytest.param("NETWORK", marks=pytest.mark.slow)])
 def test_the_sides_of_a_whole_turn_meet(room, tmp_path, monkeypatch, light):
     room.camera.data.panorama_type, room.renderformer_v2.light = "EQUIRECTANGULAR", light
     without_seam = jump(color(press_f12(room, tmp_path)))

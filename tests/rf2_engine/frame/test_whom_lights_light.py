@@ -74,8 +74,9 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("light", ["TRACED", "NETWORK"])
-@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("change, light", [
+    pytest.param(change, light, marks=pytest.mark.slow if (i + j) % 2 else [])
+    for i, change in enumerate(CHANGES) for j, light in enumerate(("TRACED", "NETWORK"))])
 def test_light_goes_where_it_goes_in_cycles(scene, tmp_path, change, light):
     room(scene)
     CHANGES[change](scene, lamp(scene))

@@ -84,8 +84,10 @@ def run_program(*arguments: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("arguments", [("before",), ("within",), ("within", "thread"), ("within", "animation"),
-                                       ("within", "persistent", "animation"), ("within", "persistent", "thread")],
+@pytest.mark.parametrize("arguments", [("before",), ("within",), ("within", "animation"),
+                                       *(pytest.param(way, marks=pytest.mark.slow) for way in (
+                                           ("within", "thread"), ("within", "persistent", "animation"),
+                                           ("within", "persistent", "thread")))],
                          ids=" ".join)
 def test_disabling_while_it_renders_cancels_and_then_takes_everything_back(tmp_path, arguments):
     stage, *others = arguments
