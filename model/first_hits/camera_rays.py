@@ -32,6 +32,7 @@ class Samples(NamedTuple):
     """First hits of K rays through each of E pixels; 0 where nothing is hit."""
 
     hit: np.ndarray       # (E, K) bool
+    covers: np.ndarray    # (E, K) bool, what is hit is no holdout
     position: np.ndarray  # (E, K, 3) f32
     normal: np.ndarray    # (E, K, 3) f32, unit
     colors: np.ndarray    # (3, E, K, 3) f32, albedo of the lobes
@@ -59,12 +60,15 @@ class CameraRays:
         hits = self.closest(rays)
         hit = hits.triangle >= 0
         triangle, weights = hits.triangle[hit], hits.weights[hit]
+        covers = hit.copy()
+        covers[hit] = ~self._scene.seldom("is_holdout")[self._scene.surfaces.token[triangle]]
         values = np.zeros((5, len(rays), 3), np.float32)
         values[0, hit] = hits.distance[hit, None] * rays[hit] + self._eye
         values[1, hit] = shading_normals(self._scene, triangle, corner_weights(weights), rays[hit])
         values[2:, hit] = lobe_colors(self._scene, *on_tokens(self._scene, triangle, weights))
         position, normal, *colors = values.reshape(5, len(pixel), len(SAMPLE_POINTS), 3)
-        return Samples(hit.reshape(position.shape[:2]), position, normal, np.stack(colors))
+        hit, covers = (x.reshape(position.shape[:2]) for x in (hit, covers))
+        return Samples(hit, covers, position, normal, np.stack(colors))
 
 
 def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float, float]] = CENTER,

@@ -144,16 +144,20 @@ def _add_hits_behind_media(camera: CameraRays, scene: RenderScene, view: View, h
 
 
 def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, surfaces: FirstSurfaces) -> Behind:
-    """Lobe colours and coverage of the tokens `hit` (H, W), by more rays where neighbouring pixels differ."""
+    """Lobe colours and coverage of the tokens `hit` (H, W), by more rays where neighbouring pixels differ.
+
+    What a holdout shows through a medium is the medium alone, as where there is no surface.
+    """
     colors, has_token = np.zeros((3, *hit.shape, 3), np.float32), hit & (surfaces.token >= 0)
     if has_token.any():
+        has_token[has_token] = ~scene.seldom("is_holdout")[surfaces.token[has_token]]
         colors[:, has_token] = lobe_colors(scene, surfaces.token[has_token], surfaces.weights[has_token])
     coverage = has_token.astype(np.float32)
     varying = np.flatnonzero(denoise_media.varies(np.concatenate([*colors, coverage[..., None]], axis=-1)))
     for batch in np.array_split(varying, len(varying) // BATCH + 1):
         samples = camera.sample(batch)
-        colors.reshape(3, -1, 3)[:, batch] = samples.colors.mean(2)
-        coverage.reshape(-1)[batch] = samples.hit.mean(1)
+        colors.reshape(3, -1, 3)[:, batch] = (samples.colors * samples.covers[..., None]).mean(2)
+        coverage.reshape(-1)[batch] = samples.covers.mean(1)
     return Behind(colors, coverage)
 
 

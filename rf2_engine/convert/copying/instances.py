@@ -21,7 +21,7 @@ from .attributes import MESH, RequestedAttributes
 from .blocks import Blocks
 from .cache import CopyCache
 from .meshes import material_slots
-from .visibility import gas_domain, hidden_rays, is_shown, read_light_linking
+from .visibility import gas_domain, hidden_rays, is_holdout, is_shown, read_light_linking
 from .volumes import gridded
 
 # Curves, surfaces, text and metaballs come a second time, as the mesh they are evaluated to.
@@ -98,6 +98,7 @@ class _Walk:
     def _copy_instance(self, instance) -> Instance:
         read = read_instance(instance, self.depsgraph.scene_eval.frame_current_final, self.requested)
         return replace(read, group=self.linking.group.get(instance.object.original, 0),
+                       is_holdout=is_holdout(instance, self.layer),
                        light_group=self.light_groups.get(instance.object.lightgroup, 0))
 
     def _lit_groups(self, obj) -> int:

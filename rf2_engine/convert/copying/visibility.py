@@ -17,14 +17,18 @@ def is_shown(instance, layer, report) -> bool:
     obj = instance.object
     if not (layer.use_volumes if gas_domain(obj) or obj.type == "VOLUME" else layer.use_solid or obj.type == "LIGHT"):
         return False
-    host = _host(instance)
     if hidden_rays(instance) == sum(RAYS.values()):
         return False
     if obj.type == "LIGHT":
         return True
-    if host.holdout_get(view_layer=layer):  # its own, or that of a collection
+    if is_holdout(instance, layer):
         report.approximated(obj.name, "a holdout lights the scene like any object")
     return True
+
+
+def is_holdout(instance, layer) -> bool:
+    """Whether an instance of an object cuts a hole into the film of an evaluated view layer."""
+    return _host(instance).holdout_get(view_layer=layer)  # its own, or that of a collection
 
 
 def hidden_rays(instance) -> int:

@@ -145,3 +145,4 @@ class Instance:
     # (4, 4) each, of the instances that this one's tokens stand for; none: of this one alone
     real_matrices: tuple[np.ndarray, ...] = ()
     group: int = 0  # of surfaces, as lights are linked to
+    is_holdout: bool = False  # it cuts a hole into the film

@@ -15,6 +15,7 @@ from .looks import Looks, find_looks
 from .material import MaterialTiles
 
 LIT = "group", "lit_groups"
+USUAL = {"hidden": 0, "group": 0, "lit_groups": ALL_GROUPS, "light_group": 0, "is_holdout": False}
 
 
 def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
@@ -24,7 +25,7 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
     hit_materials: records the mesh and instance of all rows of the geometry.
     """
     rows: dict[str, list[np.ndarray]] = {name: [] for name in ("triangles", "normals", *Looks._fields, *LIT,
-                                                           "light_group")}
+                                                           "light_group", "is_holdout")}
     geometry: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "token": []}
     count = 0
     for i, part in enumerate(parts):
@@ -47,7 +48,7 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
     for name, values in rows.items():
         if values:
             setattr(scene, name, np.concatenate(values))
-    for name, usual in (("hidden", 0), ("group", 0), ("lit_groups", ALL_GROUPS), ("light_group", 0)):
+    for name, usual in USUAL.items():
         if not rows[name] or (getattr(scene, name) == usual).all():
             setattr(scene, name, None)
     if not rows["camera_tile"] or (scene.camera_tile == scene.tile_index).all():
@@ -86,7 +87,8 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
         report.skipped(part.name, "its scale is 0")
     lit = np.full(len(corners), instance.group, np.uint8), np.full(len(corners), part.lit_groups, np.uint64)
     return ({"triangles": corners, "normals": normals,
-             "light_group": np.full(len(corners), instance.light_group, np.int32)}
+             "light_group": np.full(len(corners), instance.light_group, np.int32),
+             "is_holdout": np.full(len(corners), instance.is_holdout)}
             | looks._asdict() | dict(zip(LIT, lit)), near & solid & is_opaque)
 
 

@@ -34,6 +34,27 @@ def test_transparent_glass_is_that_of_cycles(behind_glass, tmp_path):
     assert bare.sum() > 40 and np.abs(ours - cycles)[bare, :3].mean() < 0.05
 
 
+def test_a_holdout_in_fog_has_the_edge_that_it_has_in_cycles(scene, tmp_path):
+    fog = bpy.data.materials.new("Fog")
+    fog.use_nodes = True
+    tree = fog.node_tree
+    tree.nodes.clear()
+    medium, output = (tree.nodes.new(f"ShaderNode{name}") for name in ("VolumeScatter", "OutputMaterial"))
+    medium.inputs["Density"].default_value = 0.08
+    tree.links.new(medium.outputs[0], output.inputs["Volume"])
+    cube(scene, "Fog", of=fog).scale = (8, 8, 8)
+    cube(scene, "Cut", (0.8, 0, 0)).is_holdout = True
+    mesh_object(scene, "Wall", [(-9, 2, -9), (9, 2, -9), (9, 2, 9), (-9, 2, 9)], [(0, 1, 2, 3)])
+    sun(scene)
+    scene.render.film_transparent = True
+    scene.renderformer_v2.guide_samples, scene.cycles.samples = 16, 128
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+    ours, cycles = (picture["ViewLayer.Combined"][..., 3] for picture in (
+        press_f12(scene, tmp_path), with_cycles(scene, tmp_path)))
+    assert cycles.min() < 0.45 and (cycles > 0.99).mean() > 0.3
+    assert (np.abs(ours - cycles) > 0.15).mean() < 0.01
+
+
 @pytest.mark.parametrize("change", ["no glass", "network alone"])
 def test_transparent_glass_costs_a_second_run_of_cycles_only_where_it_acts(behind_glass, tmp_path, monkeypatch, change):
     runs = []
