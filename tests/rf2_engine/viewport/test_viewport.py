@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
+import addon_utils
 from bl_ext.user_default.renderformer_v2.rf2_engine.runtime.worker import worker
 from bl_ext.user_default.renderformer_v2.rf2_engine.viewport import viewport
 
@@ -28,6 +29,9 @@ class Engine:
 
     def tag_redraw(self):
         self.redraws += 1
+
+    def update_stats(self, stats, info):
+        self.info = info
 
 
 @pytest.fixture
@@ -67,6 +71,21 @@ def test_a_picture_appears_and_follows_what_is_edited(scene, context):
     bpy.context.view_layer.update()
     middle = shown(engine, context)[6:10, 10:14, :3].mean((0, 1))
     assert middle[1] > 1.5 * middle[0] > 0
+
+
+def test_cycles_switched_off_is_said_in_the_viewport_until_it_is_on_again(scene, context, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(viewport, "draw_message", lambda text, *size: drawn.append(text))  # there is no window
+    cube(scene)
+    engine = Engine()
+    addon_utils.disable("cycles")
+    try:
+        viewport.update(engine, context, depsgraph())
+        viewport.draw(engine, context, depsgraph())
+    finally:
+        addon_utils.enable("cycles")
+    assert len(drawn) == 1 and "Cycles" in drawn[0] and "Preferences > Add-ons" in drawn[0] and "Cycles" in engine.info
+    assert shown(engine, context)[..., 3].any()
 
 
 def test_a_viewport_that_is_closed_is_forgotten(scene, context):
