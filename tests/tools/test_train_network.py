@@ -30,9 +30,9 @@ ANY = Stage(1)
 STILL = replace(ANY, scene=0.0)  # the same is given of a sample every time
 
 
-def write(folder: Path, seed: int) -> None:
-    view, guides = floor_view()
-    light = np.full((64, 64, 3), 0.1 * seed, np.float32)
+def write(folder: Path, seed: int, size: int = 64) -> None:
+    view, guides = floor_view(size, size)
+    light = np.full((size, size, 3), 0.1 * seed, np.float32)
     reference = {f"{lobe}_{part}": light for lobe in LOBES for part in ("direct", "indirect")}
     reference["combined"] = np.concatenate([guides.diffuse_color * light, guides.alpha[..., None]], -1)
     folder.mkdir(exist_ok=True)
@@ -108,6 +108,14 @@ def test_a_broken_file_is_named_once_and_left_out(tmp_path, capfd):
     assert len({round(float(next(samples).direct.mean()), 3) for _ in range(8)}) == 2
     said = capfd.readouterr().out
     assert said.count("scene_00000002.npz cannot be read") == said.count("\n") == 1
+
+
+def test_pictures_of_a_size_that_the_network_cannot_draw_are_left_out_with_a_remedy(tmp_path, capfd):
+    write(tmp_path / "data", 1)
+    write(tmp_path / "data", 2, size=96)
+    samples = stream(tmp_path / "data", tmp_path / "cache", mapper, ANY, (0, 0), 0.0)
+    assert len({round(float(next(samples).direct.mean()), 3) for _ in range(4)}) == 1
+    assert "96 x 96 pixels, but the network trains on multiples of 64: make others with" in capfd.readouterr().out
 
 
 def test_nothing_but_broken_files_ends_the_run(tmp_path):

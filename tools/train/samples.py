@@ -63,11 +63,15 @@ class LightInputs(StrEnum):
 
 
 def build_sample(path: Path, light_inputs: LightInputs = LightInputs.TRACED) -> TrainingSample:
-    """From one file of tools.datagen. Raises SampleError when it cannot be read."""
+    """From one file of tools.datagen. Raises SampleError when it cannot be read or has a size that is of no use."""
     try:
         scene, views, guides, passes = load_sample(path) if light_inputs is LightInputs.SCENE else load_with_paths(path)
     except Exception as error:  # a damaged archive raises whatever the damage leads to
         raise unreadable(path, error) from error
+    width, height = views[0].width, views[0].height
+    if width % CONFIG.granularity or height % CONFIG.granularity:
+        raise SampleError(f"{path} has pictures of {width} x {height} pixels, but the network trains on multiples of "
+                          f"{CONFIG.granularity}: make others with tools.datagen --resolution {2 * CONFIG.granularity}")
     # Smaller pictures have more rays for each probe.
     effort = replace(FULL, most_more=2.0 ** seed_of(path, 1).integers(3))
     normalization = Normalization.of(scene)
