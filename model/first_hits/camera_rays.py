@@ -31,8 +31,7 @@ SPREAD = ((0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625))
 class Samples(NamedTuple):
     """First hits of K rays through each of E pixels; 0 where nothing is hit."""
 
-    hit: np.ndarray       # (E, K) bool
-    covers: np.ndarray    # (E, K) bool, what is hit is no holdout
+    token: np.ndarray     # (E, K) i32, the token triangle that stands for the surface; -1 = nothing is hit
     position: np.ndarray  # (E, K, 3) f32
     normal: np.ndarray    # (E, K, 3) f32, unit
     colors: np.ndarray    # (3, E, K, 3) f32, albedo of the lobes
@@ -60,15 +59,14 @@ class CameraRays:
         hits = self.closest(rays)
         hit = hits.triangle >= 0
         triangle, weights = hits.triangle[hit], hits.weights[hit]
-        covers = hit.copy()
-        covers[hit] = ~self._scene.seldom("is_holdout")[self._scene.surfaces.token[triangle]]
+        token = np.full(len(rays), -1, np.int32)
+        token[hit], on_token = on_tokens(self._scene, triangle, weights)
         values = np.zeros((5, len(rays), 3), np.float32)
         values[0, hit] = hits.distance[hit, None] * rays[hit] + self._eye
         values[1, hit] = shading_normals(self._scene, triangle, corner_weights(weights), rays[hit])
-        values[2:, hit] = lobe_colors(self._scene, *on_tokens(self._scene, triangle, weights))
+        values[2:, hit] = lobe_colors(self._scene, token[hit], on_token)
         position, normal, *colors = values.reshape(5, len(pixel), len(SAMPLE_POINTS), 3)
-        hit, covers = (x.reshape(position.shape[:2]) for x in (hit, covers))
-        return Samples(hit, covers, position, normal, np.stack(colors))
+        return Samples(token.reshape(position.shape[:2]), position, normal, np.stack(colors))
 
 
 def cast_guides(scene: RenderScene, view: View, positions: Sequence[tuple[float, float]] = CENTER,

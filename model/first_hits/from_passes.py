@@ -148,16 +148,17 @@ def _behind_media(scene: RenderScene, camera: CameraRays, hit: np.ndarray, surfa
 
     What a holdout shows through a medium is the medium alone, as where there is no surface.
     """
-    colors, has_token = np.zeros((3, *hit.shape, 3), np.float32), hit & (surfaces.token >= 0)
-    if has_token.any():
-        has_token[has_token] = ~scene.seldom("is_holdout")[surfaces.token[has_token]]
-        colors[:, has_token] = lobe_colors(scene, surfaces.token[has_token], surfaces.weights[has_token])
-    coverage = has_token.astype(np.float32)
+    covers = np.append(~scene.seldom("is_holdout"), False)  # by token; the last one, -1, is no surface
+    colors, is_covered = np.zeros((3, *hit.shape, 3), np.float32), hit & covers[surfaces.token]
+    if is_covered.any():
+        colors[:, is_covered] = lobe_colors(scene, surfaces.token[is_covered], surfaces.weights[is_covered])
+    coverage = is_covered.astype(np.float32)
     varying = np.flatnonzero(denoise_media.varies(np.concatenate([*colors, coverage[..., None]], axis=-1)))
     for batch in np.array_split(varying, len(varying) // BATCH + 1):
         samples = camera.sample(batch)
-        colors.reshape(3, -1, 3)[:, batch] = (samples.colors * samples.covers[..., None]).mean(2)
-        coverage.reshape(-1)[batch] = samples.covers.mean(1)
+        is_covered = covers[samples.token]
+        colors.reshape(3, -1, 3)[:, batch] = (samples.colors * is_covered[..., None]).mean(2)
+        coverage.reshape(-1)[batch] = is_covered.mean(1)
     return Behind(colors, coverage)
 
 

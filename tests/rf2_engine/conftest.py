@@ -30,10 +30,10 @@ _install()
 def few_rays(monkeypatch):
     """Estimates of light take a sixth of their rays: quick and noisy, for tests that are not about the quality.
 
-    A module whose tests are defines a fixture of this name that does nothing.
+    A module whose tests are about it overrides this fixture with one that does nothing.
     """
     from bl_ext.user_default.renderformer_v2.model.light.effort import Effort
-    monkeypatch.setattr(Effort, "of", lambda self, count: max(round(self.rays * count / 6), 1))
+    monkeypatch.setattr(Effort, "of", lambda self, count, of=Effort.of: of(self, count / 6))
     monkeypatch.setattr(Effort, "of_picture", lambda self, pixels: self)
 
 

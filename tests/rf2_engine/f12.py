@@ -47,6 +47,18 @@ def material(name, color=(0.8, 0.8, 0.8)):
     return made
 
 
+def volume_material(name, kind, inputs):
+    """Of a medium without a surface; kind: of its node, inputs: their values by name."""
+    made = material(name)
+    tree = made.node_tree
+    tree.nodes.clear()
+    medium, output = (tree.nodes.new(f"ShaderNode{node}") for node in (kind, "OutputMaterial"))
+    for key, value in inputs.items():
+        medium.inputs[key].default_value = value
+    tree.links.new(medium.outputs[0], output.inputs["Volume"])
+    return made
+
+
 def mesh_object(scene, name, vertices, faces, of=None):
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices, [], faces)

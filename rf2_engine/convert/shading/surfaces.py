@@ -6,7 +6,7 @@ import numpy as np
 
 from ....model import progress
 from ....model.geometry import area_vectors, unit
-from ....model.scene import ALL_GROUPS, HALF_SPACE, Geometry, RenderScene
+from ....model.scene import HALF_SPACE, SELDOM, Geometry, RenderScene
 from ..data import mesh as meshes
 from ..data.collected import Part
 from ..data.copied import Instance
@@ -14,8 +14,8 @@ from .hit_materials import HitMaterials
 from .looks import Looks, find_looks
 from .material import MaterialTiles
 
-LIT = "group", "lit_groups"
-USUAL = {"hidden": 0, "group": 0, "lit_groups": ALL_GROUPS, "light_group": 0, "is_holdout": False}
+# Arrays of a RenderScene that it does without where all triangles have this value.
+USUAL = {"hidden": 0, "light_group": 0} | {name: SELDOM[name] for name in ("group", "lit_groups", "is_holdout")}
 
 
 def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
@@ -24,8 +24,7 @@ def assemble_surfaces(parts: list[Part], materials: MaterialTiles, report,
 
     hit_materials: records the mesh and instance of all rows of the geometry.
     """
-    rows: dict[str, list[np.ndarray]] = {name: [] for name in ("triangles", "normals", *Looks._fields, *LIT,
-                                                           "light_group", "is_holdout")}
+    rows: dict[str, list[np.ndarray]] = {name: [] for name in ("triangles", "normals", *Looks._fields, *USUAL)}
     geometry: dict[str, list[np.ndarray]] = {"triangles": [], "normals": [], "token": []}
     count = 0
     for i, part in enumerate(parts):
@@ -85,11 +84,12 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
         report.refused(part.name, "it is too large or too far away: reset its transform")
     elif not solid.any():
         report.skipped(part.name, "its scale is 0")
-    lit = np.full(len(corners), instance.group, np.uint8), np.full(len(corners), part.lit_groups, np.uint64)
     return ({"triangles": corners, "normals": normals,
              "light_group": np.full(len(corners), instance.light_group, np.int32),
+             "group": np.full(len(corners), instance.group, np.uint8),
+             "lit_groups": np.full(len(corners), part.lit_groups, np.uint64),
              "is_holdout": np.full(len(corners), instance.is_holdout)}
-            | looks._asdict() | dict(zip(LIT, lit)), near & solid & is_opaque)
+            | looks._asdict(), near & solid & is_opaque)
 
 
 def _is_usable(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

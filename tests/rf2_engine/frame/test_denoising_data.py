@@ -12,7 +12,9 @@ PICTURES = "ViewLayer.Combined", "ViewLayer.Cycles Reference"
 
 
 @pytest.mark.parametrize("light, has_denoiser, use_denoising", [
-    ("TRACED", True, True), ("TRACED", False, False), ("NETWORK", True, False), ("NETWORK", False, True)])
+    pytest.param(light, *others, marks=pytest.mark.slow if (i + j) % 2 else ())
+    for i, light in enumerate(("TRACED", "NETWORK"))
+    for j, others in enumerate(((True, True), (True, False), (False, False), (False, True)))])
 def test_no_pass_changes_the_picture(scene, tmp_path, monkeypatch, light, has_denoiser, use_denoising):
     """`use_denoising`: of the scene, with which Cycles has a Noisy Image; the reference beside it is not denoised."""
     build(scene)

@@ -7,7 +7,7 @@ import pytest
 from bl_ext.user_default.renderformer_v2.rf2_engine.cycles import session as cycles_session
 from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 
-from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
+from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun, volume_material
 from tests.rf2_engine.still_life import with_cycles
 
 
@@ -35,14 +35,7 @@ def test_transparent_glass_is_that_of_cycles(behind_glass, tmp_path):
 
 
 def test_a_holdout_in_fog_has_the_edge_that_it_has_in_cycles(scene, tmp_path):
-    fog = bpy.data.materials.new("Fog")
-    fog.use_nodes = True
-    tree = fog.node_tree
-    tree.nodes.clear()
-    medium, output = (tree.nodes.new(f"ShaderNode{name}") for name in ("VolumeScatter", "OutputMaterial"))
-    medium.inputs["Density"].default_value = 0.08
-    tree.links.new(medium.outputs[0], output.inputs["Volume"])
-    cube(scene, "Fog", of=fog).scale = (8, 8, 8)
+    cube(scene, "Fog", of=volume_material("Fog", "VolumeScatter", {"Density": 0.08})).scale = (8, 8, 8)
     cube(scene, "Cut", (0.8, 0, 0)).is_holdout = True
     mesh_object(scene, "Wall", [(-9, 2, -9), (9, 2, -9), (9, 2, 9), (-9, 2, 9)], [(0, 1, 2, 3)])
     sun(scene)

@@ -2,7 +2,7 @@
 """Volumes that shine light a room as in Cycles, also after a bounce."""
 import pytest
 
-from tests.rf2_engine.f12 import cube, material
+from tests.rf2_engine.f12 import cube, volume_material
 from tests.rf2_engine.rooms import assert_alike, beside_cycles, remarks, room
 
 VOLUMES = {
@@ -19,15 +19,7 @@ VOLUMES = {
             ("light alone", "TRACED"), ("light alone", "NETWORK")))])
 def test_fire_lights_a_room(scene, tmp_path, volume, light):
     room(scene)
-    kind, inputs = VOLUMES[volume]
-    fire = material("Fire")
-    tree = fire.node_tree
-    tree.nodes.clear()
-    shader, output = (tree.nodes.new(f"ShaderNode{name}") for name in (kind, "OutputMaterial"))
-    for name, value in inputs.items():
-        shader.inputs[name].default_value = value
-    tree.links.new(shader.outputs[0], output.inputs["Volume"])
-    cube(scene, "Fire", (-1, 0, 0.8), fire).scale = (0.5,) * 3
+    cube(scene, "Fire", (-1, 0, 0.8), volume_material("Fire", *VOLUMES[volume])).scale = (0.5,) * 3
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0
     scene.renderformer_v2.light = light
     ours, cycles = beside_cycles(scene, tmp_path)

@@ -10,7 +10,7 @@ from bl_ext.user_default.renderformer_v2.rf2_engine.progress import last_render
 from bl_ext.user_default.renderformer_v2.rf2_engine.setup import published_weights
 
 from tests.model.published.bundles import tiny_published_config, write_bundle
-from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun
+from tests.rf2_engine.f12 import cube, material, mesh_object, press_f12, sun, volume_material
 from tests.rf2_engine.still_life import tick, with_cycles
 
 LOBES = ("diffuse", "glossy", "transmission")
@@ -135,13 +135,7 @@ def untick(layer, key):
 
 
 def test_light_in_a_volume_is_in_the_volume_passes(scene, tmp_path):
-    fog = material("Fog")
-    tree = fog.node_tree
-    tree.nodes.remove(tree.nodes["Principled BSDF"])
-    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
-    volume.inputs["Density"].default_value = 0.6
-    tree.links.new(volume.outputs["Volume"], tree.nodes["Material Output"].inputs["Volume"])
-    cube(scene, of=fog)
+    cube(scene, of=volume_material("Fog", "VolumePrincipled", {"Density": 0.6}))
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     lamp.data.energy, lamp.location = 500, (2, -3, 2)
     scene.collection.objects.link(lamp)

@@ -75,7 +75,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("change, light", [
-    pytest.param(change, light, marks=pytest.mark.slow if (i + j) % 2 else [])
+    pytest.param(change, light, marks=pytest.mark.slow if (i + j) % 2 else ())
     for i, change in enumerate(CHANGES) for j, light in enumerate(("TRACED", "NETWORK"))])
 def test_light_goes_where_it_goes_in_cycles(scene, tmp_path, change, light):
     room(scene)
