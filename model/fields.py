@@ -50,13 +50,14 @@ class Channels:
 
     def without(self, name: str) -> Channels:
         """All parts but one."""
-        return Channels(self.axis, **{key: part for key, part in self._sizes().items() if key != name})
+        return Channels(self.axis, **{key: part for key, part in self.sizes().items() if key != name})
 
     def joined(self, **parts: int | tuple[int, Behaviour]) -> Channels:
         """These parts, and more after them."""
-        return Channels(self.axis, **self._sizes(), **parts)
+        return Channels(self.axis, **self.sizes(), **parts)
 
-    def _sizes(self) -> dict[str, tuple[int, Behaviour]]:
+    def sizes(self) -> dict[str, tuple[int, Behaviour | None]]:
+        """Length and behaviour of each part, of which `Channels` of another axis can be made."""
         return {name: (part.stop - part.start, behaviour) for name, (part, behaviour) in self.parts.items()}
 
     def index(self, name: str) -> int:

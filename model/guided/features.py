@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from ..fields import COLOR, DIRECTION, POINT, RADIANCE, Channels, array, map_arrays
 from ..geometry import contracted, reflected
+from ..light.direct.emitter_light import EMITTER, STRONGEST
 from ..light.effort import FULL, Effort
 from ..light.estimate import SceneLight, estimate_light
 from ..light.hit_surfaces import HitSurfaces
@@ -41,7 +42,9 @@ FEATURES = SURFACE.joined(
     estimated=(3, COLOR),
     is_traced=1,              # 1 if light was traced
     has_rays=1,               # 1 if estimates are by rays: shadowed, and with bounces
+    emitters=STRONGEST * len(EMITTER),  # without rays: the strongest emitters, whose shadows the network has to find
 )
+EMITTERS = Channels(2, **EMITTER.sizes())
 LOGARITHMIC = "direct", "bounced", "reflected", "refracted", "behind", "glow"
 NOISY_SAMPLES = 8.0    # whose noise is 1
 SAMPLES = 1, 128       # of a pixel in training pictures, fewest and most
@@ -59,6 +62,7 @@ class GuidedView(ViewInputs):
     light: SurfaceLight
     exposure: Tensor = array("V")                          # factor on network exposure
     has_media: Tensor = array("V")                         # 1 if the scene has media, whose light no lobe explains
+    emitters: Tensor = array("V", STRONGEST, len(EMITTER), "H", "W", channels=EMITTERS)  # of each pixel, or 0
 
     def features(self, rows: slice = slice(None)) -> Tensor:
         """(V, len(FEATURES), h, W) f32 of some rows of pixels."""
@@ -69,7 +73,8 @@ class GuidedView(ViewInputs):
         parts |= {name: torch.log10(1 + getattr(light, name).flatten(1, -3)) for name in LOGARITHMIC}
         parts |= {"traced": is_traced * display_encode(light.traced + bounces),
                   "estimated": display_encode(light.estimate() + bounces), "is_traced": dark + is_traced,
-                  "has_rays": dark + light.has_rays.view(-1, 1, 1, 1)}
+                  "has_rays": dark + light.has_rays.view(-1, 1, 1, 1),
+                  "emitters": self.emitters[..., rows, :].flatten(1, 2)}
         return torch.cat([self.surface[..., rows, :], *parts.values()], 1)
 
     def complete(self, radiance: Tensor) -> Tensor:
@@ -79,7 +84,7 @@ class GuidedView(ViewInputs):
     def rows(self, rows: slice) -> GuidedView:
         """Some rows of the pixels, with the ray bundles of all."""
         return replace(self, surface=self.surface[..., rows, :], seen=self.seen[..., rows, :],
-                       light=self.light.rows(rows))
+                       light=self.light.rows(rows), emitters=self.emitters[..., rows, :])
 
 
 def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConfig,
@@ -99,7 +104,18 @@ def guided_view(light: SceneLight, view: View, guides: Guides, config: ModelConf
     return GuidedView(origin=rays.origin, directions=rays.directions, positions=bundles.reshape(1, -1, 3),
                       surface=_surface(surfaces, position, bundles, noise, config.patch_size),
                       seen=seen * exposure, light=exposed, exposure=exposure,
-                      has_media=torch.full_like(exposure, light.direct.fog is not None))
+                      has_media=torch.full_like(exposure, light.direct.fog is not None),
+                      emitters=_emitters(light, surfaces))
+
+
+def _emitters(light: SceneLight, surfaces: HitSurfaces) -> Tensor:
+    """(1, STRONGEST, len(EMITTER), H, W): the strongest emitters at every first hit, where no rays find shadows."""
+    height, width = surfaces.is_covered.shape[:2]
+    if light.radiosity is not None:
+        return surfaces.position.new_zeros(()).expand(1, STRONGEST, len(EMITTER), height, width)
+    points = surfaces.position.flatten(0, 1), surfaces.normal.flatten(0, 1)
+    strongest = light.direct.strongest_emitters(*points) * surfaces.is_covered.reshape(-1, 1, 1)
+    return strongest.permute(1, 2, 0).unflatten(-1, (height, width))[None]
 
 
 def samples_of(guides: Guides) -> np.ndarray:

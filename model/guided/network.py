@@ -44,9 +44,10 @@ class GuidedRenderFormer(RenderFormer):
             return super().embed_textures(latents)
 
     def embed_environment(self, images: EnvironmentInputs) -> Tensor:
-        """LDR and HDR image -> (64, D) float32."""
-        latents = self.environment_encoder(torch.stack([images.ldr, images.hdr]).float()).float()
-        return super().embed_environment(EnvironmentInputs(*latents, images.strength))
+        """LDR and HDR image -> (64, D) float32; (B, 64, D) of B environments in one."""
+        both = torch.stack([images.ldr, images.hdr], dim=-4).float()
+        latents = self.environment_encoder(both.flatten(0, -4)).float().unflatten(0, both.shape[:-3])
+        return super().embed_environment(EnvironmentInputs(*latents.unbind(-4), images.strength))
 
     def embed_triangles(self, inputs: GuidedInputs) -> Tensor:
         """Light triangles have beams."""

@@ -97,16 +97,17 @@ class SceneEmbedding(nn.Module):
         return embedded, torch.where(shines, shines.cumsum(0), 0)
 
     def embed_environment(self, environment: EnvironmentInputs) -> torch.Tensor:
-        """LDR and HDR panorama -> (64, D) float32 (docs/network.md 4.3)."""
-        latents = torch.stack([environment.ldr, environment.hdr]).float()
-        content = self.env_proj_norm(self.env_proj(patches(latents, self.config.envmap_latent_patch_size)))
+        """LDR and HDR panorama -> (64, D) float32 (docs/network.md 4.3); (B, 64, D) of B environments in one."""
+        latents = torch.stack([environment.ldr, environment.hdr], dim=-4).float()
+        content = patches(latents.flatten(0, -4), self.config.envmap_latent_patch_size)
+        content = self.env_proj_norm(self.env_proj(content)).unflatten(0, latents.shape[:-3])
         side = self.config.envmap_ray_dir_map_patch_size
         rows, columns = ENVIRONMENT_GRID
         directions = torch.from_numpy(direction_map(rows * side, columns * side)).to(content.device)
         direction = self.ray_dir_norm(self.ray_dir_proj(patches(directions.permute(2, 0, 1)[None], side)))
-        strength = self.env_light_strength_encoder(environment.strength.view(1, 1))
+        strength = self.env_light_strength_encoder(environment.strength[..., None, None, :])
         strength = self.env_light_strength_encoder_norm(strength)
-        return (content + direction + strength).flatten(0, 1)
+        return (content + direction + strength).flatten(-3, -2)
 
 
 def patches(image: torch.Tensor, side: int) -> torch.Tensor:

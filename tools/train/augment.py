@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Symmetries of light transport: the picture does not change when the world turns or its colours are swapped.
+"""Symmetries of light transport: the picture does not change when the world turns or its colours are swapped, and
+becomes its mirror image when the world does.
 
 The paper turns and moves every sample at random and swaps the environment's channels; here the world turns about Z (the
-panorama is shifted, not resampled) and the channels of everything that has a colour are swapped together.
+panorama is shifted, not resampled), is mirrored, and the channels of everything that has a colour are swapped together.
 """
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import torch
@@ -17,13 +18,48 @@ from torch import Tensor
 from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, Behaviour, map_arrays, map_channels
 from renderformer_v2.model.scene import TILE
 
-from .samples import TrainingSample
+from .samples import CONFIG, TrainingSample
+
+PATCH = CONFIG.patch_size
 
 
 def augment(sample: TrainingSample, generator: torch.Generator) -> TrainingSample:
-    """A randomly turned and recoloured copy; textures stay BSDF parameters."""
+    """A randomly turned and recoloured copy, half of the time a mirrored one; textures stay BSDF parameters."""
     shift = int(torch.randint(sample.inputs.environment.ldr.shape[-1], (1,), generator=generator))
-    return turned_and_swapped(sample, shift, torch.randperm(3, generator=generator))
+    sample = turned_and_swapped(sample, shift, torch.randperm(3, generator=generator))
+    return mirrored(sample) if torch.rand((), generator=generator) < 0.5 else sample
+
+
+def mirrored(sample: TrainingSample) -> TrainingSample:
+    """The world with X reversed, seen by mirrored cameras, in pictures whose left is their right.
+
+    Normals within tiles stay, whose tangents a mirror would reverse.
+    """
+    def reverse_x(vectors: Tensor) -> Tensor:
+        return vectors * vectors.new_tensor([-1, 1, 1])
+
+    # Column c of a panorama looks along phi = pi - 2 pi c / columns, and what was at phi is at pi - phi.
+    changed = map_arrays(sample, {
+        POINT: reverse_x, DIRECTION: reverse_x, EULER: lambda euler: euler * euler.new_tensor([1, -1, -1]),
+        PANORAMA: lambda x: x.flip(-1).roll(x.shape[-1] // 2, -1)})
+    volumes, view = changed.inputs.volumes, changed.view
+    if volumes is not None:
+        volumes = replace(volumes, density=volumes.density.unflatten(1, (4, 4, 4)).flip(-1).flatten(1))
+    bundles = view.positions.unflatten(1, (-1, view.directions.shape[2] // PATCH)).flip(2).flatten(1, 2)
+    changed = replace(changed, inputs=replace(changed.inputs, volumes=volumes), view=replace(view, positions=bundles))
+    return _left_is_right(changed)
+
+
+def _left_is_right(group):
+    """A copy of a group in which all arrays with columns of pixels have them in reverse order."""
+    values = {}
+    for f in fields(group):
+        value, layout = getattr(group, f.name), f.metadata.get("layout")
+        if is_dataclass(value):
+            values[f.name] = _left_is_right(value)
+        elif value is not None and "W" in layout.shape:
+            values[f.name] = value.flip(layout.shape.index("W"))
+    return replace(group, **values)
 
 
 def turned_and_swapped(sample: TrainingSample, shift: int, order: Tensor) -> TrainingSample:

@@ -11,12 +11,14 @@ import numpy as np
 import torch
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
+from renderformer_v2.model.network.config import ModelConfig
 from renderformer_v2.model.tensor_group import TensorGroup
 from tools.datagen import manifest
 from tools.datagen.sample_files import Facts, read_facts, sample_paths
 
 from . import ranks
 from .augment import augment
+from .batch import Batch, batches
 from .config import Stage
 from .errors import SampleError, TrainingError
 from .samples import LightInputs, TrainingSample, cached_sample, seed_of, unreadable, with_latents
@@ -137,16 +139,20 @@ def _generator(*seed: int) -> torch.Generator:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Reads samples for the guided network, which are made once and stored in `cache`."""
+    """Reads samples for the guided network, which are made once and stored in `cache`.
+
+    mapper: of their materials; None leaves them BSDF parameters.
+    """
 
     cache: Path
-    mapper: Callable
+    mapper: Callable | None
     stage: Stage
 
     def __call__(self, path: Path, generator: torch.Generator) -> TrainingSample:
         by_scene_alone = bool(torch.rand((), generator=generator) < self.stage.scene)
         light_inputs = LightInputs.SCENE if by_scene_alone else light_inputs_of(path, self.stage.rays)
-        return with_latents(augment(cached_sample(path, self.cache, light_inputs), generator), self.mapper)
+        sample = augment(cached_sample(path, self.cache, light_inputs), generator)
+        return sample if self.mapper is None else with_latents(sample, self.mapper)
 
 
 def light_inputs_of(path: Path, rays: float) -> LightInputs:
@@ -154,21 +160,37 @@ def light_inputs_of(path: Path, rays: float) -> LightInputs:
     return LightInputs.RAYS if seed_of(path).random() < rays else LightInputs.TRACED
 
 
+class BatchStream(IterableDataset):
+    """The batches of a stream."""
+
+    def __init__(self, samples: SampleStream, size: int, config: ModelConfig):
+        self.samples, self.size, self.config = samples, size, config
+
+    def __iter__(self) -> Iterator[Batch | TrainingError]:
+        return batches(self.samples, self.size, self.config)
+
+
 def stream(folder: Path, cache: Path, mapper, stage: Stage, seed: tuple[int, int], patience: float,
-           workers: int = 1) -> Iterator[TrainingSample]:
-    """This process's share of a folder, for the guided network. Raises TrainingError as `shared_stream` does."""
+           workers: int = 1, batch: tuple[int, ModelConfig] | None = None) -> Iterator[TrainingSample | Batch]:
+    """This process's share of a folder, for the guided network; in batches of so many scenes, for this network, if
+    `batch` says so. Raises TrainingError as `shared_stream` does."""
     cache.mkdir(parents=True, exist_ok=True)
-    return shared_stream(folder, Prepared(cache, mapper, stage), stage, seed, patience, workers)
+    return shared_stream(folder, Prepared(cache, mapper, stage), stage, seed, patience, workers, batch)
 
 
 def shared_stream(folder: Path, read: Callable[[Path, torch.Generator], TensorGroup], stage: Stage,
-                  seed: tuple[int, int], patience: float, workers: int) -> Iterator[TensorGroup]:
+                  seed: tuple[int, int], patience: float, workers: int,
+                  batch: tuple[int, ModelConfig] | None = None) -> Iterator[TensorGroup]:
     """This process's share of a folder, `read` by `workers` other ones. Raises TrainingError without any of use."""
     if not folder.is_dir():
         raise TrainingError(f"there is no folder {folder}: check --data, "
                             f"or make samples with python -m tools.datagen {folder}")
     samples = SampleStream(folder, read, stage, seed, patience, ranks.rank(), ranks.count())
-    for sample in DataLoader(samples, batch_size=None, num_workers=workers, prefetch_factor=4):
+    dataset = BatchStream(samples, *batch) if batch else samples
+    pins = batch is not None and torch.cuda.is_available()
+    if batch:  # whose tensors would need more open files than a process may have
+        torch.multiprocessing.set_sharing_strategy("file_system")
+    for sample in DataLoader(dataset, batch_size=None, num_workers=workers, prefetch_factor=4, pin_memory=pins):
         if isinstance(sample, TrainingError):
             raise sample
         yield sample

@@ -24,7 +24,7 @@ PSNR_WEIGHT = 0.02  # of each view's decibels: those of a picture that is nearly
 OTHER_WEIGHT = 0.2  # of all else, whose gradients scenes that are hardly right would rule
 BEST_PSNR = 50.0  # decibels from which on a view has no more to gain
 PYRAMID_LEVELS = 3
-LOBE_WEIGHT = 0.2  # supervision of direct and indirect light per lobe (Cycles' passes), training only
+LOBE_WEIGHT = 1.0  # supervision of direct and indirect light per lobe (Cycles' passes), training only
 
 
 def log_radiance(x: Tensor) -> Tensor:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -20,13 +21,15 @@ from renderformer_v2.model.guided.kernels import LATENT, antialiased_views
 from renderformer_v2.model.guided.network import GuidedRenderFormer, new_network
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.weights.checkpoint import save_network
+from tools.common.console import whole_number
 
+from .batch import Batch, render_batch
 from .config import Stage, TrainConfig, iterate_stages
 from .errors import TrainingError
 from .loader import stream
 from .losses import image_loss, lobe_loss, perceptual_term
 from .run import add_arguments, run, run_command
-from .samples import TrainingSample
+from .samples import TrainingSample, with_latents
 from .state import TrainingState
 
 BEFORE_KERNELS = 0.2  # weight of the loss of pictures before the kernels
@@ -35,8 +38,20 @@ DIFFUSE_ALONE = torch.tensor([1.0, 0.0, 0.0]).view(1, 3, 1, 1, 1)
 
 def sample_loss(model: GuidedRenderFormer, sample: TrainingSample, perceptual) -> dict[str, torch.Tensor]:
     """Losses of all views of one scene: of finished pictures, of those before the kernels, and of the lobes' light."""
+    return picture_losses(model, model.render_view(model.encode_scene(sample.inputs), sample.view), sample, perceptual)
+
+
+def batch_loss(model: GuidedRenderFormer, batch: Batch, mapper, perceptual) -> dict[str, torch.Tensor]:
+    """`sample_loss` of all views of a batch, whose materials are mapped here, where a card does it."""
+    batch = replace(batch, sample=with_latents(batch.sample, mapper))
+    return picture_losses(model, render_batch(model, batch), batch.sample, perceptual)
+
+
+def picture_losses(model: GuidedRenderFormer, decoded: torch.Tensor, sample: TrainingSample,
+                   perceptual) -> dict[str, torch.Tensor]:
+    """Losses of what `render_view` gave for the views of a sample."""
     view = sample.view
-    raw, latent = model.render_view(model.encode_scene(sample.inputs), view).split([len(OUTPUTS), LATENT], 1)
+    raw, latent = decoded.split([len(OUTPUTS), LATENT], 1)
     light = corrected_light(raw, view)
     radiance = light.radiance()
     finished = antialiased_views(model.kernel_predictor, radiance, view, latent)
@@ -61,14 +76,20 @@ def train(options: argparse.Namespace, config: TrainConfig) -> None:
     state = TrainingState(model, config.learning_rate, config.weight_decay, config.average_decay)
     perceptual = perceptual_term(device)
     mapper = load_material_mapper()
+    is_batched = options.batch > 1
 
-    def scenes(stage: Stage) -> Iterator[TrainingSample]:
-        return stream(options.data, options.cache, mapper, stage, (options.seed, state.step), options.wait * 60,
-                      options.workers)
+    def scenes(stage: Stage) -> Iterator[TrainingSample | Batch]:
+        return stream(options.data, options.cache, None if is_batched else mapper, stage, (options.seed, state.step),
+                      options.wait * 60, options.workers, (options.batch, model.config) if is_batched else None)
 
-    run(state, config, options, iterate_stages(config, state, scenes),
-        lambda sample: sample_loss(model, sample, perceptual),
-        lambda: save_network(options.out / "weights", model.config, state.average))
+    def losses(sample: TrainingSample | Batch) -> dict[str, torch.Tensor]:
+        if is_batched:
+            return batch_loss(model, sample, mapper, perceptual)
+        return sample_loss(model, sample, perceptual)
+
+    mapper = mapper.to(device) if is_batched else mapper
+    run(state, config, options, iterate_stages(config, state, scenes), losses,
+        lambda: save_network(options.out / "weights", model.config, state.average), options.batch)
 
 
 def start_from(model: GuidedRenderFormer, folder: Path) -> None:
@@ -103,6 +124,8 @@ def main() -> int:
     parser.add_argument("--data", type=Path, required=True, help="folder of samples, may still be growing")
     parser.add_argument("--cache", type=Path, help="prepared samples (default: DATA/../cache)")
     parser.add_argument("--start", type=Path, metavar="WEIGHTS_DIR", help="begin with these weights: fine-tuning")
+    parser.add_argument("--batch", type=whole_number(1), default=1, metavar="N",
+                        help="scenes that are computed together, which is what cards are fast with (default 1)")
     parser.add_argument("--wait", type=float, default=5.0, help="minutes, for samples where there are none of use yet")
     add_arguments(parser, "rf2_small.json")
     options = parser.parse_args()

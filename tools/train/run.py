@@ -31,15 +31,17 @@ PRECISIONS = {"bf16": torch.bfloat16, "fp32": torch.float32}
 
 
 def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, scenes: Iterator,
-        compute_losses: Callable[..., dict[str, Tensor]], write_weights: Callable[[], None]) -> None:
+        compute_losses: Callable[..., dict[str, Tensor]], write_weights: Callable[[], None], batch: int = 1) -> None:
     """Go on from what `options.out` holds, for `options.minutes` or until `options.steps` are done in all.
 
     scenes: endless samples of this process, the first drawn after the state is restored. compute_losses(sample): losses
     on the sample's device, the one to minimise under "total". write_weights: saves the running average for rendering.
+    batch: scenes in one of the samples.
     Raises TrainingError when training has gone wrong.
     """
     device, saved = torch.device(options.device), options.out / "state.safetensors"
     scenes_per_step = ranks.share(options.scenes_per_step or config.scenes_per_step, "--scenes-per-step")
+    samples_per_step = max(scenes_per_step // batch, 1)
     options.out.mkdir(parents=True, exist_ok=True)
     resume(state, saved)
     if options.compile:
@@ -61,14 +63,14 @@ def run(state: TrainingState, config: TrainConfig, options: argparse.Namespace, 
     while rate_share := ranks.broadcast(_remaining_share(options, state.step, time.monotonic() - begin)):
         rate = config.rate(state.step) * rate_share
         scene_losses = []
-        for i in range(scenes_per_step):
-            sample = next(scenes).to(device)
-            with ranks.accumulating(compute_losses, last=i == scenes_per_step - 1):
+        for i in range(samples_per_step):
+            sample = next(scenes).to(device, non_blocking=True)
+            with ranks.accumulating(compute_losses, last=i == samples_per_step - 1):
                 with torch.autocast(device.type, precision, enabled=precision != torch.float32):
                     scene_losses.append(compute_losses(sample))
-                (scene_losses[-1]["total"] / scenes_per_step).backward()
+                (scene_losses[-1]["total"] / samples_per_step).backward()
         losses = ranks.compute_means({
-            name: sum(losses[name].detach() for losses in scene_losses) / scenes_per_step for name in scene_losses[0]})
+            name: sum(losses[name].detach() for losses in scene_losses) / samples_per_step for name in scene_losses[0]})
         if state.advance(rate, config.clip_norm):
             log.add(losses)
             if state.step % options.log_every == 0:

@@ -162,6 +162,15 @@ class DirectLight:
         """As EmitterLight.sample."""
         return in_chunks(CHUNK, self.emitters.sample, position, normal, start)
 
+    def strongest_emitters(self, position: Tensor, normal: Tensor) -> Tensor:
+        """(P, STRONGEST, len(EMITTER)) as EmitterLight.strongest; their shares are those of emitters and sky."""
+        def strongest(x: Tensor, n: Tensor) -> Tensor:
+            environment = self.sky_seen_by(Ray.DIFFUSE)
+            sky = torch.zeros_like(x) if environment is None else environment.irradiance(n) / math.pi
+            return self.emitters.strongest(x, n, sky)
+
+        return in_chunks(CHUNK, strongest, position, normal)
+
     def lobes(self, position: Tensor, normal: Tensor, outgoing: Tensor, roughness: Tensor, f0: Tensor,
               visibility: LobeVisibility | None = None, *footprint: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Radiance leaving a white diffuse, a white glossy and a white transmissive lobe, (P, 3) each.

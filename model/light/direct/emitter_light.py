@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from ...fields import COLOR, DIRECTION, Channels
 from ...scene import RenderScene
 from ...surface_kinds import Ray
 from ..fresnel import gain
@@ -35,6 +36,14 @@ END_GAP = 4e-3   # network units before an emitter at which a shadow ray ends
 # of an emitter over the same turn, up to which
 FINE, LARGE = 1.0, 100.0
 PAIRS = 1 << 14  # of points and emitters, whose outlines are integrated over at a time
+STRONGEST = 3    # emitters that `strongest` finds
+EMITTER = Channels(  # what it finds of an emitter at a point
+    1,
+    toward=(3, DIRECTION),  # unit direction to it
+    nearness=1,             # 1 / (1 + distance), 0 for a sun
+    sine=1,                 # of half the angle that it fills
+    share=(3, COLOR),       # of all unshadowed light that a diffuse surface sends on
+)
 
 
 class NearEmitters(NamedTuple):
@@ -179,6 +188,27 @@ class EmitterLight:
             f0, roughness = layer
             radiance.append((form_factor * gain(f0, cosines(direction, n), roughness)) @ self._to_glossy)
         return tuple(radiance)
+
+    def strongest(self, x: Tensor, n: Tensor, other: Tensor) -> Tensor:
+        """(P, STRONGEST, len(EMITTER)): the emitters that unshadowed light a white diffuse surface most, the strongest
+        first; zeros where there are fewer. `other` (P, 3) is the radiance of that surface by all other light.
+        """
+        result = x.new_zeros(len(x), STRONGEST, len(EMITTER))
+        if not len(self):
+            return result
+        direction, sine2, in_beam = self._directions(x)
+        form_factor = sphere_form_factor(cosines(direction, n), sine2) * in_beam
+        power, emitter = (form_factor * self._to_diffuse.mean(1)).topk(min(STRONGEST, len(self)), dim=1)
+        point = torch.arange(len(x), device=x.device)[:, None]
+        complete = (form_factor @ self._to_diffuse + other).clamp_min(1e-12)
+        distance = (self.origins[emitter] - x[:, None]).norm(dim=-1)
+        nearness = ~self.is_distant[emitter] / (1 + distance)
+        share = form_factor[point, emitter][..., None] * self._to_diffuse[emitter] / complete[:, None]
+        parts = {"toward": direction[:, point, emitter].movedim(0, -1), "nearness": nearness[..., None],
+                 "sine": sine2[point, emitter].sqrt()[..., None], "share": share}
+        found = torch.cat([parts[name] for name in EMITTER.parts], -1) * (power > 0)[..., None]
+        result[:, :found.shape[1]] = found
+        return result
 
     def lobes(self, x: Tensor, n: Tensor, *gloss: Tensor) -> tuple[Tensor, Tensor]:
         """Unshadowed radiance (P, 3) leaving a white diffuse and a white glossy lobe; arguments as of `visibility`.

@@ -70,6 +70,8 @@ def test_noise_is_that_of_the_samples_and_without_rays_only_direct_light_without
     bare = guided_view(replace(light, radiosity=None), view, guides, CONFIG)
     assert (bare.features()[:, FEATURES["has_rays"]] == 0).all()
     assert not any(getattr(bare.light, name).any() for name in SurfaceLight.OF_RAYS)
+    assert (bare.features()[:, FEATURES["emitters"]][:, :3].norm(dim=1) - guides.alpha).abs().max() < 1e-5
+    assert not given.features()[:, FEATURES["emitters"]].any()
     shadowed, unshadowed = (x.light.direct / x.exposure for x in (given, bare))
     assert (unshadowed >= shadowed - 1e-5).all() and (unshadowed > shadowed + 1e-3).any()
 

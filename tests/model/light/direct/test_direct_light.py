@@ -8,6 +8,7 @@ import torch
 
 from renderformer_v2.model.environment import direction_map
 from renderformer_v2.model.light.direct.direct_light import DirectLight
+from renderformer_v2.model.light.direct.emitter_light import EMITTER
 from renderformer_v2.model.light.direct.emitters import gather_emitters
 from renderformer_v2.model.light.direct.environment_light import EnvironmentLight, solid_angles
 from renderformer_v2.model.light.direct.form_factors import sphere_form_factor
@@ -120,3 +121,24 @@ def test_a_sun_shines_alike_on_near_and_far_ground():
     light = DirectLight(sun).lobes(points, up, up, torch.ones(3), torch.ones(3))[0]
     assert light[0].min() > 0
     torch.testing.assert_close(light[1:], light[:1].expand(2, 3), rtol=0.02, atol=0)
+
+
+def test_the_strongest_emitters_are_found_with_their_directions_and_shares():
+    lamp = OCTAHEDRON * 0.1
+    near, far, sun = lamp + np.float32((0, 0, 1)), lamp + np.float32((2, 0, 1)), lamp * 100 + np.float32((0, 300, 300))
+    below = lamp - np.float32((0, 0, 1))
+    scene = lit_by(np.concatenate([near, far, sun, below]))
+    scene.emission[8:16] = (4.0, 0.0, 0.0)
+    x, n = torch.zeros(1, 3), torch.tensor([[0.0, 0, 1]])
+    found = DirectLight(scene).strongest_emitters(x, n)[0]
+    toward, nearness, share = (found[:, EMITTER[name]] for name in ("toward", "nearness", "share"))
+    place = {name: int((toward @ torch.nn.functional.normalize(torch.tensor(to), dim=0)).argmax()) for name, to in
+             {"near": (0.0, 0, 1), "far": (2.0, 0, 1), "sun": (0.0, 1, 1)}.items()}
+    assert place["near"] == 0 and set(place.values()) == {0, 1, 2}
+    torch.testing.assert_close(toward.norm(dim=1), torch.ones(3))
+    assert nearness[place["near"]].item() == pytest.approx(0.5, abs=1e-3) and nearness[place["sun"]] == 0
+    torch.testing.assert_close(share.sum(0), torch.ones(3))
+    assert share[place["far"]].tolist()[1:] == [0, 0]
+
+    lone = DirectLight(lit_by(near, environment=np.full((16, 32, 3), 0.01, np.float32))).strongest_emitters(x, n)[0]
+    assert (lone[1:] == 0).all() and 0 < lone[0, EMITTER["share"]].max() < 1

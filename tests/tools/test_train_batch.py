@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Several scenes in one pass, and mirrored ones, are what they are alone."""
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from renderformer_v2.model.guided.network import load_network
+from renderformer_v2.model.material.mappers import load_material_mapper
+from renderformer_v2.model.scene import Volumes
+from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
+from tests.model.samples import closed_box, floor_scene, floor_view, walls
+from tools.datagen.sample_files import save_sample
+from tools.train.augment import mirrored
+from tools.train.batch import batches, joined, render_batch
+from tools.train.errors import TrainingError
+from tools.train.losses import structure_loss
+from tools.train.network import batch_loss, sample_loss
+from tools.train.sample_cache import _flatten
+from tools.train.samples import LOBES, LightInputs, build_sample, with_latents
+
+CONFIG = PRESETS[BUNDLED]()
+WEIGHTS = Path(__file__).parents[2] / "model" / "weights" / BUNDLED
+
+
+def with_cells(scene, count: int):
+    random = np.random.default_rng(count)
+    three = lambda low, high: random.uniform(low, high, (count, 3)).astype(np.float32)  # noqa: E731
+    return replace(scene, volumes=Volumes(
+        density=random.random((count, 64), np.float32), position=three(-0.5, 0.5), rotation=three(-1, 1),
+        scale=three(0.1, 0.2), scattering=three(0, 1), absorption=three(0, 1)))
+
+
+def with_sky(scene):
+    sky = np.random.default_rng(5).random((256, 512, 3)).astype(np.float32)
+    return replace(scene, environment=sky)
+
+
+SCENES = {"floor": floor_scene(16), "media": with_cells(floor_scene(4), 70), "room": closed_box((0.8, 0.1, 0.1)),
+          "sky": with_sky(walls((0.1, 0.7, 0.2)))}
+
+
+def write(path: Path, scene, size: int = 64) -> Path:
+    view, guides = floor_view(size, size)
+    light = np.full((size, size, 3), 0.2, np.float32)
+    light[:, size // 2:] *= 0.5
+    passes = {f"{lobe}_{part}": light for lobe in LOBES for part in ("direct", "indirect")}
+    passes["combined"] = np.concatenate([guides.diffuse_color * light, guides.alpha[..., None]], -1)
+    save_sample(path, scene, [view], [guides], [passes])
+    return path
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory) -> list:
+    folder = tmp_path_factory.mktemp("samples")
+    return [build_sample(write(folder / f"scene_{i}.npz", scene), LightInputs.SCENE)
+            for i, scene in enumerate(SCENES.values())]
+
+
+def test_a_batch_is_rendered_as_its_scenes_are(samples):
+    network, mapper = load_network(WEIGHTS), load_material_mapper()
+    mapped = [with_latents(sample, mapper) for sample in samples]
+    batch = joined(mapped, CONFIG)
+    assert len(set(batch.length.tolist())) == len(mapped) == len(batch)
+    with torch.no_grad():
+        alone = torch.cat([network.render_view(network.encode_scene(s.inputs), s.view) for s in mapped])
+        together = render_batch(network, batch)
+    assert alone.std() > 0.01
+    torch.testing.assert_close(together, alone, atol=2e-5, rtol=1e-4)
+
+
+def test_the_loss_of_a_batch_is_the_mean_of_its_scenes_and_reaches_all_weights(samples):
+    network, mapper = load_network(WEIGHTS).train().requires_grad_(), load_material_mapper()
+    alone = [sample_loss(network, with_latents(sample, mapper), structure_loss) for sample in samples]
+    together = batch_loss(network, joined(samples, CONFIG), mapper, structure_loss)
+    for name in ("finished", "image"):
+        torch.testing.assert_close(together[name], torch.stack([loss[name] for loss in alone]).mean())
+    together["total"].backward()
+    for name, p in network.named_parameters():
+        if not name.endswith("rope_emb.freqs"):
+            assert p.grad is not None and p.grad.isfinite().all(), name
+
+
+def test_batches_hold_views_of_one_size_and_problems_are_passed_on(tmp_path, samples):
+    large = build_sample(write(tmp_path / "scene_9.npz", floor_scene(), size=128), LightInputs.SCENE)
+    problem = TrainingError("none")
+    found = list(batches([samples[0], large, samples[1], problem, samples[2], large], 2, CONFIG))
+    assert [batch if batch is problem else tuple(batch.sample.image.shape) for batch in found] == [
+        (2, 3, 64, 64), problem, (2, 3, 128, 128)]
+    assert torch.equal(found[0].sample.image[1], samples[1].image[0])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_mirrored_sample_is_that_of_a_mirrored_world(tmp_path, name):
+    scene = SCENES[name]
+    x = np.float32((-1, 1, 1))
+    other = replace(scene, triangles=scene.triangles * x, normals=scene.normals * x, beam_axis=scene.beam_axis * x)
+    if scene.volumes is not None:
+        v = scene.volumes
+        other = replace(other, volumes=replace(
+            v, position=v.position * x, rotation=v.rotation * np.float32((1, -1, -1)),
+            density=v.density.reshape(-1, 4, 4, 4)[..., ::-1].reshape(-1, 64).copy()))
+    if scene.environment is not None:
+        other = replace(other, environment=np.roll(scene.environment[:, ::-1], 256, axis=1).copy())
+    sample, expected = (build_sample(write(tmp_path / f"scene_{i}.npz", one), LightInputs.SCENE)
+                        for i, one in enumerate((scene, other)))
+    # What the camera sees of it is symmetric, but for the light that was written.
+    fields = [part for part in _flatten(expected) if not part.startswith(("image", "finished", "direct", "indirect"))]
+    found, wanted = _flatten(mirrored(sample)), _flatten(expected)
+    for part in fields:
+        torch.testing.assert_close(found[part], wanted[part], atol=3e-3, rtol=1e-2, msg=lambda m, p=part: f"{p}: {m}")
+    assert torch.equal(mirrored(sample).image, sample.image.flip(-1)) and not torch.equal(sample.image,
+                                                                                       sample.image.flip(-1))
