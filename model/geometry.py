@@ -23,6 +23,12 @@ def contracted(points):
     return points * ((2 - 1 / length) / length)
 
 
+def uncontracted(points):
+    """The inverse of `contracted`, for what is not infinitely far."""
+    length = ((points * points).sum(-1)[..., None] ** 0.5).clip(1, 1.9999)
+    return points / (length * (2 - length))
+
+
 def quartered(corners):
     """(S, 3, C) array or tensor of triangles -> (4 S, 3, C): those at corners 0, 1 and 2, then those in the middle."""
     ends = [[[0, 0], [0, 1], [0, 2]], [[1, 1], [1, 2], [1, 0]], [[2, 2], [2, 0], [2, 1]], [[0, 1], [1, 2], [2, 0]]]

@@ -10,12 +10,13 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from ..fields import Channels
+from ..light.direct.emitter_light import EMITTER, STRONGEST
 from ..light.surface_light import SurfaceLight
 from .features import SURFACE, GuidedView
 
 # Share of the estimate where light was also traced; factors of direct and indirect light by lobe and colour; indirect
-# light of lobes that the estimate lacks; light of media
-OUTPUTS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3)
+# light of lobes that the estimate lacks; light of media; visibility of the strongest emitters and of all other light
+OUTPUTS = Channels(1, share=1, direct=9, indirect=9, missing=9, rest=3, visible=STRONGEST + 1)
 LARGEST_FACTOR = 4.0  # and its inverse is the smallest
 DARK = -3.0           # offset at which softplus adds little
 
@@ -31,7 +32,9 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
     untraced = 1 - light.is_traced.view(-1, 1, 1, 1)
     share = raw[:, OUTPUTS["share"]].tanh()
     raw = raw * untraced
-    direct, indirect = (factor(raw[:, OUTPUTS[name]]).unflatten(1, (3, 3)) for name in ("direct", "indirect"))
+    direct, indirect = (raw[:, OUTPUTS[name]].unflatten(1, (3, 3)) for name in ("direct", "indirect"))
+    direct = torch.where(light.has_rays.view(-1, 1, 1, 1, 1) > 0, factor(direct), with_shadows(direct, raw, view))
+    indirect = factor(indirect)
     missing = added(raw[:, OUTPUTS["missing"]]).unflatten(1, (3, 3))
     in_media = view.surface[:, SURFACE["alpha"]] * view.has_media.view(-1, 1, 1, 1)
     fields = {"bounced": 0, "reflected": 1, "refracted": 2, "behind": 2}  # by lobe
@@ -45,6 +48,19 @@ def corrected_light(raw: Tensor, view: GuidedView) -> SurfaceLight:
 def factor(raw: Tensor) -> Tensor:
     """From 1 / LARGEST_FACTOR to LARGEST_FACTOR; 1 for zero."""
     return torch.exp(math.log(LARGEST_FACTOR) * torch.tanh(raw))
+
+
+def with_shadows(direct: Tensor, raw: Tensor, view: GuidedView) -> Tensor:
+    """(V, 3, 3, H, W) factors of unshadowed direct light; of the diffuse lobe also the visibility of emitters."""
+    share = view.emitters[:, :, EMITTER["share"]]
+    change = visibility(raw[:, OUTPUTS["visible"], None]) - 1
+    diffuse = (share * change[:, :STRONGEST]).sum(1) + (1 - share.sum(1)) * change[:, STRONGEST]
+    return visibility(direct) * torch.cat([1 + diffuse[:, None], torch.ones_like(direct[:, 1:])], 1)
+
+
+def visibility(raw: Tensor) -> Tensor:
+    """From 0, where light without shadows is in shadow, to 2; 1 for zero."""
+    return 2 * torch.sigmoid(2 * raw)
 
 
 def added(raw: Tensor) -> Tensor:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several scenes in one pass, and mirrored ones, are what they are alone."""
+"""Several scenes in one pass are what they are alone; mirrored and resized ones are those of other worlds."""
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 import torch
 
+from renderformer_v2.model.geometry import uncontracted
+from renderformer_v2.model.guided.features import OFFSET_SCALE, SURFACE
 from renderformer_v2.model.guided.network import load_network
+from renderformer_v2.model.light.direct.emitter_light import EMITTER
 from renderformer_v2.model.material.mappers import load_material_mapper
 from renderformer_v2.model.scene import Volumes
 from renderformer_v2.model.weights.presets import BUNDLED, PRESETS
 from tests.model.samples import closed_box, floor_scene, floor_view, walls
 from tools.datagen.sample_files import save_sample
-from tools.train.augment import mirrored
+from tools.train.augment import mirrored, resized
 from tools.train.batch import batches, joined, render_batch
 from tools.train.errors import TrainingError
 from tools.train.losses import structure_loss
@@ -113,3 +116,19 @@ def test_a_mirrored_sample_is_that_of_a_mirrored_world(tmp_path, name):
         torch.testing.assert_close(found[part], wanted[part], atol=3e-3, rtol=1e-2, msg=lambda m, p=part: f"{p}: {m}")
     assert torch.equal(mirrored(sample).image, sample.image.flip(-1)) and not torch.equal(sample.image,
                                                                                        sample.image.flip(-1))
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.0, 1.7])
+def test_a_resized_sample_is_seen_from_farther_and_its_angles_stay(tmp_path, samples, factor):
+    sample, other = samples[1], resized(samples[1], factor)
+    torch.testing.assert_close(resized(other, 1 / factor).view.surface, sample.view.surface, atol=1e-3, rtol=1e-3)
+    origin, rays, covered = other.view.origin, other.view.directions, other.view.surface[:, SURFACE["alpha"]] > 0
+    bundles = other.view.positions.unflatten(1, (8, 8)).movedim(-1, 1).repeat_interleave(8, 2).repeat_interleave(8, 3)
+    hits = uncontracted((bundles + other.view.surface[:, SURFACE["offset"]] / OFFSET_SCALE).movedim(1, -1))
+    ahead = torch.nn.functional.normalize(hits - origin[:, None, None], dim=-1)
+    assert ((ahead * rays).sum(-1)[covered[:, 0]] > 0.9999).all() and covered.any()
+    lamp = other.inputs.triangles[other.inputs.is_light].mean((0, 1))
+    nearness = other.view.emitters[:, 0, EMITTER["nearness"]].squeeze(1)[covered[:, 0]]
+    torch.testing.assert_close(nearness, 1 / (1 + (lamp - hits[covered[:, 0]]).norm(dim=-1)), atol=1e-3, rtol=1e-3)
+    cells, before = other.inputs.volumes, sample.inputs.volumes
+    torch.testing.assert_close(cells.scale * cells.scattering, before.scale * before.scattering)

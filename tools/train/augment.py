@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Symmetries of light transport: the picture does not change when the world turns or its colours are swapped, and
-becomes its mirror image when the world does.
+"""Symmetries of light transport: the picture does not change when the world turns, grows or its colours are swapped,
+and becomes its mirror image when the world does.
 
 The paper turns and moves every sample at random and swaps the environment's channels; here the world turns about Z (the
-panorama is shifted, not resampled), is mirrored, and the channels of everything that has a colour are swapped together.
+panorama is shifted, not resampled), is mirrored and resized, and the channels of everything that has a colour are
+swapped together.
 """
 from __future__ import annotations
 
@@ -16,18 +17,57 @@ import torch
 from torch import Tensor
 
 from renderformer_v2.model.fields import COLOR, DIRECTION, EULER, PANORAMA, POINT, Behaviour, map_arrays, map_channels
+from renderformer_v2.model.geometry import contracted, uncontracted
+from renderformer_v2.model.guided.features import OFFSET_SCALE, SURFACE
+from renderformer_v2.model.light.direct.emitter_light import EMITTER
 from renderformer_v2.model.scene import TILE
 
 from .samples import CONFIG, TrainingSample
 
 PATCH = CONFIG.patch_size
+SIZES = 0.75, 1.25  # of the world, smallest and largest
 
 
 def augment(sample: TrainingSample, generator: torch.Generator) -> TrainingSample:
-    """A randomly turned and recoloured copy, half of the time a mirrored one; textures stay BSDF parameters."""
+    """A randomly turned, resized and recoloured copy, or its mirror image; textures stay BSDF parameters."""
     shift = int(torch.randint(sample.inputs.environment.ldr.shape[-1], (1,), generator=generator))
     sample = turned_and_swapped(sample, shift, torch.randperm(3, generator=generator))
+    low, high = map(math.log, SIZES)
+    sample = resized(sample, math.exp(low + (high - low) * float(torch.rand((), generator=generator))))
     return mirrored(sample) if torch.rand((), generator=generator) < 0.5 else sample
+
+
+def resized(sample: TrainingSample, factor: float) -> TrainingSample:
+    """The world, with its media and the distances of its cameras, so many times as large."""
+    inputs, view = sample.inputs, sample.view
+    volumes, offset = inputs.volumes, SURFACE["offset"]
+    if volumes is not None:
+        volumes = replace(volumes, position=_farther(volumes.position, factor), scale=volumes.scale * factor,
+                          scattering=volumes.scattering / factor, absorption=volumes.absorption / factor)
+    triangles = torch.where(inputs.is_light[:, None, None], inputs.triangles * factor,
+                            _farther(inputs.triangles, factor))
+    bundles = _farther(view.positions, factor)
+    before, after = (_of_pixels(x, view.directions.shape[2]) for x in (view.positions, bundles))
+    hits = _farther((before + view.surface[:, offset] / OFFSET_SCALE).movedim(1, -1), factor).movedim(-1, 1)
+    surface = view.surface.clone()
+    surface[:, offset] = (hits - after) * OFFSET_SCALE * (view.surface[:, SURFACE["alpha"]] > 0)
+    nearness = view.emitters[:, :, EMITTER["nearness"]]
+    emitters = view.emitters.clone()
+    emitters[:, :, EMITTER["nearness"]] = nearness / (nearness + factor * (1 - nearness))
+    return replace(sample, inputs=replace(inputs, triangles=triangles, volumes=volumes),
+                   view=replace(view, origin=view.origin * factor, positions=bundles, surface=surface,
+                                emitters=emitters))
+
+
+def _farther(points: Tensor, factor: float) -> Tensor:
+    """Points in contracted space, whose distance from the centre of the world is multiplied."""
+    return contracted(uncontracted(points) * factor)
+
+
+def _of_pixels(bundles: Tensor, width: int) -> Tensor:
+    """(V, R, 3) of ray bundles -> (V, 3, H, W) of their pixels, W = width."""
+    grid = bundles.unflatten(1, (-1, width // PATCH)).movedim(-1, 1)
+    return grid.repeat_interleave(PATCH, 2).repeat_interleave(PATCH, 3)
 
 
 def mirrored(sample: TrainingSample) -> TrainingSample:

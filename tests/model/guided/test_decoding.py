@@ -12,7 +12,7 @@ from renderformer_v2.model.weights.presets import rf2_small
 from tests.model.samples import floor_view, scene_light, walls
 
 
-def inputs(is_traced=False, width=64) -> GuidedView:
+def inputs(is_traced=False, width=64, has_rays=True) -> GuidedView:
     """With direct and indirect light of all lobes; the left half of the picture shows a black surface."""
     view, guides = floor_view(width, 64)
     guides.transmission_color = 0.5 * guides.diffuse_color
@@ -20,7 +20,8 @@ def inputs(is_traced=False, width=64) -> GuidedView:
         getattr(guides, name)[:, :width // 2] = 0
     if is_traced:
         guides = replace(guides, traced=0.5 * guides.diffuse_color)
-    inputs = guided_view(scene_light(walls((0.8, 0.3, 0.3))), view, guides, rf2_small())
+    light = scene_light(walls((0.8, 0.3, 0.3)))
+    inputs = guided_view(light if has_rays else replace(light, radiosity=None), view, guides, rf2_small())
     is_covered = inputs.surface[:, SURFACE["alpha"]]
     added = {name: getattr(inputs.light, name) + 0.3 * is_covered for name in ("behind", "refracted")}
     return replace(inputs, light=replace(inputs.light, **added))
@@ -36,9 +37,9 @@ def outputs(view: GuidedView, **values: float) -> torch.Tensor:
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
 @pytest.mark.parametrize("width", [64, 72])
-@pytest.mark.parametrize("is_traced", [False, True])
-def test_zeros_leave_light_exactly_as_it_is(is_traced, width, dtype):
-    view = inputs(is_traced, width)
+@pytest.mark.parametrize("is_traced, has_rays", [(False, True), (True, True), (False, False)])
+def test_zeros_leave_light_exactly_as_it_is(is_traced, has_rays, width, dtype):
+    view = inputs(is_traced, width, has_rays)
     corrected = corrected_light(outputs(view).to(dtype), view)
     for name, values in vars(view.light).items():
         assert torch.equal(getattr(corrected, name), values), name
@@ -89,6 +90,19 @@ def test_light_is_corrected_within_bounds_and_by_its_own_channels_alone(name, fi
     for field, before in vars(view.light).items():
         torch.testing.assert_close(getattr(corrected, field), before * (expected if field in fields else 1))
         assert field not in fields or before.any(), field
+
+
+@pytest.mark.parametrize("name", ["visible", "direct"])
+def test_light_without_shadows_can_be_all_in_shadow(name):
+    view = inputs(has_rays=False)
+    before, after = view.light.direct[:, 0], corrected_light(outputs(view, **{name: -30.0}), view).direct[:, 0]
+    assert before.max() > 0.1 and after.abs().max() < 1e-5
+    raw = outputs(view)
+    raw[:, OUTPUTS["visible"]][:, 0] = -30.0  # of the strongest emitter, here the only light
+    torch.testing.assert_close(corrected_light(raw, view).direct[:, 0], after, atol=1e-5, rtol=0)
+    raw = outputs(view)
+    raw[:, OUTPUTS["visible"]][:, 1:] = -30.0
+    torch.testing.assert_close(corrected_light(raw, view).direct[:, 0], before, atol=1e-5, rtol=0)
 
 
 def test_where_light_was_traced_nothing_but_the_share_of_the_estimate_counts():
