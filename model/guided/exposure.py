@@ -10,9 +10,11 @@ LEAST_OF_MEAN = 0.01      # added to every pixel before its logarithm, times the
 
 
 def key_exposure(luminance: Tensor) -> Tensor:
-    """Factor that puts the log average of (P,) at KEY (Reinhard et al. 2002); 1 where all is dark."""
-    mean = luminance.mean() if len(luminance) else luminance.new_zeros(())
-    average = (luminance + LEAST_OF_MEAN * mean).log().mean().exp() if mean > 0 else mean
+    """Factor that puts the log average of (..., P) at KEY (Reinhard et al. 2002); 1 where all is dark. (...)"""
+    if not luminance.shape[-1]:
+        return luminance.new_ones(luminance.shape[:-1])
+    mean = luminance.mean(-1, keepdim=True)
+    average = (luminance + LEAST_OF_MEAN * mean).log().mean(-1).exp()
     return torch.where(average > 0, KEY / average.clamp_min(1e-20), 1.0)
 
 

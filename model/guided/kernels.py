@@ -96,8 +96,7 @@ def antialiased_views(predictor: KernelPredictor, radiance: Tensor, view: Guided
 
     Emitters and environment are added before.
     """
-    light = (radiance.detach() + view.seen[:, 3:]).mean(1).flatten(1)
-    exposure = torch.stack([key_exposure(of_view) for of_view in light]).view(-1, 1, 1, 1)
+    exposure = key_exposure((radiance.detach() + view.seen[:, 3:]).mean(1).flatten(1)).view(-1, 1, 1, 1)
     normal, alpha, noise = (view.surface[:, SURFACE[name]] for name in ("normal", "alpha", "noise"))
     surface = torch.cat([view.light.albedo.flatten(1, 2), normal * alpha, alpha], 1)
     inputs, may_change = kernel_inputs(radiance * exposure, view.seen * exposure, view.light.traced * exposure, surface,
