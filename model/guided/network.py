@@ -11,7 +11,7 @@ from ..compute.inference import chunked, current_pieces, is_inference
 from ..network.config import ModelConfig
 from ..network.decoder import DPTDecoder
 from ..network.inputs import EnvironmentInputs
-from ..network.renderformer import RenderFormer
+from ..network.renderformer import RenderFormer, SceneContext
 from ..pictures import BAND_PIXELS, bands
 from ..progress import part
 from ..weights.checkpoint import read_network
@@ -21,6 +21,7 @@ from .features import FEATURES, GuidedView
 from .guided_inputs import GuidedInputs
 from .kernels import LATENT, KernelPredictor
 from .pixel_decoder import REACH, PixelDecoder
+from .shadows import ShadowAttention, bundle_emitters
 
 
 class GuidedRenderFormer(RenderFormer):
@@ -31,6 +32,7 @@ class GuidedRenderFormer(RenderFormer):
         self.tile_encoder = TileEncoder(config)
         self.environment_encoder = EnvironmentEncoder(config)
         self.guidance = Guidance(config)
+        self.shadows = ShadowAttention(config)
         width = config.guidance.pixel_decoder_width
         self.view_transformer.out_dpt = DPTDecoder(config, out_channels=width)
         self.pixel_decoder = PixelDecoder(len(FEATURES) + width, width, len(OUTPUTS) + LATENT)
@@ -53,6 +55,22 @@ class GuidedRenderFormer(RenderFormer):
         """Light triangles have beams."""
         beams = self.guidance.beams(inputs.beam_axis, inputs.beam_cosine)
         return super().embed_triangles(inputs).index_add(0, inputs.is_light.nonzero()[:, 0], beams.float())
+
+    def ray_tokens(self, context: SceneContext, view: GuidedView) -> Tensor:
+        """Where no rays were traced for shadows, bundles look for what is between them and the emitters."""
+        rays = self.embed_rays(view)
+        if bool((view.light.has_rays > 0).all()):
+            return rays
+        tokens = context.tokens, context.positions, context.triangle >= 0
+        return rays + self.shadow_light(rays, view, *(x[None].expand(len(rays), *x.shape) for x in tokens))
+
+    def shadow_light(self, rays: Tensor, view: GuidedView, *tokens: Tensor) -> Tensor:
+        """What `ShadowAttention` adds to the ray tokens (V, R, D) of views, where there are no rays.
+
+        tokens: those of the scene, and the rest of its arguments, for each view.
+        """
+        emitters = bundle_emitters(view.emitters, self.config.patch_size)
+        return self.shadows(rays, view.positions, emitters, *tokens) * (1 - view.light.has_rays.view(-1, 1, 1))
 
     def embed_rays(self, view: GuidedView) -> Tensor:
         """Ray bundles have the features of their pixels."""

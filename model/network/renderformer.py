@@ -85,12 +85,16 @@ class RenderFormer(SceneEmbedding):
         if height % side or width % side or not height or not width:
             raise ValueError(f"the network renders multiples of {side} pixels, not {width} x {height}")
         with part(0.0, 0.02, "Preparing the view"):
-            tokens = self.embed_rays(rays)
+            tokens = self.ray_tokens(context, rays)
         with part(0.02, 0.86):
             features = self.view_transformer(tokens, self.ray_positions(rays), (height // patch, width // patch),
                                              lambda i: self.scene_keys_values(context, i))
         with part(0.86, 1.0, "Painting the picture"):
             return self.decode(features, rays)
+
+    def ray_tokens(self, context: SceneContext, rays: ViewInputs) -> torch.Tensor:
+        """(V, R, D) ray tokens before stage 2, which may know the scene."""
+        return self.embed_rays(rays)
 
     def embed_rays(self, rays: ViewInputs) -> torch.Tensor:
         """(V, R, D) one token per ray bundle, row-major; R = H W / patch_size^2."""

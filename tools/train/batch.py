@@ -41,6 +41,7 @@ class Batch(TensorGroup):
     positions: Tensor  # (B, L, 3) f32
     sink: Tensor       # (B,) int64, tokens of the sink
     length: Tensor     # (B,) int64, tokens without padding
+    is_triangle: Tensor  # (B, L) bool
     blocks: Tensor     # (S, summary_block_size) int64, rows of which each of the S summaries is the mean
 
     def __len__(self) -> int:
@@ -71,7 +72,7 @@ def joined(samples: list[TrainingSample], config: ModelConfig) -> Batch:
     triangle = registers + len(samples) * grid
     cell = triangle + sum(len(scene.triangles) for scene in inputs)
     summary = cell + sum(len(scene.volumes.position) for scene in inputs if scene.volumes is not None)
-    rows, positions, sinks, blocks = [], [], [], []
+    rows, positions, triangles, sinks, blocks = [], [], [], [], []
     for i, scene in enumerate(inputs):
         cells = 0 if scene.volumes is None else len(scene.volumes.position)
         sequence, sink = arranged(scene, config, registers + i * grid, triangle, cell)
@@ -81,6 +82,7 @@ def joined(samples: list[TrainingSample], config: ModelConfig) -> Batch:
                       .view(count, config.summary_block_size))
         rows.append(row)
         positions.append(sequence.position)
+        triangles.append(sequence.triangle >= 0)
         sinks.append(sink)
         triangle, cell, summary = triangle + len(scene.triangles), cell + cells, summary + count
     length = torch.tensor([len(row) for row in rows])
@@ -90,7 +92,7 @@ def joined(samples: list[TrainingSample], config: ModelConfig) -> Batch:
     return Batch(TrainingSample(_joined_inputs(inputs), stacked([sample.view for sample in samples]), **views),
                  F.pad(pad_sequence(rows, True), (0, padding)),
                  F.pad(pad_sequence(positions, True), (0, 0, 0, padding)), torch.tensor(sinks), length,
-                 torch.cat(blocks))
+                 F.pad(pad_sequence(triangles, True), (0, padding)), torch.cat(blocks))
 
 
 def arranged(scene: GuidedInputs, config: ModelConfig, environment: int, triangle: int,
@@ -176,7 +178,10 @@ def gather_light(model: GuidedRenderFormer, tokens: Tensor, batch: Batch) -> Ten
     positions = model.ray_positions(view).unflatten(0, (len(batch), -1)).flatten(1, 2)
     of_rays, of_tokens = stage.rope_emb(positions), stage.rope_emb(batch.positions)
     mask = is_token(batch)[:, None, None].expand(-1, 1, positions.shape[1], -1)
-    rays, features = model.embed_rays(view).unflatten(1, grid), {}
+    per_view = (x.repeat_interleave(len(view.origin) // len(batch), 0) for x in (
+        tokens, batch.positions, batch.is_triangle, is_token(batch)))
+    rays = model.embed_rays(view)
+    rays, features = (rays + model.shadow_light(rays, view, *per_view)).unflatten(1, grid), {}
     for i, layer in enumerate(stage.layers):
         attention, x = layer.multihead_attn, rays.view(len(batch), -1, rays.shape[-1])
         keys_values = attention.keys_values(layer.kv_norm(tokens), of_tokens)
