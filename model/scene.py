@@ -31,7 +31,7 @@ from .panorama import Panorama
 TILE_SIZE = 32
 TILE = Channels(  # of a material tile: BSDF parameters, tangent-space normal, displacement
     1,
-    base_color=(3, COLOR),  # scene-linear albedo, [0, 1]
+    base_color=(3, COLOR),  # scene-linear albedo, [0, 1]; more where a surface reflects more than arrives
     metallic=1,             # [0, 1]
     roughness=1,            # Blender's perceptual roughness, [0, 1]
     ior=1,                  # effective index at Specular IOR Level 1 (docs/scene-input.md 3.3), [1, 2.5]
