@@ -64,8 +64,15 @@ def divide(picture: np.ndarray, shown: Guides, lobes: Lobes, sampled: np.ndarray
 
 
 def _shares(light: np.ndarray) -> np.ndarray:
-    """(K, H, W, 3) of which there are K, as shares of their sum; what has no light belongs to no group."""
+    """(K, H, W, 3) of which there are K, as shares of their sum.
+
+    What has no light has the shares of the pixels around, from where smooth edges bring it some, as beside a holdout; if
+    these have none, it belongs to no group.
+    """
     total = light.sum(0)
+    if (total <= FAINT ** 2).any():
+        light = np.where(total <= FAINT ** 2, np.stack([box_means(own, RADIUS) for own in light]), light)
+        total = light.sum(0)
     shares = light / np.maximum(total, FAINT ** 2)
     shares[0] += total <= FAINT ** 2
     return shares
