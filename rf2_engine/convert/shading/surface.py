@@ -174,7 +174,9 @@ def emission(n: NodeCall):
 
 def holdout(n: NodeCall):
     n.folded("holdout is shown as black")
-    return lobe(BLACK)
+    closure = lobe(BLACK)
+    closure.holdout = ONE
+    return closure
 
 
 SHADERS = {

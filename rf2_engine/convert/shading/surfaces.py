@@ -87,8 +87,7 @@ def _instance(part: Part, instance: Instance, materials: MaterialTiles, shared: 
     return ({"triangles": corners, "normals": normals,
              "light_group": np.full(len(corners), instance.light_group, np.int32),
              "group": np.full(len(corners), instance.group, np.uint8),
-             "lit_groups": np.full(len(corners), part.lit_groups, np.uint64),
-             "is_holdout": np.full(len(corners), instance.is_holdout)}
+             "lit_groups": np.full(len(corners), part.lit_groups, np.uint64)}
             | looks._asdict(), near & solid & is_opaque)
 
 
@@ -139,4 +138,5 @@ def _materials(part: Part, instance: Instance, materials: MaterialTiles, shared:
             for whole, values in zip(looks, shaded, strict=True):
                 whole[rows] = values
     return looks._replace(emission=looks.emission * np.float32(part.flux_gain),
-                          hidden=looks.hidden | np.uint8(part.hidden))
+                          hidden=looks.hidden | np.uint8(part.hidden),
+                          is_holdout=looks.is_holdout | instance.is_holdout)
