@@ -198,8 +198,8 @@ class Fire:
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
 
-SELDOM = {"light_bounces": np.uint8(ANY), "lit_groups": np.uint64(ALL_GROUPS), "group": np.uint8(0),
-          "is_holdout": np.False_}
+SELDOM = {"light_bounces": np.uint8(ANY), "lit_groups": np.uint64(ALL_GROUPS),
+          "blockers": np.uint64(ALL_GROUPS), "group": np.uint8(0), "is_holdout": np.False_}
 
 
 @dataclass
@@ -229,6 +229,8 @@ class RenderScene:
     # ALL_GROUPS. A lamp's or emitter's light goes on rays from which it is not `hidden`
     light_bounces: np.ndarray | None = array("N", dtype=np.uint8, default="none")
     lit_groups: np.ndarray | None = array("N", dtype=np.uint64, default="none")
+    # Groups of surfaces that stop its light, bits; None = ALL_GROUPS
+    blockers: np.ndarray | None = array("N", dtype=np.uint64, default="none")
     group: np.ndarray | None = array("N", dtype=np.uint8, default="none")  # of surfaces; None = 0
     is_holdout: np.ndarray | None = array("N", dtype=np.bool_, default="none")  # cuts a hole into the film; None = no
     # Row of `tiles` that a camera sees where that differs from what light meets; None = the same
