@@ -255,6 +255,8 @@ class RenderScene:
     light_group: np.ndarray | None = array("N", dtype=np.int32, default="none")
     environment_group: np.ndarray | None = array(1, dtype=np.int32, default="none")
     geometry: Geometry | None = None  # None: the token triangles are the real ones
+    # Lamps of negative strength, as a scene of their own, whose emission is what they take away. No network is told
+    negative: RenderScene | None = None
 
     def __len__(self) -> int:
         return len(self.triangles)
